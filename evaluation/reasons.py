@@ -40,16 +40,223 @@ def _table(fault: str, sentences: dict[str, str]) -> dict[str, Reason]:
 _ = gettext_noop
 
 # --- upload ---------------------------------------------------------------------------------------------------------
-_UPLOAD = _table("user", {})
+_UPLOAD = _table(
+    "user",
+    {
+        "empty": _("The file is empty. Choose the model's file again and upload it."),
+        "too_large": _(
+            "The upload is larger than %(limit_mb)s MB. A car's archive is about 22 MB; leave out checkpoints, "
+            "logs and videos."
+        ),
+        "model_too_large": _(
+            "The network is larger than %(limit_mb)s MB. Train a smaller one, or store its weights as 32-bit "
+            "floats once only."
+        ),
+        "not_a_model": _(
+            "This is not a model. Upload the car's model.tar.gz, or an .onnx file together with its "
+            "model_metadata.json."
+        ),
+        "upload_parts": _(
+            "These files do not belong together. Upload one archive, or one .onnx file and one "
+            "model_metadata.json."
+        ),
+        "model_missing": _(
+            "There is no network in the upload. A car's archive holds agent/model.pb; a zip holds one .onnx "
+            "file."
+        ),
+        "metadata_missing": _(
+            "model_metadata.json is missing. Add it: it says which actions the network chooses from and which "
+            "sensors it reads."
+        ),
+        "unexpected_member": _(
+            "The archive holds something that no car needs: %(member)s. Pack agent/model.pb (or one .onnx "
+            "file) and model_metadata.json only."
+        ),
+        "duplicate_member": _(
+            "The archive holds %(member)s more than once, so it is not clear which one is meant. Pack it "
+            "again."
+        ),
+        "too_many_members": _(
+            "The archive holds more than %(limit)s files. Pack the network and model_metadata.json only."
+        ),
+        "archive_corrupt": _("The archive is damaged or incomplete. Download or pack it again, then upload it."),
+        "archive_unsupported": _(
+            "The archive uses a feature that is not accepted here (encryption, zip64 or a rare compression). "
+            "Pack it as an ordinary .tar.gz or .zip."
+        ),
+        "archive_overlap": _(
+            "Files in the archive lie on top of each other, as in a zip bomb. Pack it again with an ordinary "
+            "tool."
+        ),
+        "expanded_size": _(
+            "The archive unpacks to far more than a car needs. Pack the network and model_metadata.json only."
+        ),
+    },
+)
 
 # --- metadata -------------------------------------------------------------------------------------------------------
-_METADATA = _table("user", {})
+_METADATA = _table(
+    "user",
+    {
+        "metadata_too_large": _(
+            "model_metadata.json is larger than %(limit_kb)s kB. It needs the action space and the sensors "
+            "only."
+        ),
+        "metadata_not_json": _(
+            "model_metadata.json is not valid JSON (%(line)s: %(problem)s). Compare it with a file written by "
+            "the console."
+        ),
+        "metadata_not_object": _("model_metadata.json must be one JSON object in braces with the key action_space."),
+        "metadata_duplicate_key": _("model_metadata.json has the key %(key)s twice in one object. Keep one of them."),
+        "metadata_action_space_missing": _(
+            "model_metadata.json has no action_space. Add the list of actions or the ranges the network was "
+            "trained with."
+        ),
+        "metadata_action_space_type": _(
+            "action_space_type must be discrete or continuous, and action_space must be a list for the one and "
+            "an object for the other."
+        ),
+        "metadata_action_space_empty": _(
+            "The action space has no actions. Add the actions the network was trained with."
+        ),
+        "metadata_too_many_actions": _(
+            "The action space has %(count)s actions; at most %(limit)s are possible. Use the list the network "
+            "was trained with."
+        ),
+        "metadata_action": _("Action %(index)s needs the keys steering_angle (degrees) and speed (m/s)."),
+        "metadata_action_value": _(
+            "%(key)s must be a finite number between -1000 and 1000. Correct it in model_metadata.json."
+        ),
+        "metadata_action_range": _(
+            "The continuous action space needs low and high for %(key)s, and low must be less than high."
+        ),
+        "metadata_sensor": _(
+            "sensor must be a list of names such as FRONT_FACING_CAMERA; this name is not known: %(sensor)s."
+        ),
+        "metadata_sensor_set": _(
+            "A car has exactly one camera (FRONT_FACING_CAMERA, LEFT_CAMERA, STEREO_CAMERAS or observation) "
+            "and at most one lidar, each named once."
+        ),
+        "metadata_network": _("neural_network must be one of %(known)s."),
+        "metadata_algorithm": _(
+            "training_algorithm must be clipped_ppo or sac, and sac drives a continuous action space only."
+        ),
+        "metadata_version": _("version must be a number from 1 to 6."),
+        "metadata_lidar": _(
+            "lidar_config does not make sense: %(key)s. num_sectors divides 64, num_values_per_sector is 1 to "
+            "64, clipping_dist is 0.15 to 12 m."
+        ),
+    },
+)
 
 # --- conversion -----------------------------------------------------------------------------------------------------
-_CONVERSION = _table("user", {})
+_CONVERSION = _table(
+    "user",
+    {
+        "graph_unreadable": _(
+            "The file model.pb is not a frozen TensorFlow graph or is damaged. Use agent/model.pb from the "
+            "car's own archive."
+        ),
+        "graph_too_big": _(
+            "The TensorFlow graph has too many parts (limit %(limit)s). Upload the frozen graph "
+            "agent/model.pb, not a training graph."
+        ),
+        "graph_not_frozen": _(
+            "The graph has weights that are not stored in it (%(node)s). Upload the frozen graph "
+            "agent/model.pb from the car's archive."
+        ),
+        "graph_operation": _(
+            "The TensorFlow operation %(operation)s cannot be converted (%(node)s). Export the network to ONNX "
+            "yourself and upload that."
+        ),
+        "graph_output": _(
+            "No policy output was found in the graph. It must end in ppo_head_0/policy or "
+            "sac_policy_head_0/policy."
+        ),
+        "graph_inputs": _(
+            "The graph reads %(found)s but model_metadata.json names the sensors %(expected)s. Upload the two "
+            "files of the same training."
+        ),
+        "graph_invalid": _(
+            "The graph contradicts itself at %(node)s: sizes or types do not fit. Use agent/model.pb from the "
+            "car's own archive."
+        ),
+        "conversion_memory": _("Reading the network took more memory than any car needs. Upload a smaller network."),
+        "conversion_time": _("Reading the network took longer than any car needs. Upload a simpler network."),
+        "conversion_crashed": _("The network crashed the program that reads it. Export it again with a current tool."),
+    },
+)
 
 # --- gate -----------------------------------------------------------------------------------------------------------
-_GATE = _table("user", {})
+_GATE = _table(
+    "user",
+    {
+        "onnx_corrupt": _(
+            "The ONNX file is damaged, incomplete or has unknown parts. Export it again; nothing may be "
+            "appended to it."
+        ),
+        "onnx_too_big": _(
+            "The ONNX file has too many parts (%(part)s, limit %(limit)s). Export the policy network alone."
+        ),
+        "onnx_opset": _(
+            "The ONNX file must use the standard operator set, version %(low)s to %(high)s. Export it with "
+            "another opset_version."
+        ),
+        "onnx_domain": _(
+            "The network uses an operator set that is not part of standard ONNX (%(domain)s). Export it "
+            "without custom operators."
+        ),
+        "onnx_functions": _(
+            "The ONNX file defines functions, training information or sparse weights. Export a plain inference "
+            "graph."
+        ),
+        "onnx_operator": _(
+            "The operator %(operator)s is not allowed in a car's network. Use plain layers: convolution, "
+            "dense, pooling, activations."
+        ),
+        "onnx_attribute": _(
+            "The operator %(operator)s has an attribute that is not allowed here (%(attribute)s). Export the "
+            "network again."
+        ),
+        "onnx_external_data": _(
+            "The weights are stored outside the ONNX file. Save them inside it (save_as_external_data=False)."
+        ),
+        "onnx_tensor": _(
+            "A weight tensor contradicts itself: its shape, type and stored bytes do not fit. Export the "
+            "network again."
+        ),
+        "onnx_tensor_type": _("Tensors of type %(type)s are not allowed. Export the network with 32-bit floats."),
+        "onnx_graph": _("The ONNX graph is not well formed (%(problem)s). Export it again."),
+        "onnx_dynamic": _(
+            "Every size in the network must be fixed for a batch of one. Export it with fixed input sizes."
+        ),
+        "onnx_inputs": _(
+            "The network's inputs are %(found)s but model_metadata.json names the sensors %(expected)s. Name "
+            "each input as its sensor."
+        ),
+        "onnx_input_type": _("The input %(sensor)s must be %(expected)s."),
+        "onnx_input_shape": _("The input %(sensor)s has the shape %(found)s; it must be %(expected)s."),
+        "onnx_output": _(
+            "The network must have one 32-bit float output of shape [1, %(expected)s] to fit the action space; "
+            "it has %(found)s."
+        ),
+        "network_too_slow": _(
+            "The network needs %(macs_million)s million multiplications a step; at most %(limit_million)s "
+            "million are allowed. Train a smaller one."
+        ),
+        "network_too_wide": _("The network's intermediate results are too large for one step. Train a smaller one."),
+        "non_finite_weights": _(
+            "The network has weights that are NaN or infinite, so its training broke. Use an earlier "
+            "checkpoint."
+        ),
+        "network_fails": _(
+            "The network does not run: the inference engine refused it. Export it again with a current tool."
+        ),
+        "network_non_finite": _(
+            "The network answers NaN or infinity to an ordinary picture. Use an earlier checkpoint."
+        ),
+    },
+)
 
 # --- run time -------------------------------------------------------------------------------------------------------
 _RUN_TIME = _table(
@@ -62,7 +269,13 @@ _RUN_TIME = _table(
 )
 
 # --- platform -------------------------------------------------------------------------------------------------------
-_PLATFORM = _table("platform", {})
+_PLATFORM = _table(
+    "platform",
+    {
+        "upload_busy": _("Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."),
+        "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
+    },
+)
 
 # --- tracks ---------------------------------------------------------------------------------------------------------
 _TRACKS = _table(

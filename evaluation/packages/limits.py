@@ -1,0 +1,51 @@
+"""Every bound on an upload, in one place. Settings pass a changed copy; nothing else in this room holds a number of its own."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+MEGABYTE = 1024 * 1024
+
+
+@dataclass(frozen=True)
+class PackageLimits:
+    """What an uploaded package may weigh and what its network may cost.
+
+    The defaults let the console's cars through with room to spare: the three-layer network is a 23.4 MB graph with
+    one layer of 5.77 million weights, about 10 million multiplications and 0.4 million intermediate values a step.
+    """
+
+    # --- the upload
+    upload_bytes: int = 64 * MEGABYTE  # all parts together, as sent
+    model_bytes: int = 40 * MEGABYTE  # the network, unpacked
+    metadata_bytes: int = 100_000
+    expanded_bytes: int = 72 * MEGABYTE  # everything in an archive, unpacked
+    expansion_ratio: int = 100  # unpacked : packed, once more than `expansion_free_bytes` came out
+    expansion_free_bytes: int = 4 * MEGABYTE
+    archive_members: int = 64
+    member_name_bytes: int = 255
+
+    # --- the network's file
+    wire_fields: int = 200_000  # protobuf fields, at any depth
+    graph_nodes: int = 4_096  # operations in a frozen TensorFlow graph, before conversion
+    nodes: int = 512  # operations in the ONNX graph
+    tensor_elements: int = 10_000_000  # one weight tensor
+
+    # --- the network's work, for one step
+    macs: int = 250_000_000  # multiplications
+    elements: int = 8_000_000  # intermediate values, summed over all operations
+
+    # --- admitting
+    slots: int = 2  # conversions at a time
+    slot_wait_s: float = 20.0
+
+    def to_dict(self) -> dict:
+        """JSON-able form for the sandboxed process."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict) -> PackageLimits:
+        return cls(**data)
+
+
+DEFAULT_LIMITS = PackageLimits()
