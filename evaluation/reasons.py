@@ -57,12 +57,10 @@ _UPLOAD = _table(
             "model_metadata.json."
         ),
         "upload_parts": _(
-            "These files do not belong together. Upload one archive, or one .onnx file and one "
-            "model_metadata.json."
+            "These files do not belong together. Upload one archive, or one .onnx file and one model_metadata.json."
         ),
         "model_missing": _(
-            "There is no network in the upload. A car's archive holds agent/model.pb; a zip holds one .onnx "
-            "file."
+            "There is no network in the upload. A car's archive holds agent/model.pb; a zip holds one .onnx file."
         ),
         "metadata_missing": _(
             "model_metadata.json is missing. Add it: it says which actions the network chooses from and which "
@@ -73,8 +71,7 @@ _UPLOAD = _table(
             "file) and model_metadata.json only."
         ),
         "duplicate_member": _(
-            "The archive holds %(member)s more than once, so it is not clear which one is meant. Pack it "
-            "again."
+            "The archive holds %(member)s more than once, so it is not clear which one is meant. Pack it again."
         ),
         "too_many_members": _(
             "The archive holds more than %(limit)s files. Pack the network and model_metadata.json only."
@@ -85,8 +82,7 @@ _UPLOAD = _table(
             "Pack it as an ordinary .tar.gz or .zip."
         ),
         "archive_overlap": _(
-            "Files in the archive lie on top of each other, as in a zip bomb. Pack it again with an ordinary "
-            "tool."
+            "Files in the archive lie on top of each other, as in a zip bomb. Pack it again with an ordinary tool."
         ),
         "expanded_size": _(
             "The archive unpacks to far more than a car needs. Pack the network and model_metadata.json only."
@@ -99,8 +95,7 @@ _METADATA = _table(
     "user",
     {
         "metadata_too_large": _(
-            "model_metadata.json is larger than %(limit_kb)s kB. It needs the action space and the sensors "
-            "only."
+            "model_metadata.json is larger than %(limit_kb)s kB. It needs the action space and the sensors only."
         ),
         "metadata_not_json": _(
             "model_metadata.json is not valid JSON (%(line)s: %(problem)s). Compare it with a file written by "
@@ -170,8 +165,7 @@ _CONVERSION = _table(
             "yourself and upload that."
         ),
         "graph_output": _(
-            "No policy output was found in the graph. It must end in ppo_head_0/policy or "
-            "sac_policy_head_0/policy."
+            "No policy output was found in the graph. It must end in ppo_head_0/policy or sac_policy_head_0/policy."
         ),
         "graph_inputs": _(
             "The graph reads %(found)s but model_metadata.json names the sensors %(expected)s. Upload the two "
@@ -192,8 +186,7 @@ _GATE = _table(
     "user",
     {
         "onnx_corrupt": _(
-            "The ONNX file is damaged, incomplete or has unknown parts. Export it again; nothing may be "
-            "appended to it."
+            "The ONNX file is damaged, incomplete or has unknown parts. Export it again; nothing may be appended to it."
         ),
         "onnx_too_big": _(
             "The ONNX file has too many parts (%(part)s, limit %(limit)s). Export the policy network alone."
@@ -207,8 +200,7 @@ _GATE = _table(
             "without custom operators."
         ),
         "onnx_functions": _(
-            "The ONNX file defines functions, training information or sparse weights. Export a plain inference "
-            "graph."
+            "The ONNX file defines functions, training information or sparse weights. Export a plain inference graph."
         ),
         "onnx_operator": _(
             "The operator %(operator)s is not allowed in a car's network. Use plain layers: convolution, "
@@ -222,8 +214,7 @@ _GATE = _table(
             "The weights are stored outside the ONNX file. Save them inside it (save_as_external_data=False)."
         ),
         "onnx_tensor": _(
-            "A weight tensor contradicts itself: its shape, type and stored bytes do not fit. Export the "
-            "network again."
+            "A weight tensor contradicts itself: its shape, type and stored bytes do not fit. Export the network again."
         ),
         "onnx_tensor_type": _("Tensors of type %(type)s are not allowed. Export the network with 32-bit floats."),
         "onnx_graph": _("The ONNX graph is not well formed (%(problem)s). Export it again."),
@@ -246,8 +237,7 @@ _GATE = _table(
         ),
         "network_too_wide": _("The network's intermediate results are too large for one step. Train a smaller one."),
         "non_finite_weights": _(
-            "The network has weights that are NaN or infinite, so its training broke. Use an earlier "
-            "checkpoint."
+            "The network has weights that are NaN or infinite, so its training broke. Use an earlier checkpoint."
         ),
         "network_fails": _(
             "The network does not run: the inference engine refused it. Export it again with a current tool."
@@ -272,7 +262,9 @@ _RUN_TIME = _table(
 _PLATFORM = _table(
     "platform",
     {
-        "upload_busy": _("Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."),
+        "upload_busy": _(
+            "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
+        ),
         "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
     },
 )

@@ -1,0 +1,237 @@
+"""Trained models, evaluations and their results. The table of evaluations is the queue."""
+
+from __future__ import annotations
+
+import uuid
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+
+from .ids import new_public_id
+from .reasons import REASONS
+
+SHA256 = r"^[0-9a-f]{64}$"
+
+
+class Network(models.Model):
+    """The canonical bytes that run, stored once however many racers upload them. ``sha256`` is a model's identity."""
+
+    sha256 = models.CharField(_("sha-256"), max_length=64, primary_key=True)
+    onnx = models.FileField(_("canonical ONNX"), upload_to="networks/")
+    size = models.PositiveIntegerField(_("bytes"))
+    parameters = models.PositiveIntegerField(_("weights"))
+    macs = models.PositiveBigIntegerField(_("multiplications a step"))
+    created_at = models.DateTimeField(_("first seen"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("network")
+        verbose_name_plural = _("networks")
+        constraints = [models.CheckConstraint(condition=Q(sha256__regex=SHA256), name="network_sha256_form")]
+
+    def __str__(self) -> str:
+        return self.sha256[:12]
+
+
+class TrainedModel(models.Model):
+    """A racer's model: a trained network with its metadata. Immutable but for its name and description.
+
+    Deleting one hides it from its owner's garage (``deleted_at``); results that stand on boards stay.
+    """
+
+    public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
+    owner = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="models", verbose_name=_("owner"))
+    name = models.CharField(_("name"), max_length=64)
+    description = models.CharField(_("description"), max_length=255, blank=True)
+    network = models.ForeignKey(Network, models.PROTECT, related_name="models", verbose_name=_("network"))
+    metadata = models.JSONField(_("model metadata"))
+    source_kind = models.CharField(_("uploaded as"), max_length=16)
+    source_sha256 = models.CharField(_("sha-256 of the upload"), max_length=64)
+    created_at = models.DateTimeField(_("uploaded"), default=timezone.now)
+    deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("model")
+        verbose_name_plural = _("models")
+        ordering = ["-created_at", "-pk"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["owner", "network"], condition=Q(deleted_at=None), name="model_uploaded_once_by_owner"
+            ),
+            models.UniqueConstraint(
+                fields=["owner", "name"], condition=Q(deleted_at=None), name="model_name_unique_for_owner"
+            ),
+            models.CheckConstraint(condition=Q(source_sha256__regex=SHA256), name="model_source_sha256_form"),
+            models.CheckConstraint(condition=Q(source_kind__in=["onnx", "tensorflow"]), name="model_source_kind_known"),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def get_absolute_url(self) -> str:
+        return reverse("model", args=[self.public_id])
+
+    @property
+    def sensors(self) -> list[str]:
+        """Names of the sensors that the network reads."""
+        return list(self.metadata["sensor"])
+
+
+class State(models.TextChoices):
+    """The states of an evaluation. FINISHED, FAILED and STOPPED are final."""
+
+    QUEUED = "queued", _("queued")
+    RUNNING = "running", _("on track")
+    FINISHED = "finished", _("finished")
+    FAILED = "failed", _("failed")
+    STOPPED = "stopped", _("stopped")
+
+
+FINAL_STATES = (State.FINISHED, State.FAILED, State.STOPPED)
+
+
+class Evaluation(models.Model):
+    """One run of one network on one track under one set of rules, and its place in the queue.
+
+    ``spec`` is frozen when the row is made: ``{"track": fingerprint, "rules": RaceRules.to_dict(), "metadata": ...}``.
+    A worker claims a row by a guarded UPDATE that writes its lease; every later write names that lease.
+    """
+
+    public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
+    owner = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="evaluations", verbose_name=_("owner")
+    )
+    model = models.ForeignKey(TrainedModel, models.PROTECT, related_name="evaluations", verbose_name=_("model"))
+    track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="evaluations", verbose_name=_("track"))
+    spec = models.JSONField(_("specification"))
+    priority = models.SmallIntegerField(_("priority"), default=0, help_text=_("Higher runs first."))
+
+    state = models.CharField(_("state"), max_length=8, choices=State.choices, default=State.QUEUED)
+    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
+    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
+    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
+    worker = models.CharField(_("worker"), max_length=128, blank=True)
+    progress = models.JSONField(_("progress"), default=dict, blank=True)
+    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
+    reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    operator_detail = models.TextField(_("for operators"), blank=True)
+
+    queued_at = models.DateTimeField(_("queued"), default=timezone.now)
+    started_at = models.DateTimeField(_("started"), null=True, blank=True)
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("evaluation")
+        verbose_name_plural = _("evaluations")
+        ordering = ["-queued_at", "-pk"]
+        indexes = [
+            # claim: the next row in line
+            models.Index(fields=["-priority", "queued_at", "id"], condition=Q(state="queued"), name="evaluation_queue"),
+            # sweep: leases that ran out
+            models.Index(fields=["leased_until"], condition=Q(state="running"), name="evaluation_leases"),
+        ]
+        constraints = [
+            models.CheckConstraint(condition=Q(state__in=State.values), name="evaluation_state_known"),
+            models.CheckConstraint(
+                condition=Q(state="running", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
+                | (~Q(state="running") & Q(lease__isnull=True, leased_until__isnull=True)),
+                name="evaluation_lease_while_running",
+            ),
+            models.CheckConstraint(
+                condition=Q(state__in=["finished", "failed", "stopped"], ended_at__isnull=False)
+                | Q(state__in=["queued", "running"], ended_at__isnull=True),
+                name="evaluation_ended_when_final",
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="failed") | ~Q(reason_code=""), name="evaluation_failure_has_reason"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return self.public_id
+
+    def get_absolute_url(self) -> str:
+        return reverse("evaluation", args=[self.public_id])
+
+    @property
+    def is_final(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in FINAL_STATES
+
+    @property
+    def reason(self) -> str:
+        """The reason's sentence in the reader's language, or ``""``."""
+        if not self.reason_code:
+            return ""
+        reason = REASONS[self.reason_code]
+        return reason.render(self.reason_params, _now(reason.sentence))
+
+    @property
+    def is_platform_fault(self) -> bool:
+        """Whether it failed through our fault, and so does not count."""
+        return self.state == State.FAILED and REASONS[self.reason_code].fault == "platform"
+
+
+class Result(models.Model):
+    """What one finished evaluation measured. Written once, by the worker that held the lease; never changed.
+
+    ``laps``: a list of LapResult dicts in order (times in whole simulated milliseconds).
+    ``line``: per lap a list of [x, y, speed] points in metres and m/s, thinned for drawing.
+    """
+
+    evaluation = models.OneToOneField(Evaluation, models.CASCADE, related_name="result", verbose_name=_("evaluation"))
+    lease = models.UUIDField(_("lease"), default=uuid.uuid4, editable=False)
+    laps = models.JSONField(_("laps"))
+    line = models.JSONField(_("line"), default=list)
+    end_reason = models.CharField(_("ended because"), max_length=32)
+    complete_laps = models.PositiveSmallIntegerField(_("complete laps"))
+    best_lap_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)
+    total_ms = models.PositiveIntegerField(_("total"))
+    off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
+    crashes = models.PositiveIntegerField(_("crashes"), default=0)
+    resets = models.PositiveIntegerField(_("resets"), default=0)
+    simulated_ms = models.PositiveIntegerField(_("simulated"))
+    wall_s = models.FloatField(_("wall seconds"))
+    peak_mb = models.FloatField(_("peak memory"))
+    trace = models.FileField(_("trace"), upload_to="traces/")
+    trace_sha256 = models.CharField(_("sha-256 of the trace"), max_length=64)
+    metrics = models.JSONField(_("metrics"))
+    engine = models.CharField(_("engine"), max_length=32)
+    versions = models.JSONField(_("library versions"))
+    cpu_model = models.CharField(_("processor"), max_length=128, blank=True)
+    created_at = models.DateTimeField(_("recorded"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("result")
+        verbose_name_plural = _("results")
+        constraints = [
+            models.CheckConstraint(condition=Q(trace_sha256__regex=SHA256), name="result_trace_sha256_form"),
+            models.CheckConstraint(
+                condition=Q(complete_laps=0, best_lap_ms__isnull=True) | Q(complete_laps__gt=0, best_lap_ms__gt=0),
+                name="result_best_lap_needs_a_lap",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.evaluation} {self.trace_sha256[:12]}"
+
+
+class WorkerNode(models.Model):
+    """A worker process that was seen, for the operators' page. Not a lock."""
+
+    name = models.CharField(_("name"), max_length=128, unique=True)
+    seen_at = models.DateTimeField(_("last seen"))
+    sandbox = models.JSONField(_("sandbox"), default=dict)
+    engine = models.CharField(_("engine"), max_length=32)
+
+    class Meta:
+        verbose_name = _("worker")
+        verbose_name_plural = _("workers")
+        ordering = ["-seen_at"]
+
+    def __str__(self) -> str:
+        return self.name

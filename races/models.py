@@ -1,0 +1,257 @@
+"""A race, who is in it, and what they sent."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from django.conf import settings
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.db.models import F, Q
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.crypto import get_random_string
+from django.utils.translation import gettext_lazy as _
+
+from tracks.models import Direction
+
+
+class Kind(models.TextChoices):
+    """Who holds a race."""
+
+    LEAGUE = "league", _("league")
+    COMMUNITY = "community", _("community")
+
+
+class Division(models.TextChoices):
+    """The league's divisions. Community races have none."""
+
+    OPEN = "open", _("open division")
+    PRO = "pro", _("pro division")
+
+
+class RaceType(models.TextChoices):
+    """What stands or drives on the track besides the car."""
+
+    TIME_TRIAL = "time_trial", _("time trial")
+
+
+class RankingMethod(models.TextChoices):
+    """What a board ranks by. The rules are the classes in races.ranking."""
+
+    AVERAGE = "average", _("average lap")
+    BEST = "best", _("best lap")
+    TOTAL = "total", _("total time")
+
+
+class Visibility(models.TextChoices):
+    """Who sees a race and may join it."""
+
+    PUBLIC = "public", _("public")
+    INVITATION = "invitation", _("by invitation link")
+
+
+class RaceState(models.TextChoices):
+    """A function of the time, never a column."""
+
+    UPCOMING = "upcoming", _("upcoming")
+    OPEN = "open", _("open")
+    CLOSED = "closed", _("closed")
+    CANCELLED = "cancelled", _("cancelled")
+
+
+def new_invitation() -> str:
+    """A secret that joins an invitation race (32 characters, 190 bits)."""
+    return get_random_string(32)
+
+
+def default_sensors() -> list[str]:
+    """The sensors that a race offers unless told otherwise."""
+    return ["FRONT_FACING_CAMERA"]
+
+
+class Race(models.Model):
+    """A race: where, how, when, and how it is ranked. It is open as a function of the time (:meth:`state_at`)."""
+
+    slug = models.SlugField(_("address"), unique=True, max_length=80)
+    kind = models.CharField(_("kind"), max_length=9, choices=Kind.choices, default=Kind.COMMUNITY)
+    division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
+    name = models.CharField(_("name"), max_length=64)
+    description = models.TextField(_("description"), blank=True, max_length=2000)
+    organiser = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="organised_races",
+        verbose_name=_("organiser"),
+    )
+    track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="races", verbose_name=_("track"))
+    direction = models.CharField(_("direction"), max_length=3, choices=Direction.choices, default=Direction.CCW)
+    race_type = models.CharField(_("race type"), max_length=16, choices=RaceType.choices, default=RaceType.TIME_TRIAL)
+    sensors = models.JSONField(_("sensors offered"), default=default_sensors)
+    ranking_method = models.CharField(
+        _("ranking"), max_length=8, choices=RankingMethod.choices, default=RankingMethod.AVERAGE
+    )
+    laps = models.PositiveSmallIntegerField(
+        _("laps driven"), default=3, validators=[MinValueValidator(1), MaxValueValidator(20)]
+    )
+    minimum_laps = models.PositiveSmallIntegerField(
+        _("consecutive complete laps needed"),
+        default=3,
+        validators=[MinValueValidator(1), MaxValueValidator(20)],
+        help_text=_("The window that the average is taken over, and what a car must finish to be classified."),
+    )
+    off_track_penalty_ms = models.PositiveIntegerField(
+        _("off-track penalty in milliseconds"), default=3000, validators=[MaxValueValidator(60_000)]
+    )
+    collision_penalty_ms = models.PositiveIntegerField(
+        _("collision penalty in milliseconds"), default=5000, validators=[MaxValueValidator(60_000)]
+    )
+    max_resets = models.PositiveIntegerField(
+        _("resets allowed"),
+        default=10_000,
+        validators=[MaxValueValidator(10_000)],
+        help_text=_("0: the first fault ends the run."),
+    )
+    max_simulated_ms = models.PositiveIntegerField(
+        _("time limit in simulated milliseconds"),
+        default=180_000,
+        validators=[MinValueValidator(10_000), MaxValueValidator(1_200_000)],
+    )
+    max_submissions = models.PositiveSmallIntegerField(
+        _("submissions for each racer"), default=50, validators=[MinValueValidator(1), MaxValueValidator(1000)]
+    )
+    seed = models.PositiveIntegerField(_("seed"), default=0, validators=[MaxValueValidator(2**31 - 1)])
+    visibility = models.CharField(_("visibility"), max_length=10, choices=Visibility.choices, default=Visibility.PUBLIC)
+    invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)
+    opens_at = models.DateTimeField(_("opens"))
+    closes_at = models.DateTimeField(_("closes"))
+    cancelled_at = models.DateTimeField(_("cancelled"), null=True, blank=True)
+    cancel_reason = models.CharField(_("reason for cancelling"), max_length=255, blank=True)
+    created_at = models.DateTimeField(_("created"), default=timezone.now, editable=False)
+
+    class Meta:
+        verbose_name = _("race")
+        verbose_name_plural = _("races")
+        ordering = ["-opens_at", "pk"]
+        indexes = [models.Index(fields=["closes_at", "opens_at"], name="race_by_time")]
+        constraints = [
+            models.CheckConstraint(condition=Q(closes_at__gt=F("opens_at")), name="race_closes_after_opening"),
+            models.CheckConstraint(condition=Q(laps__gte=1, laps__lte=20), name="race_laps_range"),
+            models.CheckConstraint(
+                condition=Q(minimum_laps__gte=1, minimum_laps__lte=F("laps")), name="race_minimum_laps_within_laps"
+            ),
+            models.CheckConstraint(
+                condition=~Q(ranking_method="total") | Q(minimum_laps=F("laps")), name="race_total_needs_all_laps"
+            ),
+            models.CheckConstraint(condition=Q(max_submissions__gte=1), name="race_allows_a_submission"),
+            models.CheckConstraint(
+                condition=Q(max_simulated_ms__gte=10_000, max_simulated_ms__lte=1_200_000), name="race_time_limit_range"
+            ),
+            models.CheckConstraint(
+                condition=Q(off_track_penalty_ms__lte=60_000, collision_penalty_ms__lte=60_000),
+                name="race_penalty_range",
+            ),
+            models.CheckConstraint(
+                condition=Q(kind="league") & ~Q(division="") & Q(visibility="public")
+                | Q(kind="community", division=""),
+                name="race_league_has_division_and_is_public",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def get_absolute_url(self) -> str:
+        return reverse("race", args=[self.slug])
+
+    def state_at(self, now: datetime) -> RaceState:
+        """Upcoming before ``opens_at``, open until just before ``closes_at``, closed from then on."""
+        if self.cancelled_at is not None:
+            return RaceState.CANCELLED
+        if now < self.opens_at:
+            return RaceState.UPCOMING
+        return RaceState.OPEN if now < self.closes_at else RaceState.CLOSED
+
+
+class Entry(models.Model):
+    """A racer in a race, with their standing: the best counted submission.
+
+    The standing columns are written in the transaction that records a result, by ``races.services`` alone.
+    ``rank_key_*`` hold what the race's ranking method sorts by, smaller first, so that a board is one indexed query.
+    """
+
+    race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"))
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="entries", verbose_name=_("racer"))
+    entered_at = models.DateTimeField(_("entered"), default=timezone.now)
+    withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
+    is_baseline = models.BooleanField(_("house car, outside the ranking"), default=False)
+
+    submission_count = models.PositiveSmallIntegerField(_("submissions"), default=0)
+    best = models.ForeignKey(
+        "races.Submission", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("best submission")
+    )
+    classified = models.BooleanField(_("classified"), default=False)
+    score_ms = models.PositiveIntegerField(_("score"), null=True, blank=True)
+    average_ms = models.PositiveIntegerField(_("average lap"), null=True, blank=True)
+    best_lap_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)
+    total_ms = models.PositiveIntegerField(_("total"), null=True, blank=True)
+    complete_laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
+    off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
+    resets = models.PositiveIntegerField(_("resets"), default=0)
+    sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
+    achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("entry")
+        verbose_name_plural = _("entries")
+        constraints = [
+            models.UniqueConstraint(fields=["race", "racer"], name="entry_once_in_a_race"),
+            models.CheckConstraint(
+                condition=Q(classified=False)
+                | Q(score_ms__isnull=False, best_lap_ms__isnull=False, achieved_at__isnull=False),
+                name="entry_classified_has_a_score",
+            ),
+        ]
+        indexes = [
+            # the board: classified first, then score, best lap, fewer resets, earlier submission
+            models.Index(
+                fields=["race", "-classified", "score_ms", "best_lap_ms", "resets", "achieved_at", "id"],
+                name="entry_board",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.racer} in {self.race}"
+
+
+class Submission(models.Model):
+    """One car sent to one race by an entry, and the evaluation that measures it."""
+
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="submissions", verbose_name=_("entry"))
+    number = models.PositiveSmallIntegerField(_("number"))
+    evaluation = models.OneToOneField(
+        "evaluation.Evaluation", models.PROTECT, related_name="submission", verbose_name=_("evaluation")
+    )
+    network = models.ForeignKey("evaluation.Network", models.PROTECT, related_name="+", verbose_name=_("network"))
+    submitted_at = models.DateTimeField(_("submitted"), default=timezone.now)
+    refunded = models.BooleanField(
+        _("refunded"), default=False, help_text=_("Ended through no fault of the car's: it does not count.")
+    )
+
+    class Meta:
+        verbose_name = _("submission")
+        verbose_name_plural = _("submissions")
+        ordering = ["-submitted_at", "-pk"]
+        constraints = [
+            models.UniqueConstraint(fields=["entry", "number"], name="submission_number_once"),
+            # one car, one result: the same network cannot be sent twice to a race by the same racer
+            models.UniqueConstraint(
+                fields=["entry", "network"], condition=Q(refunded=False), name="submission_of_a_car_once"
+            ),
+            models.CheckConstraint(condition=Q(number__gte=1), name="submission_number_from_one"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.entry} #{self.number}"

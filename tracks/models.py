@@ -1,0 +1,70 @@
+"""The catalogue of tracks in the database."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from django.conf import settings
+from django.db import models
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from .geometry import TrackGeometry
+from .npy import read_npy
+
+
+class Direction(models.TextChoices):
+    """Which way round a track is driven."""
+
+    CCW = "ccw", _("counter-clockwise")
+    CW = "cw", _("clockwise")
+
+
+class Track(models.Model):
+    """A track that races can be held on. Its geometry never changes: another shape is another track."""
+
+    slug = models.SlugField(_("address"), unique=True, max_length=64)
+    name = models.CharField(_("name"), max_length=64)
+    description = models.TextField(_("description"), blank=True, max_length=1000)
+    npy = models.BinaryField(_("geometry"), editable=False)
+    fingerprint = models.CharField(_("fingerprint"), max_length=64, unique=True, editable=False)
+    length_m = models.FloatField(_("length in metres"), editable=False)
+    width_m = models.FloatField(_("width in metres"), editable=False)
+    direction = models.CharField(_("the file's own direction"), max_length=3, choices=Direction.choices, editable=False)
+    is_catalogue = models.BooleanField(_("from the catalogue"), default=False, editable=False)
+    owner = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="tracks",
+        verbose_name=_("imported by"),
+    )
+    created_at = models.DateTimeField(_("added"), default=timezone.now, editable=False)
+
+    class Meta:
+        verbose_name = _("track")
+        verbose_name_plural = _("tracks")
+        ordering = ["-is_catalogue", "length_m"]
+        constraints = [
+            models.CheckConstraint(condition=models.Q(length_m__gt=0), name="track_length_positive"),
+            models.CheckConstraint(condition=models.Q(width_m__gt=0), name="track_width_positive"),
+            models.CheckConstraint(condition=models.Q(direction__in=Direction.values), name="track_direction_known"),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def get_absolute_url(self) -> str:
+        return reverse("track", args=[self.slug])
+
+    @property
+    def geometry(self) -> TrackGeometry:
+        """The track's geometry in the file's own direction (cached for each process; immutable)."""
+        return _geometry(self.fingerprint, bytes(self.npy), self.slug)
+
+
+@lru_cache(maxsize=128)
+def _geometry(fingerprint: str, npy: bytes, name: str) -> TrackGeometry:
+    return read_npy(npy, name)
