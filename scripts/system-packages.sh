@@ -1,0 +1,41 @@
+#!/bin/sh
+# Installs the Debian packages that Paddock needs, where it may; says what to type where it may not.
+#   system-packages.sh run     what the site and its workers need
+#   system-packages.sh test    the same, and what the tests start: a browser, PostgreSQL, Redis
+set -eu
+
+missing=""
+need() { # need PACKAGE test-command...
+    package=$1
+    shift
+    "$@" >/dev/null 2>&1 || missing="$missing $package"
+}
+
+have() { command -v "$1"; }
+have_postgres() { have postgres || ls /usr/lib/postgresql/*/bin/postgres; }
+have_korean() { have fc-list && fc-list :lang=ko | grep -q .; }
+
+need bubblewrap have bwrap
+need python3-venv python3 -c 'import ensurepip, venv'
+if [ "${1:-run}" = test ]; then
+    need chromium have chromium
+    need postgresql have_postgres
+    need redis-server have redis-server
+    need fonts-noto-cjk have_korean
+    need gettext have msgfmt
+fi
+
+[ -n "$missing" ] || exit 0
+if ! have apt-get >/dev/null; then
+    echo "Paddock needs these programs, by their Debian names:$missing. Install them with your system's package manager." >&2
+    exit 1
+fi
+if [ "$(id -u)" -ne 0 ]; then
+    echo "Paddock needs some system packages. Type this, then run make again:" >&2
+    echo "    sudo apt-get update && sudo apt-get install -y$missing" >&2
+    exit 1
+fi
+echo "Installing$missing"
+apt-get update -qq
+# shellcheck disable=SC2086
+DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
