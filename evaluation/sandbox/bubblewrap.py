@@ -1,0 +1,92 @@
+"""The bubblewrap command line: empty namespaces, and the few files that a Python process needs, read-only.
+
+Inside there is the interpreter, its standard library, the installed packages, the system's shared libraries and the
+code that is to run. No ``/etc``, ``/proc``, ``/dev`` or ``/tmp``, no network, nothing writable.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import sysconfig
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+_SYSTEM_LIBRARIES = ("/usr/lib", "/usr/lib32", "/usr/lib64", "/lib", "/lib32", "/lib64")
+
+
+@dataclass(frozen=True)
+class PythonHome:
+    """Where this interpreter and the packages live. All absolute paths."""
+
+    executable: str
+    library_directory: str  # of libpython
+    parts: tuple[str, ...]  # files and directories the interpreter needs
+    packages: tuple[str, ...]  # directories for sys.path: site-packages
+
+
+def python_home() -> PythonHome:
+    """Find the real interpreter behind a virtual environment, and the directories of the installed packages."""
+    executable = os.path.realpath(sys.executable)
+    library_directory = sysconfig.get_config_var("LIBDIR") or "/usr/lib"
+    shared = sysconfig.get_config_var("INSTSONAME") or ""
+    wanted = {
+        executable,
+        os.path.join(library_directory, shared),
+        os.path.realpath(sysconfig.get_paths()["stdlib"]),
+        os.path.realpath(sysconfig.get_paths()["platstdlib"]),
+        os.path.join(sys.base_prefix, sys.platlibdir, f"python3.{sys.version_info.minor}"),
+        os.path.join(sys.base_prefix, "lib", f"python3.{sys.version_info.minor}"),
+    }
+    parts = tuple(sorted(path for path in wanted if os.path.exists(path) and not path.endswith(".a")))
+    packages = tuple(
+        dict.fromkeys(path for path in sys.path if path.rstrip("/").endswith(("site-packages", "dist-packages")))
+    )
+    return PythonHome(executable, library_directory, parts, tuple(path for path in packages if os.path.isdir(path)))
+
+
+def find() -> str | None:
+    """The bwrap executable, or None."""
+    return shutil.which("bwrap", path=os.environ.get("PATH", "") + os.pathsep + "/usr/local/bin:/usr/bin:/bin")
+
+
+def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_root: bool) -> list[str]:
+    """Arguments up to and including ``--``. ``code``: more files and directories to show, at their own paths.
+
+    Root starts without a user namespace and keeps CAP_SETUID and CAP_SETGID only until the lock takes the private user
+    id (RLIMIT_NPROC counts nothing for a root that a user namespace merely renames); anybody else needs the namespace.
+    """
+    arguments = [bwrap, "--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
+    arguments += ["--die-with-parent", "--new-session", "--as-pid-1", "--hostname", "paddock"]
+    if as_root:
+        arguments += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
+    else:
+        arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534", "--disable-userns"]
+    arguments += _mounts([*home.parts, *home.packages, *code])
+    arguments += ["--chdir", "/", "--remount-ro", "/", "--info-fd", str(info_fd), "--"]
+    return arguments
+
+
+def _mounts(paths: Iterable[str]) -> list[str]:
+    arguments: list[str] = []
+    bound: list[str] = []
+    for path in _SYSTEM_LIBRARIES:
+        if os.path.islink(path):
+            arguments += ["--symlink", os.readlink(path), path]
+        elif os.path.isdir(path):
+            arguments += ["--ro-bind", path, path]
+            bound.append(path)
+    made: set[str] = set(bound)
+    for path in sorted(set(paths), key=lambda path: (len(Path(path).parts), path)):
+        if any(Path(path).is_relative_to(parent) for parent in bound):
+            continue
+        for parent in reversed(Path(path).parents):
+            # bubblewrap would make them as private as their originals: the unprivileged id could not pass.
+            if str(parent) != "/" and str(parent) not in made:
+                arguments += ["--perms", "0755", "--dir", str(parent)]
+                made.add(str(parent))
+        arguments += ["--ro-bind", path, path]
+        bound.append(path)
+    return arguments

@@ -1,0 +1,139 @@
+"""What a sandboxed process gives up itself, after its imports and before it reads anything untrusted.
+
+In this order: no_new_privs, the private user id (and with it every capability), death with the parent, Landlock,
+resource limits, seccomp. Then it tries the doors: a lock that did not close ends the process. Nothing here can be
+undone. See :mod:`.enter`, which calls it for every sandboxed module.
+"""
+
+from __future__ import annotations
+
+import base64
+import ctypes
+import json
+import os
+import resource
+import socket
+from dataclasses import dataclass
+from typing import Any
+
+from . import landlock, seccomp
+from .limits import Limits
+
+VARIABLE = "PADDOCK_SANDBOX"
+EXIT_NOT_LOCKED, EXIT_IMPORT, EXIT_MEMORY, EXIT_ERROR = 70, 71, 72, 73
+_PR_SET_PDEATHSIG, _PR_SET_DUMPABLE, _PR_SET_NO_NEW_PRIVS = 1, 4, 38
+_SIGKILL = 9
+
+_locked = False
+
+
+@dataclass(frozen=True)
+class LockSpec:
+    """What the launcher decided: limits, the private user id (None: keep it), the seccomp program, readable paths."""
+
+    limits: Limits
+    uid: int | None
+    program: bytes
+    readable: tuple[str, ...] = ()
+
+    def to_env(self) -> str:
+        """One line for the ``PADDOCK_SANDBOX`` variable."""
+        data: dict[str, Any] = {
+            "limits": self.limits.to_dict(),
+            "uid": self.uid,
+            "program": base64.b64encode(self.program).decode(),
+            "readable": list(self.readable),
+        }
+        return json.dumps(data, separators=(",", ":"))
+
+    @classmethod
+    def from_env(cls, text: str) -> LockSpec:
+        """The inverse of :meth:`to_env`."""
+        data = json.loads(text)
+        limits = Limits.from_dict(data["limits"])
+        return cls(limits, data["uid"], base64.b64decode(data["program"]), tuple(data["readable"]))
+
+
+class LockFailed(Exception):
+    """A layer could not be closed: the process must end."""
+
+
+def lock_down(limits: Limits | None = None) -> None:
+    """Lock this process for ever, as its launcher decided. A second call does nothing.
+
+    ``limits``: replaces the launcher's, for a module that knows better. Raises LockFailed when the process was not
+    started by :func:`evaluation.sandbox.launch.launch`, or a layer would not close.
+    """
+    global _locked
+    if _locked:
+        return
+    text = os.environ.get(VARIABLE)
+    if text is None:
+        raise LockFailed("this process was not started by evaluation.sandbox.launch")
+    spec = LockSpec.from_env(text)
+    try:
+        _close_layers(limits or spec.limits, spec)
+    except (OSError, ValueError) as error:
+        raise LockFailed(str(error)) from error
+    _try_the_doors(spec)
+    _locked = True
+
+
+def _close_layers(limits: Limits, spec: LockSpec) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+
+    def prctl(option: int, value: int) -> None:
+        if libc.prctl(option, ctypes.c_ulong(value), 0, 0, 0) != 0:
+            raise OSError(ctypes.get_errno(), f"prctl {option}")
+
+    prctl(_PR_SET_NO_NEW_PRIVS, 1)
+    if spec.uid is not None:
+        os.setgroups([])
+        os.setresgid(spec.uid, spec.uid, spec.uid)
+        os.setresuid(spec.uid, spec.uid, spec.uid)
+    prctl(_PR_SET_PDEATHSIG, _SIGKILL)  # a change of user id forgets it
+    prctl(_PR_SET_DUMPABLE, 0)
+    landlock.restrict_self(spec.readable)
+    _limit_resources(limits)
+    seccomp.install(spec.program)
+
+
+def _limit_resources(limits: Limits) -> None:
+    megabyte = 1024 * 1024
+    for kind, value in (
+        (resource.RLIMIT_AS, limits.address_space_mb * megabyte),
+        (resource.RLIMIT_CPU, limits.cpu_s),
+        (resource.RLIMIT_NOFILE, limits.open_files),
+        (resource.RLIMIT_NPROC, 1),  # this process alone; for a root launcher the user id is private
+        (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CORE, 0),
+        (resource.RLIMIT_MEMLOCK, 0),
+        (resource.RLIMIT_MSGQUEUE, 0),
+    ):
+        _soft, hard = resource.getrlimit(kind)
+        if hard != resource.RLIM_INFINITY:
+            value = min(value, hard)
+        resource.setrlimit(kind, (value, value))
+
+
+def _try_the_doors(spec: LockSpec) -> None:
+    """Fail closed: what must not work is tried once. (Failed attempts cost microseconds.)"""
+    if 0 in (os.getuid(), os.geteuid(), os.getgid(), os.getegid()) and spec.uid is not None:
+        raise LockFailed("still root")
+    for name, attempt in (
+        ("files", lambda: os.open("/etc/passwd", os.O_RDONLY)),
+        ("writing", lambda: os.open("/paddock-probe", os.O_WRONLY | os.O_CREAT)),
+        ("sockets", lambda: socket.socket(socket.AF_INET)),
+        ("signals", lambda: os.kill(os.getpid(), 0)),
+        ("processes", _fork),
+    ):
+        try:
+            attempt()
+        except OSError:
+            continue
+        raise LockFailed(f"the lock left a door open: {name}")
+
+
+def _fork() -> None:
+    if os.fork() == 0:
+        os._exit(EXIT_NOT_LOCKED)

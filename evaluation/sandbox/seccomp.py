@@ -1,0 +1,103 @@
+"""The system calls a locked process keeps, as a BPF program.
+
+An allow-list: whatever is not named answers EPERM, also calls that a future kernel invents. The launcher compiles the
+program with libseccomp and hands the bytes over; the sandboxed process installs them with one call and needs no
+library. ``clone`` is not on the list in any form: after its imports a locked process starts neither process nor thread.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import functools
+import os
+
+# What Python, numpy, OpenCV, Bullet and onnxruntime need to compute and to use pipes that are already open.
+_COMPUTE = """
+    read readv write writev close poll ppoll select pselect6 lseek fstat
+    munmap mremap madvise brk membarrier
+    futex futex_waitv set_robust_list rseq restart_syscall sched_yield sched_getaffinity getcpu
+    rt_sigaction rt_sigprocmask rt_sigreturn sigaltstack rt_sigtimedwait
+    clock_gettime clock_getres clock_nanosleep nanosleep gettimeofday time
+    getpid getppid gettid getuid geteuid getgid getegid getresuid getresgid getrlimit getrusage times uname sysinfo
+    getrandom exit exit_group
+""".split()
+
+# Looking files up and reading them; which ones, Landlock decides.
+_READ_FILES = """
+    pread64 preadv newfstatat fstatat64 stat lstat statx access faccessat faccessat2 readlink readlinkat
+    getdents64 getcwd fadvise64 statfs fstatfs
+""".split()
+
+# glibc tries these first and falls back when the kernel "does not have" them; EPERM would be taken as final.
+_ABSENT = ["clone3"]
+
+_WRITE_FLAGS = (
+    os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND | (os.O_TMPFILE & ~os.O_DIRECTORY) | os.O_PATH
+)
+_PROT_EXEC = 4
+_F_GETFD, _F_GETFL, _F_SETFL, _F_DUPFD_CLOEXEC = 1, 3, 4, 1030
+
+_PR_SET_NO_NEW_PRIVS = 38
+_SECCOMP_SET_MODE_FILTER = 1
+_FILTER_FLAG_TSYNC = 1
+_SYSCALL_SECCOMP = {"x86_64": 317, "aarch64": 277}
+
+
+class _Program(ctypes.Structure):
+    _fields_ = [("length", ctypes.c_ushort), ("filter", ctypes.c_void_p)]
+
+
+@functools.cache
+def build(reads_code: bool) -> bytes:
+    """Compile the filter. Raises RuntimeError or OSError where libseccomp is missing."""
+    import pyseccomp as scmp  # finding the library starts processes: never in the sandbox
+
+    rules = scmp.SyscallFilter(scmp.ERRNO(errno.EPERM))
+    for name in _COMPUTE + (_READ_FILES if reads_code else []):
+        _allow(scmp, rules, name)
+    not_executable = scmp.Arg(2, scmp.MASKED_EQ, _PROT_EXEC, 0)
+    _allow(scmp, rules, "mmap", not_executable)
+    _allow(scmp, rules, "mprotect", not_executable)
+    for command in (_F_GETFD, _F_GETFL, _F_SETFL):
+        _allow(scmp, rules, "fcntl", scmp.Arg(1, scmp.EQ, command))
+    # getrlimit is prlimit64 without new values; the limits themselves stay as the lock set them.
+    _allow(scmp, rules, "prlimit64", scmp.Arg(0, scmp.EQ, 0), scmp.Arg(2, scmp.EQ, 0))
+    if reads_code:
+        _allow(scmp, rules, "openat", scmp.Arg(2, scmp.MASKED_EQ, _WRITE_FLAGS, 0))
+        _allow(scmp, rules, "open", scmp.Arg(1, scmp.MASKED_EQ, _WRITE_FLAGS, 0))
+    for name in _ABSENT:
+        _add(scmp, rules, scmp.ERRNO(errno.ENOSYS), name)
+    with open(os.memfd_create("seccomp"), "w+b") as file:
+        rules.export_bpf(file)
+        file.seek(0)
+        return file.read()
+
+
+def install(program: bytes) -> None:
+    """Install the filter on every thread of this process, for ever. Needs no_new_privs. Raises OSError."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    buffer = ctypes.create_string_buffer(program, len(program))
+    prog = _Program(len(program) // 8, ctypes.addressof(buffer))
+    number = _SYSCALL_SECCOMP.get(os.uname().machine)
+    if number is None:
+        raise OSError(f"no seccomp call number known for {os.uname().machine}")
+    result = libc.syscall(
+        ctypes.c_long(number), _SECCOMP_SET_MODE_FILTER, ctypes.c_ulong(_FILTER_FLAG_TSYNC), ctypes.byref(prog)
+    )
+    if result != 0:
+        code = ctypes.get_errno()
+        raise OSError(code, f"seccomp: {os.strerror(code)} ({result})")
+
+
+def _allow(scmp, rules, name: str, *arguments) -> None:
+    _add(scmp, rules, scmp.ALLOW, name, *arguments)
+
+
+def _add(scmp, rules, action: int, name: str, *arguments) -> None:
+    try:
+        rules.add_rule(action, name, *arguments)
+    except OSError as error:
+        # This architecture or this libseccomp does not know the call: then it stays refused.
+        if error.errno not in (errno.EINVAL, errno.EDOM, errno.ENOENT):
+            raise
