@@ -1,0 +1,132 @@
+"""A track map as SVG. Colours come from the page's style sheet through classes. No Django.
+
+Classes: ``track-map`` (the picture), ``track-road``, ``track-centre``, ``track-finish``, ``track-arrow``,
+``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's own style), ``track-car``. Strokes keep
+their width in screen pixels at any size (``vector-effect``), so a style sheet sets ``stroke-width`` in px.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from xml.sax.saxutils import escape
+
+from ..checks import Points
+from ..geometry import TrackGeometry
+from .lines import DrivenLine, simplify_loop
+
+MARGIN_M = 0.3
+
+_THIN = 'vector-effect="non-scaling-stroke"'
+
+# For a picture that stands alone, without a page's style sheet: quiet greys that work on dark and on light.
+_STYLE = (
+    "<style>"
+    ".track-road{fill:#8b949e55;stroke:#8b949e}.track-centre{fill:none;stroke:#8b949e;stroke-dasharray:4 4}"
+    ".track-finish,.track-arrow{fill:none;stroke:#ff3b55;stroke-width:2.5}"
+    ".track-line{fill:none;stroke:#2fbf71;stroke-width:2}.track-car{fill:#ff3b55}"
+    ".speed-0{stroke:#e5484d}.speed-1{stroke:#f2803a}.speed-2{stroke:#f2c53d}"
+    ".speed-3{stroke:#9ccc3c}.speed-4{stroke:#2fbf71}.speed-5{stroke:#1fb6c9}"
+    "</style>"
+)
+
+
+def draw_svg(
+    track: TrackGeometry,
+    *,
+    width: int | None = None,
+    height: int | None = None,
+    line: Sequence[Sequence[float]] | None = None,
+    lines: Sequence[DrivenLine] = (),
+    car: tuple[float, float] | None = None,
+    title: str | None = None,
+    standalone: bool = False,
+) -> str:
+    """The map: road, centre line, finish and driving direction, then driven lines and a car's place.
+
+    ``line`` is the short form of one :class:`DrivenLine`; ``car`` a point (x, y) in metres. ``width`` and ``height``
+    are pixels, left out so that the page's layout decides. ``title`` (default: the track's name) is what a screen
+    reader says; it may come from a stranger and is escaped. ``standalone`` adds a small style for use outside a page.
+    """
+    frame = _Frame(track)
+    size = "".join(f' {word}="{int(value)}"' for word, value in (("width", width), ("height", height)) if value)
+    ring = frame.path(simplify_loop(track.outer), closed=True) + frame.path(simplify_loop(track.inner), closed=True)
+    if line is not None:
+        lines = (*lines, DrivenLine(line))
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="track-map" role="img"{size} '
+        f'viewBox="0 0 {_number(frame.width)} {_number(frame.height)}">',
+        f"<title>{_text(track.name if title is None else title)}</title>",
+        _STYLE if standalone else "",
+        f'<path class="track-road" fill-rule="evenodd" {_THIN} d="{ring}"/>',
+        f'<path class="track-centre" fill="none" {_THIN} d="{frame.path(simplify_loop(track.centre), closed=True)}"/>',
+        *(_stroke(frame, points, speed, one.style) for one in lines for speed, points in one.strokes()),
+        f'<path class="track-finish" fill="none" {_THIN} d="{frame.path(finish_line(track))}"/>',
+        f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track))}"/>',
+    ]
+    if car is not None and math.isfinite(car[0]) and math.isfinite(car[1]):
+        x, y = frame.place(car)
+        parts.append(f'<circle class="track-car" cx="{x}" cy="{y}" r="{_number(0.8 * frame.mark_m)}"/>')
+    parts.append("</svg>")
+    return "".join(parts)
+
+
+def svg_path(track: TrackGeometry, points: Sequence[Sequence[float]] | Points, *, closed: bool = False) -> str:
+    """The ``d`` of a path through ``points`` (x, y in metres) in the coordinates of :func:`draw_svg` of this track."""
+    return _Frame(track).path(points, closed=closed)
+
+
+def finish_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The two ends of the finish line, border to border, square to the track."""
+    left, right = track.half_widths_at(0.0)
+    return track.point_at(0.0, left)[:2], track.point_at(0.0, -right)[:2]
+
+
+def arrow(track: TrackGeometry) -> list[tuple[float, float]]:
+    """Three points of a chevron on the road just after the finish that points in the driving direction."""
+    size = mark_size(track)
+    reach = min(size, 0.4 * track.width_at(0.0))
+    x, y, heading = track.point_at(2.5 * size)
+    cos, sin = math.cos(heading), math.sin(heading)
+    return [(x + a * cos - b * sin, y + a * sin + b * cos) for a, b in ((-size, reach), (0.0, 0.0), (-size, -reach))]
+
+
+def mark_size(track: TrackGeometry) -> float:
+    """Metres of a mark that is seen on a small map: grows with the map."""
+    x_min, y_min, x_max, y_max = track.bounds
+    return max(0.2, 0.022 * max(x_max - x_min, y_max - y_min))
+
+
+class _Frame:
+    """The map's coordinates: metres from the upper left corner, y down."""
+
+    def __init__(self, track: TrackGeometry) -> None:
+        x_min, y_min, x_max, y_max = track.bounds
+        self.left, self.top = x_min - MARGIN_M, y_max + MARGIN_M
+        self.width, self.height = x_max - x_min + 2 * MARGIN_M, y_max - y_min + 2 * MARGIN_M
+        self.mark_m = mark_size(track)
+
+    def place(self, point: Sequence[float]) -> tuple[str, str]:
+        return _number(point[0] - self.left), _number(self.top - point[1])
+
+    def path(self, points: Sequence[Sequence[float]] | Points, *, closed: bool = False) -> str:
+        places = (",".join(self.place(point)) for point in points)
+        return "M" + " ".join(places) + ("Z" if closed else "")
+
+
+def _stroke(frame: _Frame, points: Points, speed: int | None, style: str) -> str:
+    words = " ".join(word for word in ("track-line", "" if speed is None else f"speed-{speed}", style) if word)
+    return f'<path class="{words}" fill="none" {_THIN} d="{frame.path(points)}"/>'
+
+
+def _number(value: float) -> str:
+    text = f"{value:.2f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _text(text: str) -> str:
+    """Escaped, and without the control characters that XML cannot hold."""
+    allowed = (
+        c for c in text if c in "\t\n\r" or (c >= " " and not "\ud800" <= c <= "\udfff" and c not in "\ufffe\uffff")
+    )
+    return escape("".join(allowed))
