@@ -63,9 +63,7 @@ def read_frame(fd: int, limit: int, deadline: float | None = None) -> bytes:
     return bytes(_read_exactly(fd, length, deadline))
 
 
-def write_message(
-    fd: int, header: dict[str, Any], blobs: Sequence[bytes] = (), deadline: float | None = None
-) -> None:
+def write_message(fd: int, header: dict[str, Any], blobs: Sequence[bytes] = (), deadline: float | None = None) -> None:
     """Write ``header`` as JSON and the blobs after it. Floats must be finite."""
     announced = {**header, "blobs": [len(blob) for blob in blobs]} if blobs else header
     write_frame(fd, json.dumps(announced, allow_nan=False, separators=(",", ":")).encode(), deadline)

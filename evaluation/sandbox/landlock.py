@@ -1,4 +1,4 @@
-"""Landlock through its three system calls: no library, no sysfs (which containers often do not mount).
+"""Landlock through its system calls: no library, no sysfs (which containers often do not mount).
 
 Numbers and structures: linux/landlock.h; the call numbers are the same on every architecture.
 """
@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterable
 
-_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+_CREATE_RULESET, _RESTRICT_SELF = 444, 446
 _VERSION_FLAG = 1
-_RULE_PATH_BENEATH = 1
-_READ_FILE, _READ_DIR = 1 << 2, 1 << 3
 
 _libc = ctypes.CDLL(None, use_errno=True)
 _syscall = _libc.syscall
@@ -23,22 +20,16 @@ class _RulesetAttr(ctypes.Structure):
     _fields_ = [("fs", ctypes.c_uint64), ("net", ctypes.c_uint64), ("scoped", ctypes.c_uint64)]
 
 
-class _PathBeneath(ctypes.Structure):
-    _pack_ = 1
-    _fields_ = [("allowed", ctypes.c_uint64), ("parent_fd", ctypes.c_int32)]
-
-
 def abi() -> int:
     """The kernel's Landlock ABI, 0 where it has none or it is switched off."""
     version = _syscall(ctypes.c_long(_CREATE_RULESET), None, ctypes.c_size_t(0), ctypes.c_uint32(_VERSION_FLAG))
     return max(0, int(version))
 
 
-def restrict_self(readable: Iterable[str] = ()) -> int:
-    """Take every file, TCP and scope right that this kernel knows from the calling thread, for ever.
+def restrict_self() -> int:
+    """Take every file, TCP and scope right that this kernel knows from the calling thread, for ever, with no exception.
 
-    ``readable``: directories or files below which reading stays allowed. Needs no_new_privs. Returns the ABI used.
-    Raises OSError.
+    Needs no_new_privs. Returns the ABI used. Raises OSError.
     """
     version = abi()
     if version < 1:
@@ -47,8 +38,6 @@ def restrict_self(readable: Iterable[str] = ()) -> int:
     size = 24 if version >= 6 else 16 if version >= 4 else 8
     ruleset = _check(_syscall(ctypes.c_long(_CREATE_RULESET), ctypes.byref(attr), ctypes.c_size_t(size), 0))
     try:
-        for path in readable:
-            _allow_reading(ruleset, path)
         _check(_syscall(ctypes.c_long(_RESTRICT_SELF), ctypes.c_int(ruleset), ctypes.c_uint32(0)))
     finally:
         os.close(ruleset)
@@ -58,18 +47,6 @@ def restrict_self(readable: Iterable[str] = ()) -> int:
 def _file_rights(version: int) -> int:
     bits = 13 + (version >= 2) + (version >= 3) + (version >= 5)  # REFER, TRUNCATE, IOCTL_DEV came later
     return (1 << bits) - 1
-
-
-def _allow_reading(ruleset: int, path: str) -> None:
-    rights = _READ_FILE | _READ_DIR if os.path.isdir(path) else _READ_FILE
-    parent = os.open(path, os.O_PATH | os.O_CLOEXEC)
-    try:
-        rule = _PathBeneath(rights, parent)
-        _check(
-            _syscall(ctypes.c_long(_ADD_RULE), ctypes.c_int(ruleset), _RULE_PATH_BENEATH, ctypes.byref(rule), 0)
-        )
-    finally:
-        os.close(parent)
 
 
 def _check(result: int) -> int:

@@ -179,14 +179,13 @@ def launch(
     arguments: Sequence[str] = (),
     pass_fds: Sequence[int] = (),
     python_path: Sequence[str | Path] = (),
-    readable: Sequence[str | Path] = (),
     level: int | None = None,
 ) -> SandboxedProcess:
     """Start ``module`` (``evaluation.*``, ``tracks.*`` or something below ``python_path``) behind the wall.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
-    of code to import from. ``readable``: further files and directories it may see before its lock, and read after it
-    if its limits say ``reads_code``. ``level``: a level to start at instead of the best that this host offers.
+    of code to import from. Files can be read until the lock only. ``level``: a level to start at instead of the best
+    that this host offers.
 
     Raises PlatformFault("sandbox_unavailable") below the minimum level and PlatformFault("sandbox_failed") when the
     process cannot be started. That it then fails to lock shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
@@ -199,7 +198,7 @@ def launch(
     if not LEVEL_LOCK <= level <= best:
         raise PlatformFault("sandbox_unavailable", level=level, minimum=LEVEL_LOCK)
     try:
-        return start(module, limits, level, arguments, pass_fds, python_path, readable)
+        return start(module, limits, level, arguments, pass_fds, python_path)
     except (OSError, ValueError, RuntimeError) as error:
         raise PlatformFault("sandbox_failed", detail=str(error)) from error
 
@@ -211,12 +210,11 @@ def start(
     arguments: Sequence[str] = (),
     pass_fds: Sequence[int] = (),
     python_path: Sequence[str | Path] = (),
-    readable: Sequence[str | Path] = (),
 ) -> SandboxedProcess:
     """:func:`launch` without asking the probe (which itself starts processes). Raises OSError and the like."""
     compile_code()
     home = _home()
-    code = [str(CODE_ROOT / name) for name in _CODE] + [str(Path(part).resolve()) for part in (*python_path, *readable)]
+    code = [str(CODE_ROOT / name) for name in _CODE] + [str(Path(part).resolve()) for part in python_path]
     as_root = os.geteuid() == 0
     uid = uids.claim() if as_root else None
     with contextlib.ExitStack() as ours_on_failure, contextlib.ExitStack() as theirs:
@@ -226,7 +224,7 @@ def start(
         their_out, our_out = _pipe(theirs, ours_on_failure, reads="ours")
         their_err, our_err = _pipe(theirs, ours_on_failure, reads="ours")
         os.set_blocking(their_err, False)  # a flood of messages stops at the pipe's size instead of stopping anybody
-        spec = LockSpec(limits, uid.uid if uid else None, seccomp.build(limits.reads_code), tuple(code))
+        spec = LockSpec(limits, uid.uid if uid else None, seccomp.build())
         command = [home.executable, "-S", "-P", "-B", "-m", "evaluation.sandbox.enter"]
         command += [str(their_in), str(their_out), module, *arguments]
         passed = [their_in, their_out, *pass_fds]
@@ -279,6 +277,7 @@ def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Seque
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "MALLOC_ARENA_MAX": "1",
+        "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
         VARIABLE: spec.to_env(),
     }
 

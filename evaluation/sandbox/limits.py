@@ -14,8 +14,7 @@ class Limits:
 
     ``address_space_mb``: RLIMIT_AS. ``cpu_s``: RLIMIT_CPU, after it the kernel kills. ``open_files``: RLIMIT_NOFILE.
     ``wall_s``: the launcher's patience, counted from the launch; whoever waits for the process enforces it
-    (:attr:`SandboxedProcess.deadline`). ``reads_code``: may still open files below the code directories after the lock
-    (the runner's simulator reads its car from a file); nobody may write or create anything.
+    (:attr:`SandboxedProcess.deadline`).
     """
 
     name: str
@@ -23,7 +22,6 @@ class Limits:
     cpu_s: int
     open_files: int
     wall_s: float
-    reads_code: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -37,5 +35,5 @@ class Limits:
 
 POLICY = Limits("policy", address_space_mb=1024, cpu_s=300, open_files=16, wall_s=600)
 CONVERTER = Limits("converter", address_space_mb=2048, cpu_s=30, open_files=16, wall_s=60)
-RUNNER = Limits("runner", address_space_mb=2048, cpu_s=600, open_files=64, wall_s=600, reads_code=True)
+RUNNER = Limits("runner", address_space_mb=2048, cpu_s=600, open_files=64, wall_s=600)
 PROBE = Limits("probe", address_space_mb=512, cpu_s=2, open_files=16, wall_s=5)

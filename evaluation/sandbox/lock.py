@@ -13,6 +13,7 @@ import json
 import os
 import resource
 import socket
+import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,18 +24,18 @@ VARIABLE = "PADDOCK_SANDBOX"
 EXIT_NOT_LOCKED, EXIT_IMPORT, EXIT_MEMORY, EXIT_ERROR = 70, 71, 72, 73
 _PR_SET_PDEATHSIG, _PR_SET_DUMPABLE, _PR_SET_NO_NEW_PRIVS = 1, 4, 38
 _SIGKILL = 9
+_CLONE_VM = 0x100
 
 _locked = False
 
 
 @dataclass(frozen=True)
 class LockSpec:
-    """What the launcher decided: limits, the private user id (None: keep it), the seccomp program, readable paths."""
+    """What the launcher decided: limits, the private user id (None: keep it) and the seccomp program."""
 
     limits: Limits
     uid: int | None
     program: bytes
-    readable: tuple[str, ...] = ()
 
     def to_env(self) -> str:
         """One line for the ``PADDOCK_SANDBOX`` variable."""
@@ -42,7 +43,6 @@ class LockSpec:
             "limits": self.limits.to_dict(),
             "uid": self.uid,
             "program": base64.b64encode(self.program).decode(),
-            "readable": list(self.readable),
         }
         return json.dumps(data, separators=(",", ":"))
 
@@ -51,7 +51,7 @@ class LockSpec:
         """The inverse of :meth:`to_env`."""
         data = json.loads(text)
         limits = Limits.from_dict(data["limits"])
-        return cls(limits, data["uid"], base64.b64decode(data["program"]), tuple(data["readable"]))
+        return cls(limits, data["uid"], base64.b64decode(data["program"]))
 
 
 class LockFailed(Exception):
@@ -86,6 +86,8 @@ def _close_layers(limits: Limits, spec: LockSpec) -> None:
         if libc.prctl(option, ctypes.c_ulong(value), 0, 0, 0) != 0:
             raise OSError(ctypes.get_errno(), f"prctl {option}")
 
+    if libc.unshare(_CLONE_VM) != 0:  # does nothing but fail in a process with more threads than this one,
+        raise OSError("a thread is already running")  # which Landlock would not reach
     prctl(_PR_SET_NO_NEW_PRIVS, 1)
     if spec.uid is not None:
         os.setgroups([])
@@ -93,9 +95,20 @@ def _close_layers(limits: Limits, spec: LockSpec) -> None:
         os.setresuid(spec.uid, spec.uid, spec.uid)
     prctl(_PR_SET_PDEATHSIG, _SIGKILL)  # a change of user id forgets it
     prctl(_PR_SET_DUMPABLE, 0)
-    landlock.restrict_self(spec.readable)
+    _drop_capabilities(libc)
+    landlock.restrict_self()
     _limit_resources(limits)
     seccomp.install(spec.program)
+
+
+def _drop_capabilities(libc: ctypes.CDLL) -> None:
+    """Empty every capability set (linux/capability.h, version 3), and look that they are."""
+    header = struct.pack("<Ii", 0x20080522, 0)
+    if libc.capset(header, bytes(24)) != 0:
+        raise OSError(ctypes.get_errno(), "capset")
+    left = ctypes.create_string_buffer(24)
+    if libc.capget(header, left) != 0 or any(left.raw):
+        raise OSError("capabilities are left")
 
 
 def _limit_resources(limits: Limits) -> None:

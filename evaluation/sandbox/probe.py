@@ -106,7 +106,7 @@ def require(minimum: int | None = None) -> int:
 
 
 def minimum_level() -> int:
-    """``PADDOCK_SANDBOX_LEVEL`` (2 or 3), or 2. Raises ValueError for anything else: there is no way to ask for less."""
+    """``PADDOCK_SANDBOX_LEVEL`` (2 or 3), or 2. Raises ValueError for anything else: nobody can ask for less."""
     text = os.environ.get(_VARIABLE, "").strip() or str(MINIMUM_LEVEL)
     if text not in (str(LEVEL_LOCK), str(LEVEL_NAMESPACES)):
         raise ValueError(f"{_VARIABLE}={text!r}: write {LEVEL_LOCK} (lock) or {LEVEL_NAMESPACES} (lock and namespaces)")
@@ -121,7 +121,7 @@ def _landlock() -> Layer:
 
 def _seccomp() -> Layer:
     try:
-        size = len(seccomp.build(True)) // 8
+        size = len(seccomp.build()) // 8
     except (OSError, RuntimeError, ImportError) as error:
         return Layer("seccomp", False, f"{error}: install libseccomp2")
     return Layer("seccomp", True, f"allow-list of {size} instructions")

@@ -2,7 +2,8 @@
 
 An allow-list: whatever is not named answers EPERM, also calls that a future kernel invents. The launcher compiles the
 program with libseccomp and hands the bytes over; the sandboxed process installs them with one call and needs no
-library. ``clone`` is not on the list in any form: after its imports a locked process starts neither process nor thread.
+library. ``open`` and ``clone`` are not on the list in any form: after its imports a locked process opens no file and
+starts neither process nor thread.
 """
 
 from __future__ import annotations
@@ -13,32 +14,22 @@ import functools
 import os
 
 # What Python, numpy, OpenCV, Bullet and onnxruntime need to compute and to use pipes that are already open.
-_COMPUTE = """
-    read readv write writev close poll ppoll select pselect6 lseek fstat
-    munmap mremap madvise brk membarrier
-    futex futex_waitv set_robust_list rseq restart_syscall sched_yield sched_getaffinity getcpu
-    rt_sigaction rt_sigprocmask rt_sigreturn sigaltstack rt_sigtimedwait
-    clock_gettime clock_getres clock_nanosleep nanosleep gettimeofday time
-    getpid getppid gettid getuid geteuid getgid getegid getresuid getresgid getrlimit getrusage times uname sysinfo
-    getrandom exit exit_group
-""".split()
-
-# Looking files up and reading them; which ones, Landlock decides.
-_READ_FILES = """
-    pread64 preadv newfstatat fstatat64 stat lstat statx access faccessat faccessat2 readlink readlinkat
-    getdents64 getcwd fadvise64 statfs fstatfs
-""".split()
+_COMPUTE = (
+    *("read", "readv", "write", "writev", "close", "poll", "ppoll", "select", "pselect6", "lseek", "fstat"),
+    *("munmap", "mremap", "madvise", "brk", "membarrier", "getrandom", "exit", "exit_group"),
+    *("futex", "futex_waitv", "set_robust_list", "rseq", "restart_syscall"),
+    *("sched_yield", "sched_getaffinity", "getcpu", "uname", "sysinfo", "getrusage", "times", "getrlimit"),
+    *("rt_sigaction", "rt_sigprocmask", "rt_sigreturn", "rt_sigtimedwait", "sigaltstack"),
+    *("clock_gettime", "clock_getres", "clock_nanosleep", "nanosleep", "gettimeofday", "time"),
+    *("getpid", "getppid", "gettid", "getuid", "geteuid", "getgid", "getegid", "getresuid", "getresgid"),
+)
 
 # glibc tries these first and falls back when the kernel "does not have" them; EPERM would be taken as final.
-_ABSENT = ["clone3"]
+_ABSENT = ("clone3",)
 
-_WRITE_FLAGS = (
-    os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND | (os.O_TMPFILE & ~os.O_DIRECTORY) | os.O_PATH
-)
 _PROT_EXEC = 4
-_F_GETFD, _F_GETFL, _F_SETFL, _F_DUPFD_CLOEXEC = 1, 3, 4, 1030
+_F_GETFD, _F_GETFL, _F_SETFL = 1, 3, 4
 
-_PR_SET_NO_NEW_PRIVS = 38
 _SECCOMP_SET_MODE_FILTER = 1
 _FILTER_FLAG_TSYNC = 1
 _SYSCALL_SECCOMP = {"x86_64": 317, "aarch64": 277}
@@ -49,12 +40,12 @@ class _Program(ctypes.Structure):
 
 
 @functools.cache
-def build(reads_code: bool) -> bytes:
+def build() -> bytes:
     """Compile the filter. Raises RuntimeError or OSError where libseccomp is missing."""
     import pyseccomp as scmp  # finding the library starts processes: never in the sandbox
 
     rules = scmp.SyscallFilter(scmp.ERRNO(errno.EPERM))
-    for name in _COMPUTE + (_READ_FILES if reads_code else []):
+    for name in _COMPUTE:
         _allow(scmp, rules, name)
     not_executable = scmp.Arg(2, scmp.MASKED_EQ, _PROT_EXEC, 0)
     _allow(scmp, rules, "mmap", not_executable)
@@ -63,9 +54,6 @@ def build(reads_code: bool) -> bytes:
         _allow(scmp, rules, "fcntl", scmp.Arg(1, scmp.EQ, command))
     # getrlimit is prlimit64 without new values; the limits themselves stay as the lock set them.
     _allow(scmp, rules, "prlimit64", scmp.Arg(0, scmp.EQ, 0), scmp.Arg(2, scmp.EQ, 0))
-    if reads_code:
-        _allow(scmp, rules, "openat", scmp.Arg(2, scmp.MASKED_EQ, _WRITE_FLAGS, 0))
-        _allow(scmp, rules, "open", scmp.Arg(1, scmp.MASKED_EQ, _WRITE_FLAGS, 0))
     for name in _ABSENT:
         _add(scmp, rules, scmp.ERRNO(errno.ENOSYS), name)
     with open(os.memfd_create("seccomp"), "w+b") as file:

@@ -18,7 +18,9 @@ def main(_frames_in: int, frames_out: int) -> None:
         "programs": lambda: os.execv("/usr/bin/env", ["env"]),
         "signals": lambda: os.kill(os.getppid(), 0),
     }
-    write_message(frames_out, {"open": [name for name, attempt in doors.items() if _works(attempt)], "uid": os.getuid()})
+    write_message(
+        frames_out, {"open": [name for name, attempt in doors.items() if _works(attempt)], "uid": os.getuid()}
+    )
 
 
 def _works(attempt) -> bool:

@@ -37,7 +37,9 @@ def configured_range() -> range:
         raise ValueError(f"{_VARIABLE}={text!r}: write it as first-last, for example 70000-70999")
     uids = range(int(first), int(last) + 1)
     if len(uids) < 1 or uids[0] < 1000:
-        raise ValueError(f"{_VARIABLE}={text!r}: the range is empty or reaches into the system's own users (below 1000)")
+        raise ValueError(
+            f"{_VARIABLE}={text!r}: the range is empty or reaches into the system's own users (below 1000)"
+        )
     return uids
 
 

@@ -1,0 +1,116 @@
+"""One model in its policy process, from the launcher's side: start it, load the model, learn why it ended.
+
+with PolicyProcess() as policy:
+    policy.load(onnx, header)
+    client = policy.client(header)
+    action = client(observation)
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from typing import Any
+
+from ..errors import PaddockError, PlatformFault, UserFault
+from .frames import FrameError, FrameTimeout, read_message, write_message
+from .launch import SandboxedProcess, launch, widen_pipe
+from .limits import POLICY, Limits
+from .lock import EXIT_MEMORY
+from .policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S, PolicyClient
+
+MODULE = "evaluation.sandbox.policy_process"
+START_S = 30.0
+LOAD_S = 20.0
+_MAX_ANSWER = 4096
+
+
+class PolicyProcess:
+    """A context manager round the sandboxed process; leaving kills it. Raises PlatformFault where it cannot start."""
+
+    def __init__(
+        self, *, limits: Limits = POLICY, level: int | None = None, module: str = MODULE, **options: Any
+    ) -> None:
+        self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
+        widen_pipe(self.process.stdin)
+
+    def __enter__(self) -> PolicyProcess:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.process.close()
+
+    def load(self, onnx: bytes, header: dict[str, Any]) -> None:
+        """Wait for the lock, then hand over the canonical ONNX bytes. ``header`` as in :mod:`.policy_wire`.
+
+        Raises UserFault (``policy_refused``, ``policy_memory``, ``policy_died``, ``policy_late``, ``policy_protocol``);
+        PlatformFault("sandbox_failed") if the process did not get as far as its lock.
+        """
+        self._wait_for_lock()
+        deadline = time.monotonic() + LOAD_S
+        try:
+            write_message(self.process.stdin, header, [onnx], deadline)
+            answer, _ = read_message(self.process.stdout, deadline, json_limit=_MAX_ANSWER, blob_limit=0)
+        except FrameTimeout:
+            raise self._late() from None
+        except FrameError as error:
+            raise self.explain(UserFault("policy_died", step=0, how=str(error))) from None
+        state = answer.get("state")
+        if state == "memory":
+            raise self._memory()
+        if state == "refused":
+            detail, version = str(answer.get("detail"))[:200], str(answer.get("version"))[:20]
+            raise UserFault("policy_refused", detail=detail, version=version)
+        if state != "ready":
+            raise UserFault("policy_protocol", step=0)
+
+    def client(self, header: dict[str, Any], **budget: float) -> PolicyClient:
+        """A client on this process's pipes, for a referee in this very process (the smoke run of an upload)."""
+        return PolicyClient(self.process.stdout, self.process.stdin, header, **budget)
+
+    def explain(self, fault: PaddockError) -> PaddockError:
+        """Say better why a policy died: the referee sees only that its pipes closed."""
+        if fault.code != "policy_died":
+            return fault
+        status = self.process.wait(1.0)
+        if status == EXIT_MEMORY:
+            return self._memory()
+        if status == -signal.SIGKILL and self.process.cpu_s >= self.process.limits.cpu_s - 1:
+            return self._late(fault.params.get("step", 0))
+        return UserFault("policy_died", step=fault.params.get("step", 0), how=describe(status))
+
+    def _wait_for_lock(self) -> None:
+        try:
+            answer, _ = read_message(
+                self.process.stdout, time.monotonic() + START_S, json_limit=_MAX_ANSWER, blob_limit=0
+            )
+        except FrameError as error:
+            raise failed_start(self.process, str(error)) from None
+        if answer != {"state": "locked"}:
+            raise failed_start(self.process, "it did not say that it is locked")
+
+    def _late(self, step: Any = 0) -> UserFault:
+        return UserFault("policy_late", step=step, step_s=STEP_DEADLINE_S, overage_s=OVERAGE_S, total_s=TOTAL_S)
+
+    def _memory(self) -> UserFault:
+        return UserFault("policy_memory", limit_mb=self.process.limits.address_space_mb)
+
+
+def describe(status: int | None) -> str:
+    """An exit status of :meth:`SandboxedProcess.wait` in words."""
+    if status is None:
+        return "closed its pipes and ran on"
+    if status >= 0:
+        return f"exit status {status}"
+    try:
+        return signal.Signals(-status).name
+    except ValueError:
+        return f"signal {-status}"
+
+
+def failed_start(process: SandboxedProcess, problem: str) -> PlatformFault:
+    """The fault for a process that did not come up; what it wrote to stderr is attached as a note for operators."""
+    status = process.wait(0.5)
+    fault = PlatformFault("sandbox_failed", detail=f"{problem}; {describe(status)}")
+    fault.add_note(process.stderr_text())
+    return fault

@@ -1,0 +1,117 @@
+"""The referee's end of a model's pipes: observations out, one finite action back, within a budget of time."""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import UserFault
+from .policy_wire import STEP, reply_buffer, request_buffer
+
+STEP_DEADLINE_S = 1.0
+OVERAGE_S = 10.0
+TOTAL_S = 120.0
+
+
+class PolicyClient:
+    """Callable as a policy: ``dict`` of sensor arrays in, ``float32[n]`` out (a fresh array each time).
+
+    A step may take ``step_deadline_s``; what is above comes from a bank of ``overage_s`` for the whole run (Kaggle's
+    rule), and all steps together may take ``total_s``. Slowness within that budget changes nothing but wall time.
+
+    Raises UserFault: ``policy_late``, ``policy_died``, ``policy_protocol`` (anything but one reply to this step),
+    ``non_finite_action``. After any of them the pipes are of no use any more. ``seconds`` counts the time spent in it.
+    """
+
+    def __init__(
+        self,
+        read_fd: int,
+        write_fd: int,
+        header: dict[str, Any],
+        step_deadline_s: float = STEP_DEADLINE_S,
+        overage_s: float = OVERAGE_S,
+        total_s: float = TOTAL_S,
+    ) -> None:
+        self._read_fd, self._write_fd = read_fd, write_fd
+        self._step_deadline_s, self._overage_s, self._total_s = step_deadline_s, overage_s, total_s
+        self._bank = overage_s
+        self._request, self._observations = request_buffer(header)
+        self._reply_size = len(reply_buffer(header)[0])
+        self._readable, self._writable = select.poll(), select.poll()
+        self._readable.register(read_fd, select.POLLIN)
+        self._writable.register(write_fd, select.POLLOUT)
+        os.set_blocking(read_fd, False)
+        os.set_blocking(write_fd, False)
+        self._until = 0.0
+        self.step = 0
+        self.seconds = 0.0
+
+    def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """One step. ``observation`` must have exactly the header's sensors, dtypes and shapes (else ValueError)."""
+        self._fill(observation)
+        self.step += 1
+        STEP.pack_into(self._request, 0, self.step)
+        started = time.monotonic()
+        self._until = started + min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
+        self._send()
+        action = self._receive()
+        taken = time.monotonic() - started
+        self.seconds += taken
+        self._bank -= max(0.0, taken - self._step_deadline_s)
+        if not np.isfinite(action).all():
+            raise UserFault("non_finite_action", step=self.step)
+        return action
+
+    def _fill(self, observation: Mapping[str, np.ndarray]) -> None:
+        if observation.keys() != self._observations.keys():
+            raise ValueError(f"sensors {sorted(observation)} where {sorted(self._observations)} were agreed")
+        for name, place in self._observations.items():
+            value = observation[name]
+            if value.shape != place.shape or value.dtype != place.dtype:
+                raise ValueError(f"{name}: {value.dtype}{value.shape} where {place.dtype}{place.shape} was agreed")
+            np.copyto(place, value)
+
+    def _send(self) -> None:
+        view = memoryview(self._request)
+        while view:
+            try:
+                view = view[os.write(self._write_fd, view) :]
+            except BlockingIOError:
+                self._wait(self._writable)
+            except BrokenPipeError:
+                raise self._died() from None
+
+    def _receive(self) -> np.ndarray:
+        reply = bytearray()
+        while len(reply) < self._reply_size:
+            self._wait(self._readable)
+            try:
+                # One byte more than wanted, to see a second reply that comes with the first.
+                chunk = os.read(self._read_fd, self._reply_size + 1 - len(reply))
+            except BlockingIOError:
+                continue
+            if not chunk:
+                raise self._died()
+            reply += chunk
+        if len(reply) > self._reply_size or STEP.unpack_from(reply)[0] != self.step:
+            raise UserFault("policy_protocol", step=self.step)
+        return np.frombuffer(reply, np.dtype("<f4"), offset=STEP.size)
+
+    def _wait(self, poller: select.poll) -> None:
+        left = self._until - time.monotonic()
+        if left <= 0 or not poller.poll(left * 1000 + 1):
+            raise UserFault(
+                "policy_late",
+                step=self.step,
+                step_s=self._step_deadline_s,
+                overage_s=self._overage_s,
+                total_s=self._total_s,
+            )
+
+    def _died(self) -> UserFault:
+        return UserFault("policy_died", step=self.step, how="closed its pipes")

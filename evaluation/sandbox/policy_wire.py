@@ -1,0 +1,42 @@
+"""The fixed-size messages between a referee and a model, shared by both ends (no onnxruntime here).
+
+    request  uint32 step, then the observation of each sensor in sorted name order, in the sensor's dtype and shape
+    reply    uint32 step, then float32[n]
+
+Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n}``.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import numpy as np
+
+STEP = struct.Struct("<I")
+
+
+def request_buffer(header: dict[str, Any]) -> tuple[bytearray, dict[str, np.ndarray]]:
+    """A request of the right size, and for each sensor an array of its dtype and shape that lies in it."""
+    sensors = sorted(header["inputs"], key=lambda sensor: sensor["name"])
+    buffer = bytearray(STEP.size + sum(_count(sensor) * np.dtype(sensor["dtype"]).itemsize for sensor in sensors))
+    observations = {}
+    offset = STEP.size
+    for sensor in sensors:
+        dtype = np.dtype(sensor["dtype"]).newbyteorder("<")
+        flat = np.frombuffer(buffer, dtype, _count(sensor), offset)
+        observations[sensor["name"]] = flat.reshape(sensor["shape"])
+        offset += flat.nbytes
+    return buffer, observations
+
+
+def reply_buffer(header: dict[str, Any]) -> tuple[bytearray, np.ndarray]:
+    """A reply of the right size and the float32[n] action that lies in it."""
+    count = int(header["outputs"])
+    buffer = bytearray(STEP.size + 4 * count)
+    return buffer, np.frombuffer(buffer, np.dtype("<f4"), count, STEP.size)
+
+
+def _count(sensor: dict[str, Any]) -> int:
+    return math.prod(sensor["shape"])
