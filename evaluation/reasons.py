@@ -87,6 +87,14 @@ _UPLOAD = _table(
         "expanded_size": _(
             "The archive unpacks to far more than a car needs. Pack the network and model_metadata.json only."
         ),
+        "garage_full": _(
+            "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."
+        ),
+        "model_name_missing": _("The model needs a name with at least one visible character."),
+        "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
+        "model_name_taken": _("You already have a model named %(name)s. Choose another name."),
+        "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
+        "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
     },
 )
 
@@ -271,7 +279,8 @@ _RUN_TIME = _table(
             "network again."
         ),
         "policy_refused": _(
-            "The runtime cannot load this network: %(detail)s. Export it again, and test it with onnxruntime %(version)s."
+            "The runtime cannot load this network: %(detail)s. Export it again, and test it with onnxruntime "
+            "%(version)s."
         ),
         "stopped": _("The evaluation was stopped before its end. Submit the model again to have it evaluated."),
     },
@@ -285,6 +294,15 @@ _PLATFORM = _table(
             "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
         ),
         "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
+        "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
+        "storage_failed": _(
+            "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
+        ),
+        "lease_expired": _("The worker that ran this evaluation disappeared. It will be tried again."),
+        "platform_gave_up": _(
+            "Paddock failed to run this model %(attempts)s times. Nothing is wrong with it and the attempt does not "
+            "count: submit it again later."
+        ),
     },
 )
 
