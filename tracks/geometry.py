@@ -27,6 +27,10 @@ DIRECTIONS = (CCW, CW)
 
 WINDOW_M = 2.0  # how far from the hint a projection may land, along the centre line
 
+_ROUNDING_M = (
+    1e-9  # a point so little behind a waypoint is abreast of it, or rounding would put it in no segment at all
+)
+
 
 class Projection(NamedTuple):
     """Where a point is, seen from the track. Distances in metres, angles in radians.
@@ -34,7 +38,7 @@ class Projection(NamedTuple):
     A named tuple because building a frozen dataclass would take a third of the time of a projection.
 
     ``distance`` in [0, length) from the finish in driving direction; ``offset`` from the centre line, positive to the
-    left of the driving direction; ``heading`` of the centre line there, in (-pi, pi]; ``index`` of the segment from
+    left of the driving direction; ``heading`` of the centre line there, from -pi to pi; ``index`` of the segment from
     waypoint ``index`` to the next.
     """
 
@@ -94,7 +98,8 @@ class TrackGeometry:
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a track does not change: cannot set {name}")
 
-    __delattr__ = __setattr__  # type: ignore[assignment]
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a track does not change: cannot delete {name}")
 
     @classmethod
     def from_arrays(cls, name: str, centre: Any, inner: Any, outer: Any) -> TrackGeometry:
@@ -136,11 +141,13 @@ class TrackGeometry:
                 py = y - ay
                 behind = px * tx + py * ty
                 if behind < 0.0:
-                    if walked > 0.0 or walked < -WINDOW_M:
-                        break
-                    index = index - 1 if index else count - 1
-                    walked -= size
-                    continue
+                    if behind < -_ROUNDING_M:
+                        if walked > 0.0 or walked < -WINDOW_M:
+                            break
+                        index = index - 1 if index else count - 1
+                        walked -= size
+                        continue
+                    behind = 0.0
                 slope = px * ux + py * uy - along
                 if behind + slope - bend >= 0.0:
                     if walked < 0.0 or walked > WINDOW_M:
@@ -313,8 +320,9 @@ def _root(segment: _Segment, x: float, y: float) -> float | None:
     ax, ay, _, _, tx, ty, ux, uy, along, bend, *_ = segment
     behind = (x - ax) * tx + (y - ay) * ty
     slope = (x - ax) * ux + (y - ay) * uy - along
-    if behind < 0.0 or behind + slope - bend >= 0.0:
+    if behind < -_ROUNDING_M or behind + slope - bend >= 0.0:
         return None
+    behind = max(behind, 0.0)
     below = math.sqrt(slope * slope + 4.0 * behind * bend) - slope
     return 2.0 * behind / below if below > 0.0 else 0.0
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.reasons import gettext_noop
 
-from ..geometry import TrackGeometry
+from ..geometry import CCW, TrackGeometry
 from .curve import road
 from .shapes import SHAPES
 
@@ -30,13 +30,15 @@ class CatalogueTrack:
     finish_m: float
     description: str
 
-    def geometry(self, direction: str = "ccw") -> TrackGeometry:
+    def geometry(self, direction: str = CCW) -> TrackGeometry:
         """The track driven ``"ccw"`` (as drawn) or ``"cw"``; the same object every time."""
-        return _geometry(self).in_direction(direction)
+        return _geometry(self, direction)
 
 
 @cache
-def _geometry(track: CatalogueTrack) -> TrackGeometry:
+def _geometry(track: CatalogueTrack, direction: str) -> TrackGeometry:
+    if direction != CCW:
+        return _geometry(track, CCW).in_direction(direction)
     lines = road(
         SHAPES[track.slug],
         finish_m=track.finish_m,

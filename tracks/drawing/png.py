@@ -51,7 +51,7 @@ def draw_png(
     lines: Sequence[DrivenLine] = (),
     car: tuple[float, float] | None = None,
 ) -> bytes:
-    """The map of :func:`draw_svg` as PNG bytes; ``size`` = (width, height) in pixels, ``scheme`` ``"dark"`` or ``"light"``.
+    """The map of :func:`draw_svg` as PNG bytes; ``size`` is (width, height) in pixels, ``scheme`` dark or light.
 
     Raises ValueError for another scheme or a side outside 16..2048 px.
     """

@@ -1,0 +1,173 @@
+"""Maps as SVG and PNG."""
+
+import io
+import itertools
+import math
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from tracks.catalogue import CATALOGUE
+from tracks.drawing import SPEED_CLASSES, DrivenLine, draw_png, draw_svg, svg_path
+from tracks.drawing.lines import ERROR_M, simplify, simplify_loop
+from tracks.drawing.png import SCHEMES
+from tracks.geometry import TrackGeometry
+
+SVG = "{http://www.w3.org/2000/svg}"
+every_track = pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+
+
+def lap(track, offset=0.2, step=0.2):
+    return [track.point_at(k * step, offset)[:2] for k in range(int(track.length / step))]
+
+
+def drawn(picture, word):
+    root = ET.fromstring(picture)
+    return [part for part in root.iter() if word in part.get("class", "").split()]
+
+
+def points_of(path):
+    return [tuple(map(float, pair.split(","))) for pair in re.findall(r"-?[\d.]+,-?[\d.]+", path.get("d"))]
+
+
+@every_track
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_a_map_is_xml_with_every_mark_inside_its_frame(entry, direction):
+    track = entry.geometry(direction)
+    picture = draw_svg(track, width=320, height=180, line=lap(track), car=lap(track)[-1])
+    root = ET.fromstring(picture)
+    assert (root.get("width"), root.get("height"), root.get("role")) == ("320", "180", "img")
+    assert root[0].tag == SVG + "title" and root[0].text == entry.name
+    _, _, width, height = map(float, root.get("viewBox").split())
+    x_min, y_min, x_max, y_max = track.bounds
+    assert width == pytest.approx(x_max - x_min + 0.6, abs=0.01)
+    assert height == pytest.approx(y_max - y_min + 0.6, abs=0.01)
+    for word in ("track-road", "track-centre", "track-line", "track-finish", "track-arrow"):
+        (path,) = drawn(picture, word)
+        assert all(0 <= x <= width and 0 <= y <= height for x, y in points_of(path)), word
+    assert len(drawn(picture, "track-car")) == 1
+    assert len(picture) < 16_000
+    assert "style" not in picture and "#" not in picture, "colours belong to the style sheet"
+
+
+def test_the_arrow_points_in_the_driving_direction():
+    for entry in CATALOGUE:
+        x_of = {}
+        for direction in ("ccw", "cw"):
+            (path,) = drawn(draw_svg(entry.geometry(direction)), "track-arrow")
+            tail, tip, _ = points_of(path)
+            x_of[direction] = tip[0] - tail[0]
+        assert x_of["ccw"] > 0 > x_of["cw"], "the finish straights of the catalogue run to the right"
+
+
+def test_the_finish_line_reaches_from_border_to_border_at_waypoint_0():
+    track = CATALOGUE[0].geometry()
+    (path,) = drawn(draw_svg(track), "track-finish")
+    one, other = points_of(path)
+    assert math.dist(one, other) == pytest.approx(1.07, abs=0.02)
+    assert svg_path(track, [track.left[0], track.right[0]]) == path.get("d")
+
+
+HOSTILE = "</title><script>alert(1)</script>&amp;\"'\x00\x1b\ud800\uffff]]>"
+
+
+def test_a_hostile_name_is_only_text():
+    source = CATALOGUE[0].geometry()
+    track = TrackGeometry.from_arrays(HOSTILE, source.centre, source.inner, source.outer)
+    for picture in (draw_svg(track), draw_svg(source, title=HOSTILE)):
+        root = ET.fromstring(picture.encode())
+        assert [part.tag for part in root.iter() if "script" in part.tag] == []
+        assert root[0].text == "</title><script>alert(1)</script>&amp;\"']]>"
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text())
+def test_any_name_gives_xml_that_parses(name):
+    root = ET.fromstring(draw_svg(CATALOGUE[-1].geometry(), title=name).encode())
+    assert len(root) >= 5 and root[0].tag == SVG + "title"
+
+
+def test_a_line_style_cannot_break_out_of_its_attribute():
+    assert drawn(draw_svg(CATALOGUE[0].geometry(), lines=[DrivenLine([(0, 0), (0, 0.1)], style="rival-2")]), "rival-2")
+    for style in ('"><script>', "two words", "ü", "a;b"):
+        with pytest.raises(ValueError, match="style"):
+            DrivenLine([(0, 0), (1, 1)], style=style)
+
+
+def test_a_line_is_coloured_by_speed_without_gaps():
+    track = CATALOGUE[0].geometry()
+    points = lap(track)
+    speeds = np.linspace(0.0, 4.5, len(points))
+    strokes = DrivenLine(points, speeds).strokes()
+    assert [speed for speed, _ in strokes] == list(range(SPEED_CLASSES))
+    for (_, before), (_, after) in itertools.pairwise(strokes):
+        assert np.array_equal(before[-1], after[0])
+    picture = draw_svg(track, lines=[DrivenLine(points, speeds)])
+    assert len(drawn(picture, "track-line")) == SPEED_CLASSES
+    assert len(drawn(picture, "speed-5")) == 1
+    with pytest.raises(ValueError, match="speeds"):
+        DrivenLine(points, speeds[:-1])
+
+
+def test_a_reset_breaks_the_line():
+    line = DrivenLine([(0, 0), (0.2, 0), (0.4, 0), (3.0, 0), (3.2, 0), (9.0, 0), (math.nan, 0), (9.4, 0), (9.6, 0)])
+    strokes = [points.tolist() for _, points in line.strokes()]
+    assert strokes == [[[0, 0], [0.4, 0]], [[3, 0], [3.2, 0]], [[9.4, 0], [9.6, 0]]]
+    assert DrivenLine([]).strokes() == [] and DrivenLine([(1, 1)]).strokes() == []
+
+
+@every_track
+def test_thinning_stays_within_its_error(entry):
+    track = entry.geometry()
+    points = np.array(lap(track, step=0.05))
+    thin = simplify(points)
+    assert len(thin) < len(points) / 3
+    assert np.array_equal(thin[0], points[0]) and np.array_equal(thin[-1], points[-1])
+    loop = simplify_loop(track.outer)
+    assert np.array_equal(loop[0], track.outer[0]) and len(loop) < len(track) * 0.8
+    for full, few in ((points, thin), (track.outer, np.vstack((loop, loop[:1])))):
+        a, step = few[:-1], np.diff(few, axis=0)
+        apart = full[:, None] - a[None]
+        t = np.clip((apart * step).sum(2) / (step * step).sum(1), 0, 1)
+        off = np.linalg.norm(apart - t[..., None] * step, axis=2).min(axis=1)
+        assert off.max() <= ERROR_M + 1e-12
+
+
+def test_a_map_that_stands_alone_brings_its_style():
+    picture = draw_svg(CATALOGUE[0].geometry(), standalone=True)
+    assert ET.fromstring(picture).find(SVG + "style") is not None
+
+
+@every_track
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_a_preview_opens_in_its_size_and_shows_road_mark_and_line(entry, scheme):
+    track = entry.geometry()
+    line = DrivenLine(lap(track), [2.0] * len(lap(track)))
+    image = Image.open(io.BytesIO(draw_png(track, (320, 200), scheme=scheme, lines=[line], car=lap(track)[50])))
+    image.load()
+    assert (image.format, image.size, image.mode) == ("PNG", (320, 200), "RGB")
+    colours = SCHEMES[scheme]
+    counts = {f"#{r:02x}{g:02x}{b:02x}": count for count, (r, g, b) in image.getcolors(320 * 200)}
+    assert counts[colours.ground] > 5000 and counts[colours.road] > 1000
+    assert counts[colours.mark] > 5
+    assert len(counts) > 100, "edges are smooth"
+
+
+def test_the_preview_shows_the_line_where_it_was_driven():
+    track = CATALOGUE[-1].geometry()
+    plain = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240)))), dtype=int)
+    lined = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), line=lap(track, 0.3)))), dtype=int)
+    changed = np.abs(plain - lined).max(axis=2) > 30
+    assert 0.005 < changed.mean() < 0.1
+    assert not changed[115:125, 195:205].any(), "nothing is drawn on the infield"
+
+
+@pytest.mark.parametrize("options", [{"scheme": "sepia"}, {"size": (8, 200)}, {"size": (320, 99999)}])
+def test_a_preview_of_nonsense_is_refused(options):
+    with pytest.raises(ValueError, match=r"scheme|side"):
+        draw_png(CATALOGUE[0].geometry(), **options)

@@ -1,0 +1,243 @@
+"""Projection, placing, widths and directions of a track."""
+
+import json
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tracks.catalogue import CATALOGUE
+from tracks.geometry import WINDOW_M, TrackGeometry
+
+tracks = st.sampled_from(CATALOGUE)
+directions = st.sampled_from(("ccw", "cw"))
+shares = st.floats(0, 1, exclude_max=True)
+sides = st.floats(-0.999, 0.999)
+
+
+def ring(radius=3.0, width=1.0, points=120, name="ring"):
+    """A circular track: everything about it is known exactly in the limit of many points."""
+    angle = np.arange(points) * math.tau / points
+    unit = np.column_stack((np.cos(angle), np.sin(angle)))
+    return TrackGeometry.from_arrays(name, radius * unit, (radius - width / 2) * unit, (radius + width / 2) * unit)
+
+
+def apart(track, one, other):
+    """Metres between two distances along the track, the short way round."""
+    return abs((one - other + track.length / 2) % track.length - track.length / 2)
+
+
+def turned(one, other):
+    return abs(math.remainder(one - other, math.tau))
+
+
+@settings(max_examples=400, deadline=None)
+@given(tracks, directions, shares, sides)
+def test_projecting_a_placed_point_gives_back_its_distance_offset_and_heading(entry, direction, share, side):
+    track = entry.geometry(direction)
+    distance = share * track.length
+    left, right = track.half_widths_at(distance)
+    offset = side * (left if side > 0 else right)
+    x, y, heading = track.point_at(distance, offset)
+    hint = int(np.searchsorted(track.cumulative, distance, side="right")) - 1
+    for found in (track.project(x, y), track.project(x, y, hint), track.project(x, y, hint + 3)):
+        assert apart(track, found.distance, distance) < 1e-6
+        assert found.offset == pytest.approx(offset, abs=1e-6)
+        assert turned(found.heading, heading) < 1e-4
+        assert 0 <= found.distance < track.length
+        assert 0 <= found.index < len(track)
+    # The last millimetres belong to the chords between the border points.
+    assert track.on_road(*track.point_at(distance, 0.98 * offset)[:2])
+
+
+@settings(max_examples=200, deadline=None)
+@given(tracks, shares, sides)
+def test_both_directions_agree_on_where_a_point_is(entry, share, side):
+    ccw, cw = entry.geometry("ccw"), entry.geometry("cw")
+    x, y, _ = ccw.point_at(share * ccw.length, side * ccw.half_widths_at(share * ccw.length)[0])
+    one, other = ccw.project(x, y), cw.project(x, y)
+    assert apart(ccw, one.distance, -other.distance) < 1e-6
+    assert one.offset == pytest.approx(-other.offset, abs=1e-6)
+    assert turned(one.heading, other.heading + math.pi) < 1e-4
+    assert ccw.width_at(one.distance) == pytest.approx(cw.width_at(other.distance), abs=1e-5)
+    for lane in ("inner", "outer"):
+        ours, theirs = ccw.lane_centre(one.distance, lane), cw.lane_centre(other.distance, lane)
+        assert math.dist(ours[:2], theirs[:2]) < 1e-4
+
+
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+def test_progress_never_jumps_on_a_wobbling_lap(entry, direction):
+    track = entry.geometry(direction)
+    hint, before, total = 0, 0.0, 0.0
+    steps = int(track.length / 0.05)
+    for k in range(1, 2 * steps + 1):
+        distance = k * track.length / steps
+        x, y, _ = track.point_at(distance, 0.53 * math.sin(1.7 * distance))
+        found = track.project(x, y, hint)
+        moved = math.remainder(found.distance - before, track.length)
+        assert 0.0 < moved < 0.2
+        total += moved
+        hint, before = found.index, found.distance
+        assert found == track.project(x, y, hint)
+    assert total == pytest.approx(2 * track.length, abs=1e-6)
+
+
+@settings(max_examples=200, deadline=None)
+@given(tracks, directions, shares, st.floats(-1.5, 1.5), st.floats(0, math.tau))
+def test_progress_never_leaves_the_window_wherever_a_car_strays(entry, direction, share, offset, angle):
+    """A car beside the road next to another part of the track is still where it came from."""
+    track = entry.geometry(direction)
+    start = track.project(*track.point_at(share * track.length, 0.0)[:2])
+    x, y, _ = track.point_at(start.distance, offset)
+    found = track.project(x + 0.2 * math.cos(angle), y + 0.2 * math.sin(angle), start.index)
+    assert apart(track, found.distance, start.distance) <= WINDOW_M + 0.4
+    again = track.project(x + 0.2 * math.cos(angle), y + 0.2 * math.sin(angle), start.index)
+    assert found == again
+
+
+def test_side_by_side_parts_are_told_apart_by_the_hint():
+    track = next(entry for entry in CATALOGUE if entry.slug == "baja-turnpike").geometry()
+    onto, back = 8.0, 13.5  # before and after the hairpin
+    x, y, _ = track.point_at(onto, 0.9)  # between the two straights, nearer to the way back
+    assert apart(track, track.project(x, y).distance, back) < 1.5
+    hint = track.project(*track.point_at(onto)[:2]).index
+    assert apart(track, track.project(x, y, hint).distance, onto) < 0.1
+
+
+@settings(max_examples=100, deadline=None)
+@given(tracks, st.floats(-30, 30), st.floats(-30, 30))
+def test_without_a_hint_the_nearest_part_counts_as_shapely_finds_it(entry, x, y):
+    shapely = pytest.importorskip("shapely", reason="the oracle comes with deepracer-utils")
+    track = entry.geometry()
+    line = shapely.LinearRing(track.centre)
+    truth = line.distance(shapely.Point(x, y))
+    found = track.project(x, y)
+    assert truth - 1e-9 <= abs(found.offset) <= 1.2 * truth + 0.03
+    assert math.dist(track.point_at(found.distance)[:2], (x, y)) <= 1.2 * truth + 0.03
+
+
+@settings(max_examples=300, deadline=None)
+@given(tracks, shares, st.floats(-1.2, 1.2))
+def test_on_road_agrees_with_shapely(entry, share, offset):
+    shapely = pytest.importorskip("shapely", reason="the oracle comes with deepracer-utils")
+    track = entry.geometry()
+    x, y, _ = track.point_at(share * track.length, offset)
+    road = shapely.Polygon(track.outer, [track.inner])
+    if road.boundary.distance(shapely.Point(x, y)) > 1e-7:
+        assert track.on_road(x, y) == road.contains(shapely.Point(x, y))
+
+
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+def test_border_lines_belong_to_the_road(entry):
+    track = entry.geometry()
+    for border in (track.inner, track.outer):
+        after = np.roll(border, -1, axis=0)
+        for share in (0.0, 0.3, 0.5):
+            assert all(track.on_road(x, y) for x, y in (border + share * (after - border)).tolist())
+
+
+def test_nothing_far_away_or_infinite_is_on_the_road():
+    track = ring()
+    for x, y in ((0, 0), (9, 0), (0, 9), (0, -9), (math.nan, 0), (3, math.inf), (-math.inf, math.nan)):
+        assert not track.on_road(x, y)
+
+
+def test_a_circle_has_the_values_of_a_circle():
+    track = ring(radius=3.0, points=720)
+    assert track.length == pytest.approx(math.tau * 3, rel=1e-4)
+    assert track.direction == "ccw"
+    found = track.project(0.0, 2.7)
+    assert found.distance == pytest.approx(math.tau * 3 / 4, rel=1e-4)
+    assert found.offset == pytest.approx(0.3, abs=1e-3)
+    assert turned(found.heading, math.pi) < 1e-2
+    assert track.width_at(5.0) == pytest.approx(1.0, abs=1e-4)
+    assert track.lane_centre(0.0, "inner")[:2] == pytest.approx((2.75, 0.0), abs=1e-4)
+    assert track.lane_centre(0.0, "outer")[:2] == pytest.approx((3.25, 0.0), abs=1e-4)
+    assert track.bounds == pytest.approx((-3.5, -3.5, 3.5, 3.5))
+    backwards = track.in_direction("cw")
+    assert backwards.project(0.0, 2.7).offset == pytest.approx(-0.3, abs=1e-3)
+    assert backwards.lane_centre(0.0, "inner")[:2] == pytest.approx((2.75, 0.0), abs=1e-4)
+
+
+def test_distance_wraps_round_both_ways():
+    track = ring()
+    assert track.point_at(track.length + 1.0) == pytest.approx(track.point_at(1.0))
+    assert track.point_at(-1.0) == pytest.approx(track.point_at(track.length - 1.0))
+    assert track.point_at(-1e-18) == pytest.approx(track.point_at(0.0))
+    assert track.width_at(-0.5) == pytest.approx(track.width_at(track.length - 0.5))
+
+
+@pytest.mark.parametrize("hint", [None, 0])
+@pytest.mark.parametrize("point", [(math.nan, 0.0), (0.0, math.inf)])
+def test_a_point_that_is_not_finite_cannot_be_projected(point, hint):
+    with pytest.raises(ValueError, match="not finite"):
+        ring().project(*point, hint)
+    with pytest.raises(ValueError, match="finite"):
+        ring().point_at(math.nan)
+
+
+def test_turning_round_keeps_the_finish_and_the_physical_borders():
+    track = CATALOGUE[0].geometry("ccw")
+    back = track.in_direction("cw")
+    assert back.direction == "cw"
+    assert np.array_equal(back.centre[0], track.centre[0])
+    assert np.array_equal(back.inner[1], track.inner[-1])
+    assert np.array_equal(track.left, track.inner) and np.array_equal(track.right, track.outer)
+    assert np.array_equal(back.left, back.outer) and np.array_equal(back.right, back.inner)
+    assert back.length == pytest.approx(track.length)
+    assert back.in_direction("ccw") == track
+    assert track.in_direction("ccw") is track
+    with pytest.raises(ValueError, match="direction"):
+        track.in_direction("clockwise")
+    with pytest.raises(ValueError, match="lane"):
+        track.lane_centre(0.0, "left")
+
+
+def test_a_track_cannot_be_changed():
+    track = CATALOGUE[0].geometry()
+    for line in (track.centre, track.inner, track.outer, track.left, track.right, track.cumulative):
+        assert line.flags.c_contiguous and line.dtype == np.float64
+        with pytest.raises(ValueError, match="read-only"):
+            line[0] = 0.0
+    with pytest.raises(AttributeError):
+        track.length = 1.0
+    with pytest.raises(AttributeError):
+        del track.length
+
+
+def test_the_callers_arrays_stay_their_own():
+    source = ring()
+    centre, inner, outer = (np.array(line) for line in (source.centre, source.inner, source.outer))
+    track = TrackGeometry.from_arrays("copy", centre, inner, outer)
+    print_before = track.fingerprint
+    centre += 1.0
+    assert track.fingerprint == print_before
+
+
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+def test_a_track_survives_json_and_pickle_to_the_last_bit(entry):
+    track = entry.geometry("cw")
+    for other in (TrackGeometry.from_dict(json.loads(json.dumps(track.to_dict()))), pickle.loads(pickle.dumps(track))):
+        assert other == track and hash(other) == hash(track)
+        assert other.fingerprint == track.fingerprint
+        assert other.project(1.0, 2.0) == track.project(1.0, 2.0)
+        assert not other.centre.flags.writeable
+    assert track != entry.geometry("ccw")
+    assert len(track) == len(track.centre)
+
+
+def test_borders_given_the_wrong_way_round_are_put_right():
+    source = ring()
+    track = TrackGeometry.from_arrays("swapped", source.centre, source.outer, source.inner)
+    assert np.array_equal(track.inner, source.inner)
+
+
+def test_duplicate_points_and_the_closing_row_are_dropped():
+    source = ring(points=40)
+    rows = [0, 0, *range(40), 39, 0, 0]
+    track = TrackGeometry.from_arrays("ring", source.centre[rows], source.inner[rows], source.outer[rows])
+    assert track == source
