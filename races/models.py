@@ -5,7 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 
 from django.conf import settings
-from django.core.validators import MaxValueValidator, MinValueValidator
+from django.core.exceptions import ValidationError
+from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
 from django.db import models
 from django.db.models import F, Q
 from django.urls import reverse
@@ -14,6 +15,12 @@ from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
 from tracks.models import Direction
+
+from .errors import problem
+from .ranking import LAST, MOST_DRIVEN, NO_RESULT, NOT_CLASSIFIED
+from .sensors import OFFERABLE, sensors_make_sense
+
+ONE_LINE = RegexValidator(r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*\Z", _("Write a name on one line."), code="one_line")
 
 
 class Kind(models.TextChoices):
@@ -76,7 +83,7 @@ class Race(models.Model):
     slug = models.SlugField(_("address"), unique=True, max_length=80)
     kind = models.CharField(_("kind"), max_length=9, choices=Kind.choices, default=Kind.COMMUNITY)
     division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
-    name = models.CharField(_("name"), max_length=64)
+    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
     description = models.TextField(_("description"), blank=True, max_length=2000)
     organiser = models.ForeignKey(
         settings.AUTH_USER_MODEL,
@@ -127,9 +134,15 @@ class Race(models.Model):
     invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)
     opens_at = models.DateTimeField(_("opens"))
     closes_at = models.DateTimeField(_("closes"))
-    cancelled_at = models.DateTimeField(_("cancelled"), null=True, blank=True)
-    cancel_reason = models.CharField(_("reason for cancelling"), max_length=255, blank=True)
+    cancelled_at = models.DateTimeField(_("cancelled"), null=True, blank=True, editable=False)
+    cancel_reason = models.CharField(_("reason for cancelling"), max_length=255, blank=True, editable=False)
     created_at = models.DateTimeField(_("created"), default=timezone.now, editable=False)
+
+    # The fastest that anybody ranked has driven, for the purple marks of a board. Written with the standings.
+    fastest_lap_ms = models.PositiveIntegerField(_("fastest lap"), null=True, blank=True, editable=False)
+    fastest_sector_1_ms = models.PositiveIntegerField(_("fastest sector 1"), null=True, blank=True, editable=False)
+    fastest_sector_2_ms = models.PositiveIntegerField(_("fastest sector 2"), null=True, blank=True, editable=False)
+    fastest_sector_3_ms = models.PositiveIntegerField(_("fastest sector 3"), null=True, blank=True, editable=False)
 
     class Meta:
         verbose_name = _("race")
@@ -166,6 +179,33 @@ class Race(models.Model):
     def get_absolute_url(self) -> str:
         return reverse("race", args=[self.slug])
 
+    def clean(self) -> None:
+        """Refuse contradictions that need no clock, on the field to change. Raises ValidationError of reason codes."""
+        problems: dict[str, ValidationError] = {}
+        if self.opens_at and self.closes_at and self.closes_at <= self.opens_at:
+            problems["closes_at"] = problem("race_closes_before_opening")
+        if self.laps and self.minimum_laps:
+            if self.minimum_laps > self.laps:
+                problems["minimum_laps"] = problem("race_minimum_laps", laps=self.laps)
+            elif self.ranking_method == RankingMethod.TOTAL and self.minimum_laps != self.laps:
+                problems["minimum_laps"] = problem("race_total_needs_all_laps", laps=self.laps)
+        if self.kind == Kind.LEAGUE:
+            if not self.division:
+                problems["division"] = problem("race_needs_division")
+            if self.visibility != Visibility.PUBLIC:
+                problems["visibility"] = problem("race_league_is_public")
+        elif self.division:
+            problems["division"] = problem("race_community_has_no_division")
+        if not sensors_make_sense(self.sensors):
+            problems["sensors"] = problem("race_sensors", known=", ".join(OFFERABLE))
+        if problems:
+            raise ValidationError(problems)
+
+    @property
+    def fastest_sectors_ms(self) -> tuple[int | None, int | None, int | None]:
+        """The best time that anybody ranked has driven in each sector."""
+        return self.fastest_sector_1_ms, self.fastest_sector_2_ms, self.fastest_sector_3_ms
+
     def state_at(self, now: datetime) -> RaceState:
         """Upcoming before ``opens_at``, open until just before ``closes_at``, closed from then on."""
         if self.cancelled_at is not None:
@@ -179,16 +219,24 @@ class Entry(models.Model):
     """A racer in a race, with their standing: the best counted submission.
 
     The standing columns are written in the transaction that records a result, by ``races.services`` alone.
-    ``rank_key_*`` hold what the race's ranking method sorts by, smaller first, so that a board is one indexed query.
+    A board is one index read in order: ``rank_score``, ``rank_lap``, ``resets``, ``achieved_at``, ``id``, smaller first
+    (see races.ranking). Who withdrew or was removed keeps the row with all that was driven, and is on no board.
     """
 
     race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"))
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="entries", verbose_name=_("racer"))
     entered_at = models.DateTimeField(_("entered"), default=timezone.now)
     withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
+    removed_at = models.DateTimeField(_("removed by the organiser"), null=True, blank=True)
+    removal_reason = models.CharField(_("reason for removing"), max_length=255, blank=True)
     is_baseline = models.BooleanField(_("house car, outside the ranking"), default=False)
 
-    submission_count = models.PositiveSmallIntegerField(_("submissions"), default=0)
+    submission_count = models.PositiveSmallIntegerField(
+        _("submissions"), default=0, help_text=_("Those that count: refunded ones are taken off again.")
+    )
+    last_number = models.PositiveSmallIntegerField(
+        _("last submission number"), default=0, help_text=_("Only grows: a refunded submission keeps its number.")
+    )
     best = models.ForeignKey(
         "races.Submission", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("best submission")
     )
@@ -201,7 +249,11 @@ class Entry(models.Model):
     off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
     resets = models.PositiveIntegerField(_("resets"), default=0)
     sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
+    own_best_sectors = models.JSONField(_("best sectors of all submissions"), default=list, blank=True)
+    own_best_lap_ms = models.PositiveIntegerField(_("best lap of all submissions"), null=True, blank=True)
     achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
+    rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
+    rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
 
     class Meta:
         verbose_name = _("entry")
@@ -209,21 +261,42 @@ class Entry(models.Model):
         constraints = [
             models.UniqueConstraint(fields=["race", "racer"], name="entry_once_in_a_race"),
             models.CheckConstraint(
-                condition=Q(classified=False)
-                | Q(score_ms__isnull=False, best_lap_ms__isnull=False, achieved_at__isnull=False),
-                name="entry_classified_has_a_score",
+                condition=Q(classified=False, score_ms__isnull=True, rank_score__gte=NOT_CLASSIFIED - MOST_DRIVEN)
+                | Q(classified=True, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"), achieved_at__isnull=False),
+                name="entry_rank_follows_standing",
+            ),
+            models.CheckConstraint(
+                condition=Q(removed_at__isnull=True) | Q(withdrawn_at__isnull=False), name="entry_removed_is_withdrawn"
+            ),
+            models.CheckConstraint(
+                condition=Q(submission_count__lte=F("last_number")), name="entry_counts_numbered_submissions"
             ),
         ]
         indexes = [
-            # the board: classified first, then score, best lap, fewer resets, earlier submission
+            # the board, and by it every rank: a prefix of this index in order
             models.Index(
-                fields=["race", "-classified", "score_ms", "best_lap_ms", "resets", "achieved_at", "id"],
+                fields=["race", "rank_score", "rank_lap", "resets", "achieved_at", "id", "is_baseline"],
+                condition=Q(withdrawn_at=None),
                 name="entry_board",
+            ),
+            # house cars are few: their places are looked up when a page is ranked
+            models.Index(
+                fields=["race"], condition=Q(is_baseline=True, withdrawn_at=None), name="entry_baselines_of_race"
             ),
         ]
 
     def __str__(self) -> str:
         return f"{self.racer} in {self.race}"
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the racer has withdrawn or was removed."""
+        return self.withdrawn_at is not None
+
+    @property
+    def rank_key(self) -> tuple:
+        """What the board sorts by, smaller first; only comparable between entries that have a result."""
+        return self.rank_score, self.rank_lap, self.resets, self.achieved_at, self.pk
 
 
 class Submission(models.Model):

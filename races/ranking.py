@@ -1,0 +1,220 @@
+"""How laps become a standing: one class for each ranking method, which also says its rule in plain sentences.
+
+Pure functions of the laps that an evaluation measured (evaluation.simulator LapResult dicts, times in whole simulated
+milliseconds); no database. The average is the old service's (DRoA, ModelPerformanceMetricsHelper.ts): the lowest
+floor(mean) over every window of ``minimum_laps`` consecutive complete laps. Unlike there, an unfinished lap is never a
+best lap.
+
+Order on a board, the same for every method: classified cars by score, then best lap, then fewer resets, then the
+earlier submission; below them the others, who drove farther first; last who has no result yet.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy, ngettext
+
+if TYPE_CHECKING:
+    from .models import Race
+
+Lap = Mapping[str, Any]
+
+# What stands in the rank columns of an entry that has no score. Any score is below all of them.
+MOST_DRIVEN = 1_000_000  # more than any race's laps in percent
+NOT_CLASSIFIED = 10**12
+NO_RESULT = 2 * 10**12
+LAST = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What one submission is worth in a race. Times in milliseconds, None where nothing was driven for it.
+
+    ``window``: numbers of the first and last lap that the average is taken over. ``total_ms``: of all laps, if all are
+    complete. ``driven_percent``: completion of all laps added up (300 = three laps). ``sectors``: of the best lap;
+    ``best_sectors``: the best time in each over all complete laps; both empty when no lap is complete.
+    """
+
+    classified: bool
+    score_ms: int | None
+    average_ms: int | None
+    best_lap_ms: int | None
+    total_ms: int | None
+    complete_laps: int
+    driven_percent: int
+    off_tracks: int
+    crashes: int
+    resets: int
+    sectors: tuple[int, ...]
+    best_sectors: tuple[int, ...]
+    best_lap_number: int | None
+    window: tuple[int, int] | None
+
+    @property
+    def rank_score(self) -> int:
+        """First thing a board sorts by, smaller first."""
+        if self.classified and self.score_ms is not None:
+            return self.score_ms
+        return NOT_CLASSIFIED - min(self.driven_percent, MOST_DRIVEN)
+
+    @property
+    def rank_lap(self) -> int:
+        """Second thing a board sorts by."""
+        return LAST if self.best_lap_ms is None else self.best_lap_ms
+
+    @property
+    def key(self) -> tuple[int, int, int]:
+        """What two submissions are compared by, smaller is better; equal ones by who came earlier."""
+        return self.rank_score, self.rank_lap, self.resets
+
+
+class RankingRule(ABC):
+    """One ranking method."""
+
+    code: str
+    label: Any  # a lazy translation
+    column: Any  # heading of the score's column on a board
+
+    def standing(self, laps: Sequence[Lap], minimum_laps: int) -> Standing:
+        """The standing that ``laps`` (in the order driven) are worth.
+
+        A car is classified when it finished ``minimum_laps`` consecutive laps. Raises ValueError if that is below 1.
+        """
+        if minimum_laps < 1:
+            raise ValueError(f"minimum_laps must be at least 1, not {minimum_laps}")
+        complete = [lap for lap in laps if lap["complete"]]
+        best = min(complete, key=lambda lap: lap["time_ms"], default=None)
+        window = _best_window(laps, minimum_laps)
+        average_ms = None if window is None else _total(laps[window : window + minimum_laps]) // minimum_laps
+        total_ms = _total(laps) if laps and len(complete) == len(laps) and len(laps) >= minimum_laps else None
+        best_ms = None if best is None else best["time_ms"]
+        score_ms = self._score(average_ms, best_ms, total_ms) if window is not None else None
+        return Standing(
+            classified=score_ms is not None,
+            score_ms=score_ms,
+            average_ms=average_ms,
+            best_lap_ms=best_ms,
+            total_ms=total_ms,
+            complete_laps=len(complete),
+            driven_percent=sum(100 if lap["complete"] else int(lap["completion_percentage"]) for lap in laps),
+            off_tracks=sum(lap["off_tracks"] for lap in laps),
+            crashes=sum(lap["crashes"] for lap in laps),
+            resets=sum(lap["resets"] for lap in laps),
+            sectors=() if best is None else _sectors(best),
+            best_sectors=best_of_sectors(_sectors(lap) for lap in complete),
+            best_lap_number=None if best is None else best["number"],
+            window=None if window is None else (laps[window]["number"], laps[window + minimum_laps - 1]["number"]),
+        )
+
+    @abstractmethod
+    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
+        """The score of a car that finished enough consecutive laps, or None if it still has none."""
+
+    @abstractmethod
+    def rule(self, race: Race) -> str:
+        """What ``race`` ranks by and who is classified, in plain sentences of the reader's language."""
+
+
+class Average(RankingRule):
+    """Lowest mean of any window of N consecutive complete laps, in whole milliseconds rounded down."""
+
+    code = "average"
+    label = gettext_lazy("average lap")
+    column = gettext_lazy("Average")
+
+    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
+        return average_ms
+
+    def rule(self, race: Race) -> str:
+        laps = race.minimum_laps
+        return ngettext(
+            "Ranked by the fastest complete lap. A car that finishes no lap is not classified.",
+            "Ranked by the lowest average of %(laps)s consecutive complete laps, rounded down to the millisecond. "
+            "A car that does not finish %(laps)s laps in a row is not classified.",
+            laps,
+        ) % {"laps": laps}
+
+
+class Best(RankingRule):
+    """The fastest complete lap; unfinished laps never count."""
+
+    code = "best"
+    label = gettext_lazy("best lap")
+    column = gettext_lazy("Best lap")
+
+    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
+        return best_ms
+
+    def rule(self, race: Race) -> str:
+        laps = race.minimum_laps
+        return ngettext(
+            "Ranked by the fastest complete lap. A car that finishes no lap is not classified.",
+            "Ranked by the fastest complete lap. A car that does not finish %(laps)s laps in a row is not classified.",
+            laps,
+        ) % {"laps": laps}
+
+
+class Total(RankingRule):
+    """The time of all laps together; all of them must be complete."""
+
+    code = "total"
+    label = gettext_lazy("total time")
+    column = gettext_lazy("Total")
+
+    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
+        return total_ms
+
+    def rule(self, race: Race) -> str:
+        return ngettext(
+            "Ranked by the time of the one lap. A car that does not finish it is not classified.",
+            "Ranked by the total time of all %(laps)s laps. A car that does not finish all of them is not classified.",
+            race.laps,
+        ) % {"laps": race.laps}
+
+
+RULES: dict[str, RankingRule] = {rule.code: rule for rule in (Average(), Best(), Total())}
+
+
+def rule_for(race: Race) -> RankingRule:
+    """The ranking method of ``race``."""
+    return RULES[race.ranking_method]
+
+
+def order_rule() -> str:
+    """How ties are broken and where unclassified cars stand, in the reader's language."""
+    return _(
+        "Equal scores: the faster best lap stands first, then fewer resets, then the earlier submission. "
+        "Cars that are not classified stand below all others, the one that drove farther first."
+    )
+
+
+def best_of_sectors(sectors: Any) -> tuple[int, ...]:
+    """The lowest time of each sector over several laps' ``sectors``; laps without sector times are left out."""
+    timed = [lap for lap in sectors if lap]
+    return tuple(min(times) for times in zip(*timed, strict=True)) if timed else ()
+
+
+def _sectors(lap: Lap) -> tuple[int, ...]:
+    sectors = tuple(lap.get("sector_ms") or ())
+    return () if any(time is None for time in sectors) else sectors
+
+
+def _total(laps: Sequence[Lap]) -> int:
+    return sum(lap["time_ms"] for lap in laps)
+
+
+def _best_window(laps: Sequence[Lap], size: int) -> int | None:
+    """Where the fastest ``size`` consecutive complete laps begin; the earliest of equals; None if there are none."""
+    best, best_ms = None, 0
+    for start in range(len(laps) - size + 1):
+        window = laps[start : start + size]
+        if all(lap["complete"] for lap in window):
+            time_ms = _total(window)
+            if best is None or time_ms < best_ms:
+                best, best_ms = start, time_ms
+    return best

@@ -1,0 +1,27 @@
+"""Which sensors a race can offer, and whether they are what a model reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+# What the simulator can feed (evaluation.simulator.sensors, which the site does not load: it brings the physics along).
+OFFERABLE = ("FRONT_FACING_CAMERA",)
+
+# deepracer-simapp, sensors/sensors_rollout.py: "observation" is the name of the one camera in the oldest models.
+SAME_AS = {"observation": "FRONT_FACING_CAMERA"}
+
+
+def sensors_make_sense(sensors: object) -> bool:
+    """Whether a race may offer this: a list of one or more different names of :data:`OFFERABLE`."""
+    return (
+        isinstance(sensors, list)
+        and bool(sensors)
+        and all(isinstance(name, str) and name in OFFERABLE for name in sensors)
+        and len(set(sensors)) == len(sensors)
+    )
+
+
+def not_offered(reads: Iterable[str], offered: Iterable[str]) -> list[str]:
+    """The sensors that a model reads and a race does not offer, in the model's order."""
+    offered = set(offered)
+    return [name for name in reads if SAME_AS.get(name, name) not in offered]

@@ -1,0 +1,111 @@
+"""The one place that decides whether a race makes sense: for services, forms and the admin site alike."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+from django.core.exceptions import ValidationError
+
+from .errors import RaceRefused, problem
+from .models import Kind, Race, RaceState
+
+MAX_DURATION = timedelta(days=366)
+MAX_AHEAD = timedelta(days=2 * 366)
+# A form is filled in for a while; a race that "opens now" may have opened when it is sent.
+OPENING_SLACK = timedelta(hours=1)
+
+# What moves a lap time or an order: fixed from the first submission on, for everybody.
+RULE_FIELDS = (
+    "track",
+    "direction",
+    "race_type",
+    "sensors",
+    "ranking_method",
+    "laps",
+    "minimum_laps",
+    "off_track_penalty_ms",
+    "collision_penalty_ms",
+    "max_resets",
+    "max_simulated_ms",
+    "seed",
+)
+# What never changes after a race is made.
+FIXED_FIELDS = ("slug", "kind", "organiser", "created_at")
+# What may be written even when a race is over.
+TEXT_FIELDS = ("name", "description")
+EDITABLE_FIELDS = (
+    *TEXT_FIELDS,
+    *RULE_FIELDS,
+    "division",
+    "max_submissions",
+    "visibility",
+    "opens_at",
+    "closes_at",
+)
+
+
+def check_race(race: Race, *, now: datetime, before: Race | None = None, submissions: bool = False) -> None:
+    """Refuse a race that makes no sense, or a change that may not be made any more.
+
+    ``before`` is the stored race when this is a change, ``submissions`` whether anybody has submitted to it.
+    Raises RaceRefused with every problem by field.
+    """
+    problems = ValidationError({})
+    _collect(problems, race.full_clean)
+    _collect(problems, lambda: check_times(race, now=now, before=before, submissions=submissions))
+    if problems.error_dict:
+        raise RaceRefused(problems)
+
+
+def check_times(race: Race, *, now: datetime, before: Race | None = None, submissions: bool = False) -> None:
+    """The checks that need the clock or the stored race; the rest is ``Race.full_clean``. Raises ValidationError."""
+    problems: dict[str, ValidationError] = {}
+    changed = [] if before is None else changed_fields(before, race)
+    if race.opens_at and race.closes_at and race.opens_at < race.closes_at:
+        if race.closes_at - race.opens_at > MAX_DURATION:
+            problems["closes_at"] = problem("race_too_long", days=MAX_DURATION.days)
+        if race.opens_at > now + MAX_AHEAD:
+            problems["opens_at"] = problem("race_too_far_ahead", days=MAX_AHEAD.days)
+        if before is None:
+            if race.closes_at <= now:
+                problems["closes_at"] = problem("race_already_over")
+            # a league's month may be scheduled after it has begun
+            elif race.kind == Kind.COMMUNITY and race.opens_at < now - OPENING_SLACK:
+                problems["opens_at"] = problem("race_opens_in_the_past")
+    if before is not None:
+        state = before.state_at(now)
+        if state in (RaceState.CLOSED, RaceState.CANCELLED):
+            for field in changed:
+                if field not in TEXT_FIELDS:
+                    problems[field] = problem("race_is_over")
+        elif "closes_at" in changed and race.closes_at and race.closes_at <= now:
+            problems.setdefault("closes_at", problem("race_already_over"))
+        if state == RaceState.OPEN and "opens_at" in changed:
+            problems["opens_at"] = problem("race_has_opened")
+        elif state == RaceState.UPCOMING and "opens_at" in changed and race.opens_at < now - OPENING_SLACK:
+            problems.setdefault("opens_at", problem("race_opens_in_the_past"))
+        if submissions:
+            for field in changed:
+                if field in RULE_FIELDS or field == "division":
+                    problems[field] = problem("race_has_submissions")
+        for field in changed:
+            if field in FIXED_FIELDS:
+                problems[field] = problem("race_field_fixed", field=field)
+    if problems:
+        raise ValidationError(problems)
+
+
+def changed_fields(before: Race, after: Race) -> list[str]:
+    """Names of the fields that racers know in which two states of a race differ."""
+    names = (*EDITABLE_FIELDS, *FIXED_FIELDS)
+    attributes = {name: Race._meta.get_field(name).attname for name in names}
+    return [name for name, attribute in attributes.items() if getattr(before, attribute) != getattr(after, attribute)]
+
+
+def _collect(problems: ValidationError, check: object) -> None:
+    """Run ``check`` and keep the first ValidationError of each field."""
+    try:
+        check()  # type: ignore[operator]
+    except ValidationError as error:
+        for field, errors in error.update_error_dict({}).items():
+            problems.error_dict.setdefault(field, errors)
