@@ -1,0 +1,44 @@
+"""Lists come in pages: ``?page=2&page_size=100``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rest_framework.pagination import PageNumberPagination
+from rest_framework.response import Response
+
+
+class Pages(PageNumberPagination):
+    """50 rows on a page unless ``page_size`` (1 to 100) says otherwise."""
+
+    page_size = 50
+    page_size_query_param = "page_size"
+    max_page_size = 100
+
+    def get_paginated_response(self, data: list) -> Response:
+        return Response(
+            {
+                "count": self.page.paginator.count,
+                "page": self.page.number,
+                "pages": self.page.paginator.num_pages,
+                "next": self.get_next_link(),
+                "previous": self.get_previous_link(),
+                "results": data,
+            }
+        )
+
+    def get_paginated_response_schema(self, schema: dict[str, Any]) -> dict[str, Any]:
+        whole = {"type": "integer", "minimum": 0}
+        address = {"type": "string", "format": "uri", "nullable": True}
+        return {
+            "type": "object",
+            "required": ["count", "page", "pages", "next", "previous", "results"],
+            "properties": {
+                "count": whole,
+                "page": {"type": "integer", "minimum": 1},
+                "pages": whole,
+                "next": address,
+                "previous": address,
+                "results": schema,
+            },
+        }
