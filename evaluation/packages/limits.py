@@ -1,4 +1,4 @@
-"""Every bound on an upload, in one place. Settings pass a changed copy; nothing else in this room holds a number of its own."""
+"""Every bound on an upload, in one place. Settings pass a changed copy; the room's other files hold no such number."""
 
 from __future__ import annotations
 

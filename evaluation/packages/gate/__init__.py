@@ -1,0 +1,109 @@
+"""The static gate: what an ONNX network may be before any runtime sees it, and its canonical form.
+
+Runs inside the sandboxed admission process, for uploaded and for converted networks alike.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluation.errors import UserFault
+from evaluation.packages.inputs import InputSpec
+from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
+from evaluation.packages.metadata import ModelMetadata
+from evaluation.packages.wire import printable
+
+from .canonical import Network, canonicalise, to_model_proto
+from .cost import measure
+from .model import DTYPES, FLOAT, UINT8, Port, read_model
+from .operators import check_operator
+
+__all__ = ["Canonical", "check_onnx", "identity"]
+
+
+@dataclass(frozen=True)
+class Canonical:
+    """A network that may race. ``inputs`` and ``output`` are ``(name, "uint8"|"float32", shape)``."""
+
+    onnx: bytes
+    sha256: str
+    inputs: tuple[tuple[str, str, tuple[int, ...]], ...]
+    output: tuple[str, str, tuple[int, ...]]
+    parameters: int
+    macs: int
+
+
+def identity(onnx_bytes: bytes, metadata: ModelMetadata) -> str:
+    """A model's identity: sha-256 of the canonical network, a zero byte, and the metadata that counts."""
+    return hashlib.sha256(onnx_bytes + b"\0" + metadata.canonical_json()).hexdigest()
+
+
+def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEFAULT_LIMITS) -> Canonical:
+    """Check a serialised ONNX model against the contract and write it anew.
+
+    The contract: one input for each sensor, named as the sensor (pictures uint8 or float32, 0-255, NHWC or NCHW);
+    one float32 output, ``[1, n]`` scores over n discrete actions or ``[1, 2]`` in [-1, 1]. A batch size that is not
+    fixed is fixed to one. Raises UserFault with a code of the gate section.
+    """
+    if len(data) > limits.model_bytes:
+        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+    model = read_model(data, limits)
+    for node in model.nodes:
+        check_operator(node)
+    network = canonicalise(model)
+    _fix_inputs(network, metadata)
+    if not all(np.isfinite(array).all() for array in network.weights.values() if array.dtype.kind == "f"):
+        raise UserFault("non_finite_weights")
+    _check_declared_output(network.output, metadata)
+    cost = measure(network, limits)
+    if cost.output != (FLOAT, (1, metadata.output_size)):
+        raise UserFault("onnx_output", expected=metadata.output_size, found=str(list(cost.output[1])))
+    network.output = Port(network.output.name, FLOAT, list(cost.output[1]))
+    written = to_model_proto(network).SerializeToString(deterministic=True)
+    return Canonical(
+        onnx=written,
+        sha256=identity(written, metadata),
+        inputs=tuple(_described(port) for port in network.inputs),
+        output=_described(network.output),
+        parameters=network.parameters,
+        macs=cost.macs,
+    )
+
+
+def _described(port: Port) -> tuple[str, str, tuple[int, ...]]:
+    return port.name, DTYPES[port.dtype].name, tuple(port.dims)
+
+
+def _fix_inputs(network: Network, metadata: ModelMetadata) -> None:
+    """Check the inputs against the sensors, fix the batch to one and order them by name."""
+    specs = {spec.sensor: spec for spec in metadata.inputs}
+    found = {port.name: port for port in network.inputs}
+    if set(found) != set(specs):
+        raise UserFault(
+            "onnx_inputs", found=printable(", ".join(sorted(found)) or "none"), expected=", ".join(sorted(specs))
+        )
+    network.inputs = [_fixed(found[name], specs[name]) for name in sorted(specs)]
+
+
+def _fixed(port: Port, spec: InputSpec) -> Port:
+    allowed = (FLOAT, UINT8) if spec.is_picture else (FLOAT,)
+    if port.dtype not in allowed:
+        raise UserFault(
+            "onnx_input_type", sensor=spec.sensor, expected="uint8 or float32" if spec.is_picture else "float32"
+        )
+    dims = [port.dims[0] or 1, *port.dims[1:]] if port.dims else []
+    if tuple(dims) not in (spec.channels_last, spec.channels_first):
+        expected = " or ".join(str(list(shape)) for shape in dict.fromkeys((spec.channels_last, spec.channels_first)))
+        raise UserFault("onnx_input_shape", sensor=spec.sensor, found=str(port.dims), expected=expected)
+    return Port(port.name, port.dtype, dims)
+
+
+def _check_declared_output(port: Port, metadata: ModelMetadata) -> None:
+    """What the file says about its output; what it really is comes from shape inference."""
+    fits = port.dtype == FLOAT and len(port.dims) == 2 and port.dims[0] in (None, 1)
+    if not fits or port.dims[1] not in (None, metadata.output_size):
+        kind = DTYPES[port.dtype].name
+        raise UserFault("onnx_output", expected=metadata.output_size, found=f"{kind} {port.dims}")

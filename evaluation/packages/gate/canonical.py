@@ -1,0 +1,209 @@
+"""One network, one form: names, order, comments and padding of the file do not survive.
+
+Constants become weights, operations that do nothing vanish, what the output does not need is dropped, nodes are
+ordered by need and values numbered in that order. What is left is written by us, so the runtime never reads a byte of
+the uploaded file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import onnx
+from onnx import helper
+
+from evaluation.errors import UserFault
+
+from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Model, Node, Port
+
+OUTPUT_NAME = "actions"
+IR_VERSION = 10
+_NUMBERS = {"f4": FLOAT, "u1": UINT8, "i4": INT32, "i8": INT64, "b1": BOOL, "f2": FLOAT16}
+
+
+@dataclass
+class Network:
+    """The pruned, ordered and renamed graph. Inputs keep their names."""
+
+    opset: int
+    inputs: list[Port]
+    output: Port
+    nodes: list[Node] = field(default_factory=list)
+    weights: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> int:
+        """How many trained numbers: single constants and shapes do not count."""
+        return sum(array.size for array in self.weights.values() if array.ndim and array.dtype.kind == "f")
+
+
+def canonicalise(model: Model) -> Network:
+    """Bring a checked model into the one form. Raises UserFault ``onnx_graph`` or ``onnx_output``."""
+    inputs = [port for port in model.inputs if port.name not in model.weights]
+    if len(model.outputs) != 1:
+        raise UserFault("onnx_output", expected="n", found=f"{len(model.outputs)} outputs")
+    plain = _Plain(model, inputs)
+    target = model.outputs[0]
+    return _Numbering(model.opset, inputs, plain).network(target)
+
+
+class _Plain:
+    """The graph without constants and idle operations: who makes each value, which are weights, which are the same."""
+
+    def __init__(self, model: Model, inputs: list[Port]) -> None:
+        self.weights = dict(model.weights)
+        self.makers: dict[str, Node] = {}
+        self._same: dict[str, str] = {}
+        self._known = {port.name for port in inputs}
+        if len(self._known) != len(inputs):
+            raise UserFault("onnx_graph", problem="two inputs of one name")
+        defined = self._known | set(self.weights)
+        for node in model.nodes:
+            if any(name and name not in defined for name in node.inputs):
+                raise UserFault("onnx_graph", problem=f"a {node.op} reads a value that nobody made before it")
+            for name in filter(None, node.outputs):
+                if name in defined:
+                    raise UserFault("onnx_graph", problem="two values of one name")
+                defined.add(name)
+            self._add(node)
+
+    def _add(self, node: Node) -> None:
+        if node.op == "Constant":
+            self.weights[node.outputs[0]] = _constant(node)
+        elif node.op == "Identity":
+            self._alias(node)
+        elif node.op == "Dropout":
+            if len(node.inputs) > 2 and node.inputs[2]:
+                mode = self.weights.get(self.original(node.inputs[2]))
+                if mode is None or mode.any():
+                    raise UserFault("onnx_attribute", operator="Dropout", attribute="training_mode")
+            self._alias(node)
+        else:
+            for name in filter(None, node.outputs):
+                self.makers[name] = node
+
+    def _alias(self, node: Node) -> None:
+        if len(node.inputs) < 1 or not node.inputs[0] or any(node.outputs[1:]):
+            raise UserFault("onnx_graph", problem=f"a {node.op} with too few or too many values")
+        self._same[node.outputs[0]] = self.original(node.inputs[0])
+
+    def original(self, name: str) -> str:
+        """The value that a name stands for (aliases point at originals at once, so one step is enough)."""
+        return self._same.get(name, name)
+
+    def exists(self, name: str) -> bool:
+        return name in self.makers or name in self.weights or name in self._known
+
+
+class _Numbering:
+    """Walks from the output back to the inputs and numbers what it meets."""
+
+    def __init__(self, opset: int, inputs: list[Port], plain: _Plain) -> None:
+        self._plain = plain
+        self._network = Network(opset, inputs, Port(OUTPUT_NAME, FLOAT, []))
+        self._names = {port.name: port.name for port in inputs}
+        self._placed: set[int] = set()
+        self._values = 0
+
+    def network(self, target: Port) -> Network:
+        source = self._plain.original(target.name)
+        if not self._plain.exists(source):
+            raise UserFault("onnx_graph", problem="the output is made by no operator")
+        if source in self._plain.makers:
+            self._place(self._plain.makers[source])
+        last = Node("Identity", [self._rename(source)], [OUTPUT_NAME], {})
+        self._network.nodes.append(last)
+        self._network.output = Port(OUTPUT_NAME, target.dtype, target.dims)
+        self._drop_last_identity(source)
+        return self._network
+
+    def _drop_last_identity(self, source: str) -> None:
+        """Give the output's name to the operation that makes it, unless others read that value too."""
+        if source not in self._plain.makers:
+            return
+        name = self._names[source]
+        *nodes, _ = self._network.nodes
+        if sum(node.inputs.count(name) for node in nodes) == 0:
+            maker = next(node for node in nodes if name in node.outputs)
+            maker.outputs[maker.outputs.index(name)] = OUTPUT_NAME
+            self._network.nodes = nodes
+
+    def _place(self, last: Node) -> None:
+        """Append ``last`` and all it needs, each after its inputs, in the order of its inputs."""
+        stack = [last]
+        while stack:
+            node = stack[-1]
+            if id(node) in self._placed:
+                stack.pop()
+                continue
+            needs = [self._plain.makers.get(self._plain.original(name)) for name in node.inputs if name]
+            waiting = [need for need in needs if need is not None and id(need) not in self._placed]
+            if waiting:
+                stack.append(waiting[0])
+                continue
+            inputs = [self._rename(self._plain.original(name)) if name else "" for name in node.inputs]
+            outputs = [self._rename(name) if name else "" for name in node.outputs]
+            self._network.nodes.append(Node(node.op, inputs, outputs, dict(sorted(node.attributes.items()))))
+            self._placed.add(id(node))
+            stack.pop()
+
+    def _rename(self, name: str) -> str:
+        if name not in self._names:
+            weight = self._plain.weights.get(name)
+            if weight is not None:
+                self._names[name] = f"_w{len(self._network.weights)}"
+                self._network.weights[self._names[name]] = weight
+            else:
+                self._values += 1
+                self._names[name] = f"_v{self._values}"
+        return self._names[name]
+
+
+def _constant(node: Node) -> np.ndarray:
+    """The array of a Constant node."""
+    if len(node.attributes) != 1 or len(node.outputs) != 1:
+        raise UserFault("onnx_graph", problem="a Constant without exactly one value")
+    ((name, value),) = node.attributes.items()
+    if isinstance(value, np.ndarray):
+        return value
+    dtype = "<f4" if name in ("value_float", "value_floats") else "<i8"
+    return np.array(value, dtype)
+
+
+def to_model_proto(network: Network, *, light: bool = False) -> onnx.ModelProto:
+    """Write the network as a ModelProto.
+
+    ``light`` leaves the large weights out and declares them as inputs instead: enough for shape inference.
+    """
+    inputs = [_value_info(port) for port in network.inputs]
+    initializers = []
+    for name, array in network.weights.items():
+        number = _NUMBERS[array.dtype.str[1:]]
+        if light and (array.size > 64 or array.dtype.kind == "f"):
+            inputs.append(_value_info(Port(name, number, list(array.shape))))
+        else:
+            initializers.append(
+                onnx.TensorProto(name=name, data_type=number, dims=array.shape, raw_data=array.tobytes())
+            )  # fmt: skip
+    nodes = [_node_proto(node) for node in network.nodes]
+    graph = helper.make_graph(nodes, "car", inputs, [_value_info(network.output)], initializers)
+    opset = helper.make_opsetid("", network.opset)
+    return helper.make_model(graph, opset_imports=[opset], ir_version=IR_VERSION)
+
+
+def _node_proto(node: Node) -> onnx.NodeProto:
+    proto = onnx.NodeProto(op_type=node.op, input=node.inputs, output=node.outputs)
+    proto.attribute.extend(_attribute(name, value) for name, value in node.attributes.items())
+    return proto
+
+
+def _attribute(name: str, value: Attribute) -> onnx.AttributeProto:
+    if isinstance(value, list):  # the type of an empty list cannot be guessed; only whole numbers may be empty here
+        kind = onnx.AttributeProto.FLOATS if value and isinstance(value[0], float) else onnx.AttributeProto.INTS
+        return helper.make_attribute(name, value, attr_type=kind)
+    return helper.make_attribute(name, value)
+
+
+def _value_info(port: Port) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(port.name, port.dtype, port.dims)

@@ -1,0 +1,231 @@
+"""Arithmetic and activations. What is known is computed now, in the graph's own precision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import reduce
+
+import numpy as np
+
+from .graph import Node
+from .registry import Context, Unsupported, axes_of, converts, integers, require, tensor
+from .values import Known, Tensor, Value
+
+_BINARY: dict[str, tuple[str, Callable]] = {
+    "Add": ("Add", np.add),
+    "AddV2": ("Add", np.add),
+    "Sub": ("Sub", np.subtract),
+    "Mul": ("Mul", np.multiply),
+    "RealDiv": ("Div", np.true_divide),
+    "Div": ("Div", np.true_divide),
+    "Maximum": ("Max", np.maximum),
+    "Minimum": ("Min", np.minimum),
+    "Pow": ("Pow", np.power),
+}
+_UNARY: dict[str, tuple[str, Callable]] = {
+    "Neg": ("Neg", np.negative),
+    "Abs": ("Abs", np.abs),
+    "Exp": ("Exp", np.exp),
+    "Log": ("Log", np.log),
+    "Sqrt": ("Sqrt", np.sqrt),
+    "Reciprocal": ("Reciprocal", lambda x: 1 / x),
+    "Relu": ("Relu", lambda x: np.maximum(x, 0)),
+    "Tanh": ("Tanh", np.tanh),
+    "Sigmoid": ("Sigmoid", lambda x: 1 / (1 + np.exp(-x))),
+    "Softplus": ("Softplus", lambda x: np.logaddexp(x, 0)),
+    "Softsign": ("Softsign", lambda x: x / (1 + np.abs(x))),
+    "Selu": ("Selu", None),
+    "Elu": ("Elu", None),
+    "LeakyRelu": ("LeakyRelu", None),
+}
+_REDUCTIONS = {"Mean": ("ReduceMean", np.mean), "Max": ("ReduceMax", np.max), "Min": ("ReduceMin", np.min)}
+_FLOAT = np.dtype("<f4")
+_PLANAR_AXES = {0: 0, 1: 2, 2: 3, 3: 1}
+
+
+@converts(*_BINARY)
+def _binary(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    return [binary(context, node.op, *inputs)]
+
+
+def binary(context: Context, op: str, left: Value, right: Value) -> Value:
+    """An element-wise operation with broadcasting. Adding zero and multiplying by one or zero leave no trace."""
+    require(left.dtype == right.dtype)
+    shape = _broadcast(left.shape, right.shape)
+    onnx_op, compute = _BINARY[op]
+    if isinstance(left, Known) and isinstance(right, Known):
+        require(math.prod(shape) <= context.limits.tensor_elements)
+        if op == "Div" and left.dtype.kind in "iu":
+            raise Unsupported
+        with np.errstate(all="ignore"):
+            return Known(np.asarray(compute(left.array, right.array)).astype(left.dtype))
+    if left.dtype != _FLOAT:
+        raise Unsupported
+    if (shortcut := _shortcut(onnx_op, left, right, shape)) is not None:
+        return shortcut
+    if onnx_op == "Add" and (fused := _with_bias(context, left, right, shape)) is not None:
+        return fused
+    pictures = [value for value in (left, right) if isinstance(value, Tensor) and value.planar]
+    if not pictures:
+        return context.emit.node(onnx_op, [left, right], shape)
+    if any(isinstance(value, Tensor) and len(value.shape) != 4 for value in (left, right)) or len(shape) != 4:
+        flat = [context.emit.interleaved(value) if isinstance(value, Tensor) else value for value in (left, right)]
+        return context.emit.node(onnx_op, flat, shape)
+    planar = [_planar(context, value) for value in (left, right)]
+    return context.emit.node(onnx_op, planar, shape, planar=True)
+
+
+def _broadcast(left: tuple[int, ...], right: tuple[int, ...]) -> tuple[int, ...]:
+    try:
+        return tuple(np.broadcast_shapes(left, right))
+    except ValueError:
+        require(False)
+        raise
+
+
+def _shortcut(op: str, left: Value, right: Value, shape: tuple[int, ...]) -> Value | None:
+    """``x+0``, ``x-0``, ``x*1``, ``x/1`` are x; ``x*0`` is zero. RL-Coach scales gradients with such terms."""
+    for value, other, is_left in ((right, left, False), (left, right, True)):
+        if not isinstance(value, Known) or (is_left and op in ("Sub", "Div")):
+            continue
+        zero, one = not value.array.any(), bool(np.all(value.array == 1))
+        same = other.shape == shape
+        if same and ((zero and op in ("Add", "Sub")) or (one and op in ("Mul", "Div"))):
+            return other
+        if zero and op == "Mul":
+            return Known(np.broadcast_to(np.zeros((), _FLOAT), shape))
+    return None
+
+
+def _with_bias(context: Context, left: Value, right: Value, shape: tuple[int, ...]) -> Tensor | None:
+    """Put a bias into the convolution or matrix product that it follows."""
+    for product, bias in ((left, right), (right, left)):
+        if not isinstance(product, Tensor) or not isinstance(bias, Known) or product.shape != shape:
+            continue
+        width = shape[-1] if shape else 0
+        if bias.array.size != width or not bias.shape or bias.shape[-1] != width:
+            continue
+        op, sources, extra = context.emit.made_by(product)
+        row = np.ascontiguousarray(bias.array.reshape(width))
+        if op == "MatMul" and len(shape) == 2 and len(extra) == 1:
+            return context.emit.node("Gemm", [sources[0], extra[0], row], shape)
+        if op == "Conv" and len(extra) == 2:
+            kernel, attributes = extra
+            return context.emit.node("Conv", [sources[0], kernel, row], shape, planar=True, **attributes)
+    return None
+
+
+def _planar(context: Context, value: Value) -> Tensor | np.ndarray:
+    if isinstance(value, Tensor):
+        return context.emit.planar(value)
+    array = value.array
+    if array.size == 1:
+        return array.reshape(())
+    return array.reshape((1,) * (4 - array.ndim) + array.shape).transpose(0, 3, 1, 2)
+
+
+@converts("BiasAdd")
+def _bias_add(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2 and len(inputs[1].shape) == 1)
+    if node.attributes.text("data_format", "NHWC") != "NHWC":
+        raise Unsupported
+    require(bool(inputs[0].shape) and inputs[0].shape[-1] == inputs[1].shape[0])
+    return [binary(context, "Add", *inputs)]
+
+
+@converts("AddN")
+def _add_n(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(bool(inputs))
+    return [reduce(lambda a, b: binary(context, "Add", a, b), inputs)]
+
+
+@converts(*_UNARY)
+def _unary(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    onnx_op, compute = _UNARY[node.op]
+    attributes = {"alpha": node.attributes.real("alpha", 0.2)} if node.op == "LeakyRelu" else {}
+    return [unary(context, onnx_op, compute, inputs[0], **attributes)]
+
+
+def unary(context: Context, op: str, compute: Callable | None, value: Value, **attributes: object) -> Value:
+    """An element-wise operation of one input."""
+    if isinstance(value, Known) and compute is not None:
+        with np.errstate(all="ignore"):
+            return Known(np.asarray(compute(value.array)).astype(value.dtype))
+    source = tensor(value)
+    if source.dtype != _FLOAT:
+        raise Unsupported
+    return context.emit.node(op, [source], source.shape, planar=source.planar, **attributes)
+
+
+@converts("Rsqrt")
+def _rsqrt(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    root = unary(context, "Sqrt", np.sqrt, inputs[0])
+    return [unary(context, "Reciprocal", lambda x: 1 / x, root)]
+
+
+@converts("Square")
+def _square(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    return [binary(context, "Mul", inputs[0], inputs[0])]
+
+
+@converts("SquaredDifference")
+def _squared_difference(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    difference = binary(context, "Sub", *inputs)
+    return [binary(context, "Mul", difference, difference)]
+
+
+@converts("Relu6")
+def _relu6(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    low, high = (Known(np.array(bound, _FLOAT)) for bound in (0, 6))
+    return [binary(context, "Minimum", binary(context, "Maximum", inputs[0], low), high)]
+
+
+@converts("ClipByValue")
+def _clip(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 3)
+    return [binary(context, "Maximum", binary(context, "Minimum", inputs[0], inputs[2]), inputs[1])]
+
+
+@converts("Softmax", "LogSoftmax")
+def _softmax(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    source = context.emit.interleaved(tensor(inputs[0]))
+    require(len(source.shape) >= 1)
+    return [context.emit.node(node.op, [source], source.shape, axis=-1)]
+
+
+@converts(*_REDUCTIONS, "Sum", "Prod")
+def _reduce(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    source, keep = inputs[0], node.attributes.flag("keep_dims")
+    axes = axes_of(integers(inputs[1]), len(source.shape))
+    if isinstance(source, Known):
+        compute = {**{op: f for op, (_, f) in _REDUCTIONS.items()}, "Sum": np.sum, "Prod": np.prod}[node.op]
+        require(node.op in ("Sum", "Prod") or source.array.size > 0)
+        result = compute(source.array, axis=tuple(axes), keepdims=keep)
+        return [Known(np.asarray(result).astype(source.dtype))]
+    source = tensor(source)
+    if source.dtype != _FLOAT or node.op == "Prod":
+        raise Unsupported
+    if not axes:
+        return [source]
+    kept = tuple(1 if axis in axes else size for axis, size in enumerate(source.shape))
+    stored = sorted(_PLANAR_AXES[axis] if source.planar else axis for axis in axes)
+    if node.op == "Sum":
+        reduced = context.emit.node(
+            "ReduceSum", [source, np.array(stored, np.int64)], kept, planar=source.planar, keepdims=1
+        )  # fmt: skip
+    else:
+        op = _REDUCTIONS[node.op][0]
+        reduced = context.emit.node(op, [source], kept, planar=source.planar, axes=stored, keepdims=1)
+    if keep:
+        return [reduced]
+    final = tuple(size for axis, size in enumerate(source.shape) if axis not in axes)
+    return [context.emit.reshaped(reduced, final)]

@@ -1,0 +1,121 @@
+"""Layers: convolution, pooling, matrix products and batch normalisation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .graph import Node
+from .registry import Context, Contradiction, Unsupported, converts, known, require, tensor
+from .values import Known, Tensor, Value
+
+_FLOAT = np.dtype("<f4")
+
+
+def _spatial(node: Node, name: str, default: list[int]) -> tuple[int, int]:
+    """The height and width entries of a four-entry NHWC attribute."""
+    values = node.attributes.integers(name, default)
+    if node.attributes.text("data_format", "NHWC") != "NHWC":
+        raise Unsupported
+    require(len(values) == 4 and values[0] == values[3] == 1 and all(0 < value <= 4096 for value in values))
+    return values[1], values[2]
+
+
+def _window(
+    node: Node, size: tuple[int, int], kernel: tuple[int, int], strides: tuple[int, int], dilations: tuple[int, int]
+) -> tuple[list[int], tuple[int, int]]:
+    """ONNX pads and the output's height and width, by TensorFlow's padding rules (nn.convolution)."""
+    padding = node.attributes.text("padding")
+    before, after, out = [], [], []
+    explicit = node.attributes.integers("explicit_paddings")
+    for axis in range(2):
+        reach = (kernel[axis] - 1) * dilations[axis] + 1
+        if padding == "SAME":
+            steps = -(-size[axis] // strides[axis])
+            total = max((steps - 1) * strides[axis] + reach - size[axis], 0)
+            first, last = total // 2, total - total // 2
+        elif padding == "VALID":
+            first = last = 0
+        elif padding == "EXPLICIT":
+            require(len(explicit) == 8 and all(0 <= pad <= 4096 for pad in explicit))
+            first, last = explicit[2 + 2 * axis], explicit[3 + 2 * axis]
+        else:
+            raise Contradiction
+        covered = size[axis] + first + last - reach
+        require(covered >= 0)
+        before.append(first)
+        after.append(last)
+        out.append(covered // strides[axis] + 1)
+    return before + after, (out[0], out[1])
+
+
+@converts("Conv2D")
+def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    source, kernel = tensor(inputs[0]), known(inputs[1])
+    require(len(source.shape) == 4 and kernel.ndim == 4 and source.dtype == kernel.dtype == _FLOAT)
+    height, width, depth, filters = kernel.shape
+    require(depth == source.shape[3] and min(kernel.shape) > 0)
+    strides = _spatial(node, "strides", [])
+    dilations = _spatial(node, "dilations", [1, 1, 1, 1])
+    pads, out = _window(node, source.shape[1:3], (height, width), strides, dilations)
+    attributes: dict[str, list[int]] = {"kernel_shape": [height, width], "strides": list(strides)}
+    if any(pads):
+        attributes["pads"] = pads
+    if dilations != (1, 1):
+        attributes["dilations"] = list(dilations)
+    weight = np.ascontiguousarray(kernel.transpose(3, 2, 0, 1))
+    shape = (source.shape[0], *out, filters)
+    picture = context.emit.planar(source)
+    extra = (weight, attributes)
+    return [context.emit.node("Conv", [picture, weight], shape, planar=True, extra=extra, **attributes)]
+
+
+@converts("MaxPool", "AvgPool")
+def _pool(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    source = tensor(inputs[0])
+    require(len(source.shape) == 4 and source.dtype == _FLOAT)
+    kernel, strides = _spatial(node, "ksize", []), _spatial(node, "strides", [])
+    pads, out = _window(node, source.shape[1:3], kernel, strides, (1, 1))
+    attributes = {"kernel_shape": list(kernel), "strides": list(strides), "pads": pads}
+    shape = (source.shape[0], *out, source.shape[3])
+    op = "MaxPool" if node.op == "MaxPool" else "AveragePool"
+    return [context.emit.node(op, [context.emit.planar(source)], shape, planar=True, **attributes)]
+
+
+@converts("MatMul")
+def _matmul(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    source, weight = inputs
+    if isinstance(source, Known) and isinstance(weight, Known):
+        raise Unsupported
+    require(len(source.shape) == len(weight.shape) == 2 and source.dtype == weight.dtype == _FLOAT)
+    if not isinstance(source, Tensor) or node.attributes.flag("transpose_a"):
+        raise Unsupported
+    if not isinstance(weight, Known):
+        raise Unsupported
+    matrix = weight.array.T if node.attributes.flag("transpose_b") else weight.array
+    require(source.shape[1] == matrix.shape[0])
+    matrix = np.ascontiguousarray(matrix)
+    shape = (source.shape[0], matrix.shape[1])
+    return [context.emit.node("MatMul", [source, matrix], shape, extra=(matrix,))]
+
+
+@converts("FusedBatchNorm", "FusedBatchNormV2", "FusedBatchNormV3")
+def _batch_norm(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    """Batch normalisation with the stored mean and variance. Its other outputs serve training only."""
+    require(len(inputs) == 5)
+    source = tensor(inputs[0])
+    if node.attributes.flag("is_training", True) or node.attributes.text("data_format", "NHWC") != "NHWC":
+        raise Unsupported
+    statistics = [known(value) for value in inputs[1:]]
+    require(len(source.shape) == 4 and source.dtype == _FLOAT)
+    require(all(array.shape == (source.shape[3],) and array.dtype == _FLOAT for array in statistics))
+    result = context.emit.node(
+        "BatchNormalization",
+        [context.emit.planar(source), *statistics],
+        source.shape,
+        planar=True,
+        epsilon=node.attributes.real("epsilon", 1e-4),
+    )
+    return [result, *(Known(array) for array in statistics)]
