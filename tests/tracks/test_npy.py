@@ -1,7 +1,10 @@
 """Tracks from the community's files, and what is refused."""
 
+import inspect
 import io
 import pickle
+import re
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ import pytest
 from evaluation.errors import UserFault
 from evaluation.reasons import REASONS
 from tests.shared import SHARED, needs_shared
+from tracks import checks, npy
 from tracks.catalogue import CATALOGUE
 from tracks.geometry import TrackGeometry
 from tracks.npy import MAX_BYTES, MAX_ROWS, read_npy, write_npy
@@ -281,12 +285,11 @@ def test_crossing_borders_name_the_lines_and_waypoints():
     assert 9 <= fault.params["row"] <= 13
 
 
-def test_every_track_reason_is_raised_somewhere_above():
-    """The list of reasons and the refusals tested in this file stay together."""
-    import inspect
-    import sys
-
-    source = inspect.getsource(sys.modules[__name__])
-    codes = [code for code in REASONS if code.startswith("track_")]
-    assert len(codes) >= 15
-    assert [code for code in codes if f'"{code}"' not in source] == []
+def test_every_refusal_of_a_file_is_tested_above():
+    """The codes raised while a file is read and the cases of this file stay together."""
+    raised = {
+        code for module in (checks, npy) for code in re.findall(r'UserFault\("(track_\w+)"', inspect.getsource(module))
+    }
+    tested = inspect.getsource(sys.modules[__name__])
+    assert len(raised) >= 15 and raised <= set(REASONS)
+    assert [code for code in sorted(raised) if f'"{code}"' not in tested] == []
