@@ -30,21 +30,31 @@ class PythonHome:
 def python_home() -> PythonHome:
     """Find the real interpreter behind a virtual environment, and the directories of the installed packages."""
     executable = os.path.realpath(sys.executable)
-    library_directory = sysconfig.get_config_var("LIBDIR") or "/usr/lib"
-    shared = sysconfig.get_config_var("INSTSONAME") or ""
+    shared = _libpython()
     wanted = {
         executable,
-        os.path.join(library_directory, shared),
+        shared or executable,
         os.path.realpath(sysconfig.get_paths()["stdlib"]),
         os.path.realpath(sysconfig.get_paths()["platstdlib"]),
         os.path.join(sys.base_prefix, sys.platlibdir, f"python3.{sys.version_info.minor}"),
         os.path.join(sys.base_prefix, "lib", f"python3.{sys.version_info.minor}"),
     }
-    parts = tuple(sorted(path for path in wanted if os.path.exists(path) and not path.endswith(".a")))
+    parts = tuple(sorted(path for path in wanted if os.path.exists(path)))
     packages = tuple(
         dict.fromkeys(path for path in sys.path if path.rstrip("/").endswith(("site-packages", "dist-packages")))
     )
-    return PythonHome(executable, library_directory, parts, tuple(path for path in packages if os.path.isdir(path)))
+    packages = tuple(path for path in packages if os.path.isdir(path))
+    return PythonHome(executable, os.path.dirname(shared or executable), parts, packages)
+
+
+def _libpython() -> str | None:
+    """The shared library this interpreter really runs from; None where it is linked in. (Build records may be stale.)"""
+    with open("/proc/self/maps", encoding="utf-8", errors="surrogateescape") as lines:
+        for line in lines:
+            path = line.rstrip("\n").partition("/")[2]
+            if os.path.basename(path).startswith("libpython3"):
+                return "/" + path
+    return None
 
 
 def find() -> str | None:

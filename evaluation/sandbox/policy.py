@@ -8,12 +8,14 @@ with PolicyProcess() as policy:
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from ..errors import PaddockError, PlatformFault, UserFault
-from .frames import FrameError, FrameTimeout, read_message, write_message
+from .frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from .launch import SandboxedProcess, launch, widen_pipe
 from .limits import POLICY, Limits
 from .lock import EXIT_MEMORY
@@ -40,29 +42,39 @@ class PolicyProcess:
     def __exit__(self, *_exc: object) -> None:
         self.process.close()
 
-    def load(self, onnx: bytes, header: dict[str, Any]) -> None:
-        """Wait for the lock, then hand over the canonical ONNX bytes. ``header`` as in :mod:`.policy_wire`.
+    def load(self, onnx: bytes, header: dict[str, Any]) -> str:
+        """:meth:`give` and :meth:`agree` in one; the form for a referee in this very process."""
+        self.give(onnx)
+        return self.agree(header)
 
-        Raises UserFault (``policy_refused``, ``policy_memory``, ``policy_died``, ``policy_late``, ``policy_protocol``);
-        PlatformFault("sandbox_failed") if the process did not get as far as its lock.
+    def give(self, onnx: bytes) -> None:
+        """Wait for the lock, then hand over the canonical ONNX bytes.
+
+        Raises UserFault (``policy_died``, ``policy_late``); PlatformFault("sandbox_failed") if the process did not get
+        as far as its lock.
         """
         self._wait_for_lock()
+        with self._blaming_the_policy():
+            write_message(self.process.stdin, {}, [onnx], time.monotonic() + LOAD_S)
+
+    def agree(self, header: dict[str, Any]) -> str:
+        """Say what goes in and out (a header of :mod:`.policy_wire`) and wait until the network is loaded.
+
+        Returns the version of onnxruntime. Raises UserFault (``policy_refused``, ``policy_memory``, ``policy_died``,
+        ``policy_late``, ``policy_protocol``).
+        """
         deadline = time.monotonic() + LOAD_S
-        try:
-            write_message(self.process.stdin, header, [onnx], deadline)
+        with self._blaming_the_policy():
+            write_message(self.process.stdin, header, deadline=deadline)
             answer, _ = read_message(self.process.stdout, deadline, json_limit=_MAX_ANSWER, blob_limit=0)
-        except FrameTimeout:
-            raise self._late() from None
-        except FrameError as error:
-            raise self.explain(UserFault("policy_died", step=0, how=str(error))) from None
-        state = answer.get("state")
+        state, version = answer.get("state"), str(answer.get("version"))[:20]
         if state == "memory":
             raise self._memory()
         if state == "refused":
-            detail, version = str(answer.get("detail"))[:200], str(answer.get("version"))[:20]
-            raise UserFault("policy_refused", detail=detail, version=version)
+            raise UserFault("policy_refused", detail=str(answer.get("detail"))[:200], version=version)
         if state != "ready":
             raise UserFault("policy_protocol", step=0)
+        return version
 
     def client(self, header: dict[str, Any], **budget: float) -> PolicyClient:
         """A client on this process's pipes, for a referee in this very process (the smoke run of an upload)."""
@@ -78,6 +90,18 @@ class PolicyProcess:
         if status == -signal.SIGKILL and self.process.cpu_s >= self.process.limits.cpu_s - 1:
             return self._late(fault.params.get("step", 0))
         return UserFault("policy_died", step=fault.params.get("step", 0), how=describe(status))
+
+    @contextlib.contextmanager
+    def _blaming_the_policy(self) -> Iterator[None]:
+        """Past its lock the process has a stranger's bytes: what goes wrong with its pipes is the network's fault."""
+        try:
+            yield
+        except FrameTimeout:
+            raise self._late() from None
+        except FrameClosed:
+            raise self.explain(UserFault("policy_died", step=0, how="")) from None
+        except FrameError:
+            raise UserFault("policy_protocol", step=0) from None
 
     def _wait_for_lock(self) -> None:
         try:

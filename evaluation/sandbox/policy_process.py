@@ -1,7 +1,8 @@
 """A model behind the wall: ``main`` runs in its own locked process, made by :class:`.policy.PolicyProcess`.
 
-It says ``{"state": "locked"}``, reads one message (header and the canonical ONNX bytes), answers ``{"state": "ready"}``
-or why not, and then answers the fixed-size requests of :mod:`.policy_wire` until its input closes. A model's input has
+It says ``{"state": "locked"}``, reads a message with the canonical ONNX bytes and one with the header (two, so that the
+network loads while the referee still starts), answers ``{"state": "ready"}`` or why not, and then answers the
+fixed-size requests of :mod:`.policy_wire` until its input closes. A model's input has
 the sensor's name and either its own layout (``[1, H, W, C]``) or channels first (``[1, C, H, W]``); the observation is
 cast to the input's dtype and is not scaled.
 """
@@ -36,17 +37,35 @@ class Refused(Exception):
 def main(frames_in: int, frames_out: int) -> int:
     """Serve one model; see the module. Returns the exit status."""
     write_message(frames_out, {"state": "locked"})
-    header, blobs = read_message(frames_in)
+    _, [onnx] = read_message(frames_in)
     try:
-        policy = Policy(blobs.pop(), header)
+        session = load(onnx)
+        del onnx  # the session has its own copy
+        header, _ = read_message(frames_in)
+        policy = Policy(session, header)
     except Refused as refusal:
         write_message(frames_out, {"state": "refused", "detail": str(refusal), "version": onnxruntime.__version__})
         return 0
     except MemoryError:
         write_message(frames_out, {"state": "memory"})
         return EXIT_MEMORY
-    write_message(frames_out, {"state": "ready"})
+    write_message(frames_out, {"state": "ready", "version": onnxruntime.__version__})
     return serve(policy, frames_in, frames_out)
+
+
+def load(onnx: bytes) -> onnxruntime.InferenceSession:
+    """A session of one thread that computes the same bits every time. Raises Refused, MemoryError."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.use_deterministic_compute = True
+    options.log_severity_level = 4
+    # Bytes in onnxruntime's own format would be run too, by another parser than the one that judged the network.
+    options.add_session_config_entry("session.load_model_format", "ONNX")
+    try:
+        return onnxruntime.InferenceSession(onnx, options, providers=["CPUExecutionProvider"])
+    except Exception as error:
+        raise _memory_or(error, Refused(_plain(str(error)))) from None
 
 
 def serve(policy: Policy, frames_in: int, frames_out: int) -> int:
@@ -63,15 +82,14 @@ def serve(policy: Policy, frames_in: int, frames_out: int) -> int:
 
 
 class Policy:
-    """An onnxruntime session whose input and output buffers are allocated once.
+    """A session whose input and output buffers are allocated once.
 
     ``request``: fill it as the module says; :meth:`run`; ``reply`` then holds the output behind the step number.
-    Raises Refused, MemoryError.
+    Raises Refused.
     """
 
-    def __init__(self, onnx: bytes, header: dict[str, Any]) -> None:
-        self._session = _session(onnx)
-        del onnx
+    def __init__(self, session: onnxruntime.InferenceSession, header: dict[str, Any]) -> None:
+        self._session = session
         self._binding = self._session.io_binding()
         self._feeds: list[tuple[np.ndarray, np.ndarray]] = []
         self.request, observations = request_buffer(header)
@@ -107,20 +125,6 @@ class Policy:
         output = np.zeros(shape, _dtype(node))
         self._binding.bind_output(node.name, "cpu", 0, output.dtype.type, output.shape, output.ctypes.data)
         self._output = output.reshape(-1)
-
-
-def _session(onnx: bytes) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-    options.use_deterministic_compute = True
-    options.log_severity_level = 4
-    # Bytes in onnxruntime's own format would be run too, by another parser than the one that judged the network.
-    options.add_session_config_entry("session.load_model_format", "ONNX")
-    try:
-        return onnxruntime.InferenceSession(onnx, options, providers=["CPUExecutionProvider"])
-    except Exception as error:
-        raise _memory_or(error, Refused(_plain(str(error)))) from None
 
 
 def _memory_or(error: Exception, otherwise: Exception) -> Exception:
