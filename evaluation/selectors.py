@@ -1,0 +1,66 @@
+"""What pages and the API show of models and of the queue."""
+
+from __future__ import annotations
+
+import math
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.db.models import Avg, DurationField, ExpressionWrapper, F, QuerySet
+
+from .line import queued, whole_line
+from .models import Evaluation, State, TrainedModel
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+RECENT = 20  # finished evaluations that the expected wait is reckoned from
+
+
+def models_of(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
+    """The racer's garage, newest first; empty for somebody who is not logged in. Twin of :func:`can_use_model`."""
+    return TrainedModel.objects.filter(owner_id=racer.pk, deleted_at=None).select_related("network", "owner")
+
+
+def can_use_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
+    """Whether the racer may see, change, race and delete the model: it is theirs and not deleted."""
+    return racer.pk is not None and model.owner_id == racer.pk and model.deleted_at is None
+
+
+def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) -> bool:
+    """Whether the racer may stop the evaluation: its owner or an admin, while it waits or runs."""
+    return not evaluation.is_final and racer.pk is not None and (racer.pk == evaluation.owner_id or racer.is_staff)
+
+
+def queue_length() -> int:
+    """How many evaluations wait."""
+    return queued().count()
+
+
+def queue_position(evaluation: Evaluation) -> int | None:
+    """The place in the queue, 1 for the next one to run; None when it does not wait."""
+    if evaluation.state != State.QUEUED:
+        return None
+    line = whole_line()
+    return line.index(evaluation.pk) + 1 if evaluation.pk in line else None
+
+
+def expected_wait_s(evaluation: Evaluation, position: int | None = None) -> float | None:
+    """Seconds until a waiting evaluation has probably ended, from the last runs; None without any to judge by.
+
+    ``position`` saves looking it up again.
+    """
+    position = position or queue_position(evaluation)
+    if position is None:
+        return None
+    took = ExpressionWrapper(F("ended_at") - F("started_at"), output_field=DurationField())
+    recent = Evaluation.objects.filter(state=State.FINISHED, started_at__isnull=False).order_by("-ended_at")[:RECENT]
+    mean: timedelta | None = Evaluation.objects.filter(pk__in=list(recent.values_list("pk", flat=True))).aggregate(
+        mean=Avg(took)
+    )["mean"]
+    if mean is None:
+        return None
+    return mean.total_seconds() * math.ceil(position / settings.WORKER_CONCURRENCY)

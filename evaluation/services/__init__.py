@@ -1,0 +1,36 @@
+"""Every write to models, evaluations and results."""
+
+from .bell import ring_bell
+from .garage import UploadedModel, delete_model, describe_model, upload_model
+from .leases import (
+    SweepReport,
+    beat,
+    claim_next_evaluation,
+    fail_evaluation,
+    finish_evaluation,
+    release_evaluation,
+    sweep_queue,
+)
+from .nodes import note_worker
+from .queue import queue_evaluation, stop_evaluation
+from .work import job_of, run_next_evaluation
+
+__all__ = [
+    "SweepReport",
+    "UploadedModel",
+    "beat",
+    "claim_next_evaluation",
+    "delete_model",
+    "describe_model",
+    "fail_evaluation",
+    "finish_evaluation",
+    "job_of",
+    "note_worker",
+    "queue_evaluation",
+    "release_evaluation",
+    "ring_bell",
+    "run_next_evaluation",
+    "stop_evaluation",
+    "sweep_queue",
+    "upload_model",
+]

@@ -1,0 +1,178 @@
+"""A racer's models: upload, describe, delete."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.core.files.base import ContentFile
+from django.db import IntegrityError, transaction
+
+from ..errors import UserFault
+from ..models import Network, TrainedModel
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+    from ..packages.admit import AdmittedPackage
+    from ..packages.read import UploadPart
+
+NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
+DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
+_ENDINGS = re.compile(r"(\.(tar|t?gz|tgz|zip|onnx|pb|json))+$", re.IGNORECASE)
+_INVISIBLE = ("Cc", "Cf", "Cs", "Co", "Cn")  # control characters, text-direction overrides and the like
+
+
+@dataclass(frozen=True)
+class UploadedModel:
+    """The racer's model, and whether this upload made it (False: the same network was in the garage already)."""
+
+    model: TrainedModel
+    created: bool
+
+
+def upload_model(
+    *, owner: Racer, files: Sequence[UploadPart], name: str | None = None, description: str = "", now: datetime
+) -> UploadedModel:
+    """Read, check and keep a model. Nothing is stored unless all of it is in order.
+
+    ``name=None`` names it after its file. Raises UserFault (a code of the upload, metadata, conversion or gate section,
+    or ``garage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
+    """
+    from ..packages.admit import admit
+
+    if name is not None:
+        name = _valid_name(name)
+    description = _valid_description(description)
+    _refuse_full_garage(owner)  # before the work; counted again under the lock
+    admitted = admit(files)
+    network = _stored_network(admitted, now=now)
+    with transaction.atomic():
+        _lock_garage(owner)
+        known = _garage(owner).filter(network=network).first()
+        if known is not None:
+            return UploadedModel(known, created=False)
+        _refuse_full_garage(owner)
+        if name is None:
+            name = _free_name(owner, _name_of_file(files[0].name if files else ""))
+        else:
+            _refuse_taken_name(owner, name)
+        model = TrainedModel.objects.create(
+            owner=owner,
+            name=name,
+            description=description,
+            network=network,
+            metadata=admitted.metadata.to_dict(),
+            source_kind=admitted.source_kind,
+            source_sha256=admitted.source_sha256,
+            created_at=now,
+        )
+    return UploadedModel(model, created=True)
+
+
+@transaction.atomic
+def describe_model(*, model: TrainedModel, name: str, description: str) -> TrainedModel:
+    """Give a model another name and description. Raises UserFault ``model_name_...``, ``description_too_long``."""
+    name, description = _valid_name(name), _valid_description(description)
+    _lock_garage(model.owner)
+    _refuse_taken_name(model.owner, name, but=model)
+    model.name, model.description = name, description
+    model.save(update_fields=["name", "description"])
+    return model
+
+
+def delete_model(*, model: TrainedModel, now: datetime) -> None:
+    """Take a model out of its owner's garage. Its evaluations and what they reached on boards stay."""
+    TrainedModel.objects.filter(pk=model.pk, deleted_at=None).update(deleted_at=now)
+    model.refresh_from_db(fields=["deleted_at"])
+
+
+def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> Network:
+    """The network's row, made on first sight. Two uploads at once agree on one: the loser deletes its own file."""
+    network = Network.objects.filter(pk=admitted.sha256).first()
+    if network is not None:
+        return network
+    network = Network(
+        sha256=admitted.sha256,
+        size=len(admitted.onnx),
+        parameters=admitted.parameters,
+        macs=admitted.macs,
+        created_at=now,
+    )
+    network.onnx.save(f"{admitted.sha256}.onnx", ContentFile(admitted.onnx), save=False)
+    try:
+        with transaction.atomic():
+            network.save(force_insert=True)
+    except IntegrityError:
+        network.onnx.storage.delete(network.onnx.name)
+        return Network.objects.get(pk=admitted.sha256)
+    except BaseException:
+        network.onnx.storage.delete(network.onnx.name)
+        raise
+    return network
+
+
+def _garage(owner: Racer):
+    return TrainedModel.objects.filter(owner=owner, deleted_at=None)
+
+
+def _lock_garage(owner: Racer) -> None:
+    """Let one change of a garage happen at a time. SQLite's transaction already holds the write lock."""
+    type(owner).objects.select_for_update().only("pk").get(pk=owner.pk)
+
+
+def _refuse_full_garage(owner: Racer) -> None:
+    if _garage(owner).count() >= settings.MODELS_PER_RACER:
+        raise UserFault("garage_full", limit=settings.MODELS_PER_RACER)
+
+
+def _refuse_taken_name(owner: Racer, name: str, but: TrainedModel | None = None) -> None:
+    same = _garage(owner).filter(name=name)
+    if but is not None:
+        same = same.exclude(pk=but.pk)
+    if same.exists():
+        raise UserFault("model_name_taken", name=name)
+
+
+def _visible(text: str) -> str:
+    """``text`` without invisible characters, and with single blanks."""
+    kept = (" " if character.isspace() else character for character in text)
+    return " ".join("".join(c for c in kept if unicodedata.category(c) not in _INVISIBLE).split())
+
+
+def _valid_name(name: str) -> str:
+    name = _visible(name)
+    if not name:
+        raise UserFault("model_name_missing")
+    if len(name) > NAME_LIMIT:
+        raise UserFault("model_name_too_long", limit=NAME_LIMIT)
+    return name
+
+
+def _valid_description(description: str) -> str:
+    description = _visible(description)
+    if len(description) > DESCRIPTION_LIMIT:
+        raise UserFault("description_too_long", limit=DESCRIPTION_LIMIT)
+    return description
+
+
+def _name_of_file(file_name: str) -> str:
+    """A model's name from its file's: ``C:\\cars\\my car.tar.gz`` is ``my car``."""
+    stem = _ENDINGS.sub("", _visible(re.split(r"[\\/]", file_name)[-1])).strip(". ")
+    return stem[:NAME_LIMIT].strip() or "model"
+
+
+def _free_name(owner: Racer, wanted: str) -> str:
+    """``wanted``, or ``wanted 2`` and so on, whichever the owner has not used."""
+    used = set(_garage(owner).values_list("name", flat=True))
+    name, number = wanted, 1
+    while name in used:
+        number += 1
+        ending = f" {number}"
+        name = wanted[: NAME_LIMIT - len(ending)].rstrip() + ending
+    return name

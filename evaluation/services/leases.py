@@ -1,0 +1,188 @@
+"""Claiming, holding and ending an evaluation.
+
+Every write is one guarded UPDATE that changes one row or none: the row's lease is a fencing token, and whoever does not
+hold it any more changes nothing. Nothing here needs row locks, so SQLite and PostgreSQL behave alike.
+"""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.db import transaction
+from django.db.models import F, QuerySet, Value
+from django.db.models.functions import Concat
+
+from ..errors import PaddockError, PlatformFault
+from ..line import heads_of_line
+from ..models import Evaluation, State
+from ..signals import evaluation_ended
+from .bell import ring_bell
+from .results import delete_trace, result_of, store_trace, trace_name
+
+if TYPE_CHECKING:
+    from ..pipeline import EvaluationOutcome
+
+logger = logging.getLogger(__name__)
+DETAIL_LIMIT = 4000
+BELLS_AT_ONCE = 8
+
+
+def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
+    """Take the evaluation whose turn it is (:mod:`evaluation.line`) under a new lease; None when nothing waits."""
+    while candidates := heads_of_line():
+        for waiting in candidates:
+            claimed = Evaluation.objects.filter(pk=waiting.pk, state=State.QUEUED, attempt=waiting.attempt).update(
+                state=State.RUNNING,
+                lease=uuid.uuid4(),
+                leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
+                worker=worker[:128],
+                attempt=F("attempt") + 1,
+                started_at=now,
+                progress={},
+            )
+            if claimed:
+                return Evaluation.objects.select_related("model__network", "track").get(pk=waiting.pk)
+    return None  # a lost race means that somebody else won it, so this loop ends
+
+
+def beat(*, evaluation_id: int, lease: uuid.UUID, progress: dict | None, now: datetime) -> bool:
+    """Prolong a lease, and write the progress unless it is None. False: the lease is gone, stop at once."""
+    changes: dict = {"leased_until": now + timedelta(seconds=settings.LEASE_SECONDS)}
+    if progress is not None:
+        changes["progress"] = progress
+    return bool(_held(evaluation_id, lease).update(**changes))
+
+
+def finish_evaluation(*, evaluation_id: int, lease: uuid.UUID, outcome: EvaluationOutcome, now: datetime) -> bool:
+    """Write the result, once, with everything that receivers of ``evaluation_ended`` write. False: the lease is gone.
+
+    The trace's file is stored before the transaction, under a name of this lease alone, and deleted again when the
+    transaction does not go through.
+    """
+    evaluation = _held(evaluation_id, lease).first()
+    if evaluation is None:
+        return False
+    trace = store_trace(evaluation, outcome.trace_csv)
+    try:
+        with transaction.atomic():
+            finished = _held(evaluation_id, lease).update(
+                state=State.FINISHED, lease=None, leased_until=None, ended_at=now, reason_code="", reason_params={}
+            )
+            if finished:
+                result = result_of(evaluation_id, lease, outcome, trace, now)
+                result.save(force_insert=True)
+                _tell(evaluation_id, result, now)
+    except BaseException:
+        delete_trace(trace)
+        raise
+    if not finished:
+        delete_trace(trace)
+    return bool(finished)
+
+
+def fail_evaluation(
+    *, evaluation_id: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = ""
+) -> bool:
+    """End an attempt that failed. False: the lease is gone.
+
+    A user's fault is final at once. After a platform's fault the evaluation goes back to its place in the queue until
+    ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``platform_gave_up``. ``detail`` is for operators.
+    """
+    evaluation = _held(evaluation_id, lease).first()
+    return evaluation is not None and _fail(_held(evaluation_id, lease), evaluation, fault, now, detail)
+
+
+def release_evaluation(*, evaluation_id: int, lease: uuid.UUID, now: datetime) -> bool:
+    """Hand an evaluation back unfinished because its worker is shutting down. It keeps its place; no attempt counts."""
+    with transaction.atomic():
+        released = _held(evaluation_id, lease).update(
+            state=State.QUEUED,
+            lease=None,
+            leased_until=None,
+            started_at=None,
+            progress={},
+            attempt=F("attempt") - 1,
+        )
+        if released:
+            ring_bell()
+    return bool(released)
+
+
+@dataclass(frozen=True)
+class SweepReport:
+    """What a sweep found: leases that had run out (and what became of their evaluations), and how many wait now."""
+
+    requeued: int = 0
+    gave_up: int = 0
+    waiting: int = 0
+
+
+def sweep_queue(*, now: datetime, ring: bool = True) -> SweepReport:
+    """Put evaluations whose worker disappeared back into the queue, and ring for whatever waits.
+
+    One evaluation that cannot be ended (a receiver raises) does not keep the others waiting. ``ring=False`` is for a
+    caller that is about to look at the queue itself.
+    """
+    requeued = gave_up = 0
+    for evaluation in Evaluation.objects.filter(state=State.RUNNING, leased_until__lt=now).order_by("leased_until"):
+        fault = PlatformFault("lease_expired")
+        mine = _held(evaluation.pk, evaluation.lease).filter(leased_until__lt=now)
+        try:
+            if not _fail(mine, evaluation, fault, now, f"worker {evaluation.worker}"):
+                continue
+        except Exception:
+            logger.exception("Evaluation %s cannot be ended.", evaluation)
+            continue
+        delete_trace(trace_name(evaluation))  # left behind if the worker died between storing and committing
+        if _may_try_again(evaluation):
+            requeued += 1
+        else:
+            gave_up += 1
+    waiting = Evaluation.objects.filter(state=State.QUEUED).count()
+    if waiting and ring:
+        ring_bell(times=min(waiting, BELLS_AT_ONCE))
+    return SweepReport(requeued, gave_up, waiting)
+
+
+def _held(evaluation_id: int, lease: uuid.UUID) -> QuerySet[Evaluation]:
+    """The evaluation while this lease is good: one row or none."""
+    return Evaluation.objects.filter(pk=evaluation_id, state=State.RUNNING, lease=lease)
+
+
+def _may_try_again(evaluation: Evaluation) -> bool:
+    return evaluation.attempt < settings.EVALUATION_MAX_ATTEMPTS
+
+
+@transaction.atomic
+def _fail(mine: QuerySet[Evaluation], evaluation: Evaluation, fault: PaddockError, now: datetime, detail: str) -> bool:
+    """End the attempt of the row in ``mine`` (one or none); ``evaluation`` is how it was read under the same lease."""
+    changes: dict = {"lease": None, "leased_until": None}
+    ours = isinstance(fault, PlatformFault)
+    if ours or detail:
+        note = f"Attempt {evaluation.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}".strip()
+        changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
+    if ours:
+        logger.warning("Evaluation %s, attempt %s: %s. %s", evaluation, evaluation.attempt, fault.code, detail)
+    if ours and _may_try_again(evaluation):
+        requeued = mine.update(state=State.QUEUED, started_at=None, progress={}, **changes)
+        if requeued:
+            ring_bell()
+        return bool(requeued)
+    if ours:
+        code, params = "platform_gave_up", {"attempts": evaluation.attempt}
+    else:
+        code, params = fault.code, fault.params
+    failed = mine.update(state=State.FAILED, ended_at=now, reason_code=code, reason_params=params, **changes)
+    if failed:
+        _tell(evaluation.pk, None, now)
+    return bool(failed)
+
+
+def _tell(evaluation_id: int, result, now: datetime) -> None:
+    evaluation = Evaluation.objects.select_related("model", "track", "owner").get(pk=evaluation_id)
+    evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=result, now=now)

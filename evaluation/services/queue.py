@@ -1,0 +1,57 @@
+"""Putting an evaluation into the queue and taking it out again."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.db import transaction
+
+from ..errors import UserFault
+from ..models import Evaluation, State, TrainedModel
+from ..selectors import can_use_model
+from ..signals import evaluation_ended
+from .bell import ring_bell
+
+if TYPE_CHECKING:
+    from league.models import Racer
+    from tracks.models import Track
+
+    from ..simulator.rules import RaceRules
+
+
+@transaction.atomic
+def queue_evaluation(
+    *, owner: Racer, model: TrainedModel, track: Track, rules: RaceRules, priority: int = 0, now: datetime
+) -> Evaluation:
+    """Freeze what is to be run and put it into the queue; a worker is woken once the transaction is committed.
+
+    Raises UserFault("model_not_yours") for somebody else's model and for a deleted one.
+    """
+    if not can_use_model(owner, model):
+        raise UserFault("model_not_yours")
+    evaluation = Evaluation.objects.create(
+        owner=owner,
+        model=model,
+        track=track,
+        spec={"track": track.fingerprint, "rules": rules.to_dict(), "metadata": model.metadata},
+        priority=priority,
+        queued_at=now,
+    )
+    ring_bell()
+    return evaluation
+
+
+@transaction.atomic
+def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
+    """Stop a queued or running evaluation for good. False when it had ended already.
+
+    A worker that is running it finds its lease gone at the next beat, kills the processes and writes nothing.
+    """
+    stopped = Evaluation.objects.filter(pk=evaluation.pk, state__in=(State.QUEUED, State.RUNNING)).update(
+        state=State.STOPPED, lease=None, leased_until=None, ended_at=now, reason_code="stopped"
+    )
+    evaluation.refresh_from_db()
+    if stopped:
+        evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=None, now=now)
+    return bool(stopped)

@@ -1,0 +1,144 @@
+"""One turn of a worker: claim an evaluation, run it under a heartbeat, write down how it ended."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import traceback
+import uuid
+from collections.abc import Callable
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from django.conf import settings
+from django.db import DatabaseError, InterfaceError, connections
+from django.utils import timezone
+
+from ..errors import PaddockError, PlatformFault, UserFault
+from ..models import Evaluation
+from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
+
+if TYPE_CHECKING:
+    from ..pipeline import EvaluationOutcome, RaceJob
+
+logger = logging.getLogger(__name__)
+PROGRESS_EVERY_S = 1.0
+BEATS_PER_LEASE = 6
+
+
+def run_next_evaluation(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
+    """Run the evaluation whose turn it is to its end. False: nothing waits.
+
+    ``interrupted`` turns true when the worker is told to shut down: the evaluation is then handed back. Call this from
+    a thread that outlives the run (a worker's main thread): the sandboxed processes die with the thread that made them.
+    """
+    evaluation = claim_next_evaluation(worker=worker, now=timezone.now())
+    if evaluation is None:
+        return False
+    ident: dict[str, Any] = {"evaluation_id": evaluation.pk, "lease": evaluation.lease}
+    logger.info("Evaluation %s attempt %s starts.", evaluation, evaluation.attempt)
+    with Heart(evaluation.pk, evaluation.lease) as heart:
+        try:
+            outcome = _run(evaluation, heart, interrupted)
+            ended = finish_evaluation(**ident, outcome=outcome, now=timezone.now())
+            how = "finished"
+        except Exception as error:
+            if not heart.lost and interrupted():
+                ended = release_evaluation(**ident, now=timezone.now())
+                how = "handed back"
+            else:
+                fault, detail = _fault_of(error)
+                ended = fail_evaluation(**ident, fault=fault, now=timezone.now(), detail=detail)
+                how = f"failed: {fault.code}"
+    logger.info("Evaluation %s %s.", evaluation, how if ended else "was stopped or given to somebody else")
+    return True
+
+
+def job_of(evaluation: Evaluation) -> RaceJob:
+    """What the pipeline needs, from the specification that was frozen when the evaluation was queued.
+
+    Raises PlatformFault("storage_failed") when the network's file cannot be read, ("internal_error") when the track is
+    not the one that was frozen.
+    """
+    from ..pipeline import RaceJob
+    from ..simulator.rules import RaceRules
+
+    rules = RaceRules.from_dict(evaluation.spec["rules"])
+    track = evaluation.track.geometry
+    if track.fingerprint != evaluation.spec["track"]:
+        raise PlatformFault("internal_error")
+    try:
+        with evaluation.model.network.onnx.open("rb") as file:
+            onnx = file.read()
+    except OSError as error:
+        raise PlatformFault("storage_failed") from error
+    return RaceJob(
+        track=track.in_direction(rules.direction), rules=rules, onnx=onnx, metadata=evaluation.spec["metadata"]
+    )
+
+
+class Heart(threading.Thread):
+    """Keeps a lease alive while the work goes on, and carries the progress to the database.
+
+    Writes at most once a second, and at least :data:`BEATS_PER_LEASE` times per lease. ``lost`` turns true when the
+    lease is gone, or when the database could not be reached for as long as a lease lasts.
+    """
+
+    def __init__(self, evaluation_id: int, lease: uuid.UUID) -> None:
+        super().__init__(name=f"heart of {evaluation_id}", daemon=True)
+        self._ident: dict[str, Any] = {"evaluation_id": evaluation_id, "lease": lease}
+        self._every = settings.LEASE_SECONDS / BEATS_PER_LEASE
+        self._ended = threading.Event()
+        self._progress: dict | None = None
+        self.lost = False
+
+    def __enter__(self) -> Heart:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._ended.set()
+        self.join()
+
+    def tell(self, progress: dict[str, Any]) -> None:
+        """Take the newest progress; the next beat writes it."""
+        self._progress = progress
+
+    def run(self) -> None:
+        last = monotonic()
+        try:
+            while not self._ended.wait(min(PROGRESS_EVERY_S, self._every)) and not self.lost:
+                progress = self._progress
+                if progress is None and monotonic() - last < self._every:
+                    continue
+                try:
+                    self.lost = not beat(**self._ident, progress=progress, now=timezone.now())
+                except (DatabaseError, InterfaceError) as error:
+                    logger.warning("A heartbeat could not be written: %s", error)
+                    connections.close_all()
+                    self.lost = monotonic() - last > settings.LEASE_SECONDS
+                else:
+                    last = monotonic()
+                    if self._progress is progress:
+                        self._progress = None
+        finally:
+            connections.close_all()
+
+
+def _run(evaluation: Evaluation, heart: Heart, interrupted: Callable[[], bool]) -> EvaluationOutcome:
+    from ..pipeline import evaluate
+
+    return evaluate(
+        job_of(evaluation),
+        on_progress=heart.tell,
+        should_stop=lambda: heart.lost or interrupted(),
+        wall_limit_s=settings.EVALUATION_WALL_SECONDS,
+    )
+
+
+def _fault_of(error: Exception) -> tuple[PaddockError, str]:
+    """The fault to record for whatever was raised, and what operators read about it."""
+    if isinstance(error, UserFault):
+        return error, "\n".join(getattr(error, "__notes__", ()))
+    fault = error if isinstance(error, PlatformFault) else PlatformFault("internal_error")
+    return fault, "".join(traceback.format_exception(error))

@@ -1,0 +1,10 @@
+"""What this room tells the rooms above it."""
+
+from django.dispatch import Signal
+
+evaluation_ended = Signal()
+"""Sent inside the transaction that makes an evaluation final, so that a receiver's writes stand or fall with it.
+
+kwargs: ``evaluation`` (fresh from the database), ``result`` (a Result, or None unless it finished), ``now``.
+A receiver that raises undoes the end: the evaluation is then tried again.
+"""

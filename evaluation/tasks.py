@@ -1,0 +1,84 @@
+"""Celery's side of the queue: thin, because the table of evaluations is the truth and a message only a bell."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
+
+from celery import shared_task
+from celery.signals import worker_ready
+from django.utils import timezone
+
+from .errors import PlatformFault
+from .services import note_worker, ring_bell, run_next_evaluation, sweep_queue
+
+logger = logging.getLogger(__name__)
+BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
+
+
+@shared_task(bind=True)
+def work(self) -> int:
+    """Run evaluations until none waits or the time is up. Returns how many were run.
+
+    Below the sandbox's minimum nothing runs: the evaluations wait for a better worker.
+    """
+    worker = self.request.hostname or "local"
+    if not _fit(worker):
+        return 0
+    sweep_queue(now=timezone.now(), ring=False)
+    started, count = monotonic(), 0
+    with shutdown_flag() as told_to_stop:
+        while not told_to_stop.is_set() and run_next_evaluation(worker=worker, interrupted=told_to_stop.is_set):
+            count += 1
+            if monotonic() - started > BUDGET_S:
+                ring_bell()
+                break
+    return count
+
+
+@shared_task(bind=True)
+def sweep(self) -> dict[str, int]:
+    """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
+    _fit(self.request.hostname or "local")
+    report = sweep_queue(now=timezone.now())
+    return {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
+
+
+@worker_ready.connect
+def sweep_at_start(sender=None, **kwargs: object) -> None:
+    """A worker that comes up does not wait for beat: what the last one left behind is put right at once."""
+    try:
+        sweep.apply_async(retry=False)
+    except Exception as error:  # the broker's client may raise anything; beat sends the next sweep
+        logger.warning("The first sweep could not be sent: %s", error)
+
+
+@contextmanager
+def shutdown_flag() -> Iterator[threading.Event]:
+    """An event that SIGTERM sets, so that a worker which is told to stop hands its evaluation back.
+
+    Celery leaves SIGTERM deadly in its pool's processes; outside this block it stays so.
+    """
+    told = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield told
+        return
+    before = signal.signal(signal.SIGTERM, lambda *_: told.set())
+    try:
+        yield told
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _fit(worker: str) -> bool:
+    """Note the worker; whether untrusted code may run in it."""
+    try:
+        note_worker(name=worker, now=timezone.now())
+    except PlatformFault as fault:
+        logger.error("%s runs nothing: %s", worker, fault)
+        return False
+    return True

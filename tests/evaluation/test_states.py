@@ -1,0 +1,135 @@
+"""Every change of state that may happen happens; every other changes nothing."""
+
+from __future__ import annotations
+
+import uuid
+from datetime import timedelta
+
+import pytest
+
+from evaluation import services
+from evaluation.errors import PlatformFault, UserFault
+from evaluation.models import Evaluation, Result, State
+from evaluation.simulator.rules import RaceRules
+from tests.evaluation.stubs import outcome_of
+from tests.rows import model_row
+
+FINISHED, FAILED, STOPPED, QUEUED, RUNNING = (
+    State.FINISHED,
+    State.FAILED,
+    State.STOPPED,
+    State.QUEUED,
+    State.RUNNING,
+)
+
+
+def claim(evaluation, now):
+    claimed = services.claim_next_evaluation(worker="w", now=now)
+    return claimed is not None and claimed.pk == evaluation.pk
+
+
+def finish(evaluation, now):
+    return services.finish_evaluation(evaluation_id=evaluation.pk, lease=key(evaluation), outcome=outcome_of(), now=now)
+
+
+def fail_by_user(evaluation, now):
+    fault = UserFault("policy_died", step=1, how="exit status 1")
+    return services.fail_evaluation(evaluation_id=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
+
+
+def fail_by_platform(evaluation, now):
+    fault = PlatformFault("storage_failed")
+    return services.fail_evaluation(evaluation_id=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
+
+
+def fail_by_platform_at_last(evaluation, now):
+    Evaluation.objects.filter(pk=evaluation.pk).update(attempt=3)
+    return fail_by_platform(evaluation, now)
+
+
+def beat(evaluation, now):
+    return services.beat(evaluation_id=evaluation.pk, lease=key(evaluation), progress={"lap": 1}, now=now)
+
+
+def release(evaluation, now):
+    return services.release_evaluation(evaluation_id=evaluation.pk, lease=key(evaluation), now=now)
+
+
+def stop(evaluation, now):
+    return services.stop_evaluation(evaluation=evaluation, now=now)
+
+
+def sweep_in_time(evaluation, now):
+    return bool(services.sweep_queue(now=now + timedelta(seconds=29)).requeued)
+
+
+def sweep_too_late(evaluation, now):
+    return bool(services.sweep_queue(now=now + timedelta(seconds=31)).requeued)
+
+
+def sweep_at_last(evaluation, now):
+    Evaluation.objects.filter(pk=evaluation.pk).update(attempt=3)
+    return bool(services.sweep_queue(now=now + timedelta(seconds=31)).gave_up)
+
+
+# what each event makes of a queued and of a running evaluation; None: nothing. A final state never changes.
+TABLE = {
+    claim: (RUNNING, None),
+    beat: (None, RUNNING),
+    finish: (None, FINISHED),
+    fail_by_user: (None, FAILED),
+    fail_by_platform: (None, QUEUED),
+    fail_by_platform_at_last: (None, FAILED),
+    release: (None, QUEUED),
+    stop: (STOPPED, STOPPED),
+    sweep_in_time: (None, None),
+    sweep_too_late: (None, QUEUED),
+    sweep_at_last: (None, FAILED),
+}
+CASES = [
+    (event, before, after)
+    for event, (of_queued, of_running) in TABLE.items()
+    for before, after in [
+        (QUEUED, of_queued),
+        (RUNNING, of_running),
+        (FINISHED, None),
+        (FAILED, None),
+        (STOPPED, None),
+    ]
+]
+
+
+def key(evaluation):
+    return evaluation.lease or uuid.uuid4()
+
+
+def put_in(state, owner, track, now):
+    evaluation = services.queue_evaluation(owner=owner, model=model_row(owner), track=track, rules=RaceRules(), now=now)
+    if state == QUEUED:
+        return evaluation
+    evaluation = services.claim_next_evaluation(worker="w", now=now)
+    if state in (FINISHED, FAILED, STOPPED):
+        {FINISHED: finish, FAILED: fail_by_user, STOPPED: stop}[state](evaluation, now)
+    return evaluation  # with the lease it had while it ran, as a late worker has it
+
+
+@pytest.mark.parametrize(
+    ("event", "before", "after"), CASES, ids=[f"{event.__name__}-{before}" for event, before, _ in CASES]
+)
+def test_an_event_makes_of_each_state_what_the_table_says(event, before, after, alice, oval, now, bell):
+    evaluation = put_in(before, alice, oval, now)
+    stored = Evaluation.objects.get(pk=evaluation.pk)
+    assert stored.state == before
+    results = Result.objects.count()
+    happened = event(evaluation, now + timedelta(milliseconds=1))
+    changed = Evaluation.objects.get(pk=evaluation.pk)
+    assert happened == (after is not None)
+    assert changed.state == (after or before)
+    assert (changed.lease is not None) == (changed.state == RUNNING)
+    assert (changed.ended_at is not None) == (changed.state in (FINISHED, FAILED, STOPPED))
+    assert Result.objects.count() == results + (after == FINISHED)
+    if after is None:
+        untouched = {"attempt"} if event in (fail_by_platform_at_last, sweep_at_last) else set()
+        for field in Evaluation._meta.concrete_fields:
+            if field.name not in untouched:
+                assert getattr(changed, field.name) == getattr(stored, field.name), field.name
