@@ -1,0 +1,1 @@
+"""PyBullet world, car, sensors, referee, trace and Gymnasium environment. No Django."""

@@ -1,0 +1,100 @@
+"""From a network's output to a command: the action space of ``model_metadata.json``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evaluation.errors import UserFault
+
+from .physics import PADDOCK_CAR
+
+DISCRETE = "discrete"
+CONTINUOUS = "continuous"
+
+
+class Action(NamedTuple):
+    """A command to the car. ``index`` is the place in a discrete list, None for a continuous space."""
+
+    steering_deg: float  # positive is left
+    speed_mps: float
+    index: int | None
+
+
+@dataclass(frozen=True)
+class ActionSpace:
+    """A discrete list of (steering in degrees, speed in m/s), or the (low, high) ranges of both."""
+
+    kind: str
+    actions: tuple[tuple[float, float], ...] = ()
+    steering: tuple[float, float] = (0.0, 0.0)
+    speed: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> ActionSpace:
+        """The action space of a metadata file that is already checked (numbers may be strings, as in real files).
+
+        Raises ValueError or KeyError for one that is not.
+        """
+        space = metadata["action_space"]
+        if metadata.get("action_space_type", DISCRETE) == CONTINUOUS:
+            return cls.continuous(
+                *((float(space[key]["low"]), float(space[key]["high"])) for key in ("steering_angle", "speed"))
+            )
+        return cls.discrete([(float(action["steering_angle"]), float(action["speed"])) for action in space])
+
+    @classmethod
+    def discrete(cls, actions: Sequence[tuple[float, float]]) -> ActionSpace:
+        """A list of (steering in degrees, speed in m/s)."""
+        if not actions:
+            raise ValueError("a discrete action space needs at least one action")
+        return cls(DISCRETE, actions=tuple(_command(*action) for action in actions))
+
+    @classmethod
+    def continuous(cls, steering: tuple[float, float], speed: tuple[float, float]) -> ActionSpace:
+        """Ranges (low, high) of steering in degrees and of speed in m/s."""
+        for low, high in (steering, speed):
+            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+                raise ValueError(f"a range needs low < high, not {low} and {high}")
+        return cls(CONTINUOUS, steering=steering, speed=speed)
+
+    @property
+    def size(self) -> int:
+        """How many values a network must answer."""
+        return len(self.actions) if self.kind == DISCRETE else 2
+
+    def decode(self, output: np.ndarray, step: int = 0) -> Action:
+        """The command in a network's ``output`` (any shape with ``size`` values).
+
+        Discrete: the first of the greatest scores. Continuous: clipped to [-1, 1] and scaled to the ranges
+        (deepracer-simapp, multi_agent_coach/action_space_configs.py). Both: clipped to what the car can do and rounded
+        to 1e-4. Raises UserFault("non_finite_action"), which names ``step``; ValueError for a wrong size.
+        """
+        values = np.asarray(output).reshape(-1)
+        if values.size != self.size:
+            raise ValueError(f"the network answered {values.size} values, the action space has {self.size}")
+        if not np.isfinite(values).all():
+            raise UserFault("non_finite_action", step=step)
+        if self.kind == DISCRETE:
+            index = int(values.argmax())
+            return Action(*self.actions[index], index)
+        steering, speed = (min(max(float(value), -1.0), 1.0) for value in values)
+        return Action(*_command(_scale(steering, *self.steering), _scale(speed, *self.speed)), None)
+
+
+def _scale(value: float, low: float, high: float) -> float:
+    return low + (value + 1.0) / 2.0 * (high - low)
+
+
+def _command(steering_deg: float, speed: float) -> tuple[float, float]:
+    """Clip to the car's limits and round: a difference in a network's last bits must not move the car."""
+    limit = PADDOCK_CAR.max_steering_deg
+    steering_deg = min(max(float(steering_deg), -limit), limit)
+    speed = min(max(float(speed), PADDOCK_CAR.min_speed), PADDOCK_CAR.max_speed)
+    if not (math.isfinite(steering_deg) and math.isfinite(speed)):
+        raise ValueError("steering and speed must be finite")
+    return round(steering_deg, 4) + 0.0, round(speed, 4)

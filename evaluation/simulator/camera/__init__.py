@@ -1,0 +1,1 @@
+"""What a car's camera sees: the track's texture warped into perspective, walls and sky drawn over it."""

@@ -1,0 +1,50 @@
+"""Where a camera sits on the car and how it maps the ground to pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Optics:
+    """A pinhole camera on the car. Metres and radians; x forward and y left from the car's base.
+
+    Defaults: the front camera of deepracer-simapp (urdf/deepracer, macros.xacro): 640x480 pixels, seen at a quarter.
+    """
+
+    x: float = 0.1453
+    y: float = 0.0
+    height: float = 0.1303
+    pitch: float = 0.2618  # down
+    horizontal_fov: float = 1.13
+    columns: int = 160
+    rows: int = 120
+
+    @property
+    def focal(self) -> float:
+        """Focal length in pixels of the small picture."""
+        return self.columns / 2 / math.tan(self.horizontal_fov / 2)
+
+    @property
+    def horizon(self) -> float:
+        """Row (pixel centres are whole numbers) of the horizon."""
+        return (self.rows - 1) / 2 - self.focal * math.tan(self.pitch)
+
+    def ground_from_pixels(self) -> np.ndarray:
+        """(3, 3): homogeneous (column, row, 1) below the horizon to homogeneous ground (x, y, 1) in the car's frame."""
+        focal, cos, sin = self.focal, math.cos(self.pitch), math.sin(self.pitch)
+        centre_u, centre_v = (self.columns - 1) / 2, (self.rows - 1) / 2
+        # A ray goes right by a = (u - cu)/f and down by b = (v - cv)/f for one unit along the axis.
+        right = np.array([1.0, 0.0, -centre_u]) / focal
+        down = np.array([0.0, 1.0, -centre_v]) / focal
+        one = np.array([0.0, 0.0, 1.0])
+        fall = sin * one + cos * down  # how far the ray falls: it meets the ground after height / fall
+        forward = self.height * (cos * one - sin * down) + self.x * fall
+        left = -self.height * right + self.y * fall
+        return np.array([forward, left, fall])
+
+
+FRONT_CAMERA = Optics()

@@ -1,0 +1,34 @@
+"""Which simulator made a result."""
+
+from __future__ import annotations
+
+import functools
+import platform
+from importlib import metadata
+
+# Raise the number with any change that can move a lap time.
+ENGINE_ID = "paddock-v1"
+
+
+@functools.cache
+def _versions() -> tuple[tuple[str, str], ...]:
+    names = {"pybullet": "pybullet", "numpy": "numpy", "opencv": "opencv-python-headless"}
+    return tuple((short, metadata.version(name)) for short, name in names.items())
+
+
+def versions() -> dict[str, str]:
+    """Versions of the libraries that a result depends on."""
+    return dict(_versions())
+
+
+@functools.cache
+def cpu_model() -> str:
+    """The processor's name, for the record: its vector units round sums in their own order."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine() or "unknown"

@@ -1,0 +1,86 @@
+"""How far a car has come along the track since the start, unwrapped: a lap counts once, and only when it was driven."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracks.geometry import Projection, TrackGeometry
+
+STRIDE_M = 0.3  # the nose moves at most this far in a control step: 4 m/s for 1/15 s and the swing of a turn
+_SAMPLE_M = 0.05
+_WINDOW_M = 2.0  # a projection is never looked for farther along the track than this from the last one
+
+
+class Reach:
+    """The greatest distance along the centre line that one stride on the road can gain, by waypoint.
+
+    On the inside of a hairpin the centre line turns faster than the car moves; elsewhere this is about a stride. A
+    larger jump of the projection was not driven on this road: the car left it for another part of the track.
+    """
+
+    def __init__(self, track: TrackGeometry) -> None:
+        count = max(8, int(np.ceil(track.length / _SAMPLE_M)))
+        step = track.length / count
+        along = np.arange(count) * step
+        ends = np.append(track.cumulative, track.length)
+        gain = np.full(count, STRIDE_M)
+        for line in (track.left, track.right):
+            points = np.column_stack(
+                [np.interp(along, ends, np.append(line[:, axis], line[0, axis])) for axis in range(2)]
+            )
+            for lag in range(1, min(count // 2, int(_WINDOW_M / step)) + 1):
+                near = np.linalg.norm(np.roll(points, -lag, axis=0) - points, axis=1) <= STRIDE_M
+                # Both ends of such a pair may be where the stride starts.
+                near |= np.roll(near, lag)
+                gain[near] = np.maximum(gain[near], lag * step)
+        # A waypoint stands for its neighbourhood, since a projection names the segment only.
+        spread = int(np.ceil(2 * STRIDE_M / step))
+        wide = np.max([np.roll(gain, shift) for shift in range(-spread, spread + 1)], axis=0)
+        index = np.minimum((track.cumulative / step).astype(int), count - 1)
+        self._gain = (wide[index] + 2 * step).tolist()
+
+    def at(self, index: int) -> float:
+        """Metres along the centre line from the segment ``index``."""
+        return self._gain[index]
+
+
+class Odometer:
+    """Unwrapped progress of one car's nose.
+
+    ``metres`` counts from the finish line at the start of the run: the second lap begins at one track length. It
+    falls when the car reverses, so that crossing the line backwards and forwards again scores nothing.
+    """
+
+    def __init__(self, track: TrackGeometry, reach: Reach) -> None:
+        self._track = track
+        self._reach = reach
+        self.metres = 0.0
+        self.place: Projection = track.project(*track.point_at(0.0)[:2])
+        self.seen = self.place  # where the nose was last seen, credited or not
+        self._patience = 1
+
+    def put(self, x: float, y: float, near_m: float) -> None:
+        """The car was put where its nose is at (x, y), about ``near_m`` metres (unwrapped) along the track."""
+        hint = self._track.project(*self._track.point_at(near_m)[:2]).index
+        self.place = self.seen = self._track.project(x, y, hint)
+        self.metres = near_m + self._wrap(self.place.distance - near_m)
+        self._patience = 1
+
+    def move(self, x: float, y: float) -> bool:
+        """The nose is at (x, y) after one control step; False where it cannot have driven there along this road.
+
+        Then nothing is credited, and the car is expected back near the last credited place.
+        """
+        place = self.seen = self._track.project(x, y, self.place.index)
+        gained = self._wrap(place.distance - self.place.distance)
+        if abs(gained) > self._patience * self._reach.at(self.place.index):
+            self._patience += 1  # a nose that hung over the inside of a hairpin may catch up
+            return False
+        self._patience = 1
+        self.metres += gained
+        self.place = place
+        return True
+
+    def _wrap(self, metres: float) -> float:
+        length = self._track.length
+        return (metres + length / 2) % length - length / 2

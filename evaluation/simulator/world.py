@@ -1,0 +1,81 @@
+"""The physical world: one fresh Bullet client, a ground plane, and cars that move on a fixed tick."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from types import TracebackType
+
+import pybullet as bullet
+
+from .car import Car
+from .physics import PADDOCK_CAR, CarPhysics
+
+
+class World:
+    """A Bullet world of its own. Use it as a context manager or call :meth:`close`.
+
+    A fresh client for each run and fixed ticks make a run repeat to the last bit.
+    """
+
+    def __init__(self, physics: CarPhysics = PADDOCK_CAR) -> None:
+        self.physics = physics
+        self.cars: list[Car] = []
+        self.seconds = 0.0  # spent inside Bullet's step, a diagnostic
+        self.client = bullet.connect(bullet.DIRECT)
+        client = self.client
+        bullet.setGravity(0.0, 0.0, -physics.gravity, physicsClientId=client)
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / physics.tick_hz,
+            numSolverIterations=physics.solver_iterations,
+            numSubSteps=0,
+            deterministicOverlappingPairs=1,
+            physicsClientId=client,
+        )
+        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=(0, 0, 1), physicsClientId=client)
+        ground = bullet.createMultiBody(0, plane, physicsClientId=client)
+        bullet.changeDynamics(
+            ground,
+            -1,
+            lateralFriction=1.0,
+            spinningFriction=0.0,
+            rollingFriction=0.0,
+            restitution=0.0,
+            physicsClientId=client,
+        )
+        # Whole control steps that a command waits, and ticks within the step.
+        self._late_steps, self._late_ticks = divmod(physics.dead_time_ticks, physics.ticks_per_step)
+
+    def add_car(self) -> Car:
+        """A new car at the origin."""
+        car = Car(self.client, self.physics)
+        self.cars.append(car)
+        return car
+
+    def step(self) -> None:
+        """Advance one control step (1/15 s)."""
+        before = perf_counter()
+        self._tick(self._late_ticks)
+        for car in self.cars:
+            car.apply(self._late_steps)
+        self._tick(self.physics.ticks_per_step - self._late_ticks)
+        self.seconds += perf_counter() - before
+
+    def _tick(self, count: int) -> None:
+        client = self.client
+        step = bullet.stepSimulation
+        for _ in range(count):
+            step(client)
+
+    def close(self) -> None:
+        """Free the Bullet client; may be called twice."""
+        if self.client >= 0:
+            bullet.disconnect(self.client)
+            self.client = -1
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
