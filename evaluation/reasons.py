@@ -290,6 +290,15 @@ _RUN_TIME = _table(
 _PLATFORM = _table(
     "platform",
     {
+        "sandbox_unavailable": _(
+            "This host cannot wall off models safely enough (level %(level)s, at least %(minimum)s is needed), so none "
+            "is run. An operator sees with “manage.py doctor” what is missing."
+        ),
+        "sandbox_failed": _("A walled-off process could not be started. The evaluation will be repeated."),
+        "runner_timeout": _("The simulator did not finish within %(limit_s)s s. The evaluation will be repeated."),
+        "runner_died": _("The simulator ended unexpectedly (%(how)s). The evaluation will be repeated."),
+        "runner_protocol": _("The simulator sent something unreadable. The evaluation will be repeated."),
+        "runner_error": _("The simulator failed (%(detail)s). The evaluation will be repeated."),
         "upload_busy": _(
             "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
         ),
@@ -392,10 +401,10 @@ _RACE = _table(
             "Cars have already been submitted under these rules, so they no longer change. Make another race instead."
         ),
         "cancel_needs_a_reason": _("Say why the race is cancelled: everybody who entered will read it."),
-        "removal_needs_a_reason": _("Say why this racer is removed: they will read it."),
+        "race_not_yours": _("Only the organiser of this race and admins can do this."),
         # getting in and out
         "race_not_open_yet": _("The race opens at %(opens)s. Submit a car from then on."),
-        "race_closed": _("The race closed at %(closes)s. Nothing can be entered or submitted any more."),
+        "race_closed": _("The race closed at %(closes)s. Its entries and cars do not change any more."),
         "race_cancelled": _("The race was cancelled: %(reason)s"),
         "race_needs_invitation": _("This race is by invitation. Open the link that its organiser gave you."),
         "invitation_unknown": _(
@@ -409,8 +418,7 @@ _RACE = _table(
         ),
         "entry_missing": _("You have not entered this race."),
         "entry_withdrawn": _("You have withdrawn from this race. Enter it again first."),
-        "entry_removed": _("The organiser has removed you from this race: %(reason)s"),
-        "entry_not_removed": _("This racer is in the race and was not removed."),
+        "entry_removed": _("The organiser has removed you from this race. Ask them if you take it for a mistake."),
         # submitting
         "model_not_yours": _("This model is not in your garage. Choose one of your own models."),
         "sensors_not_offered": _(
