@@ -48,7 +48,7 @@ def python_home() -> PythonHome:
 
 
 def _libpython() -> str | None:
-    """The shared library this interpreter really runs from; None where it is linked in. (Build records may be stale.)"""
+    """The shared library this interpreter really runs from (build records may be stale); None where it is linked in."""
     with open("/proc/self/maps", encoding="utf-8", errors="surrogateescape") as lines:
         for line in lines:
             path = line.rstrip("\n").partition("/")[2]
