@@ -30,6 +30,7 @@ MAX_ACTIONS = 100
 _KEYS = ("steering_angle", "speed")
 _VALUE_LIMIT = 1000.0
 _DEPTH_LIMIT = 8
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _LIDAR_DEFAULTS = {"num_sectors": 8, "num_values_per_sector": 8, "clipping_dist": 2.0}
 
 Actions = tuple[Mapping[str, float], ...] | Mapping[str, Mapping[str, float]]
@@ -112,7 +113,7 @@ def parse_metadata(data: bytes, limits: PackageLimits = DEFAULT_LIMITS) -> Model
 def _load(data: bytes) -> object:
     """JSON without its dark corners: no NaN, no equal keys, no deep nesting, no huge integers."""
     try:
-        text = data.decode("utf-8-sig")
+        text = data.removeprefix(_BYTE_ORDER_MARK).decode("utf-8")
     except UnicodeDecodeError as error:
         raise UserFault("metadata_not_json", line="line 1", problem="not UTF-8") from error
     _refuse_depth(text)

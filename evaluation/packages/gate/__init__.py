@@ -5,12 +5,12 @@ Runs inside the sandboxed admission process, for uploaded and for converted netw
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from evaluation.errors import UserFault
+from evaluation.packages.identity import identity
 from evaluation.packages.inputs import InputSpec
 from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
 from evaluation.packages.metadata import ModelMetadata
@@ -21,7 +21,7 @@ from .cost import measure
 from .model import DTYPES, FLOAT, UINT8, Port, read_model
 from .operators import check_operator
 
-__all__ = ["Canonical", "check_onnx", "identity"]
+__all__ = ["Canonical", "check_onnx"]
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,6 @@ class Canonical:
     output: tuple[str, str, tuple[int, ...]]
     parameters: int
     macs: int
-
-
-def identity(onnx_bytes: bytes, metadata: ModelMetadata) -> str:
-    """A model's identity: sha-256 of the canonical network, a zero byte, and the metadata that counts."""
-    return hashlib.sha256(onnx_bytes + b"\0" + metadata.canonical_json()).hexdigest()
 
 
 def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEFAULT_LIMITS) -> Canonical:

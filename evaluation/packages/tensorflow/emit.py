@@ -64,7 +64,7 @@ class Emitter:
     def weight(self, value: Known | np.ndarray) -> str:
         """The name of the initializer that holds this array."""
         array = value.array if isinstance(value, Known) else value
-        array = np.ascontiguousarray(array)
+        array = np.asarray(array, order="C")  # (ascontiguousarray would give a single number a dimension)
         key = (array.dtype.str, array.shape, array.tobytes() if array.size <= 64 else id(array))
         if key not in self._weights:
             name = f"w{len(self._initializers) + 1}"

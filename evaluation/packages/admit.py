@@ -1,0 +1,156 @@
+"""The one way into Paddock for a model: read, convert behind the wall, gate, identity.
+
+This process unpacks archives and reads the metadata's JSON, both with bounds; it never parses a stranger's protobuf.
+What comes back from behind the wall is believed as little as the upload was: sizes, types and codes are checked, and
+the sha-256 is computed here.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluation.errors import PlatformFault, UserFault
+from evaluation.reasons import REASONS
+from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
+from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
+from evaluation.sandbox.limits import CONVERTER
+from evaluation.sandbox.lock import EXIT_MEMORY
+
+from .identity import identity
+from .limits import DEFAULT_LIMITS, PackageLimits
+from .metadata import ModelMetadata, parse_metadata
+from .read import RawPackage, UploadPart, read_upload
+from .slots import upload_slot
+from .wire import printable
+
+MODULE = "evaluation.packages.convert_process"
+_START_S = 20.0
+_HEADER_LIMIT = 16 * 1024
+_LOCKED = {"state": "locked"}
+
+
+@dataclass(frozen=True)
+class AdmittedPackage:
+    """A model that may race."""
+
+    onnx: bytes  # canonical: what every runtime gets
+    sha256: str  # the model's identity
+    metadata: ModelMetadata
+    source_kind: str  # "tensorflow" or "onnx"
+    source_sha256: str  # of the upload itself
+    parameters: int
+    macs: int  # multiplications a step
+
+
+def admit(
+    files: Sequence[UploadPart], limits: PackageLimits = DEFAULT_LIMITS, *, slots_directory: Path | None = None
+) -> AdmittedPackage:
+    """Read an upload and admit its model, or say why not.
+
+    Takes about a second. Raises UserFault (upload, metadata, conversion, gate sections) or PlatformFault
+    (``upload_busy``, ``conversion_failed``, and those of the sandbox). Leaves no file and no process behind.
+    """
+    with upload_slot(limits.slots, limits.slot_wait_s, slots_directory):
+        package = read_upload(files, limits)
+        metadata = parse_metadata(package.metadata_json, limits)
+        onnx, parameters, macs = _ask(package, limits)
+    return AdmittedPackage(
+        onnx=onnx,
+        sha256=identity(onnx, metadata),
+        metadata=metadata,
+        source_kind=package.kind,
+        source_sha256=package.source_sha256,
+        parameters=parameters,
+        macs=macs,
+    )
+
+
+def _ask(package: RawPackage, limits: PackageLimits) -> tuple[bytes, int, int]:
+    """Have the sandboxed process admit the network: its canonical bytes, parameters and multiplications."""
+    with launch(MODULE, limits=CONVERTER) as process:
+        widen_pipe(process.stdin)
+        widen_pipe(process.stdout)
+        _wait_for_lock(process)
+        question = {"kind": package.kind, "limits": limits.to_dict()}
+        try:
+            write_message(process.stdin, question, [package.model, package.metadata_json], process.deadline)
+            header, blobs = read_message(
+                process.stdout, process.deadline, json_limit=_HEADER_LIMIT, blob_limit=limits.model_bytes
+            )
+        except FrameTimeout as error:
+            raise _too_long(process) from error
+        except FrameClosed as error:
+            raise _death(process) from error
+        except FrameError as error:
+            raise UserFault("conversion_crashed") from error
+        return _checked(header, blobs, limits)
+
+
+def _wait_for_lock(process: SandboxedProcess) -> None:
+    """Until the process is locked it has seen nothing of the upload: what goes wrong before is our fault."""
+    try:
+        header, _ = read_message(process.stdout, time.monotonic() + _START_S, json_limit=_HEADER_LIMIT, blob_limit=0)
+    except FrameError as error:
+        fault = PlatformFault("conversion_failed")
+        fault.add_note(process.stderr_text())
+        raise fault from error
+    if header != _LOCKED:
+        raise PlatformFault("conversion_failed")
+
+
+def _too_long(process: SandboxedProcess) -> UserFault | PlatformFault:
+    """Out of wall time: the network's fault if it computed all the while, ours if it hardly got the processor."""
+    if process.cpu_seconds() > process.limits.cpu_s / 2:
+        return UserFault("conversion_time")
+    return PlatformFault("upload_busy")
+
+
+def _death(process: SandboxedProcess) -> UserFault:
+    """The process died of the network: of memory, of processor time, or of a crash."""
+    status = process.wait(2.0)
+    if status == EXIT_MEMORY:
+        fault = UserFault("conversion_memory")
+    elif status in (-signal.SIGKILL, -signal.SIGXCPU) and process.cpu_s >= process.limits.cpu_s - 1:
+        fault = UserFault("conversion_time")
+    else:
+        fault = UserFault("conversion_crashed")
+    fault.add_note(process.stderr_text())
+    return fault
+
+
+def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> tuple[bytes, int, int]:
+    """The answer, if it has the form of an answer."""
+    if header.get("state") == "refused":
+        raise _refusal(header.get("error"))
+    parameters, macs = header.get("parameters"), header.get("macs")
+    sane = (
+        header.get("state") == "admitted"
+        and len(blobs) == 1
+        and len(blobs[0]) > 0
+        and type(parameters) is int
+        and 0 <= parameters <= limits.model_bytes
+        and type(macs) is int
+        and 0 <= macs <= limits.macs
+    )
+    if not sane:
+        raise UserFault("conversion_crashed")
+    return blobs[0], parameters, macs
+
+
+def _refusal(error: object) -> UserFault:
+    """The fault that the process reports, if it is one; its parameters are a stranger's text."""
+    code = error.get("code") if isinstance(error, dict) else None
+    if not isinstance(code, str) or code not in REASONS or REASONS[code].fault != "user":
+        return UserFault("conversion_crashed")
+    given = error.get("params")
+    params = {}
+    for name, value in given.items() if isinstance(given, dict) else ():
+        if isinstance(value, str):
+            params[printable(name, 40)] = printable(value, 200)
+        elif type(value) in (int, float):
+            params[printable(name, 40)] = value
+    return UserFault(code, **params)

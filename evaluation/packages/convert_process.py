@@ -1,0 +1,79 @@
+"""The admission of one network, inside the wall: convert if need be, gate, write anew, run three synthetic frames.
+
+Started by :mod:`.admit` through ``evaluation.sandbox.launch``, which locks the process before :func:`main` is called.
+Everything it needs is imported here at the top: a locked process opens no file. Only this process ever parses a byte
+of a stranger's network before its canonical form exists.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from onnxruntime.capi import onnxruntime_pybind11_state as pybind
+
+from evaluation.errors import UserFault
+from evaluation.sandbox.frames import read_message, write_message
+from evaluation.sandbox.policy_process import Refused, load
+
+from .gate import Canonical, check_onnx
+from .inputs import InputSpec
+from .limits import PackageLimits
+from .metadata import ModelMetadata, parse_metadata
+from .read import TENSORFLOW
+from .tensorflow import convert
+
+LOCKED = {"state": "locked"}
+_RUN_ERRORS = (pybind.Fail, pybind.RuntimeException, pybind.InvalidArgument, pybind.NotImplemented, RuntimeError)
+
+
+def main(frames_in: int, frames_out: int) -> int:
+    """Answer one question: ``{kind, limits}`` with two blobs (network, metadata) in, the canonical network out."""
+    write_message(frames_out, LOCKED)
+    header, (network, metadata_json) = read_message(frames_in)
+    limits = PackageLimits.from_dict(header["limits"])
+    try:
+        metadata = parse_metadata(metadata_json, limits)
+        canonical = admit_network(header["kind"], network, metadata, limits)
+    except UserFault as fault:
+        write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
+        return 0
+    facts = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs}
+    write_message(frames_out, facts, [canonical.onnx])
+    return 0
+
+
+def admit_network(kind: str, network: bytes, metadata: ModelMetadata, limits: PackageLimits) -> Canonical:
+    """Convert, gate and try out one network. Raises UserFault of the conversion and gate sections."""
+    if kind == TENSORFLOW:
+        network = convert(network, metadata.inputs, limits)
+    canonical = check_onnx(network, metadata, limits)
+    _try_out(canonical, metadata)
+    return canonical
+
+
+def _try_out(canonical: Canonical, metadata: ModelMetadata) -> None:
+    """Run the network on a black, a white and a noisy frame: it must run, and answer finite values."""
+    try:
+        session = load(canonical.onnx)
+    except Refused as refusal:
+        raise UserFault("network_fails") from refusal
+    for frame in range(3):
+        feed = {
+            name: _observation(spec, dtype, shape, frame)
+            for (name, dtype, shape), spec in zip(canonical.inputs, metadata.inputs, strict=True)
+        }
+        try:
+            (answer,) = session.run(None, feed)
+        except _RUN_ERRORS as error:
+            raise UserFault("network_fails") from error
+        if not np.isfinite(answer).all():
+            raise UserFault("network_non_finite")
+
+
+def _observation(spec: InputSpec, dtype: str, shape: tuple[int, ...], frame: int) -> np.ndarray:
+    """A frame of only the least values, only the greatest, or a fixed noise."""
+    top = 255 if spec.is_picture else 1
+    if frame < 2:
+        return np.full(shape, frame * top, dtype)
+    # Knuth's multiplicative hash (numpy.random would be imported only now, which the lock forbids)
+    scattered = (np.arange(np.prod(shape), dtype=np.uint64) * 2654435761 & 0xFFFFFFFF) >> 16
+    return (scattered % (top + 1)).astype(dtype).reshape(shape)

@@ -1,0 +1,12 @@
+"""What makes a model the same model."""
+
+from __future__ import annotations
+
+import hashlib
+
+from .metadata import ModelMetadata
+
+
+def identity(onnx: bytes, metadata: ModelMetadata) -> str:
+    """sha-256 of the canonical network, a zero byte, and the metadata that counts (action space and sensors)."""
+    return hashlib.sha256(onnx + b"\0" + metadata.canonical_json()).hexdigest()
