@@ -1,7 +1,8 @@
 """The bubblewrap command line: empty namespaces, and the few files that a Python process needs, read-only.
 
-Inside there is the interpreter, its standard library, the installed packages, the system's shared libraries and the
-code that is to run. No ``/etc``, ``/proc``, ``/dev`` or ``/tmp``, no network, nothing writable.
+Inside there is the interpreter, its standard library, the installed packages, the system's shared libraries, the
+processor's description and the code that is to run. No ``/etc``, ``/dev`` or ``/tmp``, no process list, no network,
+nothing writable.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+# onnxruntime chooses its kernels by what it reads here: without them it might compute other last bits than elsewhere.
+_PROCESSOR = ("/proc/cpuinfo", "/sys/devices/system/cpu")
 _SYSTEM_LIBRARIES = ("/usr/lib", "/usr/lib32", "/usr/lib64", "/lib", "/lib32", "/lib64")
 
 
@@ -74,7 +77,7 @@ def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_
         arguments += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:
         arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534", "--disable-userns"]
-    arguments += _mounts([*home.parts, *home.packages, *code])
+    arguments += _mounts([*home.parts, *home.packages, *filter(os.path.exists, _PROCESSOR), *code])
     arguments += ["--chdir", "/", "--remount-ro", "/", "--info-fd", str(info_fd), "--"]
     return arguments
 

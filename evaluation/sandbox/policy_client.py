@@ -45,8 +45,9 @@ class PolicyClient:
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(read_fd, select.POLLIN)
         self._writable.register(write_fd, select.POLLOUT)
-        os.set_blocking(read_fd, False)
-        os.set_blocking(write_fd, False)
+        for fd in (read_fd, write_fd):
+            if os.get_blocking(fd):  # the launcher's ends are not, and a locked process may not change them
+                os.set_blocking(fd, False)
         self._until = 0.0
         self.step = 0
         self.seconds = 0.0
