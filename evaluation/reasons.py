@@ -420,7 +420,6 @@ _RACE = _table(
         "entry_withdrawn": _("You have withdrawn from this race. Enter it again first."),
         "entry_removed": _("The organiser has removed you from this race. Ask them if you take it for a mistake."),
         # submitting
-        "model_not_yours": _("This model is not in your garage. Choose one of your own models."),
         "sensors_not_offered": _(
             "The model reads %(needed)s, which this race does not offer. It offers %(offered)s: choose a model that "
             "was trained with these."

@@ -249,11 +249,15 @@ class Entry(models.Model):
     off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
     resets = models.PositiveIntegerField(_("resets"), default=0)
     sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
-    own_best_sectors = models.JSONField(_("best sectors of all submissions"), default=list, blank=True)
-    own_best_lap_ms = models.PositiveIntegerField(_("best lap of all submissions"), null=True, blank=True)
     achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
     rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
     rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
+
+    # The fastest of all the racer's submissions, for the green marks of a board.
+    own_lap_ms = models.PositiveIntegerField(_("own fastest lap"), null=True, blank=True)
+    own_sector_1_ms = models.PositiveIntegerField(_("own fastest sector 1"), null=True, blank=True)
+    own_sector_2_ms = models.PositiveIntegerField(_("own fastest sector 2"), null=True, blank=True)
+    own_sector_3_ms = models.PositiveIntegerField(_("own fastest sector 3"), null=True, blank=True)
 
     class Meta:
         verbose_name = _("entry")
@@ -294,6 +298,11 @@ class Entry(models.Model):
         return self.withdrawn_at is not None
 
     @property
+    def own_sectors_ms(self) -> tuple[int | None, int | None, int | None]:
+        """The racer's own best time in each sector, over all submissions that count."""
+        return self.own_sector_1_ms, self.own_sector_2_ms, self.own_sector_3_ms
+
+    @property
     def rank_key(self) -> tuple:
         """What the board sorts by, smaller first; only comparable between entries that have a result."""
         return self.rank_score, self.rank_lap, self.resets, self.achieved_at, self.pk
@@ -309,8 +318,11 @@ class Submission(models.Model):
     )
     network = models.ForeignKey("evaluation.Network", models.PROTECT, related_name="+", verbose_name=_("network"))
     submitted_at = models.DateTimeField(_("submitted"), default=timezone.now)
+    is_void = models.BooleanField(
+        _("void"), default=False, help_text=_("Ended without a verdict on the car, which may be sent again.")
+    )
     refunded = models.BooleanField(
-        _("refunded"), default=False, help_text=_("Ended through no fault of the car's: it does not count.")
+        _("refunded"), default=False, help_text=_("Does not count among the submissions that the race allows.")
     )
 
     class Meta:
@@ -321,8 +333,9 @@ class Submission(models.Model):
             models.UniqueConstraint(fields=["entry", "number"], name="submission_number_once"),
             # one car, one result: the same network cannot be sent twice to a race by the same racer
             models.UniqueConstraint(
-                fields=["entry", "network"], condition=Q(refunded=False), name="submission_of_a_car_once"
+                fields=["entry", "network"], condition=Q(is_void=False), name="submission_of_a_car_once"
             ),
+            models.CheckConstraint(condition=Q(refunded=False) | Q(is_void=True), name="submission_refunded_is_void"),
             models.CheckConstraint(condition=Q(number__gte=1), name="submission_number_from_one"),
         ]
 

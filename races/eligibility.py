@@ -1,0 +1,31 @@
+"""Who may enter a race and submit to it: checks that rooms above this one add."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+    from .models import Race
+
+Check = Callable[["Race", "Racer", datetime], None]
+
+_CHECKS: list[Check] = []
+
+
+def register(check: Check) -> Check:
+    """Add a check: ``check(race, racer, now)`` raises UserFault to refuse. Registering one twice changes nothing."""
+    if check not in _CHECKS:
+        _CHECKS.append(check)
+    return check
+
+
+def check_eligible(race: Race, racer: Racer, now: datetime) -> None:
+    """Raise the UserFault of the first check that refuses. House cars race everywhere, outside the ranking."""
+    if racer.is_house:
+        return
+    for check in _CHECKS:
+        check(race, racer, now)

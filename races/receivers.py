@@ -1,0 +1,16 @@
+"""What this room does when the room below tells something."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from evaluation.models import Evaluation, Result
+
+from .services import record_ended_evaluation
+
+
+def take_ended_evaluation(
+    sender: object, *, evaluation: Evaluation, result: Result | None, now: datetime, **kwargs: object
+) -> None:
+    """Write the standing in the transaction that ends the evaluation."""
+    record_ended_evaluation(evaluation=evaluation, result=result, now=now)

@@ -1,0 +1,59 @@
+"""Every list of races, entries and results that a page or the API shows, and who may see what."""
+
+from .boards import (
+    PER_PAGE,
+    Board,
+    BoardRow,
+    board,
+    podiums,
+    rank_of,
+    score_column,
+    whole_board,
+)
+from .lists import (
+    HistoryRow,
+    SubmissionRow,
+    cancelled_races,
+    closed_races,
+    entry_of,
+    organised_by,
+    racer_history,
+    races_of,
+    racing_now,
+    submissions_of,
+    upcoming,
+)
+from .visibility import (
+    can_organise,
+    can_see_evaluation,
+    can_see_race,
+    evaluations_visible_to,
+    races_visible_to,
+)
+
+__all__ = [
+    "PER_PAGE",
+    "Board",
+    "BoardRow",
+    "HistoryRow",
+    "SubmissionRow",
+    "board",
+    "can_organise",
+    "can_see_evaluation",
+    "can_see_race",
+    "cancelled_races",
+    "closed_races",
+    "entry_of",
+    "evaluations_visible_to",
+    "organised_by",
+    "podiums",
+    "racer_history",
+    "races_of",
+    "races_visible_to",
+    "racing_now",
+    "rank_of",
+    "score_column",
+    "submissions_of",
+    "upcoming",
+    "whole_board",
+]

@@ -1,0 +1,228 @@
+"""The board of a race. Any page of it is a handful of queries that read the index ``entry_board``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from django.db.models import Count, OuterRef, Q, QuerySet, Subquery
+
+from ..models import Entry, Race
+from ..ranking import MOST_DRIVEN, NOT_CLASSIFIED, rule_for
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+PER_PAGE = 50
+PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
+ORDER = ("rank_score", "rank_lap", "resets", "achieved_at", "pk")
+# A range of the index, unlike the column ``classified``, which says the same.
+CLASSIFIED = Q(rank_score__lt=NOT_CLASSIFIED - MOST_DRIVEN)
+
+
+@dataclass(frozen=True)
+class BoardRow:
+    """One line of a board; times in milliseconds.
+
+    ``rank``: None for baselines and for who is not classified. ``gap_ms``: to the leader's score, 0 for the leader,
+    negative for a baseline ahead of them, None without a score. ``sector_colours``: for each sector of the best lap
+    ``"purple"`` (nobody ranked was ever faster there), ``"green"`` (the racer's own best) or ``"yellow"``; None
+    without a complete lap. ``has_fastest_lap``: nobody ranked has driven a faster lap than this row's best lap.
+    """
+
+    rank: int | None
+    entry: Entry
+    gap_ms: int | None
+    sector_colours: tuple[str | None, str | None, str | None]
+    has_fastest_lap: bool
+    is_me: bool
+
+    @property
+    def racer(self) -> Racer:
+        return self.entry.racer
+
+    @property
+    def alias(self) -> str:
+        return self.entry.racer.alias
+
+    @property
+    def is_baseline(self) -> bool:
+        return self.entry.is_baseline
+
+    @property
+    def classified(self) -> bool:
+        return self.entry.classified
+
+
+@dataclass(frozen=True)
+class Board:
+    """One page of a board.
+
+    ``rows`` hold racers and, between them by their score, baselines. ``count``: racers on the whole board (without
+    baselines), ``classified_count`` of them with a rank. ``my_row``: the reader's row, wherever it stands; None if they
+    are not on the board. ``leader_ms``: the leader's score.
+    """
+
+    race: Race
+    rows: list[BoardRow]
+    count: int
+    classified_count: int
+    page: int
+    pages: int
+    my_row: BoardRow | None
+    leader_ms: int | None
+
+    @property
+    def my_row_is_elsewhere(self) -> bool:
+        """Whether the reader's row is on another page, so that this page pins it."""
+        return self.my_row is not None and all(not row.is_me for row in self.rows)
+
+
+def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
+    """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
+
+    Four queries, and two more when the reader's row is on another page.
+    """
+    counts = board_entries(race).aggregate(
+        rows=Count("pk"),
+        racers=Count("pk", filter=Q(is_baseline=False)),
+        classified=Count("pk", filter=CLASSIFIED & Q(is_baseline=False)),
+    )
+    pages = max(1, -(-counts["rows"] // per_page))
+    page = min(max(1, page), pages)
+    view = _View(race, racer)
+    offset = (page - 1) * per_page
+    entries = list(_with_relations(board_entries(race))[offset : offset + per_page])
+    rows = list(view.rows(entries, offset))
+    my_row = next((row for row in rows if row.is_me), None) or view.my_row()
+    return Board(
+        race=race,
+        rows=rows,
+        count=counts["racers"],
+        classified_count=counts["classified"],
+        page=page,
+        pages=pages,
+        my_row=my_row,
+        leader_ms=view.leader_ms,
+    )
+
+
+def whole_board(race: Race, racer: Racer | AnonymousUser | None = None) -> Iterator[BoardRow]:
+    """Every row of a board in order, read in chunks: for exports."""
+    return _View(race, racer).rows(_with_relations(board_entries(race)).iterator(chunk_size=1000), 0)
+
+
+def board_entries(race: Race) -> QuerySet[Entry]:
+    """Who is on the board of a race, in its order."""
+    return Entry.objects.filter(race=race, withdrawn_at=None).order_by(*ORDER)
+
+
+def rank_of(entry: Entry) -> int | None:
+    """The entry's rank, from 1; None for baselines, for who is not classified and for who has left."""
+    if not entry.classified or entry.is_baseline or entry.is_withdrawn:
+        return None
+    return 1 + board_entries(entry.race).filter(ahead_of(entry), is_baseline=False).order_by().count()
+
+
+def ahead_of(entry: Entry) -> Q:
+    """Condition for the entries that stand before a classified ``entry``: a range of the index, then the ties."""
+    score, lap, resets, achieved, pk = entry.rank_key
+    return Q(rank_score__lte=score) & (
+        Q(rank_score__lt=score)
+        | Q(rank_lap__lt=lap)
+        | Q(rank_lap=lap, resets__lt=resets)
+        | Q(rank_lap=lap, resets=resets, achieved_at__lt=achieved)
+        | Q(rank_lap=lap, resets=resets, achieved_at=achieved, pk__lt=pk)
+    )
+
+
+def podiums(races: Iterable[Race], size: int = 3) -> dict[int, list[BoardRow]]:
+    """The first ``size`` classified rows of each race by its id (empty where nobody is classified): two queries."""
+    races = {race.pk: race for race in races}
+    ranked = Entry.objects.filter(CLASSIFIED, race=OuterRef("pk"), withdrawn_at=None, is_baseline=False)
+    places = {f"place_{n}": Subquery(ranked.order_by(*ORDER).values("pk")[n : n + 1]) for n in range(size)}
+    found = Race.objects.filter(pk__in=races).order_by().annotate(**places).values_list("pk", *places)
+    ids = {pk: [place for place in rest if place is not None] for pk, *rest in found}
+    entries = _with_relations(Entry.objects).in_bulk([place for each in ids.values() for place in each])
+    return {
+        pk: [
+            make_row(entries[place], rank, races[pk], entries[ids[pk][0]].score_ms, None)
+            for rank, place in enumerate(ids.get(pk, []), start=1)
+        ]
+        for pk in races
+    }
+
+
+class _View:
+    """What ranks and marks the rows of one board for one reader."""
+
+    def __init__(self, race: Race, racer: Racer | AnonymousUser | None) -> None:
+        self.race = race
+        self.reader_id = racer.pk if racer is not None and racer.is_authenticated else None
+        classified = board_entries(race).filter(CLASSIFIED)
+        self.leader_ms = classified.filter(is_baseline=False).values_list("score_ms", flat=True).first()
+        self.baselines = sorted(entry.rank_key for entry in classified.filter(is_baseline=True))
+
+    def rows(self, entries: Iterable[Entry], offset: int) -> Iterator[BoardRow]:
+        """Rows for entries that follow each other on the board, the first of them at position ``offset`` (from 0)."""
+        rank = None
+        for position, entry in enumerate(entries, start=offset):
+            if entry.classified and not entry.is_baseline:
+                if rank is None:
+                    rank = position - sum(key < entry.rank_key for key in self.baselines)
+                rank += 1
+                yield self._row(entry, rank)
+            else:
+                yield self._row(entry, None)
+
+    def my_row(self) -> BoardRow | None:
+        """The reader's row, looked up."""
+        if self.reader_id is None:
+            return None
+        entry = _with_relations(board_entries(self.race)).filter(racer_id=self.reader_id).first()
+        if entry is None:
+            return None
+        entry.race = self.race
+        return self._row(entry, rank_of(entry))
+
+    def _row(self, entry: Entry, rank: int | None) -> BoardRow:
+        return make_row(entry, rank, self.race, self.leader_ms, self.reader_id)
+
+
+def make_row(entry: Entry, rank: int | None, race: Race, leader_ms: int | None, reader_id: int | None) -> BoardRow:
+    """A line of the board of ``race``; ``rank`` and ``leader_ms`` as the caller found them."""
+    entry.race = race
+    gap = entry.score_ms - leader_ms if entry.score_ms is not None and leader_ms is not None else None
+    fastest = race.fastest_lap_ms
+    return BoardRow(
+        rank=rank,
+        entry=entry,
+        gap_ms=gap,
+        sector_colours=_colours(entry, race),
+        has_fastest_lap=not entry.is_baseline and fastest is not None and entry.best_lap_ms == fastest,
+        is_me=reader_id is not None and entry.racer_id == reader_id,
+    )
+
+
+def _colours(entry: Entry, race: Race) -> tuple[str | None, str | None, str | None]:
+    if len(entry.sectors) != 3:
+        return None, None, None
+    marks = []
+    for time_ms, own, fastest in zip(entry.sectors, entry.own_sectors_ms, race.fastest_sectors_ms, strict=True):
+        if not entry.is_baseline and fastest is not None and time_ms <= fastest:
+            marks.append(PURPLE)
+        else:
+            marks.append(GREEN if own is not None and time_ms <= own else YELLOW)
+    return tuple(marks)
+
+
+def _with_relations(entries: QuerySet[Entry]) -> QuerySet[Entry]:
+    return entries.select_related("racer", "best__evaluation")
+
+
+def score_column(race: Race) -> str:
+    """Heading of the column that the board is ranked by, in the reader's language."""
+    return str(rule_for(race).column)

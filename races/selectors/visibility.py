@@ -1,0 +1,79 @@
+"""Who may see and do what. Every predicate has a queryset twin that says the same; tests hold them together."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.db.models import Exists, F, OuterRef, Q, QuerySet
+
+from evaluation.models import Evaluation
+
+from ..models import Entry, Race, Submission, Visibility
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+
+def can_organise(racer: Racer | AnonymousUser | None, race: Race) -> bool:
+    """Whether the racer may edit and cancel the race and remove racers: its organiser and admins."""
+    return _known(racer) and (racer.is_staff or racer.pk == race.organiser_id)
+
+
+def can_see_race(racer: Racer | AnonymousUser | None, race: Race) -> bool:
+    """Whether the racer (None or anonymous: anybody) may see the race. Twin of :func:`races_visible_to`.
+
+    Public races: everybody. Races by invitation: who organises them, admins, and who is in them and was not removed.
+    """
+    if race.visibility == Visibility.PUBLIC or can_organise(racer, race):
+        return True
+    return _known(racer) and Entry.objects.filter(race=race, racer_id=racer.pk, removed_at=None).exists()
+
+
+def races_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Race]:
+    """All races that the racer may see. Twin of :func:`can_see_race`."""
+    races = Race.objects.select_related("track", "organiser")
+    if not _known(racer):
+        return races.filter(visibility=Visibility.PUBLIC)
+    if racer.is_staff:
+        return races
+    member = Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at=None))
+    return races.filter(Q(visibility=Visibility.PUBLIC) | Q(organiser_id=racer.pk) | Q(member))
+
+
+def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:
+    """Whether the racer may see an evaluation: laps, line, trace. Twin of :func:`evaluations_visible_to`.
+
+    Its owner, admins, and who organises the race that it was driven in; for the run that stands on a board, everybody
+    who may see that board. Other runs are the racer's own business.
+    """
+    if _known(racer) and (racer.is_staff or racer.pk == evaluation.owner_id):
+        return True
+    submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
+    if submission is None:
+        return False
+    entry = submission.entry
+    if can_organise(racer, entry.race):
+        return True
+    return entry.best_id == submission.pk and not entry.is_withdrawn and can_see_race(racer, entry.race)
+
+
+def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
+    """All evaluations that the racer may see. Twin of :func:`can_see_evaluation`."""
+    evaluations = Evaluation.objects.select_related("owner", "model", "track")
+    if _known(racer) and racer.is_staff:
+        return evaluations
+    in_race = Submission.objects.filter(evaluation=OuterRef("pk"))
+    on_board = in_race.filter(entry__best=F("pk"), entry__withdrawn_at=None)
+    seen = Q(Exists(on_board.filter(entry__race__visibility=Visibility.PUBLIC)))
+    if _known(racer):
+        shared = Entry.objects.filter(race=OuterRef("entry__race"), racer_id=racer.pk, removed_at=None)
+        seen |= Q(owner_id=racer.pk)
+        seen |= Q(Exists(in_race.filter(entry__race__organiser_id=racer.pk)))
+        seen |= Q(Exists(on_board.filter(Exists(shared))))
+    return evaluations.filter(seen)
+
+
+def _known(racer: Racer | AnonymousUser | None) -> bool:
+    return racer is not None and racer.is_authenticated

@@ -1,0 +1,38 @@
+"""Every write to races, entries, submissions and standings.
+
+Rows are always locked in the order evaluation, entry, race, so that no two writers wait for each other: whoever holds
+an entry or a race and wants an evaluation stopped does so after the commit.
+"""
+
+from .entries import accept_invitation, enter_race, remove_entry, restore_entry, withdraw
+from .races import (
+    cancel_race,
+    clone_race,
+    create_community_race,
+    create_league_race,
+    edit_race,
+    race_rules,
+    reset_invitation,
+)
+from .standings import recompute_race, recompute_standing, record_ended_evaluation
+from .submissions import repeat_submission, submit_model
+
+__all__ = [
+    "accept_invitation",
+    "cancel_race",
+    "clone_race",
+    "create_community_race",
+    "create_league_race",
+    "edit_race",
+    "enter_race",
+    "race_rules",
+    "recompute_race",
+    "recompute_standing",
+    "record_ended_evaluation",
+    "remove_entry",
+    "repeat_submission",
+    "reset_invitation",
+    "restore_entry",
+    "submit_model",
+    "withdraw",
+]

@@ -1,0 +1,114 @@
+"""Getting into a race and out of it."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.db import transaction
+
+from evaluation.errors import UserFault
+
+from ..eligibility import check_eligible
+from ..models import Entry, Race, Visibility
+from ..selectors.visibility import can_organise
+from .gates import require_not_over
+from .standings import forget_fastest, note_fastest
+from .stopping import stop_after_commit
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+
+@transaction.atomic
+def enter_race(*, race: Race, racer: Racer, now: datetime) -> Entry:
+    """Put a racer into a race that is not over; who is in stays in, who has withdrawn is back with all they drove.
+
+    Raises UserFault("race_needs_invitation") for a race by invitation unless the racer is in it or holds it,
+    "entry_removed", "race_closed", "race_cancelled", or what an eligibility check says.
+    """
+    return _enter(race, racer, now, invited=False)
+
+
+@transaction.atomic
+def accept_invitation(*, token: str, racer: Racer, now: datetime) -> Entry:
+    """Enter the race that an invitation link belongs to.
+
+    Raises UserFault("invitation_unknown") for a link that was reset or never was, else as :func:`enter_race`.
+    """
+    race = Race.objects.filter(invitation=token, visibility=Visibility.INVITATION).first() if token else None
+    if race is None:
+        raise UserFault("invitation_unknown")
+    return _enter(race, racer, now, invited=True)
+
+
+@transaction.atomic
+def withdraw(*, entry: Entry, now: datetime) -> Entry:
+    """Take a racer out of a race that is not over: off the board, what waits or drives is stopped, nothing is lost.
+
+    Raises UserFault("race_closed" | "race_cancelled").
+    """
+    require_not_over(entry.race, now)
+    withdrawn = Entry.objects.filter(pk=entry.pk, withdrawn_at=None).update(withdrawn_at=now)
+    entry.refresh_from_db()
+    if withdrawn:
+        _left(entry, now)
+    return entry
+
+
+@transaction.atomic
+def remove_entry(*, entry: Entry, by: Racer, now: datetime, reason: str = "") -> Entry:
+    """Take a racer out of a race for good, also after it has closed; what they drove stays to be looked into.
+
+    Raises UserFault("race_not_yours") unless ``by`` organises the race.
+    """
+    if not can_organise(by, entry.race):
+        raise UserFault("race_not_yours")
+    limit = Entry._meta.get_field("removal_reason").max_length
+    entry = Entry.objects.select_for_update(of=("self",)).select_related("race").get(pk=entry.pk)
+    if entry.removed_at is None:
+        entry.removed_at = now
+        entry.withdrawn_at = entry.withdrawn_at or now
+        entry.removal_reason = " ".join(reason.split())[:limit]
+        entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
+        _left(entry, now)
+    return entry
+
+
+@transaction.atomic
+def restore_entry(*, entry: Entry, by: Racer) -> Entry:
+    """Put a removed racer back on the board. Raises UserFault("race_not_yours") unless ``by`` organises the race."""
+    if not can_organise(by, entry.race):
+        raise UserFault("race_not_yours")
+    entry = Entry.objects.select_for_update(of=("self",)).select_related("race").get(pk=entry.pk)
+    if entry.removed_at is not None:
+        entry.removed_at = entry.withdrawn_at = None
+        entry.removal_reason = ""
+        entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
+        note_fastest(entry)
+    return entry
+
+
+def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
+    require_not_over(race, now)
+    entry = Entry.objects.filter(race=race, racer=racer).select_related("race", "racer").first()
+    if entry is not None and entry.removed_at is not None:
+        raise UserFault("entry_removed")
+    if entry is not None and not entry.is_withdrawn:
+        return entry
+    if entry is None and race.visibility == Visibility.INVITATION and not invited and not can_organise(racer, race):
+        raise UserFault("race_needs_invitation")
+    check_eligible(race, racer, now)
+    if entry is None:
+        entry, _ = Entry.objects.get_or_create(
+            race=race, racer=racer, defaults={"entered_at": now, "is_baseline": racer.is_house}
+        )
+    if Entry.objects.filter(pk=entry.pk, removed_at=None, withdrawn_at__isnull=False).update(withdrawn_at=None):
+        entry.refresh_from_db(fields=["withdrawn_at"])
+        note_fastest(entry)
+    return entry
+
+
+def _left(entry: Entry, now: datetime) -> None:
+    forget_fastest(entry)
+    stop_after_commit(entry.submissions.all(), now=now)

@@ -1,0 +1,33 @@
+"""What a race lets through at a moment: the one place that compares its times with the clock for a racer."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+from evaluation.errors import UserFault
+
+from ..models import Race, RaceState
+
+
+def require_open(race: Race, now: datetime) -> None:
+    """Pass while the race takes cars: from ``opens_at`` until just before ``closes_at``.
+
+    Raises UserFault("race_not_open_yet" | "race_closed" | "race_cancelled").
+    """
+    require_not_over(race, now)
+    if race.state_at(now) == RaceState.UPCOMING:
+        raise UserFault("race_not_open_yet", opens=moment(race.opens_at))
+
+
+def require_not_over(race: Race, now: datetime) -> None:
+    """Pass until the race closes. Raises UserFault("race_closed" | "race_cancelled")."""
+    state = race.state_at(now)
+    if state == RaceState.CANCELLED:
+        raise UserFault("race_cancelled", reason=race.cancel_reason)
+    if state == RaceState.CLOSED:
+        raise UserFault("race_closed", closes=moment(race.closes_at))
+
+
+def moment(time: datetime) -> str:
+    """A time for a reason's sentence, its zone named."""
+    return f"{time.astimezone(UTC):%Y-%m-%d %H:%M} UTC"

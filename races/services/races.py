@@ -1,0 +1,196 @@
+"""Making, changing and cancelling races."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from django.conf import settings
+from django.core.exceptions import ValidationError
+from django.db import transaction
+from django.utils import timezone
+from django.utils.crypto import get_random_string
+from django.utils.text import slugify
+
+from evaluation.errors import UserFault
+from evaluation.simulator.rules import RaceRules
+from tracks.models import Track
+
+from ..errors import RaceRefused, problem
+from ..models import Kind, Race, Submission, new_invitation
+from ..validation import EDITABLE_FIELDS, check_race
+from .gates import require_not_over
+from .stopping import stop_after_commit
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+# Addresses that pages use for something else.
+RESERVED_SLUGS = frozenset({"new", "create", "edit", "invitation", "join", "mine", "api"})
+_COPIED = tuple(name for name in EDITABLE_FIELDS if name not in ("opens_at", "closes_at"))
+
+
+@transaction.atomic
+def create_community_race(
+    *, organiser: Racer, now: datetime, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
+) -> Race:
+    """Make a racer's own race. ``options``: any other field in ``EDITABLE_FIELDS`` but the division.
+
+    Raises RaceRefused (with all problems by field), UserFault("race_limit") above ``settings.RACES_PER_RACER`` races
+    that are not over; admins and the house may hold any number. Raises TypeError for an option that no race has.
+    """
+    _refuse_unknown(options, but=("division",))
+    if not (organiser.is_staff or organiser.is_house):
+        type(organiser).objects.select_for_update(no_key=True).only("pk").get(pk=organiser.pk)
+        held = Race.objects.filter(organiser=organiser, kind=Kind.COMMUNITY, cancelled_at=None, closes_at__gt=now)
+        if held.count() >= settings.RACES_PER_RACER:
+            raise UserFault("race_limit", limit=settings.RACES_PER_RACER)
+    return _create(
+        Race(
+            kind=Kind.COMMUNITY,
+            organiser=organiser,
+            name=name,
+            track=track,
+            opens_at=opens_at,
+            closes_at=closes_at,
+            **options,
+        ),
+        now,
+    )
+
+
+@transaction.atomic
+def create_league_race(
+    *, now: datetime, division: str, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
+) -> Race:
+    """Make a race of the league. ``options``: any other field in ``EDITABLE_FIELDS``, and ``slug``.
+
+    Raises RaceRefused with all problems by field, TypeError for an option that no race has.
+    """
+    _refuse_unknown(options, also=("slug",))
+    race = Race(
+        kind=Kind.LEAGUE,
+        division=division,
+        name=name,
+        track=track,
+        opens_at=opens_at,
+        closes_at=closes_at,
+        **options,
+    )
+    return _create(race, now)
+
+
+@transaction.atomic
+def edit_race(*, race: Race, now: datetime, **changes: Any) -> Race:
+    """Change a race: ``changes`` are any fields in ``EDITABLE_FIELDS``.
+
+    What moves a result is fixed from the first submission on, the opening time from the opening on, everything but name
+    and description from the closing on. Raises RaceRefused with all problems by field; TypeError for another field.
+    """
+    _refuse_unknown(changes)
+    before = Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    after = Race.objects.get(pk=race.pk)
+    for name, value in changes.items():
+        setattr(after, name, value)
+    check_race(after, now=now, before=before, submissions=has_submissions(before))
+    after.save(update_fields=list(changes))
+    race.refresh_from_db()
+    return race
+
+
+@transaction.atomic
+def cancel_race(*, race: Race, reason: str, now: datetime) -> Race:
+    """Cancel a race that is not over yet; cars that wait or drive are stopped, entries and results stay to be read.
+
+    Raises RaceRefused("cancel_needs_a_reason") on the field ``cancel_reason``, UserFault("race_closed" |
+    "race_cancelled").
+    """
+    reason = " ".join(reason.split())
+    limit = Race._meta.get_field("cancel_reason").max_length
+    if not reason:
+        raise RaceRefused(ValidationError({"cancel_reason": problem("cancel_needs_a_reason")}))
+    locked = Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    require_not_over(locked, now)
+    Race.objects.filter(pk=race.pk).update(cancelled_at=now, cancel_reason=reason[:limit])
+    stop_after_commit(Submission.objects.filter(entry__race=race), now=now)
+    race.refresh_from_db()
+    return race
+
+
+def reset_invitation(*, race: Race) -> Race:
+    """Give a race another invitation link; the old one joins nobody any more, who has joined stays."""
+    race.invitation = new_invitation()
+    race.save(update_fields=["invitation"])
+    return race
+
+
+@transaction.atomic
+def clone_race(*, race: Race, now: datetime, months: int = 1) -> Race:
+    """The same race again, ``months`` calendar months later (the day is cut to the month's length), without entries.
+
+    A cancelled or closed race can be cloned. Raises RaceRefused when the clone's time has passed already.
+    """
+    clone = Race(kind=race.kind, organiser=race.organiser, **{name: getattr(race, name) for name in _COPIED})
+    clone.opens_at = add_months(race.opens_at, months)
+    clone.closes_at = add_months(race.closes_at, months)
+    return _create(clone, now)
+
+
+def add_months(time: datetime, months: int) -> datetime:
+    """The same wall-clock time of the site's time zone in another month; the day is cut to that month's length."""
+    zone = timezone.get_default_timezone()
+    local = time.astimezone(zone)
+    index = local.year * 12 + local.month - 1 + months
+    year, month = index // 12, index % 12 + 1
+    first_of_next = datetime(year + month // 12, month % 12 + 1, 1)
+    days = (first_of_next - datetime(year, month, 1)).days
+    return local.replace(year=year, month=month, day=min(local.day, days), fold=0)
+
+
+def race_rules(race: Race) -> RaceRules:
+    """What the simulator is told about a race."""
+    return RaceRules(
+        race_type=race.race_type,
+        laps=race.laps,
+        off_track_penalty_ms=race.off_track_penalty_ms,
+        collision_penalty_ms=race.collision_penalty_ms,
+        max_resets=race.max_resets,
+        max_simulated_ms=race.max_simulated_ms,
+        seed=race.seed,
+        direction=race.direction,
+    )
+
+
+def has_submissions(race: Race) -> bool:
+    """Whether anybody has submitted a car, so that the rules stand."""
+    return Submission.objects.filter(entry__race=race).exists()
+
+
+def free_slug(name: str, *, fallback: str = "race") -> str:
+    """An address for a race of this name that no race has."""
+    limit = Race._meta.get_field("slug").max_length - 8
+    base = slugify(name)[:limit].strip("-") or fallback
+    slug = base if slugify(name) and base not in RESERVED_SLUGS else f"{base}-{_few_letters()}"
+    while Race.objects.filter(slug=slug).exists():
+        slug = f"{base}-{_few_letters()}"
+    return slug
+
+
+def _create(race: Race, now: datetime) -> Race:
+    race.name = " ".join(race.name.split())
+    race.slug = race.slug or free_slug(race.name)
+    race.created_at = now
+    check_race(race, now=now)
+    race.save(force_insert=True)
+    return race
+
+
+def _refuse_unknown(options: Iterable[str], *, but: Iterable[str] = (), also: Iterable[str] = ()) -> None:
+    unknown = set(options) - set(EDITABLE_FIELDS).difference(but).union(also)
+    if unknown:
+        raise TypeError(f"not a field of a race that can be set: {', '.join(sorted(unknown))}")
+
+
+_few_letters = partial(get_random_string, 5, "abcdefghjkmnpqrstuvwxyz23456789")

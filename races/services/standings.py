@@ -1,0 +1,174 @@
+"""Standings: what an ended evaluation changes on its entry, in the transaction that ends it.
+
+The standing is the least of a total order over the entry's submissions, and the fastest times are minima, so the order
+in which results arrive changes nothing, and recording one twice changes nothing.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from django.db import transaction
+from django.db.models import F, Min, Q, Value
+from django.db.models.functions import Coalesce, Least
+
+from evaluation.models import Evaluation, Result, State
+
+from ..models import Entry, Race, Submission
+from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, rule_for
+
+FASTEST = {
+    "fastest_lap_ms": "own_lap_ms",
+    "fastest_sector_1_ms": "own_sector_1_ms",
+    "fastest_sector_2_ms": "own_sector_2_ms",
+    "fastest_sector_3_ms": "own_sector_3_ms",
+}
+_STANDING_FIELDS = (
+    "best",
+    "classified",
+    "score_ms",
+    "average_ms",
+    "best_lap_ms",
+    "total_ms",
+    "complete_laps",
+    "off_tracks",
+    "resets",
+    "sectors",
+    "achieved_at",
+    "rank_score",
+    "rank_lap",
+    *FASTEST.values(),
+)
+
+
+@transaction.atomic
+def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, now: datetime) -> Entry | None:
+    """Write what an evaluation that has just ended means for its race; None when it belongs to none.
+
+    A result may improve the entry's standing. Without one, a run that says nothing about the car (Paddock failed, or
+    its owner stopped it) is void, so the car may be sent again, and the submission is refunded unless its owner stopped
+    a car that was already driving: otherwise a race with few submissions could be tried for ever. A run that failed by
+    the car's fault counts.
+    """
+    submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
+    if submission is None:
+        return None
+    entry = _locked(submission.entry)
+    if result is not None:
+        _take_result(entry, submission, result)
+    elif evaluation.state == State.STOPPED or evaluation.is_platform_fault:
+        _void(entry, submission, refund=evaluation.is_platform_fault or evaluation.started_at is None)
+    return entry
+
+
+@transaction.atomic
+def recompute_standing(*, entry: Entry) -> Entry:
+    """Work out an entry's standing anew from all its submissions that count."""
+    entry = _locked(entry)
+    _clear(entry)
+    submissions = entry.submissions.filter(is_void=False, evaluation__result__isnull=False)
+    for submission in submissions.select_related("evaluation__result").order_by("pk"):
+        _improve(entry, submission, _standing(entry.race, submission.evaluation.result))
+    entry.save(update_fields=_STANDING_FIELDS)
+    recompute_fastest(race=entry.race)
+    return entry
+
+
+@transaction.atomic
+def recompute_race(*, race: Race) -> int:
+    """Work out the standings of all entries of a race anew; returns how many."""
+    entries = list(race.entries.order_by("pk"))
+    for entry in entries:
+        recompute_standing(entry=entry)
+    return len(entries)
+
+
+def note_fastest(entry: Entry) -> None:
+    """Lower the race's fastest times to the entry's own where those are lower. Baselines and who left set none."""
+    if entry.is_baseline or entry.is_withdrawn:
+        return
+    own = {name: getattr(entry, column) for name, column in FASTEST.items() if getattr(entry, column) is not None}
+    slower = Q()
+    for name, time_ms in own.items():
+        slower |= Q(**{f"{name}__isnull": True}) | Q(**{f"{name}__gt": time_ms})
+    if own:
+        Race.objects.filter(slower, pk=entry.race_id).update(
+            **{name: Least(Coalesce(F(name), Value(time_ms)), Value(time_ms)) for name, time_ms in own.items()}
+        )
+
+
+def forget_fastest(entry: Entry) -> None:
+    """Work out the race's fastest times anew if the entry, which has just left the board, held one of them."""
+    race = Race.objects.only(*FASTEST).get(pk=entry.race_id)
+    if any(
+        getattr(race, name) is not None and getattr(race, name) == getattr(entry, FASTEST[name]) for name in FASTEST
+    ):
+        recompute_fastest(race=race)
+
+
+@transaction.atomic
+def recompute_fastest(*, race: Race) -> None:
+    """Work out a race's fastest times from everybody on its board."""
+    Race.objects.select_for_update(no_key=True).only("pk").get(pk=race.pk)
+    ranked = Entry.objects.filter(race=race, is_baseline=False, withdrawn_at=None)
+    fastest = ranked.aggregate(**{f"least_{name}": Min(column) for name, column in FASTEST.items()})
+    Race.objects.filter(pk=race.pk).update(**{name: fastest[f"least_{name}"] for name in FASTEST})
+
+
+def _locked(entry: Entry) -> Entry:
+    return Entry.objects.select_for_update(of=("self",)).select_related("race").get(pk=entry.pk)
+
+
+def _standing(race: Race, result: Result) -> Standing:
+    return rule_for(race).standing(result.laps, race.minimum_laps)
+
+
+def _take_result(entry: Entry, submission: Submission, result: Result) -> None:
+    if submission.is_void:
+        return
+    _improve(entry, submission, _standing(entry.race, result))
+    entry.save(update_fields=_STANDING_FIELDS)
+    note_fastest(entry)
+
+
+def _void(entry: Entry, submission: Submission, *, refund: bool) -> None:
+    voided = Submission.objects.filter(pk=submission.pk, is_void=False).update(is_void=True, refunded=refund)
+    if voided and refund:
+        Entry.objects.filter(pk=entry.pk).update(submission_count=F("submission_count") - 1)
+        entry.refresh_from_db(fields=["submission_count"])
+
+
+def _clear(entry: Entry) -> None:
+    for name in _STANDING_FIELDS:
+        setattr(entry, name, Entry._meta.get_field(name).get_default())
+    entry.rank_score, entry.rank_lap = NO_RESULT, LAST
+
+
+def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
+    """Take over ``standing`` if it beats what the entry has, and in any case the fastest times."""
+    _note_own_fastest(entry, standing)
+    held = (entry.rank_score, entry.rank_lap, entry.resets, entry.achieved_at, entry.best_id)
+    if entry.best_id is not None and held <= (*standing.key, submission.submitted_at, submission.pk):
+        return
+    entry.best = submission
+    entry.classified = standing.classified
+    entry.score_ms = standing.score_ms
+    entry.average_ms = standing.average_ms
+    entry.best_lap_ms = standing.best_lap_ms
+    entry.total_ms = standing.total_ms
+    entry.complete_laps = standing.complete_laps
+    entry.off_tracks = standing.off_tracks
+    entry.resets = standing.resets
+    entry.sectors = list(standing.sectors)
+    entry.achieved_at = submission.submitted_at
+    entry.rank_score = standing.rank_score
+    entry.rank_lap = standing.rank_lap
+
+
+def _note_own_fastest(entry: Entry, standing: Standing) -> None:
+    if standing.best_lap_ms is not None:
+        entry.own_lap_ms = min(entry.own_lap_ms or LAST, standing.best_lap_ms)
+    own = tuple(time for time in entry.own_sectors_ms if time is not None)
+    sectors = best_of_sectors((own, standing.best_sectors))
+    if sectors:
+        entry.own_sector_1_ms, entry.own_sector_2_ms, entry.own_sector_3_ms = sectors

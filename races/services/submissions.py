@@ -1,0 +1,130 @@
+"""Sending a car to a race."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.db import transaction
+from django.db.models import F
+
+from evaluation.errors import UserFault
+from evaluation.models import State, TrainedModel
+from evaluation.selectors import can_use_model
+from evaluation.services import queue_evaluation
+
+from ..eligibility import check_eligible
+from ..models import Entry, Race, Submission
+from ..sensors import not_offered
+from .entries import enter_race
+from .gates import require_open
+from .races import race_rules
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+HOUSE_PRIORITY = -10  # nobody waits for a house car
+ACTIVE = (State.QUEUED, State.RUNNING)
+
+
+@transaction.atomic
+def submit_model(*, race: Race, racer: Racer, model: TrainedModel, now: datetime) -> Submission:
+    """Send a car to a race and put it into the queue; the racer is entered if they are not yet in and may be.
+
+    It counts when it was sent before the race closed, however long it waits. Raises UserFault: "race_not_open_yet",
+    "race_closed", "race_cancelled", "entry_withdrawn", what :func:`~races.services.enter_race` raises,
+    "model_not_yours", "sensors_not_offered", "car_already_submitted" (``evaluation``: the public id of its evaluation),
+    "submission_running" (one at a time), "submissions_used_up", or what an eligibility check says.
+    """
+    require_open(race, now)
+    entry = Entry.objects.filter(race=race, racer=racer).first()
+    if entry is not None and entry.is_withdrawn:
+        raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
+    if not can_use_model(racer, model):
+        raise UserFault("model_not_yours")
+    entry = entry or enter_race(race=race, racer=racer, now=now)
+    check_eligible(race, racer, now)
+    entry, race = _locked(entry)
+    # under the locks: two tabs are one after the other here, and an organiser cannot change the rules in between
+    require_open(race, now)
+    if entry.is_withdrawn:
+        raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
+    missing = not_offered(model.sensors, race.sensors)
+    if missing:
+        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
+    _refuse_same_car(entry, model)
+    _refuse_second_car(entry)
+    _count(entry, race)
+    return _queue(entry, race, model, submitted_at=now, now=now)
+
+
+@transaction.atomic
+def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
+    """Run a car once more whose run failed or was stopped, for an admin: also after the race has closed.
+
+    The new submission keeps the time of the old one, so ties fall as they would have fallen; the old one is void. It
+    counts if the old one did. Raises UserFault("submission_not_failed") for a run that finished or goes on,
+    "model_not_yours" when the racer has deleted the model, "car_already_submitted" or "submission_running" when the
+    racer has sent the car again.
+    """
+    entry, race = _locked(submission.entry)
+    old = Submission.objects.select_related("evaluation__model").get(pk=submission.pk)
+    if old.evaluation.state not in (State.FAILED, State.STOPPED):
+        raise UserFault("submission_not_failed")
+    Submission.objects.filter(pk=old.pk).update(is_void=True, refunded=True)
+    if old.refunded:
+        Entry.objects.filter(pk=entry.pk).update(submission_count=F("submission_count") + 1)
+    Entry.objects.filter(pk=entry.pk).update(last_number=F("last_number") + 1)
+    _refuse_same_car(entry, old.evaluation.model)
+    _refuse_second_car(entry)
+    return _queue(entry, race, old.evaluation.model, submitted_at=old.submitted_at, now=now)
+
+
+def _locked(entry: Entry) -> tuple[Entry, Race]:
+    """Entry and race, fresh and locked in this order. On SQLite the transaction holds the write lock already."""
+    entry = Entry.objects.select_for_update().get(pk=entry.pk)
+    race = Race.objects.select_for_update(no_key=True).get(pk=entry.race_id)
+    return entry, race
+
+
+def _refuse_same_car(entry: Entry, model: TrainedModel) -> None:
+    same = Submission.objects.filter(entry=entry, network_id=model.network_id, is_void=False)
+    earlier = same.select_related("evaluation").first()
+    if earlier is not None:
+        raise UserFault("car_already_submitted", evaluation=earlier.evaluation.public_id)
+
+
+def _refuse_second_car(entry: Entry) -> None:
+    active = Submission.objects.filter(entry=entry, evaluation__state__in=ACTIVE).select_related("evaluation").first()
+    if active is not None:
+        raise UserFault("submission_running", evaluation=active.evaluation.public_id)
+
+
+def _count(entry: Entry, race: Race) -> None:
+    """Use up one submission: one guarded UPDATE that changes one row or none."""
+    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=race.max_submissions).update(
+        submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
+    )
+    if not counted:
+        raise UserFault("submissions_used_up", limit=race.max_submissions)
+
+
+def _queue(entry: Entry, race: Race, model: TrainedModel, *, submitted_at: datetime, now: datetime) -> Submission:
+    entry.refresh_from_db(fields=["submission_count", "last_number"])
+    racer = model.owner
+    evaluation = queue_evaluation(
+        owner=racer,
+        model=model,
+        track=race.track,
+        rules=race_rules(race),
+        priority=HOUSE_PRIORITY if racer.is_house else 0,
+        now=now,
+    )
+    entry.race = race
+    return Submission.objects.create(
+        entry=entry,
+        number=entry.last_number,
+        evaluation=evaluation,
+        network_id=model.network_id,
+        submitted_at=submitted_at,
+    )
