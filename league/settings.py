@@ -13,6 +13,7 @@ from csp.constants import NONE, SELF
 from django.core.exceptions import ImproperlyConfigured
 from django.utils.translation import gettext_lazy as _
 
+from . import broker
 from .env import env_bool, env_int, env_list, env_path, env_str, secret_from_file
 
 BASE_DIR = Path(__file__).resolve().parent.parent
@@ -120,10 +121,10 @@ DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 
 # --- broker and cache: the bundled Valkey on a unix socket, or what the variables name ----------------------------
 VALKEY_DIR = DATA_DIR / "valkey"
-VALKEY_SOCKET = VALKEY_DIR / "valkey.sock"
+VALKEY_SOCKET = broker.socket_path(VALKEY_DIR)
 EMBEDDED_BROKER = not env_str("CELERY_BROKER_URL", "")
-CELERY_BROKER_URL = env_str("CELERY_BROKER_URL", "") or f"redis+socket://{VALKEY_SOCKET}"
-CACHE_URL = env_str("CACHE_URL", "") or f"unix://{VALKEY_SOCKET}?db=1"
+CELERY_BROKER_URL = env_str("CELERY_BROKER_URL", "") or broker.broker_url(VALKEY_SOCKET)
+CACHE_URL = env_str("CACHE_URL", "") or broker.cache_url(VALKEY_SOCKET)
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": CACHE_URL}}
 
 CELERY_TASK_IGNORE_RESULT = True

