@@ -1,0 +1,91 @@
+"""The car that the AWS console trained."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import onnxruntime
+import pytest
+from PIL import Image
+
+from evaluation.packages.admit import AdmittedPackage, admit
+from evaluation.packages.limits import DEFAULT_LIMITS
+from evaluation.packages.metadata import parse_metadata
+from evaluation.packages.read import RawPackage, UploadPart, read_upload
+from evaluation.packages.tensorflow import convert
+from evaluation.packages.tensorflow.graph import read_graph
+from tests.shared import CONSOLE_CAR, SHARED, needs_shared
+
+from .coach import coach_graph
+from .test_conversion import openvinos
+
+pytestmark = needs_shared
+IDENTITY = "f99b8eb1bbd4b1d52761bbee74633bf1f2f300b964d9640306dd765c990f5d00"
+
+
+@pytest.fixture(scope="module")
+def package() -> RawPackage:
+    with CONSOLE_CAR.open("rb") as file:
+        return read_upload([UploadPart(CONSOLE_CAR.name, file)])
+
+
+@pytest.fixture(scope="module")
+def admitted() -> AdmittedPackage:
+    with CONSOLE_CAR.open("rb") as file:
+        return admit([UploadPart(CONSOLE_CAR.name, file)])
+
+
+def picture(name: str) -> np.ndarray:
+    """A frame as the car sees it; how, golden.json says."""
+    image = Image.open(SHARED / "models" / name).convert("RGB").resize((160, 120), Image.Resampling.BILINEAR)
+    grey = np.floor(np.asarray(image, np.float64) @ [0.2989, 0.5870, 0.1140])
+    return grey.astype(np.uint8)[np.newaxis, :, :, np.newaxis]
+
+
+def test_it_is_admitted_with_what_it_is(admitted: AdmittedPackage) -> None:
+    assert admitted.source_kind == "tensorflow"
+    assert admitted.parameters == 5_845_676
+    assert admitted.metadata.sensors == ("FRONT_FACING_CAMERA",)
+    assert admitted.metadata.output_size == 12
+    assert len(admitted.onnx) < 24 * 1024 * 1024
+
+
+def test_its_identity_is_the_same_everywhere(admitted: AdmittedPackage) -> None:
+    assert admitted.sha256 == IDENTITY
+
+
+def test_it_answers_the_golden_frames(admitted: AdmittedPackage) -> None:
+    golden = json.loads((SHARED / "models" / "golden.json").read_text())
+    session = onnxruntime.InferenceSession(admitted.onnx, providers=["CPUExecutionProvider"])
+    for name, expected in golden["frames"].items():
+        scores = session.run(None, {"FRONT_FACING_CAMERA": picture(name)})[0][0]
+        assert int(scores.argmax()) == expected["action"]
+        assert scores.max() == pytest.approx(expected["probability"], abs=golden["tolerance"])
+
+
+def test_it_answers_as_openvino_does(package: RawPackage, tmp_path) -> None:
+    metadata = parse_metadata(package.metadata_json)
+    session = onnxruntime.InferenceSession(convert(package.model, metadata.inputs), providers=["CPUExecutionProvider"])
+    for name in ("dr-demo-1.png", "dr-demo-2.png", "dr-demo-3.png"):
+        feed = {"FRONT_FACING_CAMERA": picture(name)}
+        np.testing.assert_allclose(
+            session.run(None, feed)[0], openvinos(package.model, feed, tmp_path), atol=1e-5, rtol=1e-4
+        )
+
+
+def test_its_onnx_form_uploaded_again_is_the_same_model(admitted: AdmittedPackage) -> None:
+    metadata = json.dumps(admitted.metadata.to_dict()).encode()
+    again = admit([UploadPart("a", io.BytesIO(metadata)), UploadPart("b", io.BytesIO(admitted.onnx))])
+    assert again.source_kind == "onnx"
+    assert again.sha256 == admitted.sha256
+
+
+def test_our_test_networks_are_built_as_the_console_builds_them(package: RawPackage) -> None:
+    """Every node of the real graph: same name, same operation, same inputs."""
+    real, built = (
+        {node.name: (node.op, node.inputs, node.controls) for node in read_graph(data, DEFAULT_LIMITS).nodes.values()}
+        for data in (package.model, coach_graph(actions=12))
+    )
+    assert built == real
