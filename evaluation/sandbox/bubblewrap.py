@@ -70,9 +70,13 @@ def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_
 
     Root starts without a user namespace and keeps CAP_SETUID and CAP_SETGID only until the lock takes the private user
     id (RLIMIT_NPROC counts nothing for a root that a user namespace merely renames); anybody else needs the namespace.
+
+    bubblewrap's own first process stays in the pid namespace although we need no reaper: when the launcher dies, the
+    watching bubblewrap, which has no CAP_KILL, may not signal our process with its private user id, but it may signal
+    that one, and the kernel then ends the whole namespace.
     """
     arguments = [bwrap, "--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
-    arguments += ["--die-with-parent", "--new-session", "--as-pid-1", "--hostname", "paddock"]
+    arguments += ["--die-with-parent", "--new-session", "--hostname", "paddock"]
     if as_root:
         arguments += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:

@@ -61,14 +61,15 @@ class SandboxedProcess:
         self.stdin: int | None = stdin
         self.stdout: int | None = stdout
         self.deadline = time.monotonic() + limits.wall_s
-        self.cpu_s = 0.0
+        self.cpu_s = 0.0  # at its end; the limit if it ran into that; 0.0 if bubblewrap keeps it to itself
         self._popen = popen
         self._stderr: int | None = stderr
         self._stderr_text = b""
         self._info = info
         self._uid = uid
         self._inner: int | None = None if info is not None else popen.pid
-        self._inner_fd: int | None = None
+        self._first: int | None = None
+        self._first_fd: int | None = None
         self._peak_kb = 0
         self._status: int | None = None
 
@@ -80,15 +81,24 @@ class SandboxedProcess:
 
     @property
     def inner_pid(self) -> int | None:
-        """The sandboxed process itself (``pid`` may be bubblewrap, watching it), as this process sees it."""
-        if self._inner is None and self._info is not None:
-            self._inner = _read_child_pid(self._info)
+        """The sandboxed process itself (``pid`` may be bubblewrap, watching it), numbered as this process sees it.
+
+        None while it does not exist yet, or no more.
+        """
+        if self._inner is None and self._first_process() is not None:
+            self._inner = _child_of(self._first)
+        return self._inner
+
+    def _first_process(self) -> int | None:
+        """The descriptor of the first process in the pid namespace; None without namespaces, or when there is none."""
+        if self._info is not None:
+            self._first = _read_child_pid(self._info)
             os.close(self._info)
             self._info = None
-            if self._inner is not None:
+            if self._first is not None:
                 with contextlib.suppress(ProcessLookupError):
-                    self._inner_fd = os.pidfd_open(self._inner)
-        return self._inner
+                    self._first_fd = os.pidfd_open(self._first)
+        return self._first_fd
 
     def poll(self) -> int | None:
         """The exit status if it is over: >= 0 what it returned, < 0 the signal that killed it."""
@@ -114,10 +124,11 @@ class SandboxedProcess:
         """Kill the process and everything in its namespace, and wait until the kernel has cleared it away."""
         if self.poll() is not None:
             return
-        if self.inner_pid is not None and self._inner_fd is not None:
+        first = self._first_process()
+        if first is not None:
             # The first process of a pid namespace takes all others with it before bubblewrap hears of its death.
             with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(self._inner_fd, signal.SIGKILL)
+                signal.pidfd_send_signal(first, signal.SIGKILL)
         else:
             os.kill(self.pid, signal.SIGKILL)
         if self.wait(_GRACE_S) is None:
@@ -130,10 +141,10 @@ class SandboxedProcess:
         self.kill()
         self.stderr_text()
         self.close_pipes()
-        for fd in (self._stderr, self._info, self._inner_fd):
+        for fd in (self._stderr, self._info, self._first_fd):
             if fd is not None:
                 os.close(fd)
-        self._stderr = self._info = self._inner_fd = None
+        self._stderr = self._info = self._first_fd = None
         if self._uid is not None:
             self._uid.close()
 
@@ -176,6 +187,8 @@ class SandboxedProcess:
     def _end(self, code: int) -> None:
         # bubblewrap reports a signal as 128 + number, as shells do.
         self._status = 128 - code if code > 128 else code
+        if self._status == -signal.SIGXCPU:
+            self.cpu_s = max(self.cpu_s, self.limits.cpu_s)
         self._popen.returncode = self._status
 
 
@@ -316,6 +329,13 @@ def _read_child_pid(info: int) -> int | None:
                 return None
             data += chunk
         return json.loads(data)["child-pid"]
+    return None
+
+
+def _child_of(pid: int) -> int | None:
+    """The one child of bubblewrap's first process; None before it is born or after it died."""
+    with contextlib.suppress(OSError), open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as file:
+        return next(map(int, file.read().split()), None)
     return None
 
 

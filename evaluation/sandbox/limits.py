@@ -12,7 +12,7 @@ STDERR_LIMIT = 64 * 1024
 class Limits:
     """Resource limits of one sandboxed process; JSON-able through :meth:`to_dict`.
 
-    ``address_space_mb``: RLIMIT_AS. ``cpu_s``: RLIMIT_CPU, after it the kernel kills. ``open_files``: RLIMIT_NOFILE.
+    ``address_space_mb``: RLIMIT_AS. ``cpu_s``: RLIMIT_CPU, after it SIGXCPU. ``open_files``: RLIMIT_NOFILE.
     ``wall_s``: the launcher's patience, counted from the launch; whoever waits for the process enforces it
     (:attr:`SandboxedProcess.deadline`).
     """

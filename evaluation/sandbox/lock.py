@@ -115,7 +115,6 @@ def _limit_resources(limits: Limits) -> None:
     megabyte = 1024 * 1024
     for kind, value in (
         (resource.RLIMIT_AS, limits.address_space_mb * megabyte),
-        (resource.RLIMIT_CPU, limits.cpu_s),
         (resource.RLIMIT_NOFILE, limits.open_files),
         (resource.RLIMIT_NPROC, 1),  # this process alone; for a root launcher the user id is private
         (resource.RLIMIT_FSIZE, 0),
@@ -127,6 +126,7 @@ def _limit_resources(limits: Limits) -> None:
         if hard != resource.RLIM_INFINITY:
             value = min(value, hard)
         resource.setrlimit(kind, (value, value))
+    resource.setrlimit(resource.RLIMIT_CPU, (limits.cpu_s, limits.cpu_s + 1))  # SIGXCPU, and SIGKILL if that is ignored
 
 
 def _try_the_doors(spec: LockSpec) -> None:

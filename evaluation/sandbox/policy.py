@@ -87,7 +87,7 @@ class PolicyProcess:
         status = self.process.wait(1.0)
         if status == EXIT_MEMORY:
             return self._memory()
-        if status == -signal.SIGKILL and self.process.cpu_s >= self.process.limits.cpu_s - 1:
+        if status == -signal.SIGXCPU:
             return self._late(fault.params.get("step", 0))
         return UserFault("policy_died", step=fault.params.get("step", 0), how=describe(status))
 

@@ -49,7 +49,6 @@ SOUND = [
     "ask whether the parent lives",
     "signal a thread of the parent",
     "open the parent as a descriptor",
-    "be traced",
     "make shared memory",
     "choose its processor",
 ]

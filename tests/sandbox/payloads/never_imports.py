@@ -1,0 +1,3 @@
+"""Fails before it is locked."""
+
+raise ImportError("nothing here")

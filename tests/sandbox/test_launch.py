@@ -1,0 +1,205 @@
+"""Starting, feeding, limiting and ending a walled-off process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+
+from evaluation.errors import PlatformFault
+from evaluation.sandbox.frames import FrameClosed, FrameTimeout, read_message, write_message
+from evaluation.sandbox.launch import LEVEL_NAMESPACES, launch
+from evaluation.sandbox.limits import POLICY, STDERR_LIMIT
+from evaluation.sandbox.lock import EXIT_IMPORT, EXIT_MEMORY, EXIT_NOT_LOCKED
+from tests.shared import CHECKOUT
+
+from .conftest import PAYLOADS, sandboxed_processes
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+SMALL = replace(POLICY, address_space_mb=256, wall_s=20)
+
+
+def start(what, level, limits=SMALL, **options):
+    return launch("resources", limits=limits, arguments=[what], python_path=[PAYLOADS], level=level, **options)
+
+
+def test_what_goes_in_comes_out(level):
+    with start("echo", level) as process:
+        write_message(process.stdin, {"a": 1}, [b"x" * 300_000], process.deadline)
+        assert read_message(process.stdout, process.deadline) == ({"a": 1}, [b"x" * 300_000])
+        assert process.wait(5) == 0
+
+
+def test_nothing_of_the_launchers_environment_goes_in(level, monkeypatch):
+    monkeypatch.setenv("SECRET_KEY", "hunter2")
+    monkeypatch.setenv("DATABASE_URL", "postgres://")
+    with start("describe", level) as process:
+        found, _ = read_message(process.stdout, process.deadline)
+    assert found["leaked"] == []
+    assert found["modules"] == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only a root launcher hands out user ids")
+def test_a_root_launcher_gives_each_process_a_user_id_of_its_own(level):
+    with start("describe", level) as one, start("describe", level) as other:
+        uids = {read_message(process.stdout, process.deadline)[0]["uid"] for process in (one, other)}
+    assert len(uids) == 2
+    assert min(uids) >= 1000
+
+
+def test_the_locked_process_is_one_thread_without_capabilities(level):
+    with start("ignore_signals", level) as process:
+        read_message(process.stdout, process.deadline)
+        with open(f"/proc/{process.inner_pid}/status") as lines:
+            status = dict(line.rstrip("\n").split(":\t", 1) for line in lines if ":\t" in line)
+    assert status["Threads"] == "1"
+    assert status["NoNewPrivs"] == "1"
+    assert status["Seccomp"] == "2"
+    assert {int(status[name], 16) for name in ("CapInh", "CapPrm", "CapEff", "CapAmb")} == {0}
+    assert "0" not in status["Uid"].split()
+
+
+@pytest.mark.parametrize("what", ["grow_memory", "grow_memory_by_touching_one_block"])
+def test_memory_ends_at_the_limit(level, what):
+    with start(what, level) as process:
+        assert process.wait(10) == EXIT_MEMORY
+
+
+def test_processor_time_ends_at_the_limit(level):
+    with start("burn_processor_time", level, replace(SMALL, cpu_s=1)) as process:
+        assert process.wait(10) == -signal.SIGXCPU
+        assert 1 <= process.cpu_s < 2
+
+
+def test_a_flood_of_messages_stops_nobody_and_is_capped(level):
+    with start("flood_stderr", level) as process:
+        assert read_message(process.stdout, process.deadline)[0] == {"done": True}
+        assert process.wait(5) == 0
+        assert 0 < len(process.stderr_text()) <= STDERR_LIMIT
+
+
+def test_a_flood_that_insists_blocks_only_itself(level):
+    with start("flood_stderr_for_ever", level) as process:
+        with pytest.raises(FrameTimeout):
+            read_message(process.stdout, time.monotonic() + 0.5)
+        assert process.poll() is None
+        process.kill()
+        assert len(process.stderr_text()) <= STDERR_LIMIT
+
+
+def test_control_characters_of_a_stranger_do_not_reach_an_operators_terminal(level):
+    with start("paint_the_terminal", level) as process:
+        process.wait(5)
+        assert process.stderr_text() == "?]0;owned?\N{REPLACEMENT CHARACTER}\nplain"
+
+
+def test_a_process_that_ignores_every_signal_is_killed(level):
+    with start("ignore_signals", level) as process:
+        read_message(process.stdout, process.deadline)
+        os.kill(process.inner_pid, signal.SIGTERM)
+        assert process.wait(0.1) is None
+        started = time.monotonic()
+        process.kill()
+        assert time.monotonic() - started < 2
+        assert process.poll() == -signal.SIGKILL
+
+
+def test_a_detached_grandchild_dies_with_its_namespace(level):
+    if level < LEVEL_NAMESPACES:
+        pytest.skip("without namespaces only the lock forbids children, and it does (test_escape)")
+    before = sandboxed_processes()
+    with start("detach", level) as process:
+        read_message(process.stdout, process.deadline)
+        members = _namespace_of(process.inner_pid)
+        assert len(members) >= 3  # bubblewrap's first process, the payload, and the daemon that it left
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in members)
+    assert sandboxed_processes() <= before
+
+
+def _namespace_of(pid):
+    """Every process in the pid namespace of ``pid``."""
+    wanted = os.readlink(f"/proc/{pid}/ns/pid")
+    members = []
+    for name in os.listdir("/proc"):
+        if name.isdigit():
+            with contextlib.suppress(OSError):
+                if os.readlink(f"/proc/{name}/ns/pid") == wanted:
+                    members.append(int(name))
+    return members
+
+
+def test_killing_the_launcher_kills_the_process(level):
+    code = (
+        "import sys, time\n"
+        "from evaluation.sandbox.launch import launch\n"
+        "from evaluation.sandbox.limits import POLICY\n"
+        "from evaluation.sandbox.frames import read_message\n"
+        f"process = launch('resources', limits=POLICY, arguments=['ignore_signals'], python_path=[{str(PAYLOADS)!r}],"
+        f" level={level})\n"
+        "read_message(process.stdout, process.deadline)\n"
+        "print(process.pid, process.inner_pid, flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], cwd=CHECKOUT, stdout=subprocess.PIPE, text=True) as launcher:
+        pids = {int(word) for word in launcher.stdout.readline().split()}
+        descriptors = [os.pidfd_open(pid) for pid in pids]
+        launcher.kill()
+    for fd in descriptors:
+        _wait_for_end(fd)
+        os.close(fd)
+    assert pids
+
+
+def _wait_for_end(pidfd):
+    poller = select.poll()
+    poller.register(pidfd, select.POLLIN)
+    assert poller.poll(5000), "it outlived its launcher"
+
+
+def test_leaving_twice_is_harmless(level):
+    process = start("sleep", level)
+    process.close()
+    process.close()
+    assert process.poll() == -signal.SIGKILL
+
+
+def test_a_process_that_is_killed_at_once_leaves_nothing(level):
+    for _ in range(5):
+        start("sleep", level).close()
+
+
+def test_a_module_that_cannot_be_imported_says_so(level):
+    with launch("never_imports", limits=SMALL, python_path=[PAYLOADS], level=level) as process:
+        with pytest.raises(FrameClosed):
+            read_message(process.stdout, process.deadline)
+        assert process.wait(5) == EXIT_IMPORT
+        assert "nothing here" in process.stderr_text()
+
+
+def test_a_process_with_a_second_thread_is_not_let_past_the_lock(level):
+    with launch("has_a_thread", limits=SMALL, python_path=[PAYLOADS], level=level) as process:
+        assert process.wait(5) == EXIT_NOT_LOCKED
+        assert "thread" in process.stderr_text()
+
+
+@pytest.mark.parametrize("asked", [0, 1, 4])
+def test_no_level_below_the_minimum_or_above_the_hosts_is_started(asked):
+    with pytest.raises(PlatformFault) as caught:
+        start("sleep", asked)
+    assert caught.value.code == "sandbox_unavailable"
+
+
+def test_a_module_outside_the_given_path_is_not_there(level):
+    with launch("tests.shared", limits=SMALL, level=level) as process:
+        status = process.wait(5)
+    if level >= LEVEL_NAMESPACES:
+        assert status == EXIT_IMPORT
+    else:
+        assert status != 0  # importable before the lock, but it has no main()
