@@ -8,7 +8,7 @@ number of workers, and fifty submissions of one racer do not keep a newcomer wai
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from datetime import datetime
 from typing import NamedTuple
 
@@ -49,11 +49,12 @@ def whole_line() -> list[int]:
         waiting = Waiting(*row)
         lines[-waiting.priority, waiting.owner_id].append(waiting)
     turns = _turns_taken([line[0].pk for line in lines.values()])
-    order = [
-        (minus_priority, turns[line[0].pk] + place, waiting.queued_at, waiting.pk)
-        for (minus_priority, _), line in lines.items()
-        for place, waiting in enumerate(line)
-    ]
+    order = []
+    before: Counter[int] = Counter()  # turns that a racer will have had with rows of a higher priority
+    for (minus_priority, owner_id), line in sorted(lines.items()):
+        first_turn = turns[line[0].pk] + before[owner_id]
+        before[owner_id] += len(line)
+        order += [(minus_priority, first_turn + place, row.queued_at, row.pk) for place, row in enumerate(line)]
     return [pk for *_, pk in sorted(order)]
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 
+from celery import current_app
 from django.db import transaction
 
 logger = logging.getLogger(__name__)
 STALE_AFTER_S = 60  # a bell that nobody heard for so long is dropped; the sweep has rung again by then
+PATIENCE_S = 1.0  # a page waits no longer than about this for a broker that does not answer
 
 
 def ring_bell(*, times: int = 1) -> None:
@@ -22,7 +24,16 @@ def _ring(times: int) -> None:
     from ..tasks import work
 
     try:
-        for _ in range(times):
-            work.apply_async(retry=False, expires=STALE_AFTER_S)
+        # a connection of its own: Celery's pool tries for six seconds to reach a broker that is down
+        options = {
+            **current_app.conf.broker_transport_options,
+            "max_retries": 0,
+            "connect_retries_timeout": PATIENCE_S,
+            "socket_connect_timeout": PATIENCE_S,
+            "socket_timeout": PATIENCE_S,
+        }
+        with current_app.connection_for_write(connect_timeout=PATIENCE_S, transport_options=options) as connection:
+            for _ in range(times):
+                work.apply_async(connection=connection, retry=False, expires=STALE_AFTER_S)
     except Exception as error:  # whatever the broker's client raises: the submission stands all the same
         logger.warning("The broker does not answer (%s); the sweep will ring again.", error or type(error).__name__)

@@ -1,0 +1,396 @@
+"""Who runs when, and that nobody but the holder of a lease changes anything."""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from datetime import timedelta
+
+import pytest
+from django.core.files.storage import default_storage
+from django.db import connections, transaction
+
+from evaluation import selectors, services
+from evaluation.errors import PlatformFault, UserFault
+from evaluation.models import Evaluation, Result, State
+from evaluation.services import bell as ringing
+from evaluation.services.results import trace_name
+from evaluation.signals import evaluation_ended
+from evaluation.simulator.rules import RaceRules
+from tests.evaluation.stubs import outcome_of
+from tests.rows import model_row
+
+
+@pytest.fixture
+def submit(oval, bell, now):
+    """Queue an evaluation ``after`` seconds from now; the racer's model is made as needed."""
+
+    def queue(racer, after=0, priority=0):
+        model = racer.models.first() or model_row(racer)
+        return services.queue_evaluation(
+            owner=racer,
+            model=model,
+            track=oval,
+            rules=RaceRules(),
+            priority=priority,
+            now=now + timedelta(seconds=after),
+        )
+
+    return queue
+
+
+def claim(now, after=60):
+    return services.claim_next_evaluation(worker="w", now=now + timedelta(seconds=after))
+
+
+def finish(evaluation, now):
+    return services.finish_evaluation(
+        evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now
+    )
+
+
+def run_order(now):
+    """The owners of everything in the queue, as one worker would run it, a second each."""
+    owners = []
+    while (evaluation := claim(now, after=60 + len(owners))) is not None:
+        owners.append(evaluation.owner.alias)
+        finish(evaluation, now + timedelta(seconds=60 + len(owners)))
+    return owners
+
+
+class TestOrder:
+    def test_one_submission_each_is_first_come_first_served(self, alice, bob, charlie, submit, now):
+        submit(bob, 1)
+        submit(alice, 2)
+        submit(charlie, 3)
+        assert run_order(now) == ["bob", "alice", "charlie"]
+
+    def test_a_flood_by_one_racer_keeps_nobody_waiting_for_more_than_one_run(self, alice, bob, submit, now):
+        for second in range(4):
+            submit(alice, second)
+        submit(bob, 10)
+        submit(bob, 11)
+        assert run_order(now) == ["alice", "bob", "alice", "bob", "alice", "alice"]
+
+    def test_whoever_has_fewer_runs_on_track_goes_first(self, alice, bob, submit, now):
+        for second in range(3):
+            submit(alice, second)
+        submit(bob, 20)
+        assert claim(now, after=5).owner == alice  # bob comes later; alice's first is still running
+        assert claim(now).owner == bob
+        assert claim(now).owner == alice
+
+    def test_a_higher_priority_runs_first_whoever_waits(self, alice, bob, submit, now):
+        submit(alice, 0)
+        submit(alice, 1)
+        urgent = submit(bob, 50, priority=1)
+        low = submit(bob, 2, priority=-1)
+        assert claim(now) == urgent
+        assert [claim(now).owner.alias, claim(now).owner.alias] == ["alice", "alice"]
+        assert claim(now) == low
+
+    def test_an_evaluation_that_comes_back_keeps_its_place(self, alice, bob, submit, now):
+        first = submit(alice, 0)
+        submit(bob, 1)
+        evaluation = claim(now)
+        assert evaluation == first
+        services.release_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, now=now)
+        assert claim(now) == first
+
+    def test_the_position_shown_is_the_order_of_the_runs(self, alice, bob, charlie, submit, now):
+        queued = [submit(alice, s) for s in range(3)] + [submit(bob, 10), submit(charlie, 11), submit(bob, 12)]
+        queued.append(submit(charlie, 13, priority=1))
+        shown = {selectors.queue_position(evaluation): evaluation.owner.alias for evaluation in queued}
+        assert sorted(shown) == [1, 2, 3, 4, 5, 6, 7]
+        assert run_order(now) == [shown[place] for place in sorted(shown)]
+
+    def test_an_empty_queue_has_nothing_to_claim(self, db, now):
+        assert claim(now) is None
+
+
+class TestPosition:
+    def test_only_what_waits_has_a_position(self, alice, submit, now):
+        submit(alice)
+        running = claim(now)
+        assert selectors.queue_position(running) is None
+        assert selectors.expected_wait_s(running) is None
+        assert selectors.queue_length() == 0
+
+    def test_the_expected_wait_comes_from_the_last_runs(self, alice, submit, now, settings):
+        settings.WORKER_CONCURRENCY = 2
+        submit(alice)
+        assert selectors.expected_wait_s(Evaluation.objects.get()) is None  # nothing to judge by yet
+        finish(claim(now), now + timedelta(seconds=64))  # claimed at 60
+        third = [submit(alice, 100) for _ in range(3)][-1]
+        assert selectors.queue_position(third) == 3
+        assert selectors.expected_wait_s(third) == pytest.approx(8.0)  # the second round of two workers
+
+
+class TestLease:
+    def test_a_result_under_an_old_lease_is_refused_and_its_trace_deleted(self, alice, submit, now):
+        submit(alice)
+        slow = claim(now)
+        services.sweep_queue(now=now + timedelta(seconds=120))
+        fast = claim(now, after=121)
+        assert fast.pk == slow.pk and fast.lease != slow.lease and fast.attempt == 2
+        assert not finish(slow, now)
+        assert not services.beat(evaluation_id=slow.pk, lease=slow.lease, progress=None, now=now)
+        assert finish(fast, now)
+        result = Result.objects.get()
+        assert result.lease == fast.lease
+        assert [name for name in default_storage.listdir("traces")[1] if slow.public_id in name] == [
+            trace_name(fast).removeprefix("traces/")
+        ]
+
+    def test_a_result_that_loses_the_race_while_its_trace_is_stored_leaves_no_file(
+        self, alice, submit, now, monkeypatch
+    ):
+        submit(alice)
+        evaluation = claim(now)
+        from evaluation.services import leases
+
+        store = leases.store_trace
+
+        def stopped_meanwhile(*arguments):
+            name = store(*arguments)
+            services.stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
+            return name
+
+        monkeypatch.setattr(leases, "store_trace", stopped_meanwhile)
+        assert not finish(evaluation, now)
+        assert not default_storage.exists(trace_name(evaluation))
+        assert not Result.objects.exists()
+
+    def test_a_result_counts_once(self, alice, submit, now):
+        submit(alice)
+        evaluation = claim(now)
+        assert finish(evaluation, now)
+        assert not finish(evaluation, now)
+        assert Result.objects.count() == 1
+
+    def test_a_beat_prolongs_the_lease(self, alice, submit, now):
+        submit(alice)
+        evaluation = claim(now, after=0)
+        later = now + timedelta(seconds=25)
+        assert services.beat(evaluation_id=evaluation.pk, lease=evaluation.lease, progress={"lap": 2}, now=later)
+        assert services.sweep_queue(now=now + timedelta(seconds=50)).requeued == 0
+        evaluation.refresh_from_db()
+        assert evaluation.progress == {"lap": 2}
+        assert services.sweep_queue(now=now + timedelta(seconds=56)).requeued == 1
+
+    def test_another_lease_changes_nothing(self, alice, submit, now):
+        submit(alice)
+        evaluation = claim(now)
+        evaluation.lease = uuid.uuid4()
+        fault = UserFault("stopped")
+        assert not finish(evaluation, now)
+        assert not services.fail_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, fault=fault, now=now)
+        assert Evaluation.objects.get().state == State.RUNNING
+
+    def test_the_third_lost_worker_is_the_last(self, alice, submit, now):
+        submit(alice)
+        for attempt in (1, 2, 3):
+            evaluation = claim(now)
+            assert evaluation.attempt == attempt
+            report = services.sweep_queue(now=now + timedelta(seconds=100))
+            assert (report.requeued, report.gave_up) == ((1, 0) if attempt < 3 else (0, 1))
+        evaluation.refresh_from_db()
+        assert evaluation.state == State.FAILED
+        assert evaluation.reason_code == "platform_gave_up"
+        assert evaluation.is_platform_fault
+        assert "3 times" in evaluation.reason
+        assert evaluation.operator_detail.count("lease_expired") == 3
+
+    def test_handing_back_uses_up_no_attempt(self, alice, submit, now):
+        submit(alice)
+        for _ in range(5):
+            evaluation = claim(now)
+            assert evaluation.attempt == 1
+            assert services.release_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, now=now)
+
+    def test_the_trace_of_a_worker_that_died_before_its_commit_is_swept_away(self, alice, submit, now):
+        from evaluation.services.results import store_trace
+
+        submit(alice)
+        evaluation = claim(now)
+        name = store_trace(evaluation, b"x")
+        services.sweep_queue(now=now + timedelta(seconds=100))
+        assert not default_storage.exists(name)
+
+
+class TestEnd:
+    def test_the_signal_is_part_of_the_transaction(self, alice, submit, now, ended):
+        submit(alice)
+        evaluation = claim(now)
+
+        def refuse(**kwargs):
+            raise RuntimeError("a receiver failed")
+
+        evaluation_ended.connect(refuse)
+        try:
+            with pytest.raises(RuntimeError):
+                finish(evaluation, now)
+        finally:
+            evaluation_ended.disconnect(refuse)
+        assert Evaluation.objects.get().state == State.RUNNING
+        assert not Result.objects.exists()
+        assert not default_storage.exists(trace_name(evaluation))
+
+    def test_the_signal_tells_each_end_once(self, alice, submit, now, ended):
+        for _ in range(3):
+            submit(alice)
+        finished, failed = claim(now), claim(now)
+        stopped = Evaluation.objects.get(state=State.QUEUED)
+        finish(finished, now)
+        services.fail_evaluation(evaluation_id=failed.pk, lease=failed.lease, fault=UserFault("stopped"), now=now)
+        services.stop_evaluation(evaluation=stopped, now=now)
+        services.stop_evaluation(evaluation=stopped, now=now)
+        assert [(e.pk, e.state, r is not None) for e, r in ended] == [
+            (finished.pk, State.FINISHED, True),
+            (failed.pk, State.FAILED, False),
+            (stopped.pk, State.STOPPED, False),
+        ]
+
+    def test_a_receiver_that_fails_does_not_stop_the_sweep(self, alice, bob, submit, now):
+        submit(alice)
+        submit(bob)
+        first, second = claim(now), claim(now)
+        Evaluation.objects.update(attempt=3)
+
+        def refuse_the_first(evaluation, **kwargs):
+            if evaluation.pk == first.pk:
+                raise RuntimeError("a receiver failed")
+
+        evaluation_ended.connect(refuse_the_first)
+        try:
+            report = services.sweep_queue(now=now + timedelta(seconds=100))
+        finally:
+            evaluation_ended.disconnect(refuse_the_first)
+        assert report.gave_up == 1
+        second.refresh_from_db()
+        assert second.state == State.FAILED
+        assert services.sweep_queue(now=now + timedelta(seconds=100)).gave_up == 1
+
+    def test_a_models_fault_fails_at_once_with_its_reason(self, alice, submit, now):
+        submit(alice)
+        evaluation = claim(now)
+        fault = UserFault("policy_late", step=7, step_s=1, overage_s=10, total_s=60)
+        services.fail_evaluation(
+            evaluation_id=evaluation.pk, lease=evaluation.lease, fault=fault, now=now, detail="stderr of the policy"
+        )
+        evaluation.refresh_from_db()
+        assert (evaluation.state, evaluation.attempt) == (State.FAILED, 1)
+        assert evaluation.reason == str(fault)
+        assert not evaluation.is_platform_fault
+        assert "stderr of the policy" in evaluation.operator_detail
+
+    @pytest.fixture
+    def ended(self):
+        heard = []
+
+        def hear(evaluation, result, now, **kwargs):
+            heard.append((evaluation, result))
+
+        evaluation_ended.connect(hear)
+        yield heard
+        evaluation_ended.disconnect(hear)
+
+
+class TestQueueing:
+    def test_the_specification_is_frozen(self, alice, submit, oval):
+        evaluation = submit(alice)
+        model = evaluation.model
+        assert evaluation.spec == {
+            "track": oval.fingerprint,
+            "rules": RaceRules().to_dict(),
+            "metadata": model.metadata,
+        }
+
+    def test_somebody_elses_or_a_deleted_model_is_refused(self, alice, bob, oval, bell, now):
+        model = model_row(bob)
+        for owner in (alice, bob):
+            if owner is bob:
+                services.delete_model(model=model, now=now)
+            with pytest.raises(UserFault) as refused:
+                services.queue_evaluation(owner=owner, model=model, track=oval, rules=RaceRules(), now=now)
+            assert refused.value.code == "model_not_yours"
+        assert not Evaluation.objects.exists()
+
+    def test_the_bell_rings_once_committed_and_not_before(
+        self, alice, submit, bell, django_capture_on_commit_callbacks
+    ):
+        with django_capture_on_commit_callbacks(execute=True):
+            submit(alice)
+            assert bell == []
+        assert len(bell) == 1
+
+    def test_a_rolled_back_submission_rings_no_bell(self, alice, submit, bell, django_capture_on_commit_callbacks):
+        with (
+            django_capture_on_commit_callbacks(execute=True),
+            pytest.raises(ZeroDivisionError),
+            transaction.atomic(),
+        ):
+            submit(alice)
+            raise ZeroDivisionError
+        assert bell == []
+
+    def test_a_submission_is_accepted_while_the_broker_is_down(
+        self, alice, submit, monkeypatch, caplog, django_capture_on_commit_callbacks
+    ):
+        monkeypatch.undo()  # no pretended broker: the real one's socket does not exist
+        with django_capture_on_commit_callbacks(execute=True):
+            evaluation = submit(alice)
+        assert Evaluation.objects.get() == evaluation
+        assert "the sweep will ring again" in caplog.text
+
+    def test_the_sweep_rings_for_what_waits(self, alice, submit, bell, now, django_capture_on_commit_callbacks):
+        for _ in range(20):
+            submit(alice)
+        bell.clear()
+        with django_capture_on_commit_callbacks(execute=True):
+            report = services.sweep_queue(now=now)
+        assert report.waiting == 20
+        assert len(bell) == 8
+        assert all(ring["expires"] == ringing.STALE_AFTER_S for ring in bell)
+
+    def test_the_sweep_of_an_empty_queue_is_silent(self, db, bell, now, django_capture_on_commit_callbacks):
+        with django_capture_on_commit_callbacks(execute=True):
+            assert services.sweep_queue(now=now) == services.SweepReport(0, 0, 0)
+        assert bell == []
+
+    def test_a_platform_fault_rings_for_the_next_attempt(
+        self, alice, submit, bell, now, django_capture_on_commit_callbacks
+    ):
+        submit(alice)
+        evaluation = claim(now)
+        bell.clear()
+        with django_capture_on_commit_callbacks(execute=True):
+            services.fail_evaluation(
+                evaluation_id=evaluation.pk, lease=evaluation.lease, fault=PlatformFault("storage_failed"), now=now
+            )
+        assert len(bell) == 1
+
+
+@pytest.mark.django_db(transaction=True)
+def test_claimers_at_the_same_moment_get_different_rows(alice, bob, charlie, submit, now):
+    for racer in (alice, bob, charlie):
+        for _ in range(4):
+            submit(racer)
+    claimed: list[int] = []
+    ready = threading.Barrier(6)
+
+    def claim_all():
+        try:
+            ready.wait()
+            while (evaluation := claim(now)) is not None:
+                claimed.append(evaluation.pk)
+        finally:
+            connections.close_all()
+
+    threads = [threading.Thread(target=claim_all) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(claimed) == sorted(Evaluation.objects.values_list("pk", flat=True))
+    assert set(Evaluation.objects.values_list("attempt", "state")) == {(1, State.RUNNING)}
