@@ -1,0 +1,10 @@
+"""The cast of the race room: nobody's broker rings."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _no_broker(bell: list[dict]) -> None:
+    """Submissions ring the bell; no test here needs a worker to hear it."""

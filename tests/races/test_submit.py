@@ -1,0 +1,274 @@
+"""Sending a car to a race."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from evaluation.errors import PlatformFault, UserFault
+from evaluation.models import Evaluation, State
+from evaluation.selectors import queue_position
+from evaluation.services import delete_model, stop_evaluation
+from races import eligibility
+from races.models import Entry, Submission, Visibility
+from races.services import (
+    accept_invitation,
+    enter_race,
+    remove_entry,
+    repeat_submission,
+    submit_model,
+    withdraw,
+)
+from tests.factories import a_model, a_race, a_racer, drive, fail, finish, laps, start
+
+pytestmark = pytest.mark.django_db
+
+
+def refused(code: str, call, **kwargs) -> UserFault:
+    with pytest.raises(UserFault) as caught:
+        call(**kwargs)
+    assert caught.value.code == code
+    assert "?" not in str(caught.value), "every placeholder of the sentence is filled"
+    return caught.value
+
+
+def test_a_submission_enters_the_racer_and_queues_the_race_s_rules(alice, now, bell):
+    race = a_race(now, laps=2, minimum_laps=2, off_track_penalty_ms=1234, direction="cw", seed=7, max_resets=3)
+    model = a_model(alice)
+    submission = submit_model(race=race, racer=alice, model=model, now=now)
+    evaluation = submission.evaluation
+    assert (submission.number, submission.submitted_at) == (1, now)
+    assert evaluation.state == State.QUEUED and queue_position(evaluation) == 1
+    assert evaluation.track == race.track
+    rules = evaluation.spec["rules"]
+    assert rules["laps"] == 2 and rules["off_track_penalty_ms"] == 1234
+    assert rules["direction"] == "cw" and rules["seed"] == 7 and rules["max_resets"] == 3
+    entry = Entry.objects.get(race=race, racer=alice)
+    assert (entry.submission_count, entry.last_number, entry.is_baseline) == (1, 1, False)
+
+
+def test_a_house_car_is_a_baseline_and_waits_behind_everybody(now):
+    race = a_race(now)
+    house = a_racer("house-steady", is_house=True)
+    first = submit_model(race=race, racer=house, model=a_model(house), now=now)
+    racer = a_racer()
+    second = submit_model(race=race, racer=racer, model=a_model(racer), now=now + timedelta(minutes=1))
+    assert first.entry.is_baseline
+    assert queue_position(second.evaluation) == 1
+
+
+def test_a_race_takes_cars_from_its_opening_until_just_before_its_closing(alice, now):
+    race = a_race(now, opens_at=now, closes_at=now + timedelta(hours=1))
+    model = a_model(alice)
+    refused("race_not_open_yet", submit_model, race=race, racer=alice, model=model, now=now - timedelta(microseconds=1))
+    refused("race_closed", submit_model, race=race, racer=alice, model=model, now=race.closes_at)
+    assert submit_model(race=race, racer=alice, model=model, now=race.closes_at - timedelta(microseconds=1))
+    other = a_race(now, opens_at=now, closes_at=now + timedelta(hours=1))
+    assert submit_model(race=other, racer=alice, model=model, now=now)
+
+
+def test_a_car_sent_before_the_closing_counts_even_if_it_drives_after_it(alice, now):
+    race = a_race(now)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=race.closes_at - timedelta(seconds=1))
+    finish(submission, laps(9_000, 9_000, 9_000), race.closes_at + timedelta(hours=1))
+    assert Entry.objects.get(race=race).classified
+
+
+def test_a_cancelled_race_takes_no_cars_and_says_why(alice, now):
+    race = a_race(now, cancelled_at=now, cancel_reason="The track is flooded.")
+    fault = refused("race_cancelled", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+    assert "flooded" in str(fault)
+
+
+def test_nobody_races_somebody_else_s_or_a_deleted_model(alice, bob, now):
+    race = a_race(now)
+    model = a_model(bob)
+    refused("model_not_yours", submit_model, race=race, racer=alice, model=model, now=now)
+    delete_model(model=model, now=now)
+    refused("model_not_yours", submit_model, race=race, racer=bob, model=model, now=now)
+    assert not Entry.objects.exists(), "a refused car enters nobody"
+
+
+def test_a_car_whose_sensors_the_race_does_not_offer_is_refused_with_both_lists(alice, now):
+    race = a_race(now)
+    model = a_model(alice)
+    model.metadata = model.metadata | {"sensor": ["STEREO_CAMERAS", "LIDAR"]}
+    model.save()
+    fault = refused("sensors_not_offered", submit_model, race=race, racer=alice, model=model, now=now)
+    assert fault.params == {"needed": "STEREO_CAMERAS, LIDAR", "offered": "FRONT_FACING_CAMERA"}
+
+
+def test_the_oldest_name_of_the_front_camera_is_the_front_camera(alice, now):
+    model = a_model(alice)
+    model.metadata = model.metadata | {"sensor": ["observation"]}
+    model.save()
+    assert submit_model(race=a_race(now), racer=alice, model=model, now=now)
+
+
+def test_the_same_car_is_refused_with_the_way_to_its_result(alice, now):
+    race = a_race(now)
+    first = drive(race, alice, laps(9_000, 9_000, 9_000), now)
+    fault = refused(
+        "car_already_submitted", submit_model, race=race, racer=alice, model=first.evaluation.model, now=now
+    )
+    assert fault.params == {"evaluation": first.evaluation.public_id}
+    assert Evaluation.objects.count() == 1
+
+
+def test_a_car_that_was_deleted_and_uploaded_again_is_still_the_same_car(alice, now):
+    race = a_race(now)
+    first = drive(race, alice, laps(9_000, 9_000, 9_000), now)
+    old = first.evaluation.model
+    delete_model(model=old, now=now)
+    again = a_model(alice)
+    again.network = old.network
+    again.save()
+    refused("car_already_submitted", submit_model, race=race, racer=alice, model=again, now=now)
+
+
+def test_two_racers_may_send_the_same_car_and_one_racer_may_send_it_to_two_races(alice, bob, now):
+    race = a_race(now)
+    first = drive(race, alice, laps(9_000, 9_000, 9_000), now)
+    copy = a_model(bob)
+    copy.network = first.network
+    copy.save()
+    assert submit_model(race=race, racer=bob, model=copy, now=now)
+    assert submit_model(race=a_race(now), racer=alice, model=first.evaluation.model, now=now)
+
+
+def test_one_car_at_a_time_waits_or_drives(alice, now):
+    race = a_race(now)
+    first = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    second = a_model(alice)
+    fault = refused("submission_running", submit_model, race=race, racer=alice, model=second, now=now)
+    assert fault.params == {"evaluation": first.evaluation.public_id}
+    start(first.evaluation, now)
+    refused("submission_running", submit_model, race=race, racer=alice, model=second, now=now)
+    assert submit_model(race=a_race(now), racer=alice, model=second, now=now), "another race does not mind"
+
+
+def test_the_race_s_limit_of_submissions_holds(alice, now):
+    race = a_race(now, max_submissions=2)
+    drive(race, alice, laps(9_000, 9_000, 9_000), now)
+    drive(race, alice, laps(9_100, 9_000, 9_000), now)
+    refused("submissions_used_up", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+    assert Entry.objects.get(race=race).submission_count == 2
+
+
+def test_a_car_that_failed_by_its_own_fault_counts_and_is_not_sent_again(alice, now):
+    race = a_race(now, max_submissions=2)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(submission, UserFault("non_finite_action", step=3), now)
+    entry = Entry.objects.get(race=race)
+    assert (entry.submission_count, entry.classified) == (1, False)
+    refused("car_already_submitted", submit_model, race=race, racer=alice, model=submission.evaluation.model, now=now)
+
+
+def test_when_paddock_fails_the_submission_is_given_back_and_the_car_may_be_sent_again(alice, now):
+    race = a_race(now, max_submissions=1)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(submission, PlatformFault("internal_error"), now)
+    submission.refresh_from_db()
+    entry = Entry.objects.get(race=race)
+    assert submission.refunded and submission.is_void
+    assert (entry.submission_count, entry.last_number) == (0, 1)
+    again = submit_model(race=race, racer=alice, model=submission.evaluation.model, now=now)
+    assert again.number == 2, "a number is never given twice"
+    finish(again, laps(9_000, 9_000, 9_000), now)
+    assert Entry.objects.get(race=race).classified
+
+
+def test_a_car_stopped_while_it_waits_is_given_back(alice, now):
+    race = a_race(now, max_submissions=1)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    assert stop_evaluation(evaluation=submission.evaluation, now=now)
+    entry = Entry.objects.get(race=race)
+    assert entry.submission_count == 0
+    assert submit_model(race=race, racer=alice, model=submission.evaluation.model, now=now).number == 2
+
+
+def test_a_car_stopped_on_the_track_counts_so_that_one_shot_stays_one_shot(alice, now):
+    race = a_race(now, max_submissions=1)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    running = start(submission.evaluation, now)
+    assert stop_evaluation(evaluation=running, now=now)
+    submission.refresh_from_db()
+    assert submission.is_void and not submission.refunded
+    refused("submissions_used_up", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+
+
+def test_a_car_stopped_on_the_track_may_be_sent_again_where_submissions_are_left(alice, now):
+    race = a_race(now, max_submissions=2)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    stop_evaluation(evaluation=start(submission.evaluation, now), now=now)
+    again = submit_model(race=race, racer=alice, model=submission.evaluation.model, now=now)
+    assert again.number == 2
+    assert Entry.objects.get(race=race).submission_count == 2
+
+
+def test_who_has_withdrawn_or_was_removed_sends_no_car(alice, bob, now):
+    race = a_race(now, organiser=bob)
+    entry = enter_race(race=race, racer=alice, now=now)
+    withdraw(entry=entry, now=now)
+    refused("entry_withdrawn", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+    remove_entry(entry=entry, by=bob, now=now)
+    refused("entry_removed", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+
+
+def test_a_race_by_invitation_takes_cars_of_those_who_accepted(alice, bob, now):
+    race = a_race(now, organiser=bob, visibility=Visibility.INVITATION)
+    refused("race_needs_invitation", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+    accept_invitation(token=race.invitation, racer=alice, now=now)
+    assert submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    assert submit_model(race=race, racer=bob, model=a_model(bob), now=now), "the organiser needs no link"
+
+
+def test_an_eligibility_check_of_a_room_above_refuses_entry_and_car(alice, now, monkeypatch):
+    def nobody(race, racer, now):
+        raise UserFault("race_pro_only")
+
+    race = a_race(now)
+    enter_race(race=race, racer=alice, now=now)
+    monkeypatch.setattr(eligibility, "_CHECKS", [nobody])
+    refused("race_pro_only", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
+    refused("race_pro_only", enter_race, race=race, racer=a_racer(), now=now)
+    house = a_racer(is_house=True)
+    assert submit_model(race=race, racer=house, model=a_model(house), now=now), "house cars race everywhere"
+
+
+def test_an_admin_repeats_a_failed_run_which_keeps_its_time(alice, now):
+    race = a_race(now)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(submission, PlatformFault("internal_error"), now)
+    later = race.closes_at + timedelta(days=1)
+    again = repeat_submission(submission=submission, now=later)
+    assert (again.number, again.submitted_at) == (2, now)
+    finish(again, laps(9_000, 9_000, 9_000), later)
+    entry = Entry.objects.get(race=race)
+    assert entry.classified and entry.achieved_at == now
+    assert entry.submission_count == 1, "it counts once, now that it has a result"
+
+
+def test_a_repeated_run_that_counted_counts_once(alice, now):
+    race = a_race(now)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(submission, UserFault("non_finite_action", step=3), now)
+    again = repeat_submission(submission=submission, now=now)
+    finish(again, laps(9_000, 9_000, 9_000), now)
+    assert Entry.objects.get(race=race).submission_count == 1
+    assert Submission.objects.filter(is_void=False).count() == 1
+
+
+def test_a_run_that_finished_is_not_repeated(alice, now):
+    submission = drive(a_race(now), alice, laps(9_000, 9_000, 9_000), now)
+    refused("submission_not_failed", repeat_submission, submission=submission, now=now)
+
+
+def test_a_failed_run_is_repeated_once_only(alice, now):
+    race = a_race(now)
+    submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(submission, PlatformFault("internal_error"), now)
+    repeat_submission(submission=submission, now=now)
+    refused("car_already_submitted", repeat_submission, submission=submission, now=now)
+    assert Entry.objects.get(race=race).last_number == 2
