@@ -11,7 +11,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
-from django.db import DatabaseError, InterfaceError, connections
+from django.db import connections
 from django.utils import timezone
 
 from ..errors import PaddockError, PlatformFault, UserFault
@@ -86,7 +86,7 @@ class Heart(threading.Thread):
 
     def __init__(self, evaluation_id: int, lease: uuid.UUID) -> None:
         super().__init__(name=f"heart of {evaluation_id}", daemon=True)
-        self._ident: dict[str, Any] = {"evaluation_id": evaluation_id, "lease": lease}
+        self._held: dict[str, Any] = {"evaluation_id": evaluation_id, "lease": lease}
         self._every = settings.LEASE_SECONDS / BEATS_PER_LEASE
         self._ended = threading.Event()
         self._progress: dict | None = None
@@ -112,8 +112,8 @@ class Heart(threading.Thread):
                 if progress is None and monotonic() - last < self._every:
                     continue
                 try:
-                    self.lost = not beat(**self._ident, progress=progress, now=timezone.now())
-                except (DatabaseError, InterfaceError) as error:
+                    self.lost = not beat(**self._held, progress=progress, now=timezone.now())
+                except Exception as error:  # the database may be away in many ways
                     logger.warning("A heartbeat could not be written: %s", error)
                     connections.close_all()
                     self.lost = monotonic() - last > settings.LEASE_SECONDS

@@ -1,0 +1,305 @@
+"""A worker's turn, with a pipeline that the test plays."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import signal
+import threading
+
+import pytest
+from django.db import DatabaseError
+from django.utils import timezone
+
+from evaluation import pipeline, services, tasks
+from evaluation.errors import PlatformFault, UserFault
+from evaluation.models import Evaluation, Result, State, WorkerNode
+from evaluation.sandbox import probe as probing
+from evaluation.services import work
+from evaluation.simulator.rules import RaceRules
+from tests.evaluation.stubs import finishes, outcome_of, trace_csv
+from tests.rows import model_row
+
+pytestmark = pytest.mark.django_db(transaction=True)  # the heart beats in another thread
+
+
+@pytest.fixture
+def queued(alice, oval, bell):
+    return services.queue_evaluation(
+        owner=alice, model=model_row(alice), track=oval, rules=RaceRules(seed=3, direction="cw"), now=timezone.now()
+    )
+
+
+@pytest.fixture
+def plays(monkeypatch):
+    """Make the pipeline do something else."""
+    return lambda play: monkeypatch.setattr(pipeline, "evaluate", play)
+
+
+@pytest.fixture
+def quick_heart(monkeypatch, settings):
+    monkeypatch.setattr(work, "PROGRESS_EVERY_S", 0.01)
+    settings.LEASE_SECONDS = 1
+
+
+def run():
+    return services.run_next_evaluation(worker="w")
+
+
+class TestAnEvaluationThat:
+    def test_finishes_has_its_result_and_its_trace(self, queued, plays, settings):
+        jobs = []
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            jobs.append((job, wall_limit_s))
+            return outcome_of(laps=(10_000, 9_500, 4_000), unfinished=True)
+
+        plays(play)
+        assert run()
+        queued.refresh_from_db()
+        assert queued.state == State.FINISHED
+        assert queued.worker == "w"
+        result = queued.result
+        assert (result.complete_laps, result.best_lap_ms, result.total_ms) == (2, 9_500, 23_500)
+        assert (result.off_tracks, result.resets, result.end_reason) == (3, 3, "time_up")
+        with result.trace.open() as file:
+            assert gzip.decompress(file.read()) == trace_csv(laps=3)
+        ((job, wall_limit_s),) = jobs
+        assert job.onnx == b"a network"
+        assert (job.rules.seed, job.track.direction) == (3, "cw")
+        assert job.metadata == queued.model.metadata
+        assert wall_limit_s == settings.EVALUATION_WALL_SECONDS
+
+    def test_is_the_models_fault_fails(self, queued, plays):
+        def play(*args, **kwargs):
+            fault = UserFault("policy_died", step=3, how="signal 11")
+            fault.add_note("stderr of the policy:\nsegmentation fault")
+            raise fault
+
+        plays(play)
+        assert run()
+        queued.refresh_from_db()
+        assert (queued.state, queued.reason_code) == (State.FAILED, "policy_died")
+        assert "segmentation fault" in queued.operator_detail
+        assert not run()
+
+    @pytest.mark.parametrize(
+        "error", [PlatformFault("storage_failed"), RuntimeError("a bug"), MemoryError(), OSError("disk")]
+    )
+    def test_fails_through_our_fault_is_tried_again_and_then_given_up(self, queued, plays, error):
+        def play(*args, **kwargs):
+            raise error
+
+        plays(play)
+        for attempt in (1, 2, 3):
+            queued.refresh_from_db()
+            assert (queued.state, queued.attempt) == (State.QUEUED, attempt - 1)
+            assert run()
+        queued.refresh_from_db()
+        assert (queued.state, queued.reason_code) == (State.FAILED, "platform_gave_up")
+        assert type(error).__name__ in queued.operator_detail
+        assert not run()
+
+    def test_fails_once_and_then_finishes_has_one_result(self, queued, plays):
+        plays(lambda *args, **kwargs: 1 / 0)
+        run()
+        plays(finishes)
+        run()
+        queued.refresh_from_db()
+        assert (queued.state, queued.attempt) == (State.FINISHED, 2)
+        assert Result.objects.count() == 1
+
+    def test_has_lost_its_networks_file_is_our_fault(self, queued, plays):
+        plays(finishes)
+        network = queued.model.network
+        network.onnx.storage.delete(network.onnx.name)
+        run()
+        queued.refresh_from_db()
+        assert queued.state == State.QUEUED
+        assert "storage_failed" in queued.operator_detail
+
+    def test_was_frozen_on_another_track_is_our_fault(self, queued, plays):
+        plays(finishes)
+        Evaluation.objects.update(spec={**queued.spec, "track": "0" * 64})
+        run()
+        queued.refresh_from_db()
+        assert queued.state == State.QUEUED
+        assert "internal_error" in queued.operator_detail
+
+    def test_is_stopped_by_its_owner_ends_at_the_next_beat(self, queued, plays, quick_heart):
+        noticed = []
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            services.stop_evaluation(evaluation=queued, now=timezone.now())
+            on_progress({"lap": 1})
+            wait_until(should_stop)
+            noticed.append(True)
+            raise UserFault("stopped")
+
+        plays(play)
+        assert run()
+        assert noticed
+        queued.refresh_from_db()
+        assert (queued.state, queued.reason_code) == (State.STOPPED, "stopped")
+        assert not Result.objects.exists()
+
+    def test_runs_when_the_worker_is_told_to_stop_goes_back_to_its_place(self, queued, plays):
+        told = threading.Event()
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            assert not should_stop()
+            told.set()
+            assert should_stop()
+            raise UserFault("stopped")
+
+        plays(play)
+        assert services.run_next_evaluation(worker="w", interrupted=told.is_set)
+        queued.refresh_from_db()
+        assert (queued.state, queued.attempt) == (State.QUEUED, 0)
+
+
+class TestTheHeart:
+    def test_writes_the_progress_and_prolongs_the_lease(self, queued, plays, quick_heart):
+        seen = []
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            before = Evaluation.objects.get().leased_until
+            on_progress({"lap": 2, "percent": 40.0})
+            wait_until(lambda: Evaluation.objects.get().progress)
+            seen.append((Evaluation.objects.get().progress, Evaluation.objects.get().leased_until > before))
+            return outcome_of()
+
+        plays(play)
+        run()
+        assert seen == [({"lap": 2, "percent": 40.0}, True)]
+
+    def test_beats_without_any_progress(self, queued, plays, quick_heart):
+        def play(job, on_progress, should_stop, wall_limit_s):
+            before = Evaluation.objects.get().leased_until
+            wait_until(lambda: Evaluation.objects.get().leased_until > before)
+            return outcome_of()
+
+        plays(play)
+        run()
+        queued.refresh_from_db()
+        assert queued.state == State.FINISHED
+
+    def test_survives_a_database_that_is_away_for_less_than_a_lease(self, queued, plays, quick_heart, monkeypatch):
+        calls = []
+
+        def failing_twice(**kwargs):
+            calls.append(1)
+            if len(calls) <= 2:
+                raise DatabaseError("away")
+            return True
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            wait_until(lambda: on_progress({"lap": 1}) or len(calls) > 3)
+            assert not should_stop()
+            return outcome_of()
+
+        monkeypatch.setattr(work, "beat", failing_twice)
+        plays(play)
+        run()
+        queued.refresh_from_db()
+        assert queued.state == State.FINISHED
+
+    def test_gives_up_when_the_database_is_away_for_longer_than_a_lease(
+        self, queued, plays, quick_heart, monkeypatch, settings
+    ):
+        settings.LEASE_SECONDS = 0.1
+        noticed = []
+
+        def failing(**kwargs):
+            raise DatabaseError("away")
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            wait_until(should_stop)
+            noticed.append(True)
+            raise UserFault("stopped")
+
+        monkeypatch.setattr(work, "beat", failing)
+        plays(play)
+        run()
+        assert noticed
+        assert not Result.objects.exists()
+
+    def test_writes_at_most_once_a_second_and_six_times_a_lease(self, settings):
+        assert work.PROGRESS_EVERY_S >= 1.0
+        assert settings.LEASE_SECONDS / work.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
+
+
+class TestTheTask:
+    def test_works_until_nothing_waits(self, queued, alice, oval, bell, plays):
+        plays(finishes)
+        for _ in range(2):
+            services.queue_evaluation(
+                owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now()
+            )
+        assert tasks.work.apply().get() == 3
+        assert set(Evaluation.objects.values_list("state", flat=True)) == {State.FINISHED}
+
+    def test_rings_again_when_its_time_is_up(self, queued, alice, oval, bell, plays, monkeypatch):
+        plays(finishes)
+        services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
+        monkeypatch.setattr(tasks, "BUDGET_S", 0.0)
+        bell.clear()
+        assert tasks.work.apply().get() == 1
+        assert len(bell) == 1
+        assert services.sweep_queue(now=timezone.now(), ring=False).waiting == 1
+
+    def test_looks_after_lost_workers_itself(self, queued, plays):
+        plays(finishes)
+        services.claim_next_evaluation(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+        assert tasks.work.apply().get() == 1
+        queued.refresh_from_db()
+        assert (queued.state, queued.attempt) == (State.FINISHED, 2)
+
+    def test_notes_the_worker_and_its_sandbox(self, queued, plays):
+        plays(finishes)
+        tasks.work.apply()
+        node = WorkerNode.objects.get()
+        assert node.engine == "paddock-v1"
+        assert node.sandbox["level"] == probing.probe().level
+
+    def test_runs_nothing_below_the_sandboxs_minimum(self, queued, plays, monkeypatch, caplog):
+        plays(finishes)
+        monkeypatch.setattr(
+            probing,
+            "probe",
+            lambda: probing.SandboxReport([probing.Layer("Landlock", False, "not in this kernel")], 0, 2),
+        )
+        assert tasks.work.apply().get() == 0
+        queued.refresh_from_db()
+        assert queued.state == State.QUEUED
+        assert not WorkerNode.objects.get().sandbox["sufficient"]
+        assert "runs nothing" in caplog.text
+
+    def test_hands_back_on_sigterm_and_claims_no_more(self, queued, alice, oval, plays):
+        services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
+
+        def play(job, on_progress, should_stop, wall_limit_s):
+            assert not should_stop()
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert should_stop()
+            raise UserFault("stopped")
+
+        plays(play)
+        before = signal.getsignal(signal.SIGTERM)
+        assert tasks.work.apply().get() == 1
+        assert signal.getsignal(signal.SIGTERM) is before
+        assert list(Evaluation.objects.values_list("state", "attempt")) == [(State.QUEUED, 0)] * 2
+
+    def test_the_sweep_reports_what_it_found(self, queued, bell):
+        services.claim_next_evaluation(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+        assert tasks.sweep.apply().get() == {"requeued": 1, "gave_up": 0, "waiting": 1}
+
+
+def wait_until(holds, limit_s=10.0):
+    """Poll ``holds`` until it is true."""
+    done = threading.Event()
+    for _ in range(int(limit_s / 0.005)):
+        if holds():
+            return
+        done.wait(0.005)
+    raise AssertionError("it never came true")
