@@ -425,15 +425,16 @@ _RACE = _table(
             "was trained with these."
         ),
         "car_already_submitted": _(
-            "You have already sent this very car to this race. The same car gives the same result, so that one "
-            "stands."
+            "You have already sent this very car to this race. The same car gives the same result, so that one stands."
         ),
         "submission_running": _("Your last car is still being timed. Wait for its result, or stop it."),
         "submissions_used_up": _("You have used all %(limit)s submissions that this race allows."),
         "submission_not_failed": _("Only a run that failed or was stopped can be repeated; this one stands."),
         # tracks that racers import
         "track_known": _("This very track is here already, as %(name)s. Use that one."),
-        "track_limit": _("You have imported %(limit)s tracks, as many as one racer may. Remove one that no race uses."),
+        "track_limit": _(
+            "You have imported %(limit)s tracks, as many as one racer may. Race on one of those here, or ask an admin."
+        ),
         "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
         "track_slug": _(
             "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."

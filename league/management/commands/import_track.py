@@ -1,0 +1,55 @@
+"""``manage.py import_track FILE.npy``: put a track of the community into the catalogue."""
+
+from __future__ import annotations
+
+import json
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+from django.utils import timezone
+
+from evaluation.errors import UserFault
+from tracks.npy import MAX_BYTES
+from tracks.services import import_track
+
+
+class Command(BaseCommand):
+    """Exits 1 when the file cannot be read, 2 with the reason's code when it is no track."""
+
+    help = "Import a track from the community's .npy format (six columns in metres: centre, inner, outer)."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("file", metavar="FILE.npy", type=Path)
+        parser.add_argument("--name", help="what racers call it (default: the file's name)")
+        parser.add_argument("--slug", help="its address (default: made from the name)")
+        parser.add_argument("--description", default="", help="one or two sentences for its page")
+        parser.add_argument("--json", action="store_true", help="print the track as JSON")
+
+    def handle(self, *args: Any, **options: Any) -> None:
+        path: Path = options["file"]
+        try:
+            with path.open("rb") as file:
+                data = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            raise CommandError(f"{path} cannot be read: {error.strerror}.") from None
+        try:
+            track = import_track(
+                data=data,
+                name=options["name"] if options["name"] is not None else path.stem.replace("_", " "),
+                owner=None,
+                now=timezone.now(),
+                slug=options["slug"],
+                description=options["description"],
+            )
+        except UserFault as fault:
+            raise CommandError(f"{fault.code}: {fault}", returncode=2) from None
+        if options["json"]:
+            fields = ("slug", "name", "length_m", "width_m", "direction", "fingerprint")
+            self.stdout.write(json.dumps({field: getattr(track, field) for field in fields}))
+        else:
+            self.stdout.write(
+                f"{track.slug}: {track.name}, {track.length_m:.2f} m long, {track.width_m:.2f} m wide, "
+                f"{track.direction}"
+            )

@@ -1,0 +1,161 @@
+"""Every write to the catalogue of tracks."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from statistics import median
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.db import IntegrityError, transaction
+from django.db.models import ProtectedError
+from django.utils.text import slugify
+
+from evaluation.errors import UserFault
+
+from .catalogue import CATALOGUE, CatalogueTrack
+from .geometry import TrackGeometry
+from .models import Track
+from .npy import read_npy, write_npy
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+NAME_LIMIT = Track._meta.get_field("name").max_length
+SLUG_LIMIT = Track._meta.get_field("slug").max_length
+# Addresses that pages use for something else.
+RESERVED_SLUGS = frozenset({"import", "new"})
+_SLUG = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*\Z")
+_HIDDEN = re.compile(r"[\x00-\x1f\x7f]")
+
+
+def import_track(
+    *,
+    data: bytes,
+    name: str,
+    owner: Racer | None,
+    now: datetime,
+    is_catalogue: bool = False,
+    slug: str | None = None,
+    description: str = "",
+) -> Track:
+    """Keep the track of a community ``.npy`` file, under an address made from its name unless ``slug`` says another.
+
+    ``owner=None`` is an operator at the command line: no limit, and a track that is here already is simply returned.
+    Raises UserFault("track_...") for a file that is no track (see :mod:`tracks.npy`), "track_known" (with ``name`` and
+    ``slug``) for a racer's copy of one, "track_limit" above ``settings.TRACKS_PER_RACER``, "track_name", "track_slug".
+    """
+    name = _valid_name(name)
+    if slug is not None:
+        _refuse_slug(slug)
+    geometry = read_npy(data, name)
+    with transaction.atomic():
+        if owner is not None and not owner.is_staff:
+            _refuse_above_limit(owner)
+        known = Track.objects.filter(fingerprint=geometry.fingerprint).first()
+        if known is not None:
+            return _known(known, owner)
+        track = _row(geometry, slug=slug or free_slug(name), name=name)
+        track.owner, track.is_catalogue, track.created_at = owner, is_catalogue, now
+        track.description = " ".join(description.split())[: Track._meta.get_field("description").max_length]
+        try:
+            with transaction.atomic():
+                track.save(force_insert=True)
+        except IntegrityError:  # somebody imported the same file or took the address at this moment
+            known = Track.objects.filter(fingerprint=geometry.fingerprint).first()
+            if known is None:
+                raise UserFault("track_slug", slug=track.slug) from None
+            return _known(known, owner)
+    return track
+
+
+@transaction.atomic
+def load_catalogue(*, now: datetime) -> list[Track]:
+    """Put the tracks that come with Paddock into the database; what is there already stays as it is.
+
+    A track whose shape a later version changed is a new row under the known address; the old one keeps its races under
+    another address, for geometry never changes.
+    """
+    return [_catalogue_row(entry, now) for entry in CATALOGUE]
+
+
+def delete_track(*, track: Track) -> None:
+    """Delete a track that nothing was driven on. Raises UserFault("track_in_use")."""
+    try:
+        with transaction.atomic():
+            track.delete()
+    except ProtectedError:
+        raise UserFault("track_in_use") from None
+
+
+def free_slug(name: str) -> str:
+    """An address for a track of this name that no track has."""
+    base = slugify(name)[: SLUG_LIMIT - 6].strip("-_").replace("_", "-") or "track"
+    slug, number = base, 1
+    while slug in RESERVED_SLUGS or Track.objects.filter(slug=slug).exists():
+        number += 1
+        slug = f"{base}-{number}"
+    return slug
+
+
+def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
+    geometry = entry.geometry()
+    texts = {"name": entry.name, "description": entry.description, "is_catalogue": True}
+    track = Track.objects.filter(fingerprint=geometry.fingerprint).first()
+    if track is not None and track.slug == entry.slug:
+        if any(getattr(track, field) != value for field, value in texts.items()):
+            Track.objects.filter(pk=track.pk).update(**texts)
+            track.refresh_from_db()
+        return track
+    older = Track.objects.filter(slug=entry.slug).first()
+    if older is not None:
+        older.slug, older.is_catalogue = free_slug(f"{entry.slug}-{older.fingerprint[:6]}"), False
+        older.save(update_fields=["slug", "is_catalogue"])
+    if track is None:
+        track = _row(geometry, slug=entry.slug, name=entry.name)
+        track.created_at = now
+    track.slug, track.owner = entry.slug, None
+    for field, value in texts.items():
+        setattr(track, field, value)
+    track.save()
+    return track
+
+
+def _row(geometry: TrackGeometry, *, slug: str, name: str) -> Track:
+    widths = (geometry.width_at(float(distance)) for distance in geometry.cumulative)
+    return Track(
+        slug=slug,
+        name=name,
+        npy=write_npy(geometry),
+        fingerprint=geometry.fingerprint,
+        length_m=round(geometry.length, 3),
+        width_m=round(median(widths), 3),
+        direction=geometry.direction,
+    )
+
+
+def _known(track: Track, owner: Racer | None) -> Track:
+    if owner is None:
+        return track
+    raise UserFault("track_known", name=track.name, slug=track.slug)
+
+
+def _valid_name(name: str) -> str:
+    name = " ".join(_HIDDEN.sub(" ", name).split())
+    if not 1 <= len(name) <= NAME_LIMIT:
+        raise UserFault("track_name", limit=NAME_LIMIT)
+    return name
+
+
+def _refuse_slug(slug: str) -> None:
+    taken = slug in RESERVED_SLUGS or Track.objects.filter(slug=slug).exists()
+    if taken or len(slug) > SLUG_LIMIT or not _SLUG.match(slug):
+        raise UserFault("track_slug", slug=slug[:SLUG_LIMIT])
+
+
+def _refuse_above_limit(owner: Racer) -> None:
+    """Counted under the racer's lock, so that two tabs do not both get the last place."""
+    type(owner).objects.select_for_update(no_key=True).only("pk").get(pk=owner.pk)
+    if Track.objects.filter(owner=owner).count() >= settings.TRACKS_PER_RACER:
+        raise UserFault("track_limit", limit=settings.TRACKS_PER_RACER)
