@@ -23,13 +23,24 @@ from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
 from evaluation.errors import PaddockError
+from tracks.forms import explain
 
 log = logging.getLogger(__name__)
 
 RETRY_AFTER_S = 30
 
 # Reason codes that are not plain bad input (400).
+_FORBIDDEN = "model_not_yours race_needs_invitation race_pro_only race_open_only entry_removed"
+_NOT_THERE = "invitation_unknown entry_missing"
+_NOT_NOW = (
+    "race_not_open_yet race_closed race_cancelled race_has_opened race_is_over race_has_submissions race_limit "
+    "entry_withdrawn car_already_submitted submission_running submissions_used_up submission_not_failed "
+    "track_known track_limit track_in_use garage_full model_name_taken too_many_tokens"
+)
 STATUS_OF: dict[str, int] = {
+    **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),
+    **dict.fromkeys(_NOT_THERE.split(), status.HTTP_404_NOT_FOUND),
+    **dict.fromkeys(_NOT_NOW.split(), status.HTTP_409_CONFLICT),
     "too_large": status.HTTP_413_REQUEST_ENTITY_TOO_LARGE,
 }
 
@@ -65,7 +76,9 @@ def handle(exc: Exception, context: dict[str, Any]) -> Response:
         code = _status_of(exc)
         if code == status.HTTP_503_SERVICE_UNAVAILABLE:
             headers["Retry-After"] = str(RETRY_AFTER_S)
-        body = _body(exc.code, exc.reason.render(exc.params, _(exc.reason.sentence)), exc.fault, exc.params)
+        body = _body(exc.code, explain(exc), exc.fault, exc.params)
+        if isinstance(getattr(exc, "errors", None), DjangoValidationError):  # several problems, by field
+            body["fields"] = _fields(exceptions.ValidationError(_messages(exc.errors)).get_full_details())
         return Response(body, status=code, headers=headers)
 
     error = _as_api_exception(exc, context)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from drf_spectacular.openapi import AutoSchema
+
 WRITES = ("post", "put", "patch", "delete")
 
 ERROR = {
@@ -34,10 +36,18 @@ DESCRIPTIONS = {
     "400": "The input is refused: a reason code, or `invalid` with `fields`.",
     "401": "No valid token, and not logged in.",
     "403": "Seen, but not yours to change; or a session without its CSRF token.",
+    "409": "Not now, or not again: it contradicts how things stand.",
     "404": "It does not exist, or you may not see it.",
     "429": "Too many requests; `Retry-After` says when to try again.",
     "default": "Any other failure, in the same form: 405, 406, 413, 415, 500, 503.",
 }
+
+
+class Schema(AutoSchema):
+    """Describes an operation in its own words only: a view's docstring is about all of its operations."""
+
+    def get_description(self) -> str:
+        return ""
 
 
 def add_errors(result: dict[str, Any], generator: Any, request: Any, public: bool) -> dict[str, Any]:
@@ -56,6 +66,8 @@ def _describe(operation: dict[str, Any], path: str, method: str) -> None:
         possible.add("400")
     if writes or {} not in operation.get("security", [{}]):
         possible |= {"401", "403"}
+    if method in ("post", "patch"):
+        possible.add("409")
     if "{" in path or any(parameter["name"] == "page" for parameter in operation.get("parameters", ())):
         possible.add("404")
     if writes:

@@ -5,15 +5,37 @@ from __future__ import annotations
 from django.urls import include, path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from . import views
+from evaluation import api as models
+from races.api import boards, entries, evaluations, races
+from tracks import api as tracks
+
+from . import reference, views
 
 version_1 = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
     path("me/", views.MeView.as_view(), name="api-me"),
+    path("models/", models.ModelsView.as_view(), name="api-models"),
+    path("models/<slug:public_id>/", models.ModelView.as_view(), name="api-model"),
+    path("tracks/", tracks.TracksView.as_view(), name="api-tracks"),
+    path("tracks/<slug:slug>/", tracks.TrackView.as_view(), name="api-track"),
+    path("races/", races.RacesView.as_view(), name="api-races"),
+    path("races/<slug:slug>/", races.RaceView.as_view(), name="api-race"),
+    path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
+    path("races/<slug:slug>/invitation/", races.InvitationResetView.as_view(), name="api-race-invitation"),
+    path("races/<slug:slug>/board/", boards.BoardView.as_view(), name="api-board"),
+    path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
+    path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
+    path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),
+    path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
+    path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
+    path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
+    path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
+    path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),
 ]
 
 urlpatterns = [
     path("v1/", include(version_1)),
     path("schema/", SpectacularJSONAPIView.as_view(), name="api-schema"),
+    path("docs/", reference.page, name="api-docs"),
     re_path(r"^(?P<rest>.*)$", views.UnknownAddressView.as_view()),
 ]

@@ -11,7 +11,6 @@ from django.core.exceptions import ValidationError
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from drf_spectacular.utils import OpenApiResponse, extend_schema
-from knox.models import get_token_model
 from rest_framework import serializers, status
 from rest_framework.exceptions import APIException, NotFound, Throttled
 from rest_framework.permissions import AllowAny, IsAuthenticated
@@ -20,8 +19,8 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from league.models import Racer
+from league.tokens import create_token
 
-TOKENS_PER_RACER = 20
 TOO_MANY_ATTEMPTS_WAIT_S = 300
 
 
@@ -41,14 +40,6 @@ class AddressUnverified(APIException):
     default_detail = gettext_lazy("Verify your e-mail address first: follow the link in the message we sent you.")
 
 
-class TooManyTokens(APIException):
-    """A racer keeps no more than TOKENS_PER_RACER tokens."""
-
-    status_code = status.HTTP_409_CONFLICT
-    default_code = "too_many_tokens"
-    default_detail = gettext_lazy("You have as many tokens as one racer may keep. Delete one that you no longer use.")
-
-
 class NoToken(APIException):
     """Only a request that came with a token can give it back."""
 
@@ -57,16 +48,32 @@ class NoToken(APIException):
     default_detail = gettext_lazy("Send the token that is to end in the header Authorization: Token ...")
 
 
+class LoginSerializer(serializers.Serializer):
+    """Who logs in."""
+
+    login = serializers.CharField(max_length=254, help_text="Alias or e-mail address.")
+    password = serializers.CharField(max_length=1024, trim_whitespace=False, style={"input_type": "password"})
+
+
+class TokenSerializer(serializers.Serializer):
+    """A new token."""
+
+    token = serializers.CharField(help_text="Shown once: only a hash of it is kept.")
+    alias = serializers.CharField()
+
+
+class RacerSerializer(serializers.Serializer):
+    """The racer behind the token."""
+
+    alias = serializers.CharField()
+    email = serializers.EmailField()
+    country = serializers.CharField(allow_blank=True)
+    is_staff = serializers.BooleanField(help_text="An admin.")
+    joined_at = serializers.DateTimeField()
+
+
 class TokenView(APIView):
     """Log in to the API and out of it."""
-
-    class InputSerializer(serializers.Serializer):
-        login = serializers.CharField(max_length=254, help_text="Alias or e-mail address.")
-        password = serializers.CharField(max_length=1024, trim_whitespace=False, style={"input_type": "password"})
-
-    class OutputSerializer(serializers.Serializer):
-        token = serializers.CharField(help_text="Shown once: only a hash of it is kept.")
-        alias = serializers.CharField()
 
     def get_permissions(self) -> list:
         return [AllowAny() if self.request.method == "POST" else IsAuthenticated()]
@@ -80,19 +87,16 @@ class TokenView(APIView):
     @extend_schema(
         operation_id="create_token",
         summary="Get a token for a password",
-        request=InputSerializer,
-        responses={201: OutputSerializer},
+        request=LoginSerializer,
+        responses={201: TokenSerializer},
         auth=[],
         tags=["account"],
     )
     def post(self, request: Request) -> Response:
-        serializer = self.InputSerializer(data=request.data)
+        serializer = LoginSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
         racer = _authenticate(request, **serializer.validated_data)
-        tokens = get_token_model().objects
-        if tokens.filter(user=racer).count() >= TOKENS_PER_RACER:
-            raise TooManyTokens()
-        _row, token = tokens.create(user=racer)
+        token = create_token(racer=racer)
         user_logged_in.send(sender=Racer, request=request._request, user=racer)
         return Response({"token": token, "alias": racer.alias}, status=status.HTTP_201_CREATED)
 
@@ -116,18 +120,9 @@ class MeView(APIView):
 
     permission_classes = [IsAuthenticated]
 
-    class OutputSerializer(serializers.Serializer):
-        alias = serializers.CharField()
-        email = serializers.EmailField()
-        country = serializers.CharField(allow_blank=True)
-        is_staff = serializers.BooleanField()
-        joined_at = serializers.DateTimeField()
-
-    @extend_schema(
-        operation_id="me", summary="The racer behind the token", responses=OutputSerializer, tags=["account"]
-    )
+    @extend_schema(operation_id="me", summary="The racer behind the token", responses=RacerSerializer, tags=["account"])
     def get(self, request: Request) -> Response:
-        return Response(self.OutputSerializer(request.user).data)
+        return Response(RacerSerializer(request.user).data)
 
 
 @extend_schema(exclude=True)

@@ -1,4 +1,4 @@
-"""The cast of the API's tests: Alice owns things, Bob takes part, Mallory is a stranger, Sam is an admin."""
+"""The cast: Alice owns and organises, Bob is in, Charlie is a stranger, Sam is an admin; None is not logged in."""
 
 from __future__ import annotations
 
@@ -13,44 +13,28 @@ from league.models import Racer
 
 
 @pytest.fixture(autouse=True)
-def quick_and_separate(settings):
-    """Limits are counted in memory, from nothing in every test."""
+def counted_in_memory(settings, bell):
+    """Limits are counted in memory, from nothing in every test; nobody's broker rings."""
     settings.CACHES = {"default": {"BACKEND": "django.core.cache.backends.locmem.LocMemCache"}}
-    settings.PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]  # quick
     cache.clear()
 
 
-@pytest.fixture
-def racer(db) -> Callable[..., Racer]:
-    def make(alias: str, **fields) -> Racer:
-        return Racer.objects.create_user(alias, f"{alias.lower()}@example.org", "a long password 7", **fields)
-
-    return make
-
-
-@pytest.fixture
-def alice(racer) -> Racer:
-    return racer("Alice")
+@pytest.fixture(autouse=True)
+def own_files(settings, tmp_path):
+    """Files of one test are gone with it."""
+    settings.STORAGES = settings.STORAGES | {
+        "default": {"BACKEND": "django.core.files.storage.FileSystemStorage", "OPTIONS": {"location": tmp_path}}
+    }
 
 
 @pytest.fixture
-def bob(racer) -> Racer:
-    return racer("Bob")
-
-
-@pytest.fixture
-def mallory(racer) -> Racer:
-    return racer("Mallory")
-
-
-@pytest.fixture
-def sam(racer) -> Racer:
-    return racer("Sam", is_staff=True, is_superuser=True)
+def sam(db) -> Racer:
+    return Racer.objects.create_superuser("sam", "sam@example.org", "correct horse battery")
 
 
 @pytest.fixture
 def as_racer() -> Callable[[Racer | None], APIClient]:
-    """A client with a real token of the racer; None is somebody who is not logged in."""
+    """A client with a real token of the racer."""
 
     def make(racer: Racer | None) -> APIClient:
         client = APIClient()
@@ -59,3 +43,10 @@ def as_racer() -> Callable[[Racer | None], APIClient]:
         return client
 
     return make
+
+
+@pytest.fixture
+def cast(alice, bob, charlie, sam, as_racer) -> dict[str, APIClient]:
+    """A client for every role."""
+    people = {"owner": alice, "member": bob, "stranger": charlie, "admin": sam, "anonymous": None}
+    return {role: as_racer(racer) for role, racer in people.items()}

@@ -141,6 +141,6 @@ def test_a_wrong_method_is_named():
 
 
 def test_messages_follow_the_readers_language(monkeypatch):
-    monkeypatch.setattr("league.api.errors._", lambda text: f"<{translation.get_language()}> {text}")
+    monkeypatch.setattr("tracks.forms.gettext", lambda text: f"<{translation.get_language()}> {text}")
     with translation.override("ko"):
         assert handle(UserFault("empty"), {}).data["message"].startswith("<ko> ")

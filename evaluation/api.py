@@ -1,0 +1,148 @@
+"""The API of a racer's models. Evaluations are in races.api: who sees one depends on its race."""
+
+from __future__ import annotations
+
+from django.db.models import QuerySet
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
+from rest_framework import generics, serializers, status
+from rest_framework.parsers import JSONParser, MultiPartParser
+from rest_framework.permissions import IsAuthenticated
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from . import services
+from .errors import UserFault
+from .models import TrainedModel
+from .packages.read import UploadPart
+from .selectors import models_of
+
+SOURCE_KINDS = [("onnx", "ONNX"), ("tensorflow", "frozen TensorFlow graph")]
+
+
+class ModelSerializer(serializers.Serializer):
+    """A model of the garage."""
+
+    public_id = serializers.CharField()
+    name = serializers.CharField()
+    description = serializers.CharField(allow_blank=True)
+    sha256 = serializers.CharField(source="network_id", help_text="Of the canonical network: the model's identity.")
+    size = serializers.IntegerField(source="network.size", help_text="Bytes of the canonical ONNX.")
+    parameters = serializers.IntegerField(source="network.parameters", help_text="Weights of the network.")
+    macs = serializers.IntegerField(source="network.macs", help_text="Multiplications a step.")
+    sensors = serializers.ListField(child=serializers.CharField())
+    metadata = serializers.DictField(help_text="model_metadata.json as it was read, with the field's own keys.")
+    source_kind = serializers.ChoiceField(SOURCE_KINDS, help_text="What was uploaded.")
+    source_sha256 = serializers.CharField(help_text="Of the upload itself.")
+    uploaded_at = serializers.DateTimeField(source="created_at")
+
+
+class UploadSerializer(serializers.Serializer):
+    """``package``, or ``model`` and ``metadata``."""
+
+    package = serializers.FileField(
+        required=False, allow_empty_file=True, help_text="A car's model.tar.gz, or a zip of an ONNX and its metadata."
+    )
+    model = serializers.FileField(required=False, allow_empty_file=True, help_text="An ONNX file or a frozen graph.")
+    metadata = serializers.FileField(required=False, allow_empty_file=True, help_text="Its model_metadata.json.")
+    name = serializers.CharField(
+        required=False, allow_blank=True, help_text="At most 64 characters; the file's name unless given."
+    )
+    description = serializers.CharField(required=False, allow_blank=True, help_text="At most 255 characters.")
+
+
+class DescriptionSerializer(serializers.Serializer):
+    """What may be changed of a model."""
+
+    name = serializers.CharField(required=False, allow_blank=True, help_text="1 to 64 characters.")
+    description = serializers.CharField(required=False, allow_blank=True, help_text="At most 255 characters.")
+
+
+@extend_schema_view(
+    get=extend_schema(operation_id="list_models", summary="My models", responses=ModelSerializer, tags=["models"])
+)
+class ModelsView(generics.ListAPIView):
+    """The garage: list it, add to it."""
+
+    permission_classes = [IsAuthenticated]
+    parser_classes = [MultiPartParser]
+    serializer_class = ModelSerializer
+    throttle_scope = "upload"
+
+    def get_queryset(self) -> QuerySet[TrainedModel]:
+        return models_of(self.request.user)
+
+    @extend_schema(
+        operation_id="upload_model",
+        summary="Upload a model",
+        description="Reads, converts and checks it before it answers: 201 with the new model, 200 with the one that "
+        "is in your garage already when the network is the same, or the reason why it is refused.",
+        request={"multipart/form-data": UploadSerializer},
+        responses={201: ModelSerializer, 200: ModelSerializer},
+        tags=["models"],
+    )
+    def post(self, request: Request) -> Response:
+        serializer = UploadSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        sent = serializer.validated_data
+        uploaded = services.upload_model(
+            owner=request.user,
+            files=_parts(sent),
+            name=sent.get("name"),
+            description=sent.get("description", ""),
+            now=timezone.now(),
+        )
+        return Response(
+            ModelSerializer(uploaded.model).data,
+            status=status.HTTP_201_CREATED if uploaded.created else status.HTTP_200_OK,
+        )
+
+
+class ModelView(APIView):
+    """One model of mine."""
+
+    permission_classes = [IsAuthenticated]
+    parser_classes = [JSONParser]
+
+    @extend_schema(operation_id="read_model", summary="A model", responses=ModelSerializer, tags=["models"])
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(ModelSerializer(self._model(public_id)).data)
+
+    @extend_schema(
+        operation_id="describe_model",
+        summary="Change a model's name or description",
+        request=DescriptionSerializer,
+        responses=ModelSerializer,
+        tags=["models"],
+    )
+    def patch(self, request: Request, public_id: str) -> Response:
+        model = self._model(public_id)
+        serializer = DescriptionSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        wanted = {"name": model.name, "description": model.description} | serializer.validated_data
+        return Response(ModelSerializer(services.describe_model(model=model, **wanted)).data)
+
+    @extend_schema(
+        operation_id="delete_model",
+        summary="Take a model out of the garage",
+        request=None,
+        responses={204: OpenApiResponse(description="What it reached on boards stays.")},
+        tags=["models"],
+    )
+    def delete(self, request: Request, public_id: str) -> Response:
+        services.delete_model(model=self._model(public_id), now=timezone.now())
+        return Response(status=status.HTTP_204_NO_CONTENT)
+
+    def _model(self, public_id: str) -> TrainedModel:
+        return get_object_or_404(models_of(self.request.user), public_id=public_id)
+
+
+def _parts(sent: dict) -> list[UploadPart]:
+    """The uploaded files. Raises UserFault("upload_parts") for a package with other files beside it."""
+    package = sent.get("package")
+    files = [sent[key] for key in ("model", "metadata") if key in sent]
+    if package is not None and files:
+        raise UserFault("upload_parts")
+    return [UploadPart(file.name, file) for file in ([package] if package is not None else files)]

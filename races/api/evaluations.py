@@ -1,0 +1,294 @@
+"""Evaluations: how one goes, what it measured, its files in the field's own formats."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.http import HttpResponse
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from drf_spectacular.types import OpenApiTypes
+from drf_spectacular.utils import OpenApiResponse, extend_schema
+from rest_framework import serializers
+from rest_framework.exceptions import NotFound, PermissionDenied
+from rest_framework.permissions import AllowAny, IsAuthenticated
+from rest_framework.renderers import BaseRenderer, JSONRenderer
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from evaluation.models import Evaluation, Result, State
+from evaluation.reasons import REASONS
+from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
+from evaluation.services import stop_evaluation
+from evaluation.services.results import read_trace
+
+from .lookup import visible_evaluation
+from .races import TrackSummarySerializer
+
+
+class CSVRenderer(BaseRenderer):
+    """Lets a program ask for ``Accept: text/csv``; the view itself writes the file."""
+
+    media_type = "text/csv"
+    format = "csv"
+
+    def render(self, data: Any, accepted_media_type: str | None = None, renderer_context: dict | None = None) -> bytes:
+        """Failures are told in JSON, as everywhere."""
+        return JSONRenderer().render(data)
+
+
+class NamedSerializer(serializers.Serializer):
+    """Something with an address and a name."""
+
+    slug = serializers.CharField()
+    name = serializers.CharField()
+
+
+class ModelSummarySerializer(serializers.Serializer):
+    """Which model."""
+
+    public_id = serializers.CharField()
+    name = serializers.CharField()
+    sha256 = serializers.CharField(source="network_id")
+
+
+class ReasonSerializer(serializers.Serializer):
+    """Why there is no result."""
+
+    code = serializers.CharField()
+    fault = serializers.ChoiceField(["user", "platform"], help_text="platform: it does not count, try again.")
+    sentence = serializers.CharField()
+    params = serializers.DictField()
+
+
+class QueueSerializer(serializers.Serializer):
+    """Where a waiting evaluation stands."""
+
+    position = serializers.IntegerField(help_text="1 is the next to run.")
+    waiting = serializers.IntegerField(help_text="All that wait.")
+    expected_wait_s = serializers.FloatField(allow_null=True, help_text="Until its probable end, from recent runs.")
+
+
+class ProgressSerializer(serializers.Serializer):
+    """How it stands while it runs."""
+
+    lap = serializers.IntegerField()
+    laps = serializers.IntegerField()
+    lap_ms = serializers.IntegerField()
+    total_ms = serializers.IntegerField()
+    percent = serializers.FloatField()
+    x = serializers.FloatField()
+    y = serializers.FloatField()
+    off_tracks = serializers.IntegerField()
+    resets = serializers.IntegerField()
+    last_lap_ms = serializers.IntegerField(allow_null=True)
+
+
+class LapSerializer(serializers.Serializer):
+    """One lap; times in whole simulated milliseconds."""
+
+    number = serializers.IntegerField()
+    start_ms = serializers.IntegerField()
+    time_ms = serializers.IntegerField()
+    complete = serializers.BooleanField()
+    off_tracks = serializers.IntegerField()
+    crashes = serializers.IntegerField()
+    resets = serializers.IntegerField()
+    immobilised = serializers.IntegerField()
+    reversals = serializers.IntegerField()
+    sector_ms = serializers.ListField(child=serializers.IntegerField(), help_text="Three when the lap is complete.")
+    completion_percentage = serializers.IntegerField()
+    status = serializers.CharField()
+
+
+class ResultSerializer(serializers.Serializer):
+    """What was measured."""
+
+    laps = LapSerializer(many=True)
+    end_reason = serializers.CharField(help_text="laps_done, time_up or resets_used.")
+    complete_laps = serializers.IntegerField()
+    best_lap_ms = serializers.IntegerField(allow_null=True)
+    total_ms = serializers.IntegerField(help_text="Of all laps, complete or not.")
+    off_tracks = serializers.IntegerField()
+    crashes = serializers.IntegerField()
+    resets = serializers.IntegerField()
+    simulated_ms = serializers.IntegerField()
+    wall_s = serializers.FloatField()
+    peak_mb = serializers.FloatField()
+    trace_sha256 = serializers.CharField(help_text="The same car in the same race gives the same number, every time.")
+    engine = serializers.CharField()
+    versions = serializers.DictField(child=serializers.CharField())
+    cpu_model = serializers.CharField(allow_blank=True)
+    line = serializers.ListField(
+        child=serializers.ListField(child=serializers.ListField(child=serializers.FloatField())),
+        help_text="The line driven, for each lap a thinned list of [x, y, speed] in metres and m/s.",
+    )
+
+
+class EvaluationSerializer(serializers.Serializer):
+    """One run of one model."""
+
+    public_id = serializers.CharField()
+    state = serializers.ChoiceField(State.choices)
+    racer = serializers.CharField(source="owner.alias")
+    model = ModelSummarySerializer()
+    race = serializers.SerializerMethodField()
+    submission = serializers.SerializerMethodField(help_text="The number of the submission it measures.")
+    track = TrackSummarySerializer()
+    rules = serializers.SerializerMethodField(help_text="As they stood when it was sent.")
+    queue = serializers.SerializerMethodField(help_text="While it waits.")
+    progress = serializers.SerializerMethodField(help_text="While it runs.")
+    reason = serializers.SerializerMethodField(help_text="When it failed or was stopped.")
+    attempt = serializers.IntegerField()
+    queued_at = serializers.DateTimeField()
+    started_at = serializers.DateTimeField(allow_null=True)
+    ended_at = serializers.DateTimeField(allow_null=True)
+    result = serializers.SerializerMethodField(help_text="When it is finished.")
+
+    def get_race(self, evaluation: Evaluation) -> NamedSerializer(allow_null=True):
+        submission = getattr(evaluation, "submission", None)
+        return None if submission is None else NamedSerializer(submission.entry.race).data
+
+    def get_submission(self, evaluation: Evaluation) -> int | None:
+        submission = getattr(evaluation, "submission", None)
+        return None if submission is None else submission.number
+
+    def get_rules(self, evaluation: Evaluation) -> dict[str, Any]:
+        return evaluation.spec["rules"]
+
+    def get_queue(self, evaluation: Evaluation) -> QueueSerializer(allow_null=True):
+        position = queue_position(evaluation)
+        if position is None:
+            return None
+        wait_s = expected_wait_s(evaluation, position)
+        return QueueSerializer(
+            {"position": position, "waiting": queue_length(), "expected_wait_s": wait_s and round(wait_s, 1)}
+        ).data
+
+    def get_progress(self, evaluation: Evaluation) -> ProgressSerializer(allow_null=True):
+        if evaluation.state != State.RUNNING or not evaluation.progress:
+            return None
+        return ProgressSerializer(evaluation.progress).data
+
+    def get_reason(self, evaluation: Evaluation) -> ReasonSerializer(allow_null=True):
+        if not evaluation.reason_code:
+            return None
+        return ReasonSerializer(
+            {
+                "code": evaluation.reason_code,
+                "fault": REASONS[evaluation.reason_code].fault,
+                "sentence": evaluation.reason,
+                "params": evaluation.reason_params,
+            }
+        ).data
+
+    def get_result(self, evaluation: Evaluation) -> ResultSerializer(allow_null=True):
+        result = getattr(evaluation, "result", None)
+        return None if result is None else ResultSerializer(result).data
+
+
+class MetricSerializer(serializers.Serializer):
+    """One lap in the field's own keys (times in simulated milliseconds)."""
+
+    trial = serializers.IntegerField()
+    completion_percentage = serializers.IntegerField()
+    metric_time = serializers.IntegerField()
+    start_time = serializers.IntegerField()
+    elapsed_time_in_milliseconds = serializers.IntegerField()
+    episode_status = serializers.CharField()
+    crash_count = serializers.IntegerField()
+    immobilized_count = serializers.IntegerField()
+    off_track_count = serializers.IntegerField()
+    reversed_count = serializers.IntegerField()
+    reset_count = serializers.IntegerField()
+
+
+class MetricsSerializer(serializers.Serializer):
+    """The field's evaluation metrics file."""
+
+    metrics = MetricSerializer(many=True)
+
+
+class EvaluationView(APIView):
+    """One evaluation."""
+
+    permission_classes = [AllowAny]
+
+    @extend_schema(
+        operation_id="read_evaluation",
+        summary="An evaluation: state, place in the queue, progress, reason, result",
+        description="Yours, those of races that you organise, and those that stand on a board that you may see.",
+        responses=EvaluationSerializer,
+        tags=["evaluations"],
+    )
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(EvaluationSerializer(visible_evaluation(request, public_id)).data)
+
+
+class StopView(APIView):
+    """Stopping an evaluation."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="stop_evaluation",
+        summary="Stop an evaluation of yours that waits or runs",
+        description="One that has ended already is left as it is.",
+        request=None,
+        responses=EvaluationSerializer,
+        tags=["evaluations"],
+    )
+    def post(self, request: Request, public_id: str) -> Response:
+        evaluation = visible_evaluation(request, public_id)
+        if not evaluation.is_final:
+            if not can_stop_evaluation(request.user, evaluation):
+                raise PermissionDenied()
+            stop_evaluation(evaluation=evaluation, now=timezone.now())
+        return Response(EvaluationSerializer(evaluation).data)
+
+
+class MetricsView(APIView):
+    """The metrics file."""
+
+    permission_classes = [AllowAny]
+
+    @extend_schema(
+        operation_id="read_metrics",
+        summary="The evaluation metrics JSON of a finished evaluation",
+        responses=MetricsSerializer,
+        tags=["evaluations"],
+    )
+    def get(self, request: Request, public_id: str) -> Response:
+        result = _result(request, public_id)
+        return Response(result.metrics, headers=_as_file(f"{public_id}-metrics.json"))
+
+
+class TraceView(APIView):
+    """The trace file."""
+
+    permission_classes = [AllowAny]
+    renderer_classes = [CSVRenderer, JSONRenderer]
+
+    @extend_schema(
+        operation_id="read_trace",
+        summary="The sim-trace CSV of a finished evaluation",
+        responses={(200, "text/csv"): OpenApiResponse(OpenApiTypes.STR, description="A line a control step.")},
+        tags=["evaluations"],
+    )
+    def get(self, request: Request, public_id: str) -> HttpResponse:
+        trace = read_trace(_result(request, public_id))
+        return HttpResponse(
+            trace, content_type="text/csv; charset=utf-8", headers=_as_file(f"{public_id}-simtrace.csv")
+        )
+
+
+def _result(request: Request, public_id: str) -> Result:
+    result = getattr(visible_evaluation(request, public_id), "result", None)
+    if result is None:
+        raise NotFound(_("This evaluation has no result."))
+    return result
+
+
+def _as_file(name: str) -> dict[str, str]:
+    return {"Content-Disposition": f'attachment; filename="{name}"'}

@@ -1,0 +1,40 @@
+"""What the API's addresses name, if the reader may see it. Everything else is not found."""
+
+from __future__ import annotations
+
+from django.shortcuts import get_object_or_404
+from rest_framework.exceptions import PermissionDenied
+from rest_framework.request import Request
+
+from evaluation.errors import UserFault
+from evaluation.models import Evaluation
+
+from ..models import Entry, Race
+from ..selectors import can_organise, entry_of, evaluations_visible_to, races_visible_to
+
+
+def visible_race(request: Request, slug: str) -> Race:
+    """The race at ``slug``. Raises Http404."""
+    return get_object_or_404(races_visible_to(request.user), slug=slug)
+
+
+def organised_race(request: Request, slug: str) -> Race:
+    """The race at ``slug``, which the reader organises. Raises Http404, PermissionDenied."""
+    race = visible_race(request, slug)
+    if not can_organise(request.user, race):
+        raise PermissionDenied()
+    return race
+
+
+def own_entry(request: Request, slug: str) -> Entry:
+    """The reader's entry in the race at ``slug``. Raises Http404, UserFault("entry_missing")."""
+    entry = entry_of(visible_race(request, slug), request.user)
+    if entry is None:
+        raise UserFault("entry_missing")
+    return entry
+
+
+def visible_evaluation(request: Request, public_id: str) -> Evaluation:
+    """The evaluation with this id, with its race and result. Raises Http404."""
+    evaluations = evaluations_visible_to(request.user).select_related("submission__entry__race", "result")
+    return get_object_or_404(evaluations, public_id=public_id)

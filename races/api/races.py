@@ -1,0 +1,263 @@
+"""Races: find, read, make, change and cancel them."""
+
+from __future__ import annotations
+
+from django.db.models import Q, QuerySet
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
+from rest_framework import generics, serializers, status
+from rest_framework.permissions import IsAuthenticated, IsAuthenticatedOrReadOnly
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from tracks.models import Direction, Track
+
+from .. import services
+from ..models import Division, Entry, Kind, Race, RaceState, RaceType, RankingMethod, Visibility
+from ..ranking import order_rule, rule_for
+from ..selectors import can_organise, races_visible_to
+from ..sensors import OFFERABLE
+from .lookup import organised_race, visible_race
+
+
+class TrackSummarySerializer(serializers.Serializer):
+    """Which track."""
+
+    slug = serializers.CharField()
+    name = serializers.CharField()
+    length_m = serializers.FloatField()
+
+
+class RaceSerializer(serializers.Serializer):
+    """A race and its rules."""
+
+    slug = serializers.CharField()
+    kind = serializers.ChoiceField(Kind.choices)
+    division = serializers.ChoiceField(Division.choices, allow_blank=True, help_text="Of a league race.")
+    name = serializers.CharField()
+    description = serializers.CharField(allow_blank=True)
+    organiser = serializers.CharField(source="organiser.alias", default=None, allow_null=True)
+    state = serializers.SerializerMethodField()
+    opens_at = serializers.DateTimeField()
+    closes_at = serializers.DateTimeField()
+    cancelled_at = serializers.DateTimeField(allow_null=True)
+    cancel_reason = serializers.CharField(allow_blank=True)
+    track = TrackSummarySerializer()
+    direction = serializers.ChoiceField(Direction.choices)
+    race_type = serializers.ChoiceField(RaceType.choices)
+    sensors = serializers.ListField(child=serializers.CharField())
+    ranking_method = serializers.ChoiceField(RankingMethod.choices)
+    laps = serializers.IntegerField()
+    minimum_laps = serializers.IntegerField()
+    off_track_penalty_ms = serializers.IntegerField()
+    collision_penalty_ms = serializers.IntegerField()
+    max_resets = serializers.IntegerField()
+    max_simulated_ms = serializers.IntegerField()
+    max_submissions = serializers.IntegerField()
+    seed = serializers.IntegerField()
+    visibility = serializers.ChoiceField(Visibility.choices)
+
+    def get_state(self, race: Race) -> RaceState:
+        return race.state_at(timezone.now())
+
+
+class RaceDetailSerializer(RaceSerializer):
+    """A race with what its rules mean, and for who organises it the invitation."""
+
+    ranking_rule = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
+    tie_rule = serializers.SerializerMethodField()
+    invitation = serializers.SerializerMethodField(help_text="The secret that joins; only for who organises the race.")
+
+    def get_ranking_rule(self, race: Race) -> str:
+        return rule_for(race).rule(race)
+
+    def get_tie_rule(self, race: Race) -> str:
+        return order_rule()
+
+    def get_invitation(self, race: Race) -> str | None:
+        hidden = race.visibility != Visibility.INVITATION or not can_organise(self.context["request"].user, race)
+        return None if hidden else race.invitation
+
+
+class RaceChangeSerializer(serializers.Serializer):
+    """What may be changed of a race. Bounds that one field cannot know are checked with the whole race."""
+
+    name = serializers.CharField(max_length=64, required=False)
+    description = serializers.CharField(max_length=2000, allow_blank=True, required=False)
+    track = serializers.SlugRelatedField(
+        slug_field="slug", queryset=Track.objects.all(), required=False, help_text="The track's slug."
+    )
+    opens_at = serializers.DateTimeField(required=False)
+    closes_at = serializers.DateTimeField(required=False)
+    direction = serializers.ChoiceField(Direction.choices, required=False)
+    race_type = serializers.ChoiceField(RaceType.choices, required=False)
+    sensors = serializers.ListField(child=serializers.ChoiceField(OFFERABLE), required=False, max_length=8)
+    ranking_method = serializers.ChoiceField(RankingMethod.choices, required=False)
+    laps = serializers.IntegerField(min_value=1, max_value=20, required=False)
+    minimum_laps = serializers.IntegerField(
+        min_value=1,
+        max_value=20,
+        required=False,
+        help_text="Consecutive complete laps that classify a car, and the window of the average.",
+    )
+    off_track_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
+    collision_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
+    max_resets = serializers.IntegerField(
+        min_value=0, max_value=10_000, required=False, help_text="0: the first fault ends the run."
+    )
+    max_simulated_ms = serializers.IntegerField(min_value=10_000, max_value=1_200_000, required=False)
+    max_submissions = serializers.IntegerField(min_value=1, max_value=1000, required=False)
+    seed = serializers.IntegerField(min_value=0, max_value=2**31 - 1, required=False)
+    visibility = serializers.ChoiceField(Visibility.choices, required=False)
+
+
+class NewRaceSerializer(RaceChangeSerializer):
+    """A community race. What is left out has the default that a read race shows."""
+
+    name = serializers.CharField(max_length=64)
+    track = serializers.SlugRelatedField(slug_field="slug", queryset=Track.objects.all(), help_text="The track's slug.")
+    opens_at = serializers.DateTimeField()
+    closes_at = serializers.DateTimeField()
+
+
+class FilterSerializer(serializers.Serializer):
+    """Which races to list."""
+
+    state = serializers.ChoiceField(RaceState.choices, required=False)
+    kind = serializers.ChoiceField(Kind.choices, required=False)
+    mine = serializers.BooleanField(required=False, default=False)
+
+
+class CancelSerializer(serializers.Serializer):
+    """Why."""
+
+    reason = serializers.CharField(allow_blank=True, max_length=255, help_text="Everybody who entered reads it.")
+
+
+@extend_schema_view(
+    get=extend_schema(
+        operation_id="list_races",
+        summary="Races",
+        description="Public ones, and those by invitation that you are in or organise; the latest first.",
+        parameters=[
+            OpenApiParameter("state", enum=RaceState.values, description="As things stand now."),
+            OpenApiParameter("kind", enum=Kind.values),
+            OpenApiParameter("mine", bool, description="Only those that you are in or organise."),
+        ],
+        responses=RaceSerializer,
+        tags=["races"],
+    )
+)
+class RacesView(generics.ListAPIView):
+    """Races: list them, make one."""
+
+    permission_classes = [IsAuthenticatedOrReadOnly]
+    serializer_class = RaceSerializer
+
+    def get_queryset(self) -> QuerySet[Race]:
+        filters = FilterSerializer(data=self.request.query_params)
+        filters.is_valid(raise_exception=True)
+        wanted, racer = filters.validated_data, self.request.user
+        races = races_visible_to(racer).defer("track__npy").order_by("-opens_at", "-pk")
+        if "kind" in wanted:
+            races = races.filter(kind=wanted["kind"])
+        if "state" in wanted:
+            races = races.filter(_in_state(RaceState(wanted["state"])))
+        if wanted["mine"]:
+            entered = Entry.objects.filter(racer_id=racer.pk, withdrawn_at=None)
+            races = (
+                races.filter(Q(organiser_id=racer.pk) | Q(pk__in=entered.values("race"))) if racer.pk else races.none()
+            )
+        return races
+
+    @extend_schema(
+        operation_id="create_race",
+        summary="Make a community race",
+        request=NewRaceSerializer,
+        responses={201: RaceDetailSerializer},
+        tags=["races"],
+    )
+    def post(self, request: Request) -> Response:
+        serializer = NewRaceSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        race = services.create_community_race(organiser=request.user, now=timezone.now(), **serializer.validated_data)
+        return Response(RaceDetailSerializer(race, context={"request": request}).data, status=status.HTTP_201_CREATED)
+
+
+class RaceView(APIView):
+    """One race."""
+
+    permission_classes = [IsAuthenticatedOrReadOnly]
+
+    @extend_schema(operation_id="read_race", summary="A race", responses=RaceDetailSerializer, tags=["races"])
+    def get(self, request: Request, slug: str) -> Response:
+        return self._answer(visible_race(request, slug))
+
+    @extend_schema(
+        operation_id="edit_race",
+        summary="Change a race that you organise",
+        description="What moves a result is fixed from the first submission on.",
+        request=RaceChangeSerializer,
+        responses=RaceDetailSerializer,
+        tags=["races"],
+    )
+    def patch(self, request: Request, slug: str) -> Response:
+        race = organised_race(request, slug)
+        serializer = RaceChangeSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        return self._answer(services.edit_race(race=race, now=timezone.now(), **serializer.validated_data))
+
+    def _answer(self, race: Race) -> Response:
+        return Response(RaceDetailSerializer(race, context={"request": self.request}).data)
+
+
+class CancelView(APIView):
+    """Cancelling a race."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="cancel_race",
+        summary="Cancel a race that you organise",
+        request=CancelSerializer,
+        responses=RaceDetailSerializer,
+        tags=["races"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        race = organised_race(request, slug)
+        serializer = CancelSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        race = services.cancel_race(race=race, now=timezone.now(), **serializer.validated_data)
+        return Response(RaceDetailSerializer(race, context={"request": request}).data)
+
+
+class InvitationResetView(APIView):
+    """Another invitation link."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="reset_invitation",
+        summary="Give a race that you organise a new invitation",
+        description="The old one joins nobody any more; who has joined stays.",
+        request=None,
+        responses=RaceDetailSerializer,
+        tags=["races"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        race = services.reset_invitation(race=organised_race(request, slug))
+        return Response(RaceDetailSerializer(race, context={"request": request}).data)
+
+
+def _in_state(state: RaceState) -> Q:
+    """The condition of Race.state_at, for the database."""
+    now = timezone.now()
+    if state == RaceState.CANCELLED:
+        return Q(cancelled_at__isnull=False)
+    during = {
+        RaceState.UPCOMING: Q(opens_at__gt=now),
+        RaceState.OPEN: Q(opens_at__lte=now, closes_at__gt=now),
+        RaceState.CLOSED: Q(closes_at__lte=now),
+    }
+    return during[state] & Q(cancelled_at=None)

@@ -1,0 +1,110 @@
+"""The API of tracks. Everybody sees every track."""
+
+from __future__ import annotations
+
+from django.db.models import QuerySet
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.utils import extend_schema, extend_schema_field, extend_schema_view
+from rest_framework import generics, serializers, status
+from rest_framework.parsers import MultiPartParser
+from rest_framework.permissions import IsAuthenticatedOrReadOnly
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from . import services
+from .models import Direction, Track
+from .npy import MAX_BYTES
+from .selectors import all_tracks
+
+LINE = {
+    "type": "array",
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+    "description": "[x, y] in metres. The first point lies at the finish line and is not repeated at the end.",
+}
+
+
+@extend_schema_field(LINE)
+class LineField(serializers.Field):
+    """The waypoints of one line, read only."""
+
+    def to_representation(self, points: object) -> list[list[float]]:
+        return points.tolist()
+
+
+class TrackSerializer(serializers.Serializer):
+    """A track, without its points."""
+
+    slug = serializers.CharField()
+    name = serializers.CharField()
+    description = serializers.CharField(allow_blank=True)
+    length_m = serializers.FloatField(help_text="Of the centre line.")
+    width_m = serializers.FloatField(help_text="Between the borders, median.")
+    direction = serializers.ChoiceField(Direction.choices, help_text="In which the file's own points run.")
+    fingerprint = serializers.CharField(help_text="sha-256 of the points.")
+    is_catalogue = serializers.BooleanField(help_text="One of Paddock's own tracks.")
+    imported_by = serializers.CharField(source="owner.alias", default=None, allow_null=True)
+    created_at = serializers.DateTimeField()
+
+
+class TrackDetailSerializer(TrackSerializer):
+    """A track with its points, in the file's own direction."""
+
+    centre = LineField(source="geometry.centre")
+    inner = LineField(source="geometry.inner")
+    outer = LineField(source="geometry.outer")
+
+
+class ImportSerializer(serializers.Serializer):
+    """A track to import."""
+
+    file = serializers.FileField(
+        allow_empty_file=True,
+        help_text="The community's .npy form: centre x, y, inner x, y, outer x, y in metres; at most 2 MB.",
+    )
+    name = serializers.CharField(help_text="1 to 64 characters.")
+    description = serializers.CharField(required=False, allow_blank=True, max_length=1000)
+
+
+@extend_schema_view(
+    get=extend_schema(operation_id="list_tracks", summary="Tracks", responses=TrackSerializer, tags=["tracks"])
+)
+class TracksView(generics.ListAPIView):
+    """All tracks: list them, import one."""
+
+    permission_classes = [IsAuthenticatedOrReadOnly]
+    parser_classes = [MultiPartParser]
+    serializer_class = TrackSerializer
+
+    def get_queryset(self) -> QuerySet[Track]:
+        return all_tracks()
+
+    @extend_schema(
+        operation_id="import_track",
+        summary="Import a track",
+        request={"multipart/form-data": ImportSerializer},
+        responses={201: TrackDetailSerializer},
+        tags=["tracks"],
+    )
+    def post(self, request: Request) -> Response:
+        serializer = ImportSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        sent = serializer.validated_data
+        # one byte more than a track may have, so that a huge file is refused without being read whole
+        data = sent.pop("file").read(MAX_BYTES + 1)
+        track = services.import_track(data=data, owner=request.user, now=timezone.now(), **sent)
+        return Response(TrackDetailSerializer(track).data, status=status.HTTP_201_CREATED)
+
+
+class TrackView(APIView):
+    """One track."""
+
+    permission_classes = [IsAuthenticatedOrReadOnly]
+
+    @extend_schema(
+        operation_id="read_track", summary="A track with its points", responses=TrackDetailSerializer, tags=["tracks"]
+    )
+    def get(self, request: Request, slug: str) -> Response:
+        track = get_object_or_404(Track.objects.select_related("owner"), slug=slug)
+        return Response(TrackDetailSerializer(track).data)
