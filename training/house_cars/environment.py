@@ -1,0 +1,110 @@
+"""The training ground: every catalogue track in both directions, with small frames that vary in light."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+import evaluation.simulator.envs  # noqa: F401  registers Paddock/TimeTrial-v1
+from evaluation.simulator.clock import STEP_MS
+from evaluation.simulator.rewards import Params
+from tracks.catalogue import CATALOGUE
+
+from .recipes import Recipe
+
+SENSOR = "FRONT_FACING_CAMERA"
+POOL = 4  # the network sees the mean of 4 x 4 pixels; pooled here, learning stores a sixteenth
+EPISODE_MS = 20_000
+COURSES: tuple[tuple[str, str], ...] = tuple((entry.slug, way) for entry in CATALOGUE for way in ("ccw", "cw"))
+
+
+def pool(frame: np.ndarray) -> np.ndarray:
+    """uint8 (120, 160, 1) to float32 (1, 30, 40) in [0, 1]: the mean of each block of 4 x 4 pixels."""
+    rows, columns = frame.shape[0] // POOL, frame.shape[1] // POOL
+    blocks = frame.reshape(rows, POOL, columns, POOL).sum(axis=(1, 3), dtype=np.int32)
+    return (blocks.astype(np.float32) / np.float32(255 * POOL * POOL))[None]
+
+
+class Forward:
+    """Reward of one environment: metres gained along the track in a step, in shares of what full speed would gain, less
+    towards the edge of the road."""
+
+    def __init__(self, recipe: Recipe, top_speed: float) -> None:
+        self._focus = recipe.focus
+        self._full_step = top_speed * STEP_MS / 1000.0
+        self._before: float | None = None
+
+    def __call__(self, params: Params) -> float:
+        """See the class; the first step of an episode jumps and counts nothing."""
+        length = params["track_length"]
+        gained = math.remainder(params["projection_distance"] - (self._before or 0.0), length)
+        self._before = params["projection_distance"]
+        if params["is_offtrack"] or abs(gained) > 1.0:
+            return 0.0
+        aside = min(2.0 * params["distance_from_center"] / params["track_width"], 1.0)
+        return gained / self._full_step * (1.0 - self._focus * aside)
+
+
+class Daylight(gymnasium.Wrapper):
+    """Pooled frames in another light each episode, with a little noise: what is learned must not hang on exact greys.
+
+    Observation: float32 (1, 30, 40). Brightness moves by up to 0.12 (of 1), contrast by up to 20 %, noise is 0.01.
+    """
+
+    def __init__(self, env: gymnasium.Env) -> None:
+        super().__init__(env)
+        rows, columns, _ = env.observation_space[SENSOR].shape
+        self.observation_space = spaces.Box(-1.0, 2.0, (1, rows // POOL, columns // POOL), np.float32)
+        self._rng = np.random.default_rng()
+        self._contrast, self._brightness = 1.0, 0.0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+        """Start an episode in a new light."""
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        self._contrast = self._rng.uniform(0.8, 1.2)
+        self._brightness = self._rng.uniform(-0.12, 0.12)
+        readings, info = self.env.reset(seed=seed, options=options)
+        return self._see(readings), info
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict]:
+        """As the environment's, with the changed frame."""
+        readings, reward, terminated, truncated, info = self.env.step(action)
+        return self._see(readings), reward, terminated, truncated, info
+
+    def _see(self, readings: dict[str, np.ndarray]) -> np.ndarray:
+        small = pool(readings[SENSOR])
+        noise = self._rng.normal(0.0, 0.01, small.shape)
+        return ((small - 0.5) * self._contrast + 0.5 + self._brightness + noise).astype(np.float32)
+
+
+def make_course(recipe: Recipe, slug: str, direction: str) -> Callable[[], gymnasium.Env]:
+    """A maker of one environment: random starts, an episode ends off the track or after 20 simulated seconds."""
+
+    def make() -> gymnasium.Env:
+        return Daylight(
+            gymnasium.make(
+                "Paddock/TimeTrial-v1",
+                track=slug,
+                direction=direction,
+                metadata=recipe.metadata,
+                laps=1000,
+                max_simulated_ms=EPISODE_MS,
+                start="random",
+                reward_function=Forward(recipe, top_speed(recipe)),
+            )
+        )
+
+    return make
+
+
+def top_speed(recipe: Recipe) -> float:
+    """The greatest speed (m/s) that a recipe's actions ask for."""
+    if recipe.action_space_type == "continuous":
+        return float(recipe.action_space["speed"]["high"])
+    return max(float(action["speed"]) for action in recipe.action_space)

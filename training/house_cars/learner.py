@@ -1,0 +1,102 @@
+"""Training one house car with PPO."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from .driving import Score, score
+from .environment import COURSES, make_course
+from .network import SmallEyes, to_onnx
+from .recipes import Recipe
+
+LOOK_EVERY = 20_000  # control steps between two looks at what the car can do
+
+
+@dataclass(frozen=True)
+class Trained:
+    """The best network seen and how it came about."""
+
+    onnx: bytes
+    steps: int  # when the best was seen
+    steps_in_all: int
+    seconds: float
+    score: Score
+
+
+def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained:
+    """Train on all courses for the recipe's steps, or until ``seconds`` of wall time are over, whichever is first.
+
+    Every 20,000 steps the network as it is drives a lap of each course; the best one is kept. The same seed gives the
+    same network on the same machine, unless the wall time ended it.
+    """
+    torch.set_num_threads(1)  # more threads spin against every other process of the machine
+    courses = DummyVecEnv([make_course(recipe, slug, direction) for slug, direction in COURSES])
+    learner = PPO(
+        "MlpPolicy",
+        courses,
+        learning_rate=lambda left: recipe.learning_rate * max(left, 0.1),
+        n_steps=128,
+        batch_size=256,
+        n_epochs=4,
+        gamma=recipe.gamma,
+        gae_lambda=0.95,
+        clip_range=0.2,
+        ent_coef=recipe.entropy,
+        policy_kwargs={"features_extractor_class": SmallEyes, "net_arch": [], "log_std_init": -0.7},
+        seed=seed,
+        device="cpu",
+        **recipe.ppo,
+    )
+    looks = _Looks(recipe, seconds)
+    try:
+        learner.learn(recipe.steps, callback=looks)
+    finally:
+        courses.close()
+    looks.look()
+    assert looks.best is not None
+    onnx, steps, best = looks.best
+    return Trained(onnx, steps, learner.num_timesteps, time.perf_counter() - looks.begun, best)
+
+
+class _Looks(BaseCallback):
+    """Looks at the car between two updates, keeps the best network, and watches the time."""
+
+    def __init__(self, recipe: Recipe, seconds: float | None) -> None:
+        super().__init__()
+        self._recipe, self._seconds = recipe, seconds
+        self._next = LOOK_EVERY
+        self.begun = time.perf_counter()
+        self.best: tuple[bytes, int, Score] | None = None
+
+    def _on_step(self) -> bool:
+        return self._seconds is None or time.perf_counter() - self.begun < self._seconds
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps >= self._next:
+            self._next += LOOK_EVERY
+            self.look()
+
+    def look(self) -> None:
+        """Drive the courses with the present network."""
+        onnx = to_onnx(self.model.policy)
+        found = score(onnx, self._recipe.metadata, COURSES)
+        if self.best is None or found.key >= self.best[2].key:
+            self.best = (onnx, self.num_timesteps, found)
+        _say(self._recipe.name, self.num_timesteps, time.perf_counter() - self.begun, found)
+
+
+def _say(name: str, steps: int, seconds: float, found: Score, **_: Any) -> None:
+    print(
+        f"{name}: {steps:>7} steps, {seconds:5.0f} s, {found.clean}/{len(COURSES)} courses clean, "
+        f"{found.distance:4.0%} of the way, {found.speed:.2f} m/s",
+        file=sys.stderr,
+        flush=True,
+    )

@@ -1,0 +1,83 @@
+"""What each house car is: its character, its actions, and the settings it is trained with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One house car. ``steps``: control steps of training; the rest as stable-baselines3's PPO names it."""
+
+    name: str
+    display_name: str
+    description: str
+    action_space_type: str
+    action_space: Any  # as in model_metadata.json
+    steps: int
+    focus: float  # how much the reward prefers the middle of the road; 0: none
+    seed: int = 0
+    learning_rate: float = 5e-4
+    gamma: float = 0.97
+    entropy: float = 0.01
+    ppo: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """The car's ``model_metadata.json``."""
+        return {
+            "action_space": self.action_space,
+            "action_space_type": self.action_space_type,
+            "sensor": ["FRONT_FACING_CAMERA"],
+            "neural_network": "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW",
+            "training_algorithm": "clipped_ppo",
+            "version": "3",
+        }
+
+
+def _actions(*pairs: tuple[float, float]) -> list[dict[str, float]]:
+    return [{"steering_angle": angle, "speed": speed} for angle, speed in pairs]
+
+
+STEADY = Recipe(
+    name="steady",
+    display_name="Steady",
+    description="Five actions, about one metre a second, always near the middle. The first car to beat.",
+    action_space_type="discrete",
+    action_space=_actions((-30, 0.9), (-15, 1.0), (0, 1.1), (15, 1.0), (30, 0.9)),
+    steps=200_000,
+    focus=1.0,
+)
+BRISK = Recipe(
+    name="brisk",
+    display_name="Brisk",
+    description="Eleven actions: brakes for the hairpins and runs at well over two metres a second on the straights.",
+    action_space_type="discrete",
+    action_space=_actions(
+        *((angle, speed) for angle in (-30, 30) for speed in (1.2,)),
+        *((angle, speed) for angle in (-20, -10, 0, 10, 20) for speed in (1.4,)),
+        *((angle, speed) for angle in (-10, 0, 10) for speed in (2.2,)),
+        (0, 2.8),
+    ),
+    steps=300_000,
+    focus=0.5,
+    gamma=0.98,
+)
+FLYER = Recipe(
+    name="flyer",
+    display_name="Flyer",
+    description="Steering and speed without steps, up to three and a half metres a second. Uses the whole road.",
+    action_space_type="continuous",
+    action_space={
+        "steering_angle": {"low": -30.0, "high": 30.0},
+        "speed": {"low": 1.0, "high": 3.5},
+    },
+    steps=400_000,
+    focus=0.25,
+    gamma=0.98,
+    entropy=0.0,
+)
+
+RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in (STEADY, BRISK, FLYER)}
