@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -15,12 +15,12 @@ from django.db import IntegrityError, transaction
 
 from ..errors import UserFault
 from ..models import Network, TrainedModel
+from ..packages.admit import AdmittedPackage, admit
+from ..packages.limits import DEFAULT_LIMITS, MEGABYTE
+from ..packages.read import UploadPart
 
 if TYPE_CHECKING:
     from league.models import Racer
-
-    from ..packages.admit import AdmittedPackage
-    from ..packages.read import UploadPart
 
 NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
 DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
@@ -44,13 +44,11 @@ def upload_model(
     ``name=None`` names it after its file. Raises UserFault (a code of the upload, metadata, conversion or gate section,
     or ``garage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
     """
-    from ..packages.admit import admit
-
     if name is not None:
         name = _valid_name(name)
     description = _valid_description(description)
     _refuse_full_garage(owner)  # before the work; counted again under the lock
-    admitted = admit(files)
+    admitted = admit(files, replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE))
     network = _stored_network(admitted, now=now)
     with transaction.atomic():
         _lock_garage(owner)

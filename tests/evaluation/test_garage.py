@@ -1,0 +1,314 @@
+"""A racer's models: what is kept of an upload, names, quotas, deletion."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import threading
+
+import pytest
+from django.contrib.auth.models import AnonymousUser
+from django.core.files.storage import default_storage
+from django.db import IntegrityError, connections
+
+from evaluation import selectors, services
+from evaluation.errors import UserFault
+from evaluation.models import Evaluation, Network, TrainedModel
+from evaluation.packages.admit import AdmittedPackage
+from evaluation.packages.metadata import parse_metadata
+from evaluation.packages.read import UploadPart
+from evaluation.services import garage
+from evaluation.simulator.rules import RaceRules
+from tests.rows import METADATA, model_row
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def own_files(settings, tmp_path):
+    """Files of this test alone."""
+    settings.STORAGES = {
+        **settings.STORAGES,
+        "default": {"BACKEND": "django.core.files.storage.FileSystemStorage", "OPTIONS": {"location": tmp_path}},
+    }
+
+
+@pytest.fixture(autouse=True)
+def admitted(monkeypatch):
+    """Admit every file as a network made of its bytes, and note with which limits."""
+    import json
+
+    asked = []
+
+    def admit(files, limits):
+        asked.append(limits)
+        onnx = b"onnx of " + files[0].stream.read()
+        return AdmittedPackage(
+            onnx=onnx,
+            sha256=hashlib.sha256(onnx).hexdigest(),
+            metadata=parse_metadata(json.dumps(METADATA).encode()),
+            source_kind="tensorflow",
+            source_sha256=hashlib.sha256(b"source").hexdigest(),
+            parameters=7,
+            macs=9,
+        )
+
+    monkeypatch.setattr(garage, "admit", admit)
+    return asked
+
+
+def files(content=b"a", name="Bolt.tar.gz"):
+    return [UploadPart(name, io.BytesIO(content))]
+
+
+def upload(owner, now, content=b"a", file_name="Bolt.tar.gz", **fields):
+    return services.upload_model(owner=owner, files=files(content, file_name), now=now, **fields)
+
+
+def code_of(refusal):
+    return refusal.value.code
+
+
+class TestUpload:
+    def test_keeps_the_network_and_what_is_known_of_it(self, alice, now, admitted, settings):
+        settings.UPLOAD_LIMIT_MB = 5
+        model, created = (uploaded := upload(alice, now, description="fast")).model, uploaded.created
+        assert created
+        assert (model.name, model.description, model.owner) == ("Bolt", "fast", alice)
+        assert model.sensors == ["FRONT_FACING_CAMERA"]
+        assert (model.source_kind, model.created_at) == ("tensorflow", now)
+        network = model.network
+        with network.onnx.open() as file:
+            assert hashlib.sha256(file.read()).hexdigest() == network.sha256
+        assert (network.size, network.parameters, network.macs) == (9, 7, 9)
+        assert admitted[0].upload_bytes == 5 * 1024 * 1024
+
+    def test_of_the_same_network_gives_the_model_that_is_there(self, alice, now):
+        first = upload(alice, now)
+        again = upload(alice, now, name="Another name")
+        assert again.model == first.model and not again.created
+        assert again.model.name == "Bolt"
+        assert TrainedModel.objects.count() == 1
+
+    def test_of_the_same_network_by_somebody_else_stores_it_once(self, alice, bob, now):
+        mine, theirs = upload(alice, now), upload(bob, now)
+        assert theirs.created and theirs.model != mine.model
+        assert theirs.model.network == mine.model.network
+        assert network_files(mine.model.network) == [mine.model.network.onnx.name]
+
+    def test_of_a_deleted_model_makes_a_new_one(self, alice, now):
+        first = upload(alice, now).model
+        services.delete_model(model=first, now=now)
+        second = upload(alice, now)
+        assert second.created and second.model != first
+        assert second.model.network == first.network
+
+    def test_that_is_refused_keeps_nothing(self, alice, now, monkeypatch):
+        def refuse(*args):
+            raise UserFault("not_a_model")
+
+        monkeypatch.setattr(garage, "admit", refuse)
+        before = set(stored_networks())
+        with pytest.raises(UserFault):
+            upload(alice, now)
+        assert not TrainedModel.objects.exists() and not Network.objects.exists()
+        assert set(stored_networks()) == before
+
+    def test_that_loses_the_race_for_the_network_keeps_no_second_file(self, alice, bob, now, monkeypatch):
+        pack = garage.ContentFile
+
+        def somebody_was_faster(content):
+            model_row(bob, onnx=b"onnx of a")
+            return pack(content)
+
+        monkeypatch.setattr(garage, "ContentFile", somebody_was_faster)
+        model = upload(alice, now).model
+        assert Network.objects.get() == model.network == bob.models.get().network
+        assert network_files(model.network) == [model.network.onnx.name]
+
+    def test_whose_row_cannot_be_written_keeps_no_file(self, alice, now, monkeypatch):
+        def broken(*args, **kwargs):
+            raise RuntimeError("the database is away")
+
+        monkeypatch.setattr(Network, "save", broken)
+        before = set(stored_networks())
+        with pytest.raises(RuntimeError):
+            upload(alice, now)
+        assert set(stored_networks()) == before
+
+
+class TestQuota:
+    def test_a_full_garage_refuses_before_any_work(self, alice, now, settings, admitted):
+        settings.MODELS_PER_RACER = 2
+        upload(alice, now, b"a")
+        upload(alice, now, b"b")
+        with pytest.raises(UserFault) as refusal:
+            upload(alice, now, b"c")
+        assert code_of(refusal) == "garage_full"
+        assert "2 models" in str(refusal.value)
+        assert len(admitted) == 2
+
+    def test_a_deleted_model_makes_room(self, alice, now, settings):
+        settings.MODELS_PER_RACER = 1
+        services.delete_model(model=upload(alice, now, b"a").model, now=now)
+        assert upload(alice, now, b"b").created
+
+    def test_another_racers_models_take_no_room(self, alice, bob, now, settings):
+        settings.MODELS_PER_RACER = 1
+        upload(alice, now, b"a")
+        assert upload(bob, now, b"b").created
+
+    @pytest.mark.django_db(transaction=True)
+    def test_two_uploads_at_once_into_the_last_place_make_one_model(self, alice, now, settings, monkeypatch):
+        settings.MODELS_PER_RACER = 1
+        admit, both = garage.admit, threading.Barrier(2)
+
+        def admit_together(*args):
+            both.wait()
+            return admit(*args)
+
+        monkeypatch.setattr(garage, "admit", admit_together)
+        codes = []
+
+        def go(content):
+            try:
+                codes.append("created" if upload(alice, now, content).created else "known")
+            except UserFault as fault:
+                codes.append(fault.code)
+            finally:
+                connections.close_all()
+
+        threads = [threading.Thread(target=go, args=(content,)) for content in (b"a", b"b")]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert sorted(codes) == ["created", "garage_full"]
+
+    @pytest.mark.django_db(transaction=True)
+    def test_the_same_file_uploaded_twice_at_once_is_one_model(self, alice, now, monkeypatch):
+        admit, both = garage.admit, threading.Barrier(2)
+
+        def admit_together(*args):
+            both.wait()
+            return admit(*args)
+
+        monkeypatch.setattr(garage, "admit", admit_together)
+        created = []
+
+        def go():
+            try:
+                created.append(upload(alice, now).created)
+            finally:
+                connections.close_all()
+
+        threads = [threading.Thread(target=go) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert sorted(created) == [False, True]
+        assert len(network_files(Network.objects.get())) == 1
+
+
+class TestNames:
+    @pytest.mark.parametrize(
+        ("file_name", "name"),
+        [
+            ("Bolt.tar.gz", "Bolt"),
+            ("bolt.v2.onnx", "bolt.v2"),
+            ("my  car .zip", "my car"),
+            ("C:\\cars\\fast one.tgz", "fast one"),
+            ("../../etc/cron.d/x", "x"),
+            ("a\0b.onnx", "ab"),
+            ("\u202egnp.onnx", "gnp"),
+            ("<img onerror=x>.onnx", "<img onerror=x>"),
+            ("x" * 300 + ".onnx", "x" * 64),
+            (".onnx", "model"),
+            ("...", "model"),
+            ("", "model"),
+            ("자동차.onnx", "자동차"),
+        ],
+    )
+    def test_a_model_is_named_after_its_file(self, alice, now, file_name, name):
+        assert upload(alice, now, file_name=file_name).model.name == name
+
+    def test_a_second_file_of_the_same_name_gets_a_number(self, alice, bob, now):
+        names = [upload(alice, now, content, "x" * 80).model.name for content in (b"a", b"b", b"c")]
+        assert names == ["x" * 64, "x" * 62 + " 2", "x" * 62 + " 3"]
+        assert upload(bob, now, b"d", "x" * 80).model.name == "x" * 64
+
+    @pytest.mark.parametrize(
+        ("name", "code"),
+        [("", "model_name_missing"), (" \t\u200b", "model_name_missing"), ("x" * 65, "model_name_too_long")],
+    )
+    def test_a_name_that_cannot_be_is_refused_before_any_work(self, alice, now, name, code, admitted):
+        with pytest.raises(UserFault) as refusal:
+            upload(alice, now, name=name)
+        assert code_of(refusal) == code
+        assert not admitted
+
+    def test_a_taken_name_is_refused(self, alice, now):
+        upload(alice, now, b"a", name="Bolt")
+        with pytest.raises(UserFault) as refusal:
+            upload(alice, now, b"b", name=" Bolt ")
+        assert code_of(refusal) == "model_name_taken"
+
+    def test_a_model_can_be_renamed_and_described(self, alice, now):
+        model = upload(alice, now).model
+        services.describe_model(model=model, name=" Flash\u202e ", description="x\ny")
+        model.refresh_from_db()
+        assert (model.name, model.description) == ("Flash", "x y")
+        services.describe_model(model=model, name="Flash", description="")  # its own name is no clash
+
+    def test_renaming_to_a_taken_name_or_too_long_a_description_is_refused(self, alice, now):
+        upload(alice, now, b"a", name="Bolt")
+        model = upload(alice, now, b"b", name="Flash").model
+        with pytest.raises(UserFault) as refusal:
+            services.describe_model(model=model, name="Bolt", description="")
+        assert code_of(refusal) == "model_name_taken"
+        with pytest.raises(UserFault) as refusal:
+            services.describe_model(model=model, name="Flash", description="x" * 256)
+        assert code_of(refusal) == "description_too_long"
+        model.refresh_from_db()
+        assert (model.name, model.description) == ("Flash", "")
+
+    def test_the_database_refuses_a_second_model_of_the_same_name(self, alice, now):
+        model_row(alice, "Bolt", b"a")
+        with pytest.raises(IntegrityError):
+            model_row(alice, "Bolt", b"b")
+
+
+class TestGarage:
+    def test_only_its_owner_may_use_a_model_until_it_is_deleted(self, alice, bob, now):
+        model = upload(alice, now).model
+        for racer in (alice, bob, AnonymousUser()):
+            assert selectors.can_use_model(racer, model) == (model in selectors.models_of(racer)) == (racer == alice)
+        services.delete_model(model=model, now=now)
+        assert model.deleted_at == now
+        assert not selectors.can_use_model(alice, model)
+        assert not selectors.models_of(alice).exists()
+
+    def test_deleting_twice_keeps_the_first_time(self, alice, now):
+        model = upload(alice, now).model
+        services.delete_model(model=model, now=now)
+        services.delete_model(model=model, now=replace_year(now))
+        assert model.deleted_at == now
+
+    def test_a_deleted_models_evaluations_stay(self, alice, oval, bell, now):
+        model = upload(alice, now).model
+        services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
+        services.delete_model(model=model, now=now)
+        assert Evaluation.objects.get().model == model
+
+
+def replace_year(moment):
+    return moment.replace(year=moment.year + 1)
+
+
+def stored_networks():
+    return default_storage.listdir("networks")[1] if default_storage.exists("networks") else []
+
+
+def network_files(network):
+    return [f"networks/{name}" for name in stored_networks() if name.startswith(network.sha256)]
