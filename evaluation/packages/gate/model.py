@@ -36,7 +36,13 @@ _TYPE_NAMES = {
 _MAX_NAME = 1000
 _MAX_RANK = 8
 
-Attribute = int | float | str | list[int] | list[float] | np.ndarray
+
+class Rejected:
+    """An attribute of a kind that no allowed operator has: a graph, a reference, a sparse tensor."""
+
+
+REJECTED = Rejected()
+Attribute = int | float | str | list[int] | list[float] | np.ndarray | Rejected
 
 
 @dataclass
@@ -190,7 +196,7 @@ class _Reader:
             elif number == 4:
                 node.op = self._name(value)
             elif number == 5:
-                name, content = self._attribute(value, node.op)
+                name, content = self._attribute(value)
                 if name in node.attributes:
                     raise WireError("one attribute twice")
                 node.attributes[name] = content
@@ -202,8 +208,8 @@ class _Reader:
             raise UserFault("onnx_domain", domain=printable(domain, 40))
         return node
 
-    def _attribute(self, data: Field, op: str) -> tuple[str, Attribute]:
-        name, kind = "", 0
+    def _attribute(self, data: Field) -> tuple[str, Attribute]:
+        name, kind, rejected = "", 0, False
         found: dict[int, list] = {}
         readers: dict[int, Callable[[int, Field], list]] = {
             2: self._floats,
@@ -222,9 +228,7 @@ class _Reader:
             elif number in readers:
                 found.setdefault(number, []).extend(readers[number](wire_kind, value))
             elif number in forbidden:
-                raise UserFault(
-                    "onnx_attribute", operator=printable(op, 40), attribute=printable(name, 40)
-                )  # fmt: skip
+                rejected = True
         # AttributeProto.AttributeType: which field counts, and its value when the writer left out a zero
         places: dict[int, tuple[int, list]] = {
             1: (2, [0.0]),
@@ -234,8 +238,8 @@ class _Reader:
             6: (7, []),
             7: (8, []),
         }
-        if kind not in places or not set(found) <= {places[kind][0]}:
-            raise UserFault("onnx_attribute", operator=printable(op, 40), attribute=printable(name, 40))
+        if rejected or kind not in places or not set(found) <= {places[kind][0]}:
+            return name, REJECTED
         field_number, missing = places[kind]
         values = found.get(field_number, missing)
         if kind in (6, 7):

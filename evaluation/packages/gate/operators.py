@@ -62,6 +62,7 @@ OPERATORS: dict[str, dict[str, object]] = {
 FLOAT_ONLY = {"Div", "Pow", "Sqrt", "Reciprocal", "Exp", "Log"}  # whole numbers divide by zero with a crash
 _MAX_PORTS = 64
 _MAX_LIST = 64
+_MAX_INTEGER = 1 << 31  # far beyond any size; larger ones would overflow the arithmetic of shapes
 
 
 def check_operator(node: Node) -> None:
@@ -70,7 +71,7 @@ def check_operator(node: Node) -> None:
     if allowed is None:
         raise UserFault("onnx_operator", operator=printable(node.op, 40) or "?")
     for name, value in node.attributes.items():
-        if name not in allowed or not _fits(value, allowed[name]):
+        if name not in allowed or not _fits(value, allowed[name]) or _too_large(node.op, value):
             raise UserFault("onnx_attribute", operator=node.op, attribute=printable(name, 40))
     if not any(node.outputs) or max(len(node.inputs), len(node.outputs)) > _MAX_PORTS:
         raise UserFault("onnx_graph", problem=f"a {node.op} with too few or too many values")
@@ -85,3 +86,9 @@ def _fits(value: Attribute, kind: object) -> bool:
         wanted = int if kind == _IS else float
         return isinstance(value, list) and len(value) <= _MAX_LIST and all(isinstance(item, wanted) for item in value)
     return isinstance(value, kind)
+
+
+def _too_large(op: str, value: Attribute) -> bool:
+    """Whether a whole number is beyond use (exporters write the greatest one for "to the end" in Shape)."""
+    numbers = value if isinstance(value, list) else [value]
+    return op != "Shape" and any(isinstance(item, int) and abs(item) > _MAX_INTEGER for item in numbers)

@@ -1,0 +1,7 @@
+"""A discrete action space that is an object."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata(action_space={"steering_angle": 1}))

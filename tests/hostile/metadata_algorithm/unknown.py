@@ -1,0 +1,7 @@
+"""An unknown training algorithm."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata(training_algorithm="dqn"))

@@ -1,0 +1,7 @@
+"""No sectors at all."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata(lidar_config={"num_sectors": 0}))

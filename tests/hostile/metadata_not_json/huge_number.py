@@ -1,0 +1,7 @@
+"""A whole number of ten thousand digits."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata().replace(b"2.0", b"9" * 10_000))

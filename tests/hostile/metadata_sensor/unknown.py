@@ -1,0 +1,7 @@
+"""A sensor that no car has."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata(sensor=["RADAR"]))

@@ -1,0 +1,7 @@
+"""Only a lidar."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata(sensor=["LIDAR"]))

@@ -1,0 +1,7 @@
+"""Two cameras."""
+
+from tests.hostile.parts import Upload, good_network, metadata, pair
+
+
+def build() -> Upload:
+    return pair(good_network(), metadata(sensor=["FRONT_FACING_CAMERA", "LEFT_CAMERA"]))

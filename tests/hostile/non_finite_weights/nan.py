@@ -1,0 +1,9 @@
+"""One weight that is nan."""
+
+import numpy as np
+
+from tests.hostile.parts import Upload, one_node
+
+
+def build() -> Upload:
+    return one_node("Mul", ["row", "w"], {"w": np.array([[np.nan]], np.float32)})

@@ -1,0 +1,9 @@
+"""A picture of 64-bit numbers."""
+
+from onnx import TensorProto, helper
+
+from tests.hostile.parts import CAMERA, Upload, network, pair
+
+
+def build() -> Upload:
+    return pair(network(inputs=[helper.make_tensor_value_info(CAMERA, TensorProto.INT64, [1, 120, 160, 1])]))

@@ -1,0 +1,13 @@
+"""A weight of type float8."""
+
+from onnx import TensorProto
+
+from tests.hostile.parts import Upload, network, pair
+
+
+def build() -> Upload:
+    model = network()
+    model.graph.initializer.append(
+        TensorProto(name="w", data_type=TensorProto.FLOAT8E4M3FN, dims=[2], raw_data=bytes(16))
+    )
+    return pair(model)

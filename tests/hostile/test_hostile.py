@@ -1,0 +1,81 @@
+"""Every hostile upload ends with the reason that its folder is named after, and hurts nobody.
+
+``tests/hostile/<reason code>/<case>.py`` has ``build()``, which returns the files to upload as ``(name, bytes)``.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import os
+from pathlib import Path
+
+import pytest
+
+from evaluation.errors import PaddockError
+from evaluation.packages.admit import AdmittedPackage, admit
+from evaluation.packages.read import UploadPart
+from evaluation.reasons import REASONS
+
+from .parts import Upload, good_network, pair
+
+HERE = Path(__file__).parent
+CASES = sorted(path.relative_to(HERE).with_suffix("").as_posix() for path in HERE.glob("*/*.py"))
+UNREACHABLE = {
+    # no network within the limits takes so long or crashes the converter: see tests/packages/test_admit.py
+    "conversion_time",
+    "conversion_crashed",
+}
+SECTIONS = ("_UPLOAD", "_METADATA", "_CONVERSION", "_GATE")
+
+
+def build(case: str) -> Upload:
+    spec = importlib.util.spec_from_file_location(f"hostile_{case.replace('/', '_')}", HERE / f"{case}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.build()
+
+
+def upload(files: Upload) -> AdmittedPackage:
+    return admit([UploadPart(name, io.BytesIO(content)) for name, content in files])
+
+
+def descriptors() -> int:
+    return len(os.listdir("/proc/self/fd"))
+
+
+def children() -> set[str]:
+    tasks = Path("/proc/self/task").iterdir()
+    return {child for task in tasks for child in (task / "children").read_text().split()}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_hostile_upload_is_refused_with_the_reason_of_its_folder(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    files = build(case)
+    upload_before = descriptors(), children()
+    with pytest.raises(PaddockError) as fault:
+        upload(files)
+    code = fault.value.code
+    assert code == case.split("/")[0], f"{fault.value} {getattr(fault.value, '__notes__', '')}"
+    assert fault.value.fault == "user"
+    sentence = str(fault.value)
+    assert "?" not in sentence.replace("?" * 3, "") or "?" in str(fault.value.params), "a parameter is missing"
+    assert sentence.isprintable()
+    assert (descriptors(), children()) == upload_before, "something was left open or running"
+    assert list(tmp_path.iterdir()) == [], "something was written"
+
+
+def test_after_all_of_them_a_good_model_is_admitted() -> None:
+    assert upload(pair(good_network())).parameters == 10
+
+
+def test_every_reason_for_refusing_a_package_has_a_case() -> None:
+    from evaluation import packages, reasons
+
+    source = "".join(path.read_text() for path in Path(packages.__file__).parent.rglob("*.py"))
+    codes = {code for section in SECTIONS for code in getattr(reasons, section) if f'"{code}"' in source}
+    assert codes <= set(REASONS)
+    assert codes - {case.split("/")[0] for case in CASES} == UNREACHABLE

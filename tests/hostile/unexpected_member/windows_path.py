@@ -1,0 +1,7 @@
+"""A member whose name is a trick."""
+
+from tests.hostile.parts import Upload, good_zip
+
+
+def build() -> Upload:
+    return good_zip(("C:\\x.onnx", b"x"))
