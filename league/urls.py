@@ -1,11 +1,29 @@
-"""Addresses of the site. Each room has its own pages; the API is put together here."""
+"""Addresses of the site. Each room has its own pages; the API is put together in league.api."""
 
+from allauth.account.views import LoginView, SignupView
 from django.contrib import admin
 from django.urls import include, path
 
+from .forms import LoginForm, SignUpForm
+from .views import account, home, racers, site
+
 urlpatterns = [
-    path("admin/", admin.site.urls),
+    path("", home.home, name="home"),
+    path("about/", site.about, name="about"),
+    path("racers/<str:alias>/", racers.racer, name="racer"),
+    path("settings/", account.settings_page, name="settings"),
+    path("settings/tokens/", account.api_tokens, name="api_tokens"),
+    path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
+    path("theme/", site.set_theme, name="theme"),
+    path("health/live", site.health_live, name="health_live"),
+    path("health/ready", site.health_ready, name="health_ready"),
+    path("", include("races.urls")),
+    path("", include("evaluation.urls")),
+    path("", include("tracks.urls")),
+    path("accounts/login/", LoginView.as_view(form_class=LoginForm), name="account_login"),
+    path("accounts/signup/", SignupView.as_view(form_class=SignUpForm), name="account_signup"),
     path("accounts/", include("allauth.urls")),
     path("api/", include("league.api.urls")),
     path("i18n/", include("django.conf.urls.i18n")),
+    path("admin/", admin.site.urls),
 ]

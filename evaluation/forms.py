@@ -1,0 +1,62 @@
+"""Forms of the garage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from django import forms
+from django.core.files.uploadedfile import UploadedFile
+from django.utils.translation import gettext_lazy as _
+
+from .models import TrainedModel
+from .packages.read import UploadPart
+
+NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
+DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
+
+
+class FilesInput(forms.ClearableFileInput):
+    """An input for several files."""
+
+    allow_multiple_selected = True
+
+
+class FilesField(forms.FileField):
+    """One or more files; empty ones are let through, so that the package reader says what is wrong with them."""
+
+    widget = FilesInput
+
+    def clean(self, data: Iterable[UploadedFile] | UploadedFile | None, initial: object = None) -> list[UploadedFile]:
+        """The files as a list."""
+        files = list(data) if isinstance(data, list | tuple) else [data]
+        return [super(FilesField, self).clean(file, initial) for file in files or [None]]
+
+
+class UploadForm(forms.Form):
+    """One archive, or a network together with its metadata."""
+
+    files = FilesField(
+        label=_("Files"),
+        allow_empty_file=True,
+        max_length=None,
+        error_messages={"required": _("Choose the car's archive, or a network and its model_metadata.json.")},
+        widget=FilesInput(attrs={"accept": ".gz,.tgz,.tar,.zip,.onnx,.json,.pb"}),
+    )
+    name = forms.CharField(
+        label=_("Name"),
+        required=False,
+        max_length=NAME_LIMIT,
+        help_text=_("Left empty, the model is named after its file."),
+    )
+    description = forms.CharField(label=_("Description"), required=False, max_length=DESCRIPTION_LIMIT)
+
+    def parts(self) -> list[UploadPart]:
+        """The files as the package reader takes them."""
+        return [UploadPart(file.name or "", file.file) for file in self.cleaned_data["files"]]
+
+
+class DescribeForm(forms.Form):
+    """Another name and description for a model."""
+
+    name = forms.CharField(label=_("Name"), max_length=NAME_LIMIT)
+    description = forms.CharField(label=_("Description"), required=False, max_length=DESCRIPTION_LIMIT)

@@ -1,0 +1,13 @@
+"""Addresses of the garage. Evaluations have theirs in races.urls: who sees one depends on its race."""
+
+from django.urls import path
+
+from . import views
+
+urlpatterns = [
+    path("models/", views.models, name="models"),
+    path("models/upload/", views.model_upload, name="model_upload"),
+    path("models/<str:public_id>/", views.model, name="model"),
+    path("models/<str:public_id>/edit/", views.model_edit, name="model_edit"),
+    path("models/<str:public_id>/delete/", views.model_delete, name="model_delete"),
+]

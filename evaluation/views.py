@@ -1,0 +1,102 @@
+"""The garage: a racer's models."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_http_methods, require_safe
+
+from tracks.forms import add_fault
+
+from . import services
+from .errors import PlatformFault, UserFault
+from .forms import DescribeForm, UploadForm
+from .selectors import models_of
+
+MODELS_PER_PAGE = 50
+
+
+@login_required
+@require_safe
+def models(request: HttpRequest) -> HttpResponse:
+    """My models, newest first."""
+    page = Paginator(models_of(request.user), MODELS_PER_PAGE).get_page(request.GET.get("page"))
+    return render(request, "evaluation/models.html", {"page": page, "limit": settings.MODELS_PER_RACER})
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def model_upload(request: HttpRequest) -> HttpResponse:
+    """Upload a model; a refusal stands beside the form with its code."""
+    form = UploadForm(request.POST or None, request.FILES or None) if request.method == "POST" else UploadForm()
+    status = 200
+    if request.method == "POST":
+        status = 422
+        if form.is_valid():
+            try:
+                uploaded = services.upload_model(
+                    owner=request.user,
+                    files=form.parts(),
+                    name=form.cleaned_data["name"] or None,
+                    description=form.cleaned_data["description"],
+                    now=timezone.now(),
+                )
+            except UserFault as fault:
+                add_fault(form, fault)
+            except PlatformFault as fault:
+                add_fault(form, fault)
+                status = 503
+            else:
+                if uploaded.created:
+                    messages.success(request, _("The model is in your garage."))
+                else:
+                    messages.info(request, _("This very network is in your garage already, under this name."))
+                return redirect(uploaded.model)
+    context = {"form": form, "limit_mb": settings.UPLOAD_LIMIT_MB}
+    return render(request, "evaluation/upload.html", context, status=status)
+
+
+@login_required
+@require_safe
+def model(request: HttpRequest, public_id: str) -> HttpResponse:
+    """One of my models: what it is, what it drove, where it can race."""
+    return render(
+        request, "evaluation/model.html", {"model": get_object_or_404(models_of(request.user), public_id=public_id)}
+    )
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def model_edit(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Rename and describe one of my models."""
+    mine = get_object_or_404(models_of(request.user), public_id=public_id)
+    form = DescribeForm(request.POST or None, initial={"name": mine.name, "description": mine.description})
+    if request.method == "POST" and form.is_valid():
+        try:
+            services.describe_model(model=mine, **form.cleaned_data)
+        except UserFault as fault:
+            add_fault(form, fault)
+        else:
+            messages.success(request, _("Saved."))
+            return redirect(mine)
+    return render(
+        request, "evaluation/model_edit.html", {"model": mine, "form": form}, status=422 if form.errors else 200
+    )
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def model_delete(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Ask, then take one of my models out of the garage."""
+    mine = get_object_or_404(models_of(request.user), public_id=public_id)
+    if request.method == "POST":
+        services.delete_model(model=mine, now=timezone.now())
+        messages.success(request, _("The model is deleted. What it reached on boards stays."))
+        return redirect("models")
+    return render(request, "evaluation/model_delete.html", {"model": mine})

@@ -1,0 +1,1 @@
+"""The league's own pages: home, racers, account, how it works, health."""

@@ -1,0 +1,54 @@
+"""A racer's own settings and API tokens."""
+
+from __future__ import annotations
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST
+
+from evaluation.errors import UserFault
+from league.forms import ProfileForm
+from league.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
+from tracks.forms import explain
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def settings_page(request: HttpRequest) -> HttpResponse:
+    """Country, and the way to e-mail, password and tokens."""
+    form = ProfileForm(request.POST or None, instance=request.user)
+    if request.method == "POST" and form.is_valid():
+        form.save()
+        messages.success(request, _("Saved."))
+        return redirect("settings")
+    return render(request, "league/settings.html", {"form": form})
+
+
+@login_required
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def api_tokens(request: HttpRequest) -> HttpResponse:
+    """The racer's API tokens; a POST makes one and shows it this once."""
+    token = ""
+    if request.method == "POST":
+        try:
+            token = create_token(racer=request.user)
+        except UserFault as fault:
+            messages.error(request, explain(fault))
+            return redirect("api_tokens")
+    context = {"tokens": tokens_of(request.user), "token": token, "limit": TOKENS_PER_RACER}
+    return render(request, "league/tokens.html", context)
+
+
+@login_required
+@require_POST
+def api_token_revoke(request: HttpRequest, key: str) -> HttpResponse:
+    """Revoke one of the racer's tokens."""
+    if not revoke_token(racer=request.user, key=key):
+        raise Http404
+    messages.success(request, _("The token is revoked: programs that use it are locked out from now on."))
+    return redirect("api_tokens")

@@ -1,0 +1,33 @@
+"""The first page: what is racing now, and for a racer their own cars and results."""
+
+from __future__ import annotations
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.utils import timezone
+from django.views.decorators.http import require_safe
+
+from evaluation.models import Evaluation
+from evaluation.selectors import models_of
+from races.selectors import podiums, racing_now, upcoming
+
+RACES = 6
+UPCOMING = 5
+OWN = 5
+
+
+@require_safe
+def home(request: HttpRequest) -> HttpResponse:
+    """Open races with their podiums, the next races; my models and latest runs."""
+    now = timezone.now()
+    races = list(racing_now(now, request.user)[:RACES])
+    context = {
+        "races": races,
+        "podiums": podiums(races),
+        "upcoming": list(upcoming(now, request.user)[:UPCOMING]),
+    }
+    if request.user.is_authenticated:
+        related = ("model", "track", "result", "submission__entry__race")
+        mine = Evaluation.objects.filter(owner=request.user).select_related(*related).order_by("-queued_at")
+        context |= {"models": list(models_of(request.user)[:OWN]), "runs": list(mine[:OWN])}
+    return render(request, "league/home.html", context)

@@ -1,0 +1,29 @@
+"""A racer as everybody sees them."""
+
+from __future__ import annotations
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.views.decorators.http import require_safe
+
+from league.models import Racer
+from races.selectors import organised_by, racer_history
+
+ORGANISED = 10
+
+
+@require_safe
+def racer(request: HttpRequest, alias: str) -> HttpResponse:
+    """Alias, country, races and ranks."""
+    shown = get_object_or_404(Racer, alias__iexact=alias, is_active=True)
+    if shown.alias != alias:
+        return redirect(shown, permanent=True)
+    history = racer_history(shown, request.user)
+    context = {
+        "racer": shown,
+        "history": history,
+        "wins": sum(row.rank == 1 for row in history),
+        "podium_count": sum(row.rank is not None and row.rank <= 3 for row in history),
+        "organised": list(organised_by(shown, request.user)[:ORGANISED]),
+    }
+    return render(request, "league/racer.html", context)

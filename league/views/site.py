@@ -1,0 +1,53 @@
+"""Pages that belong to the site as a whole."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
+from django.shortcuts import render
+from django.utils.http import url_has_allowed_host_and_scheme
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_GET, require_POST, require_safe
+
+from league.health import readiness
+from league.templatetags.paddock import THEMES
+
+A_YEAR_S = 365 * 24 * 3600
+
+
+@require_safe
+def about(request: HttpRequest) -> HttpResponse:
+    """How it works and the rules."""
+    return render(request, "league/about.html", {"upload_limit_mb": settings.UPLOAD_LIMIT_MB})
+
+
+@require_POST
+def set_theme(request: HttpRequest) -> HttpResponse:
+    """Keep the theme in a cookie; ``toggle`` turns dark into light and anything else into dark."""
+    wanted = request.POST.get("theme", "")
+    if wanted == "toggle":
+        wanted = "light" if request.COOKIES.get("theme") == "dark" else "dark"
+    target = request.POST.get("next", "/")
+    if not url_has_allowed_host_and_scheme(target, {request.get_host()}, require_https=request.is_secure()):
+        target = "/"
+    response = HttpResponseRedirect(target)
+    if wanted in THEMES:
+        response.set_cookie("theme", wanted, max_age=A_YEAR_S, samesite="Lax", secure=settings.SESSION_COOKIE_SECURE)
+    else:
+        response.delete_cookie("theme", samesite="Lax")
+    return response
+
+
+@never_cache
+@require_GET
+def health_live(request: HttpRequest) -> HttpResponse:
+    """This process answers."""
+    return HttpResponse("ok\n", content_type="text/plain")
+
+
+@never_cache
+@require_GET
+def health_ready(request: HttpRequest) -> HttpResponse:
+    """What the site needs answers: 200, or 503 with the part that does not."""
+    parts = readiness()
+    return JsonResponse(parts, status=200 if all(parts.values()) else 503)

@@ -1,0 +1,164 @@
+"""The forms of a race's organiser."""
+
+from __future__ import annotations
+
+import zoneinfo
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from typing import Any
+
+from django import forms
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.errors import UserFault
+from tracks.forms import add_fault
+from tracks.models import Direction, Track
+
+from .errors import RaceRefused
+from .models import Race, RankingMethod, Visibility
+from .validation import EDITABLE_FIELDS
+
+DEFAULT_DURATION = timedelta(days=7)
+
+
+class SecondsField(forms.DecimalField):
+    """Seconds on the page, whole milliseconds in the database."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(decimal_places=3, **kwargs)
+
+    def prepare_value(self, value: Any) -> Any:
+        """Milliseconds as seconds without needless zeros."""
+        return f"{value / 1000:g}" if isinstance(value, int) else value
+
+    def clean(self, value: Any) -> int | None:
+        """Seconds as typed, in milliseconds."""
+        seconds: Decimal | None = super().clean(value)
+        return None if seconds is None else int(seconds * 1000)
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        return super().has_changed(self.prepare_value(initial), data)
+
+
+class MomentInput(forms.DateTimeInput):
+    """A date and time; the page's script shows it in the reader's time zone."""
+
+    input_type = "datetime-local"
+
+    def format_value(self, value: Any) -> str | None:
+        return value.strftime("%Y-%m-%dT%H:%M") if isinstance(value, datetime) else value
+
+
+class MomentField(forms.DateTimeField):
+    """A moment, typed in the time zone that the form names."""
+
+    widget = MomentInput
+
+    def to_python(self, value: Any) -> datetime | None:
+        """The date and time as typed, still without a time zone; the form adds it."""
+        if value in self.empty_values:
+            return None
+        for form in ("%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M"):
+            try:
+                return datetime.strptime(value, form)
+            except (ValueError, TypeError):
+                continue
+        raise forms.ValidationError(self.error_messages["invalid"], code="invalid")
+
+
+class RaceForm(forms.Form):
+    """A community race. What a race may be is decided by the race's own validation, not here."""
+
+    name = forms.CharField(label=_("Name"), max_length=64)
+    description = forms.CharField(
+        label=_("Description"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3})
+    )
+    track = forms.ModelChoiceField(label=_("Track"), queryset=Track.objects.none(), to_field_name="slug")
+    direction = forms.ChoiceField(label=_("Direction"), choices=Direction.choices)
+    opens_at = MomentField(label=_("Opens"))
+    closes_at = MomentField(label=_("Closes"))
+    laps = forms.IntegerField(label=_("Laps driven"), min_value=1, max_value=20)
+    minimum_laps = forms.IntegerField(
+        label=_("Laps in a row to be classified"),
+        min_value=1,
+        max_value=20,
+        help_text=_("The average is taken over this many consecutive complete laps."),
+    )
+    ranking_method = forms.ChoiceField(label=_("Ranked by"), choices=RankingMethod.choices)
+    off_track_penalty_ms = SecondsField(
+        label=_("Off-track penalty in seconds"),
+        min_value=0,
+        max_value=60,
+        help_text=_("The car stands still for so long before it goes on."),
+    )
+    max_resets = forms.IntegerField(
+        label=_("Resets allowed"), min_value=0, max_value=10_000, help_text=_("0: the first fault ends the run.")
+    )
+    max_simulated_ms = SecondsField(
+        label=_("Time limit in seconds"), min_value=10, max_value=1200, help_text=_("Simulated time for the whole run.")
+    )
+    max_submissions = forms.IntegerField(label=_("Submissions for each racer"), min_value=1, max_value=1000)
+    visibility = forms.ChoiceField(
+        label=_("Who may join"),
+        choices=[
+            (Visibility.PUBLIC, _("everybody")),
+            (Visibility.INVITATION, _("who has the invitation link; nobody else sees the race")),
+        ],
+        widget=forms.RadioSelect,
+    )
+    time_zone = forms.CharField(required=False, widget=forms.HiddenInput)
+
+    def __init__(self, *args: Any, race: Race | None = None, now: datetime, **kwargs: Any) -> None:
+        super().__init__(*args, initial=_initial(race, now) | kwargs.pop("initial", {}), **kwargs)
+        self.fields["track"].queryset = Track.objects.defer("npy")
+        self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
+        for name in ("opens_at", "closes_at"):
+            moment = self.initial.get(name)
+            if not self.is_bound and moment is not None:
+                self.fields[name].widget.attrs["data-utc"] = moment.astimezone(UTC).isoformat()
+
+    def clean(self) -> dict[str, Any]:
+        """Read the moments in the time zone that the page named, the site's own if none."""
+        cleaned = super().clean()
+        zone = _zone(cleaned.pop("time_zone", ""))
+        for name in ("opens_at", "closes_at"):
+            if cleaned.get(name) is not None:
+                cleaned[name] = cleaned[name].replace(tzinfo=zone)
+        return cleaned
+
+    def changes(self) -> dict[str, Any]:
+        """What the form says, for the services."""
+        return {name: value for name, value in self.cleaned_data.items() if name in EDITABLE_FIELDS}
+
+    def show(self, fault: UserFault) -> None:
+        """Show a refusal, each problem beside its field where the form has it."""
+        if not isinstance(fault, RaceRefused) or not hasattr(fault.errors, "error_dict"):
+            add_fault(self, fault)
+            return
+        for field, errors in fault.errors.error_dict.items():
+            self.add_error(field if field in self.fields else None, errors)
+
+
+class ReasonForm(forms.Form):
+    """Why something is done to others."""
+
+    reason = forms.CharField(label=_("Reason"), max_length=255)
+
+
+def _initial(race: Race | None, now: datetime) -> dict[str, Any]:
+    source = race or Race(opens_at=now.replace(second=0, microsecond=0), closes_at=_evening(now + DEFAULT_DURATION))
+    values = {name: getattr(source, name) for name in RaceForm.base_fields if name not in ("track", "time_zone")}
+    values |= {name: timezone.localtime(values[name]) for name in ("opens_at", "closes_at")}
+    return values | {"track": race.track.slug if race else None, "time_zone": timezone.get_current_timezone_name()}
+
+
+def _evening(moment: datetime) -> datetime:
+    return timezone.localtime(moment).replace(hour=23, minute=59, second=0, microsecond=0)
+
+
+def _zone(name: str) -> zoneinfo.ZoneInfo:
+    try:
+        return zoneinfo.ZoneInfo(name) if name else timezone.get_current_timezone()
+    except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError):
+        return timezone.get_current_timezone()

@@ -1,0 +1,132 @@
+"""What the page of a result draws: lap rows with sector colours, driven lines, the steps of a replay."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from races.models import Race
+from tracks.drawing import DrivenLine
+from tracks.drawing.svg import MARGIN_M
+from tracks.models import Track
+
+LAP_COLOURS = 6
+SECTORS = 3
+PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
+
+
+class ColourBy(StrEnum):
+    """What the colour of a driven line means."""
+
+    SPEED = "speed"
+    LAP = "lap"
+
+    @classmethod
+    def of(cls, word: str | None) -> ColourBy:
+        """The colouring that a query names; by speed unless it names another."""
+        return cls.LAP if word == cls.LAP else cls.SPEED
+
+
+@dataclass(frozen=True)
+class LapRow:
+    """A lap as its table shows it. ``gap_ms``: to the run's best lap; ``sectors``: (time in ms, colour) each."""
+
+    lap: dict[str, Any]
+    is_best: bool
+    gap_ms: int | None
+    sectors: list[tuple[int, str]]
+
+    @property
+    def missing(self) -> range:
+        """One for each sector that the lap has no time for."""
+        return range(SECTORS - len(self.sectors))
+
+
+def lap_rows(laps: Sequence[dict[str, Any]], race: Race | None) -> list[LapRow]:
+    """The laps with their marks: purple as fast as anybody ranked in the race, green the run's own best, yellow slower.
+
+    A sector of a lap that was not finished has no colour.
+    """
+    complete = [lap for lap in laps if lap["complete"]]
+    best_ms = min((lap["time_ms"] for lap in complete), default=None)
+    own = [min(times) for times in zip(*(lap["sector_ms"] for lap in complete if _timed(lap)), strict=False)]
+    fastest = race.fastest_sectors_ms if race is not None else (None, None, None)
+    rows = []
+    for lap in laps:
+        counts = lap["complete"] and _timed(lap)
+        sectors = [
+            (time, _colour(time, own[index], fastest[index]) if counts else "")
+            for index, time in enumerate(lap.get("sector_ms") or ())
+        ]
+        gap = lap["time_ms"] - best_ms if lap["complete"] else None
+        rows.append(LapRow(lap, bool(lap["complete"]) and gap == 0, gap or None, sectors))
+    return rows
+
+
+def _timed(lap: dict[str, Any]) -> bool:
+    sectors = lap.get("sector_ms") or ()
+    return len(sectors) == SECTORS and all(time is not None for time in sectors)
+
+
+def _colour(time: int, own: int, fastest: int | None) -> str:
+    if fastest is not None and time <= fastest:
+        return PURPLE
+    return GREEN if time <= own else YELLOW
+
+
+def driven_lines(
+    line: Sequence[Sequence[Sequence[float]]], colour: ColourBy, lap: int | None = None
+) -> list[DrivenLine]:
+    """The driven lines of all laps (or of lap ``lap``, from 1) to draw on the map."""
+    lines = []
+    for index, points in enumerate(line):
+        if lap is not None and index != lap - 1:
+            continue
+        if colour == ColourBy.SPEED:
+            lines.append(DrivenLine(points, [point[2] for point in points]))
+        else:
+            lines.append(DrivenLine(points, style=f"lap-{index % LAP_COLOURS}"))
+    return lines
+
+
+def map_point(track: Track, x: float, y: float) -> tuple[float, float]:
+    """A place in metres in the coordinates of the map (from its upper left corner, y down)."""
+    x_min, _, _, y_max = track.geometry.bounds
+    return round(x - x_min + MARGIN_M, 3), round(y_max + MARGIN_M - y, 3)
+
+
+def map_size(track: Track) -> tuple[float, float]:
+    """Width and height of the map's coordinates."""
+    x_min, y_min, x_max, y_max = track.geometry.bounds
+    return round(x_max - x_min + 2 * MARGIN_M, 2), round(y_max - y_min + 2 * MARGIN_M, 2)
+
+
+def replay_data(track: Track, trace_csv: bytes) -> dict[str, list]:
+    """The steps of a sim-trace as columns.
+
+    ``t`` simulated ms, ``x`` and ``y`` on the map, ``yaw`` degrees (clockwise on the map), ``v`` m/s, ``steer``
+    degrees, ``lap``, ``status`` in the field's words.
+    """
+    columns: dict[str, list] = {name: [] for name in ("t", "x", "y", "yaw", "v", "steer", "lap", "status")}
+    first: float | None = None
+    for row in csv.DictReader(io.StringIO(trace_csv.decode())):
+        stamp = float(row["tstamp"])
+        first = stamp if first is None else first
+        x, y = map_point(track, float(row["X"]), float(row["Y"]))
+        values = (
+            round((stamp - first) * 1000),
+            x,
+            y,
+            round(-float(row["yaw"]), 1),
+            round(float(row["throttle"]), 2),
+            round(float(row["steer"]), 1),
+            int(float(row["episode"])),
+            row["episode_status"],
+        )
+        for column, value in zip(columns.values(), values, strict=True):
+            column.append(value)
+    return columns

@@ -1,0 +1,1 @@
+"""Pages of races and of evaluations."""

@@ -1,0 +1,44 @@
+"""What the race pages share."""
+
+from __future__ import annotations
+
+from django.contrib import messages
+from django.http import Http404, HttpRequest
+from django.shortcuts import get_object_or_404
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+
+from evaluation.errors import PaddockError
+from evaluation.models import Evaluation
+from races.models import Race
+from races.selectors import can_organise, evaluations_visible_to, races_visible_to
+from tracks.forms import explain
+
+
+def visible_race(request: HttpRequest, slug: str) -> Race:
+    """The race, or 404 when there is none or the reader may not see it."""
+    return get_object_or_404(races_visible_to(request.user), slug=slug)
+
+
+def organised_race(request: HttpRequest, slug: str) -> Race:
+    """The race, or 404 unless the reader organises it."""
+    race = visible_race(request, slug)
+    if not can_organise(request.user, race):
+        raise Http404
+    return race
+
+
+def visible_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
+    """The evaluation with its result and its race, or 404 when there is none or the reader may not see it."""
+    related = ("result", "model__network", "submission__entry__race", "submission__entry__racer")
+    return get_object_or_404(evaluations_visible_to(request.user).select_related(*related), public_id=public_id)
+
+
+def tell_fault(request: HttpRequest, fault: PaddockError) -> None:
+    """Show a refusal at the top of the next page: its sentence and its code."""
+    messages.error(request, fault_text(fault), extra_tags="fault")
+
+
+def fault_text(fault: PaddockError) -> SafeString:
+    """The fault's sentence and its code, small."""
+    return format_html('{} <code data-code="{}">{}</code>', explain(fault), fault.code, fault.code)

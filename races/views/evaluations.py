@@ -1,0 +1,142 @@
+"""An evaluation: waiting, on track, done; its files."""
+
+from __future__ import annotations
+
+from django.contrib.auth.decorators import login_required
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
+from django.views.decorators.http import require_POST, require_safe
+
+from evaluation.models import Evaluation, Result, State
+from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
+from evaluation.services import stop_evaluation
+from evaluation.services.results import read_trace
+from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
+
+from .common import visible_evaluation
+from .latest import live_mark
+
+
+@require_safe
+def evaluation(request: HttpRequest, public_id: str) -> HttpResponse:
+    """One evaluation; while it waits or drives, the page renews itself."""
+    shown = visible_evaluation(request, public_id)
+    response = render(request, "evaluation/evaluation.html", _context(request, shown))
+    if not shown.is_final:
+        response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@require_safe
+def evaluation_live(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The part of the page that changes while the car waits or drives; the whole result once it is done.
+
+    ``seen`` is what the reader has on screen: unchanged, the answer is empty (204).
+    """
+    shown = visible_evaluation(request, public_id)
+    context = _context(request, shown)
+    if context["mark"] == request.GET.get("seen"):
+        return HttpResponse(status=204)
+    if shown.is_final:
+        response = render(request, "evaluation/parts/evaluation.html", context)
+        response["HX-Retarget"] = "#evaluation"
+        response["HX-Reswap"] = "outerHTML"
+    else:
+        response = render(request, "evaluation/parts/live.html", context)
+    response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@login_required
+@require_POST
+def evaluation_stop(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Stop my evaluation."""
+    shown = visible_evaluation(request, public_id)
+    if not shown.is_final:
+        if not can_stop_evaluation(request.user, shown):
+            raise Http404
+        stop_evaluation(evaluation=shown, now=timezone.now())
+    return redirect(shown)
+
+
+@require_safe
+def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Every step of the run, in the coordinates of the map."""
+    shown, result = _finished(request, public_id)
+    etag = quote_etag(f"{result.trace_sha256[:32]}-{_direction(shown)}")
+    response = get_conditional_response(request, etag=etag)
+    if response is None:
+        response = JsonResponse(replay_data(shown.track, read_trace(result)))
+    response["ETag"] = etag
+    response["Cache-Control"] = "private, max-age=0, must-revalidate"
+    return response
+
+
+@require_safe
+def evaluation_trace(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The sim-trace as CSV, as the community's tools read it."""
+    shown, result = _finished(request, public_id)
+    response = HttpResponse(read_trace(result), content_type="text/csv; charset=utf-8")
+    response["Content-Disposition"] = f'attachment; filename="{shown.public_id}-sim-trace.csv"'
+    return response
+
+
+@require_safe
+def evaluation_metrics(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The evaluation metrics JSON, as the community's tools read it."""
+    shown, result = _finished(request, public_id)
+    response = JsonResponse(result.metrics, json_dumps_params={"indent": 1})
+    response["Content-Disposition"] = f'attachment; filename="{shown.public_id}-metrics.json"'
+    return response
+
+
+def _finished(request: HttpRequest, public_id: str) -> tuple[Evaluation, Result]:
+    shown = visible_evaluation(request, public_id)
+    if shown.state != State.FINISHED:
+        raise Http404
+    return shown, shown.result
+
+
+def _direction(shown: Evaluation) -> str:
+    return shown.spec["rules"].get("direction", "ccw")
+
+
+def _context(request: HttpRequest, shown: Evaluation) -> dict:
+    submission = getattr(shown, "submission", None)
+    race = submission.entry.race if submission else None
+    context = {
+        "evaluation": shown,
+        "submission": submission,
+        "race": race,
+        "direction": _direction(shown),
+        "can_stop": can_stop_evaluation(request.user, shown),
+        "is_mine": request.user.is_authenticated and request.user.pk == shown.owner_id,
+    }
+    if shown.state == State.FINISHED:
+        colour = ColourBy.of(request.GET.get("colour"))
+        lap = request.GET.get("lap", "")
+        number = int(lap) if lap.isdecimal() and 0 < int(lap) <= len(shown.result.laps) else None
+        context |= {
+            "mark": live_mark(shown, None),
+            "result": shown.result,
+            "laps": lap_rows(shown.result.laps, race),
+            "colour": colour,
+            "lap": number,
+            "lines": driven_lines(shown.result.line, colour, number),
+            "map_size": map_size(shown.track),
+        }
+        return context
+    position = queue_position(shown)
+    progress = shown.progress or {}
+    context |= {
+        "mark": live_mark(shown, position),
+        "position": position,
+        "wait_s": expected_wait_s(shown, position) if position else None,
+        "progress": progress,
+        "car": map_point(shown.track, progress["x"], progress["y"]) if "x" in progress and "y" in progress else None,
+        "map_size": map_size(shown.track),
+    }
+    return context

@@ -1,0 +1,49 @@
+"""The last car that a racer sent to a race, for the box that watches it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evaluation.models import Evaluation, State
+from evaluation.selectors import expected_wait_s, queue_position
+from races.models import Entry, Submission
+
+
+@dataclass(frozen=True)
+class LatestRun:
+    """A submission, its evaluation, and while it waits its place in the queue and the seconds until it is done."""
+
+    submission: Submission
+    position: int | None
+    wait_s: float | None
+
+    @property
+    def evaluation(self) -> Evaluation:
+        return self.submission.evaluation
+
+    @property
+    def mark(self) -> str:
+        """Changes whenever there is something new to show."""
+        return live_mark(self.evaluation, self.position)
+
+
+def live_mark(evaluation: Evaluation, position: int | None) -> str:
+    """A short text that changes whenever an evaluation looks different while it waits or drives."""
+    if evaluation.state == State.QUEUED:
+        return f"{evaluation.public_id}-queued-{position}"
+    if evaluation.state == State.RUNNING:
+        return f"{evaluation.public_id}-running-{evaluation.progress.get('total_ms', 0)}"
+    return f"{evaluation.public_id}-{evaluation.state}"
+
+
+def latest_run(entry: Entry | None) -> LatestRun | None:
+    """The last submission of ``entry``, if there is one."""
+    if entry is None:
+        return None
+    related = ("evaluation__model", "evaluation__track", "evaluation__result")
+    submission = Submission.objects.filter(entry=entry).select_related(*related).order_by("-number").first()
+    if submission is None:
+        return None
+    position = queue_position(submission.evaluation)
+    wait_s = expected_wait_s(submission.evaluation, position) if position else None
+    return LatestRun(submission, position, wait_s)

@@ -1,0 +1,146 @@
+"""What a race's organiser does: make it, change it, invite, remove, cancel."""
+
+from __future__ import annotations
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from evaluation.errors import UserFault
+from races import services
+from races.forms import RaceForm, ReasonForm
+from races.models import Entry, Kind, Race, RaceState
+from tracks.models import Track
+
+from .common import organised_race, tell_fault
+
+RACERS_PER_PAGE = 100
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def race_new(request: HttpRequest) -> HttpResponse:
+    """Make a community race."""
+    now = timezone.now()
+    initial = {}
+    if Track.objects.filter(slug=request.GET.get("track", "")).exists():
+        initial["track"] = request.GET["track"]
+    form = RaceForm(request.POST or None, now=now, initial=initial)
+    if request.method == "POST" and form.is_valid():
+        try:
+            race = services.create_community_race(organiser=request.user, now=now, **form.changes())
+        except UserFault as fault:
+            form.show(fault)
+        else:
+            messages.success(request, _("The race is made."))
+            return redirect("race_edit" if race.visibility == "invitation" else "race", race.slug)
+    return render(request, "races/form.html", {"form": form}, status=422 if form.errors else 200)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
+    """Change a race; its own validation says what may still change."""
+    race = organised_race(request, slug)
+    now = timezone.now()
+    form = RaceForm(request.POST or None, race=race, now=now)
+    if request.method == "POST" and form.is_valid():
+        try:
+            services.edit_race(race=race, now=now, **form.changes())
+        except UserFault as fault:
+            form.show(fault)
+        else:
+            messages.success(request, _("Saved."))
+            return redirect(race)
+    state = race.state_at(now)
+    context = {
+        "form": form,
+        "race": race,
+        "invitation_url": request.build_absolute_uri(_invitation_path(race)),
+        "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),
+        "is_league": race.kind == Kind.LEAGUE,
+    }
+    return render(request, "races/form.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def race_cancel(request: HttpRequest, slug: str) -> HttpResponse:
+    """Ask for a reason, then cancel a race."""
+    race = organised_race(request, slug)
+    form = ReasonForm(request.POST or None)
+    if request.method == "POST" and form.is_valid():
+        try:
+            services.cancel_race(race=race, reason=form.cleaned_data["reason"], now=timezone.now())
+        except UserFault as fault:
+            tell_fault(request, fault)
+        else:
+            messages.success(request, _("The race is cancelled."))
+        return redirect(race)
+    return render(request, "races/cancel.html", {"race": race, "form": form}, status=422 if form.errors else 200)
+
+
+@login_required
+@require_POST
+def invitation_reset(request: HttpRequest, slug: str) -> HttpResponse:
+    """Make the old invitation link worthless and give the race a new one."""
+    race = organised_race(request, slug)
+    services.reset_invitation(race=race)
+    messages.success(request, _("The link is new; the old one joins nobody any more. Who has joined stays."))
+    return redirect("race_edit", race.slug)
+
+
+@login_required
+@require_safe
+def race_racers(request: HttpRequest, slug: str) -> HttpResponse:
+    """Who is in a race, for its organiser."""
+    race = organised_race(request, slug)
+    entries = Entry.objects.filter(race=race, is_baseline=False).select_related("racer").order_by("entered_at", "pk")
+    page = Paginator(entries, RACERS_PER_PAGE).get_page(request.GET.get("page"))
+    return render(request, "races/racers.html", {"race": race, "page": page})
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def racer_remove(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
+    """Ask for a reason, then remove a racer from a race."""
+    race = organised_race(request, slug)
+    entry = get_object_or_404(
+        Entry.objects.select_related("racer", "race"), race=race, racer__alias=alias, removed_at=None, is_baseline=False
+    )
+    form = ReasonForm(request.POST or None)
+    if request.method == "POST" and form.is_valid():
+        try:
+            services.remove_entry(entry=entry, by=request.user, now=timezone.now(), reason=form.cleaned_data["reason"])
+        except UserFault as fault:
+            tell_fault(request, fault)
+        else:
+            messages.success(request, _("%(alias)s is removed from the race.") % {"alias": alias})
+        return redirect("race_racers", race.slug)
+    context = {"race": race, "entry": entry, "form": form}
+    return render(request, "races/remove.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_POST
+def racer_restore(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
+    """Take a removed racer back."""
+    race = organised_race(request, slug)
+    entry = get_object_or_404(Entry, race=race, racer__alias=alias, removed_at__isnull=False)
+    try:
+        services.restore_entry(entry=entry, by=request.user)
+    except UserFault as fault:
+        tell_fault(request, fault)
+    else:
+        messages.success(request, _("%(alias)s is back in the race.") % {"alias": alias})
+    return redirect("race_racers", race.slug)
+
+
+def _invitation_path(race: Race) -> str:
+    return reverse("race_invitation", args=[race.invitation])

@@ -1,0 +1,138 @@
+"""The list of races and one race: board, rules, my runs."""
+
+from __future__ import annotations
+
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.db.models import QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.views.decorators.http import require_safe
+
+from evaluation.selectors import models_of
+from races.models import Entry, Kind, Race, RaceState
+from races.ranking import order_rule, rule_for
+from races.selectors import (
+    board,
+    can_organise,
+    cancelled_races,
+    closed_races,
+    entry_of,
+    podiums,
+    races_of,
+    racing_now,
+    score_column,
+    submissions_of,
+    upcoming,
+)
+from races.sensors import not_offered
+
+from .common import visible_race
+from .latest import LatestRun, latest_run
+
+CARDS_PER_PAGE = 12
+ROWS_PER_PAGE = 50
+SHOWS = ("open", "upcoming", "closed", "cancelled", "mine")
+
+
+@require_safe
+def races(request: HttpRequest) -> HttpResponse:
+    """Races by state (``show``) and kind."""
+    show = request.GET.get("show", "open")
+    if show not in SHOWS:
+        show = "open"
+    if show == "mine" and not request.user.is_authenticated:
+        return redirect("account_login")
+    kind = request.GET.get("kind", "")
+    found = _listed(request, show)
+    if kind in Kind.values:
+        found = found.filter(kind=kind)
+    per_page = CARDS_PER_PAGE if show == "open" else ROWS_PER_PAGE
+    page = Paginator(found, per_page).get_page(request.GET.get("page"))
+    context = {"show": show, "kind": kind, "page": page, "now": timezone.now()}
+    if show == "open":
+        context["podiums"] = podiums(page.object_list)
+    return render(request, "races/races.html", context)
+
+
+def _listed(request: HttpRequest, show: str) -> QuerySet[Race]:
+    now = timezone.now()
+    if show == "mine":
+        return races_of(request.user)
+    if show == "cancelled":
+        return cancelled_races(request.user)
+    lists = {"open": racing_now, "upcoming": upcoming, "closed": closed_races}
+    return lists[show](now, request.user)
+
+
+@require_safe
+def race(request: HttpRequest, slug: str) -> HttpResponse:
+    """A race with its board."""
+    shown = visible_race(request, slug)
+    page = request.GET.get("page", "1")
+    standings = board(shown, request.user, page=int(page) if page.isdecimal() and len(page) < 9 else 1)
+    context = _race_context(request, shown, standings.my_row.entry if standings.my_row else None)
+    context |= {"tab": "board", "board": standings, "score_column": score_column(shown)}
+    return render(request, "races/race.html", context)
+
+
+@require_safe
+def race_rules(request: HttpRequest, slug: str) -> HttpResponse:
+    """What a race's rules are, in sentences and in figures."""
+    shown = visible_race(request, slug)
+    context = _race_context(request, shown)
+    context |= {"tab": "rules", "order_rule": order_rule()}
+    return render(request, "races/rules.html", context)
+
+
+@login_required
+@require_safe
+def race_runs(request: HttpRequest, slug: str) -> HttpResponse:
+    """Everything that I have sent to a race."""
+    shown = visible_race(request, slug)
+    context = _race_context(request, shown)
+    entry = context["entry"]
+    context |= {"tab": "runs", "rows": submissions_of(entry) if entry else []}
+    return render(request, "races/runs.html", context)
+
+
+@login_required
+@require_safe
+def race_live(request: HttpRequest, slug: str) -> HttpResponse:
+    """How my last car in this race is doing: a fragment that asks for itself again until the car is done.
+
+    ``seen`` is what the reader has on screen; unchanged, the answer is empty (204). When the car has just finished,
+    the page is told (``paddock:raced``), so that the board comes anew.
+    """
+    shown = visible_race(request, slug)
+    latest = latest_run(entry_of(shown, request.user))
+    if latest is not None and latest.mark == request.GET.get("seen"):
+        return HttpResponse(status=204)
+    response = render(request, "races/parts/live.html", {"race": shown, "latest": latest})
+    if latest is not None and latest.evaluation.is_final:
+        response["HX-Trigger"] = "paddock:raced"
+    response["Cache-Control"] = "private, no-store"
+    return response
+
+
+def _race_context(request: HttpRequest, shown: Race, entry: Entry | None = None) -> dict:
+    """What the head of a race's pages and its box for sending a car need. ``entry`` saves looking it up."""
+    now = timezone.now()
+    state = shown.state_at(now)
+    entry = entry or entry_of(shown, request.user)
+    latest: LatestRun | None = latest_run(entry)
+    context = {
+        "race": shown,
+        "state": state,
+        "entry": entry,
+        "latest": latest,
+        "ranking_rule": rule_for(shown).rule(shown),
+        "can_organise": can_organise(request.user, shown),
+        "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
+    }
+    if state == RaceState.OPEN and request.user.is_authenticated:
+        garage = list(models_of(request.user))
+        context["models"] = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
+        context["other_models"] = len(garage) - len(context["models"])
+    return context

@@ -1,0 +1,103 @@
+"""Getting into a race, sending cars, getting out of it."""
+
+from __future__ import annotations
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
+from django.shortcuts import redirect, render
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST
+
+from evaluation.errors import UserFault
+from evaluation.selectors import models_of
+from races import services
+from races.models import Race, Visibility
+from races.selectors import can_see_race, entry_of
+
+from .common import tell_fault, visible_race
+
+
+@login_required
+@require_POST
+def enter(request: HttpRequest, slug: str) -> HttpResponse:
+    """Enter a race."""
+    race = visible_race(request, slug)
+    try:
+        services.enter_race(race=race, racer=request.user, now=timezone.now())
+    except UserFault as fault:
+        tell_fault(request, fault)
+    else:
+        messages.success(request, _("You are in. Send a car."))
+    return redirect(race)
+
+
+@login_required
+@require_POST
+def submit(request: HttpRequest, slug: str) -> HttpResponse:
+    """Send one of my models to a race; whoever is not in yet is entered."""
+    race = visible_race(request, slug)
+    model = models_of(request.user).filter(public_id=request.POST.get("model", "")).first()
+    try:
+        if model is None:
+            raise UserFault("model_not_yours")
+        submission = services.submit_model(race=race, racer=request.user, model=model, now=timezone.now())
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return HttpResponseRedirect(_back(request, race))
+    if request.POST.get("watch"):
+        return redirect(submission.evaluation)
+    return redirect(race)
+
+
+def _back(request: HttpRequest, race: Race) -> str:
+    """The model's page for a form that stands there, else the race's."""
+    if request.POST.get("from") == "model":
+        return reverse("model", args=[request.POST.get("model", "")])
+    return race.get_absolute_url()
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def withdraw_page(request: HttpRequest, slug: str) -> HttpResponse:
+    """Ask, then take me out of a race."""
+    race = visible_race(request, slug)
+    entry = entry_of(race, request.user)
+    if entry is None or entry.is_withdrawn:
+        raise Http404
+    if request.method == "POST":
+        try:
+            services.withdraw(entry=entry, now=timezone.now())
+        except UserFault as fault:
+            tell_fault(request, fault)
+        else:
+            messages.success(request, _("You have withdrawn. Enter again and everything you drove is back."))
+        # a race by invitation is not seen any more by who has left it
+        return redirect(race if can_see_race(request.user, race) else "races")
+    return render(request, "races/withdraw.html", {"race": race})
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def race_invitation(request: HttpRequest, token: str) -> HttpResponse:
+    """Where an invitation link leads: what the race is, and a button to join it."""
+    race = Race.objects.select_related("track", "organiser").filter(invitation=token).first()
+    if race is None or race.visibility != Visibility.INVITATION:
+        return render(request, "races/invitation.html", {"race": None}, status=404)
+    entry = entry_of(race, request.user)
+    if entry is not None and not entry.is_withdrawn:
+        return redirect(race)
+    if request.method == "POST":
+        if not request.user.is_authenticated:
+            return redirect(f"{reverse('account_login')}?next={request.path}")
+        try:
+            services.accept_invitation(token=token, racer=request.user, now=timezone.now())
+        except UserFault as fault:
+            tell_fault(request, fault)
+            return redirect(request.path)
+        messages.success(request, _("You are in. Send a car."))
+        return redirect(race)
+    return render(request, "races/invitation.html", {"race": race, "state": race.state_at(timezone.now())})

@@ -1,0 +1,122 @@
+// What a page does beyond plain HTML: keeps the theme, shows local times, counts down, helps with files and copying.
+// Everything works without it; texts come from data attributes, so that they are translated where the page is.
+"use strict";
+
+(() => {
+  const root = document.documentElement;
+  const language = root.lang || "en";
+  const each = (selector, work, within = document) => within.querySelectorAll(selector).forEach(work);
+
+  // --- theme: the server paints what the cookie says, so nothing flashes ---------------------------------------------
+  const systemIsDark = () => matchMedia("(prefers-color-scheme: dark)").matches;
+  each("[data-theme-form]", (form) => form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const dark = root.dataset.theme === "dark" || (root.dataset.theme !== "light" && systemIsDark());
+    root.dataset.theme = dark ? "light" : "dark";
+    const secure = location.protocol === "https:" ? "; Secure" : "";
+    document.cookie = `theme=${root.dataset.theme}; Path=/; Max-Age=31536000; SameSite=Lax${secure}`;
+  }));
+
+  // --- times: the server writes its own time zone, the reader sees theirs --------------------------------------------
+  const style = { dateStyle: "medium", timeStyle: "short" };
+  const inWords = new Intl.DateTimeFormat(language, style);
+  const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+  function showTime(element) {
+    const moment = new Date(element.dateTime);
+    if (Number.isNaN(moment.valueOf())) return;
+    element.title = `${element.textContent.trim()} · ${zone}`;
+    element.textContent = inWords.format(moment);
+    element.removeAttribute("data-local");
+  }
+  function countDown(element) {
+    const left = Math.floor((new Date(element.dateTime) - Date.now()) / 1000);
+    if (left < 0) { element.textContent = element.dataset.over || ""; return; }
+    const [d, h, m, s] = [Math.floor(left / 86400), Math.floor(left / 3600) % 24, Math.floor(left / 60) % 60, left % 60];
+    const unit = (key, value) => (element.dataset[key] || "%s").replace("%s", value);
+    const text = d ? `${unit("d", d)} ${unit("h", h)}` : h ? `${unit("h", h)} ${unit("m", m)}` : `${unit("m", m)} ${unit("s", s)}`;
+    if (element.textContent !== text) element.textContent = text;
+  }
+  const refresh = (within = document) => {
+    each("time[data-local]", showTime, within);
+    each("time[data-countdown]", countDown, within);
+  };
+  refresh();
+  setInterval(() => each("time[data-countdown]", countDown), 1000);
+  document.addEventListener("htmx:afterSettle", () => refresh());
+
+  // --- date fields: typed in the reader's time zone, which the hidden field names ------------------------------------
+  const local = (moment) => new Date(moment - moment.getTimezoneOffset() * 60000).toISOString().slice(0, 16);
+  each("form[data-zoned]", (form) => {
+    const field = form.elements.time_zone;
+    if (!field || field.value === zone || !zone) return;
+    each("input[type='datetime-local'][data-utc]", (input) => {
+      const moment = new Date(input.dataset.utc);
+      if (!Number.isNaN(moment.valueOf())) input.value = local(moment);
+    }, form);
+    field.value = zone;
+    each("[data-zone]", (element) => { element.textContent = zone; }, form);
+  });
+
+  // --- menus close on Escape and on a click elsewhere ----------------------------------------------------------------
+  document.addEventListener("click", (event) => each("details.menu[open]", (menu) => {
+    if (!menu.contains(event.target)) menu.open = false;
+  }));
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") each("details.menu[open]", (menu) => { menu.open = false; menu.firstElementChild.focus(); });
+  });
+
+  // --- a place to drop files: fills the ordinary file field ----------------------------------------------------------
+  each("[data-drop]", (zoneElement) => {
+    const input = zoneElement.querySelector("input[type='file']");
+    const chosen = zoneElement.querySelector("[data-chosen]");
+    const show = () => {
+      const files = [...input.files].map((file) => `${file.name} (${(file.size / 1e6).toFixed(1)} MB)`);
+      chosen.textContent = files.join(" + ");
+      chosen.hidden = !files.length;
+    };
+    input.addEventListener("change", show);
+    for (const type of ["dragenter", "dragover"]) {
+      zoneElement.addEventListener(type, (event) => { event.preventDefault(); zoneElement.classList.add("over"); });
+    }
+    for (const type of ["dragleave", "drop"]) {
+      zoneElement.addEventListener(type, () => zoneElement.classList.remove("over"));
+    }
+    zoneElement.addEventListener("drop", (event) => {
+      event.preventDefault();
+      if (event.dataTransfer.files.length) { input.files = event.dataTransfer.files; show(); }
+    });
+  });
+
+  // --- a form that takes a while says so and is sent once ------------------------------------------------------------
+  each("form[data-busy]", (form) => form.addEventListener("submit", () => {
+    const button = form.querySelector("button[type='submit'], button:not([type])");
+    if (!button) return;
+    button.dataset.idle = button.textContent;
+    button.textContent = form.dataset.busy;
+    setTimeout(() => { button.disabled = true; });
+  }));
+  addEventListener("pageshow", () => each("button[data-idle]", (button) => {
+    button.disabled = false;
+    button.textContent = button.dataset.idle;
+  }));
+
+  // --- copy a link ---------------------------------------------------------------------------------------------------
+  each("[data-copy]", (button) => {
+    button.hidden = false;
+    button.addEventListener("click", async () => {
+      const field = document.getElementById(button.dataset.copy);
+      field.select();
+      try { await navigator.clipboard.writeText(field.value); } catch { document.execCommand("copy"); }
+      const label = button.textContent;
+      button.textContent = button.dataset.copied;
+      setTimeout(() => { button.textContent = label; }, 1600);
+    });
+  });
+
+  // --- selects that act at once (a button does it without scripts) ---------------------------------------------------
+  each("[data-submit-on-change]", (field) => field.addEventListener("change", () => field.form.requestSubmit()));
+
+  // --- the first error gets the focus --------------------------------------------------------------------------------
+  const first = document.querySelector(".fault, .field.wrong input, .field.wrong select, .field.wrong textarea");
+  if (first) first.focus();
+})();

@@ -1,0 +1,55 @@
+"""Track pages."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_http_methods, require_safe
+
+from evaluation.errors import UserFault
+
+from .forms import ImportTrackForm, add_fault
+from .models import Track
+from .services import import_track
+
+TRACKS_PER_PAGE = 24
+
+
+@require_safe
+def tracks(request: HttpRequest) -> HttpResponse:
+    """The catalogue first, then what racers imported."""
+    page = Paginator(Track.objects.select_related("owner"), TRACKS_PER_PAGE).get_page(request.GET.get("page"))
+    return render(request, "tracks/tracks.html", {"page": page})
+
+
+@require_safe
+def track(request: HttpRequest, slug: str) -> HttpResponse:
+    """One track: map, length, width and the races on it."""
+    return render(
+        request, "tracks/track.html", {"track": get_object_or_404(Track.objects.select_related("owner"), slug=slug)}
+    )
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def import_track_page(request: HttpRequest) -> HttpResponse:
+    """Import a track file; on success its own page shows the map."""
+    form = ImportTrackForm(request.POST or None, request.FILES or None)
+    if request.method == "POST" and form.is_valid():
+        try:
+            made = import_track(
+                data=form.data_bytes(), name=form.cleaned_data["name"], owner=request.user, now=timezone.now()
+            )
+        except UserFault as fault:
+            add_fault(form, fault)
+        else:
+            messages.success(request, _("The track is imported. Anybody can hold a race on it now."))
+            return redirect(made)
+    context = {"form": form, "limit": settings.TRACKS_PER_RACER}
+    return render(request, "tracks/import.html", context, status=422 if form.errors else 200)
