@@ -23,6 +23,10 @@ from .sensors import OFFERABLE, sensors_make_sense
 ONE_LINE = RegexValidator(r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*\Z", _("Write a name on one line."), code="one_line")
 
 
+def _are(kind: type, *values: object) -> bool:
+    return all(isinstance(value, kind) for value in values)
+
+
 class Kind(models.TextChoices):
     """Who holds a race."""
 
@@ -182,9 +186,10 @@ class Race(models.Model):
     def clean(self) -> None:
         """Refuse contradictions that need no clock, on the field to change. Raises ValidationError of reason codes."""
         problems: dict[str, ValidationError] = {}
-        if self.opens_at and self.closes_at and self.closes_at <= self.opens_at:
+        # full_clean comes here even when a field holds no value of its type
+        if _are(datetime, self.opens_at, self.closes_at) and self.closes_at <= self.opens_at:
             problems["closes_at"] = problem("race_closes_before_opening")
-        if self.laps and self.minimum_laps:
+        if _are(int, self.laps, self.minimum_laps):
             if self.minimum_laps > self.laps:
                 problems["minimum_laps"] = problem("race_minimum_laps", laps=self.laps)
             elif self.ranking_method == RankingMethod.TOTAL and self.minimum_laps != self.laps:

@@ -61,7 +61,8 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
     """The checks that need the clock or the stored race; the rest is ``Race.full_clean``. Raises ValidationError."""
     problems: dict[str, ValidationError] = {}
     changed = [] if before is None else changed_fields(before, race)
-    if race.opens_at and race.closes_at and race.opens_at < race.closes_at:
+    timed = isinstance(race.opens_at, datetime) and isinstance(race.closes_at, datetime)
+    if timed and race.opens_at < race.closes_at:
         if race.closes_at - race.opens_at > MAX_DURATION:
             problems["closes_at"] = problem("race_too_long", days=MAX_DURATION.days)
         if race.opens_at > now + MAX_AHEAD:
@@ -78,11 +79,11 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
             for field in changed:
                 if field not in TEXT_FIELDS:
                     problems[field] = problem("race_is_over")
-        elif "closes_at" in changed and race.closes_at and race.closes_at <= now:
+        elif timed and "closes_at" in changed and race.closes_at <= now:
             problems.setdefault("closes_at", problem("race_already_over"))
         if state == RaceState.OPEN and "opens_at" in changed:
             problems["opens_at"] = problem("race_has_opened")
-        elif state == RaceState.UPCOMING and "opens_at" in changed and race.opens_at < now - OPENING_SLACK:
+        elif timed and state == RaceState.UPCOMING and "opens_at" in changed and race.opens_at < now - OPENING_SLACK:
             problems.setdefault("opens_at", problem("race_opens_in_the_past"))
         if submissions:
             for field in changed:

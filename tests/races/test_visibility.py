@@ -1,0 +1,111 @@
+"""Who sees what: each predicate and its queryset twin say the same for the whole cast."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.contrib.auth.models import AnonymousUser
+
+from evaluation.models import Evaluation
+from races.models import Entry, Kind, Race, Visibility
+from races.selectors import (
+    can_organise,
+    can_see_evaluation,
+    can_see_race,
+    evaluations_visible_to,
+    races_visible_to,
+)
+from races.services import accept_invitation, remove_entry, submit_model, withdraw
+from tests.factories import a_model, a_race, a_racer, drive, laps
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def cast(now):
+    """Alice organises, Bob is in, Charlie is a stranger, Dora was removed, Erin withdrew, Stella is an admin."""
+    racers = {name: a_racer(name) for name in ("alice", "bob", "charlie", "dora", "erin")}
+    return racers | {"stella": a_racer("stella", is_staff=True), "anonymous": AnonymousUser(), "nobody": None}
+
+
+@pytest.fixture
+def races(cast, now):
+    secret = a_race(now, organiser=cast["alice"], visibility=Visibility.INVITATION, slug="secret")
+    public = a_race(now, organiser=cast["alice"], slug="public")
+    league = a_race(now, kind=Kind.LEAGUE, division="open", slug="league")
+    cancelled = a_race(now, cancelled_at=now, cancel_reason="Rain.", slug="cancelled")
+    upcoming = a_race(now, opens_at=now + timedelta(days=1), slug="upcoming")
+    for race in (secret, public):
+        for name in ("bob", "dora", "erin"):
+            accept_or_enter(race, cast[name], now)
+        remove_entry(entry=Entry.objects.get(race=race, racer=cast["dora"]), by=cast["alice"], now=now)
+        withdraw(entry=Entry.objects.get(race=race, racer=cast["erin"]), now=now)
+    return {race.slug: race for race in (secret, public, league, cancelled, upcoming)}
+
+
+def accept_or_enter(race, racer, now) -> Entry:
+    if race.visibility == Visibility.INVITATION:
+        return accept_invitation(token=race.invitation, racer=racer, now=now)
+    return Entry.objects.create(race=race, racer=racer, entered_at=now)
+
+
+def test_public_races_are_everybody_s_and_secret_ones_their_members(cast, races):
+    public = {"public", "league", "cancelled", "upcoming"}
+    insiders = ("alice", "bob", "erin", "stella")
+    for name, racer in cast.items():
+        expected = public | {"secret"} if name in insiders else public
+        assert {race.slug for race in races_visible_to(racer)} == expected, name
+        assert {slug for slug, race in races.items() if can_see_race(racer, race)} == expected, name
+
+
+def test_a_race_is_listed_once_however_many_are_in_it(cast, races):
+    assert races_visible_to(cast["bob"]).count() == Race.objects.count()
+
+
+def test_only_organisers_and_admins_organise(cast, races):
+    expected = {
+        "alice": {"secret", "public"},
+        "stella": set(races),
+    }
+    for name, racer in cast.items():
+        found = {slug for slug, race in races.items() if can_organise(racer, race)}
+        assert found == expected.get(name, set()), name
+
+
+def test_runs_on_a_board_are_seen_by_who_sees_the_board_and_other_runs_by_few(cast, races, now):
+    bob, runs = cast["bob"], {}
+    for slug in ("secret", "public"):
+        race = races[slug]
+        runs[f"{slug} best"] = drive(race, bob, laps(9_000, 9_000, 9_000), now).evaluation
+        runs[f"{slug} worse"] = drive(race, bob, laps(9_500, 9_500, 9_500), now).evaluation
+        runs[f"{slug} waiting"] = submit_model(race=race, racer=bob, model=a_model(bob), now=now).evaluation
+    from evaluation.services import queue_evaluation
+    from evaluation.simulator.rules import RaceRules
+
+    runs["test drive"] = queue_evaluation(
+        owner=bob, model=a_model(bob), track=races["public"].track, rules=RaceRules(), now=now
+    )
+    everything = set(runs)
+    expected = {
+        "bob": everything,
+        "stella": everything,
+        "alice": everything - {"test drive"},
+        "erin": {"secret best", "public best"},
+    }
+    for name, racer in cast.items():
+        seen = {key for key, evaluation in runs.items() if can_see_evaluation(racer, evaluation)}
+        assert seen == expected.get(name, {"public best"}), name
+        visible = set(evaluations_visible_to(racer).values_list("pk", flat=True))
+        assert visible == {runs[key].pk for key in seen}, name
+
+
+def test_who_leaves_the_board_takes_their_run_out_of_sight(cast, races, now):
+    submission = drive(races["public"], cast["charlie"], laps(9_000, 9_000, 9_000), now)
+    evaluation = Evaluation.objects.get(pk=submission.evaluation_id)
+    assert can_see_evaluation(None, evaluation)
+    withdraw(entry=submission.entry, now=now)
+    for name in ("anonymous", "bob"):
+        assert not can_see_evaluation(cast[name], evaluation)
+        assert evaluation not in evaluations_visible_to(cast[name])
+    assert can_see_evaluation(cast["charlie"], evaluation)
