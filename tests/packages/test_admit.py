@@ -1,0 +1,125 @@
+"""What the site does when the process behind the wall dies, dawdles or lies."""
+
+from __future__ import annotations
+
+import functools
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from evaluation.errors import PaddockError
+from evaluation.packages import admit as admit_module
+from evaluation.packages.admit import admit
+from evaluation.packages.limits import DEFAULT_LIMITS
+from evaluation.packages.read import UploadPart
+from evaluation.packages.slots import upload_slot
+from evaluation.sandbox.launch import launch
+from tests.hostile.parts import Upload, car, good_network, good_zip, metadata, pair, small_car
+
+PAYLOADS = Path(__file__).parent / "payloads"
+
+
+def upload(files: Upload, **options: object):
+    return admit([UploadPart(name, io.BytesIO(content)) for name, content in files], **options)
+
+
+def upload_to(deed: str, monkeypatch: pytest.MonkeyPatch) -> PaddockError:
+    """The fault that an upload ends with when the converter does this deed."""
+    bad = functools.partial(launch, arguments=[deed], python_path=[PAYLOADS])
+    monkeypatch.setattr(admit_module, "launch", lambda module, **options: bad("bad_converter", **options))
+    with pytest.raises(PaddockError) as fault:
+        upload(pair(good_network()))
+    return fault.value
+
+
+@pytest.mark.parametrize(
+    "deed",
+    [
+        "aborts",
+        "returns_early",
+        "garbage",
+        "announces_too_much",
+        "forges_a_platform_fault",
+        "invents_a_code",
+        "answers_without_a_network",
+        "counts_in_words",
+        "counts_less_than_nothing",
+    ],
+)
+def test_a_converter_that_dies_or_lies_ends_with_one_plain_reason(deed: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert upload_to(deed, monkeypatch).code == "conversion_crashed"
+
+
+def test_a_converter_that_never_gets_as_far_as_its_lock_is_our_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    fault = upload_to("never_locks", monkeypatch)
+    assert (fault.code, fault.fault) == ("conversion_failed", "platform")
+
+
+def test_a_converter_out_of_memory_is_the_networks_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert upload_to("fills_memory", monkeypatch).code == "conversion_memory"
+
+
+def test_a_converter_out_of_processor_time_is_the_networks_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admit_module, "CONVERTER", replace(admit_module.CONVERTER, cpu_s=1))
+    assert upload_to("computes_for_ever", monkeypatch).code == "conversion_time"
+
+
+def test_a_converter_that_hardly_got_the_processor_is_the_machines_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admit_module, "CONVERTER", replace(admit_module.CONVERTER, cpu_s=30, wall_s=1.0))
+    fault = upload_to("computes_for_ever", monkeypatch)
+    assert (fault.code, fault.fault) == ("upload_busy", "platform")
+
+
+def test_what_a_converter_says_is_cut_and_cleaned(monkeypatch: pytest.MonkeyPatch) -> None:
+    fault = upload_to("hides_codes_in_a_sentence", monkeypatch)
+    assert fault.code == "onnx_attribute"
+    assert str(fault).isprintable()
+    assert len(str(fault)) < 500
+
+
+@pytest.mark.parametrize("files", [pair(good_network()), good_zip()], ids=["two files", "zip"])
+def test_a_network_is_the_same_model_however_it_is_packed(files: Upload) -> None:
+    admitted = upload(files)
+    assert admitted.source_kind == "onnx"
+    assert admitted.sha256 == upload(list(reversed(files))).sha256 == upload(pair(good_network())).sha256
+
+
+def test_other_actions_make_another_model() -> None:
+    first = upload(pair(good_network()))
+    faster = metadata(action_space=[{"steering_angle": 0, "speed": 4}] * 5)
+    second = upload(pair(good_network(), faster))
+    assert first.onnx == second.onnx
+    assert first.sha256 != second.sha256
+
+
+def test_a_small_car_from_the_console_is_admitted() -> None:
+    admitted = upload(car(small_car()))
+    assert admitted.source_kind == "tensorflow"
+    assert admitted.parameters > 0
+    assert admitted.macs > 0
+
+
+def test_when_all_slots_are_taken_an_upload_is_asked_to_wait(tmp_path: Path) -> None:
+    impatient = replace(DEFAULT_LIMITS, slots=1, slot_wait_s=0.0)
+    with upload_slot(1, 0.0, tmp_path), pytest.raises(PaddockError) as fault:
+        upload(pair(good_network()), limits=impatient, slots_directory=tmp_path)
+    assert (fault.value.code, fault.value.fault) == ("upload_busy", "platform")
+    assert upload(pair(good_network()), limits=impatient, slots_directory=tmp_path).parameters == 10
+
+
+def test_there_are_as_many_slots_as_the_limits_say(tmp_path: Path) -> None:
+    with upload_slot(2, 0.0, tmp_path), upload_slot(2, 0.0, tmp_path):
+        with pytest.raises(PaddockError), upload_slot(2, 0.0, tmp_path):
+            pass
+        with upload_slot(3, 0.0, tmp_path):
+            pass
+
+
+def test_a_refused_upload_gives_its_slot_back(tmp_path: Path) -> None:
+    impatient = replace(DEFAULT_LIMITS, slots=1, slot_wait_s=0.0)
+    for _ in range(3):
+        with pytest.raises(PaddockError) as fault:
+            upload([("x", b"")], limits=impatient, slots_directory=tmp_path)
+        assert fault.value.code == "empty"

@@ -1,0 +1,131 @@
+"""model_metadata.json as real files write it, with the field's defaults."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evaluation.errors import UserFault
+from evaluation.packages.metadata import ModelMetadata, parse_metadata
+from tests.shared import SHARED, needs_shared
+
+ACTIONS = [{"steering_angle": -30, "speed": 1.0}, {"steering_angle": "30", "speed": "0.8"}]
+CONTINUOUS = {"steering_angle": {"low": -30.0, "high": 30.0}, "speed": {"low": "0.5", "high": 4}}
+
+
+def parse(**data: object) -> ModelMetadata:
+    return parse_metadata(json.dumps({"action_space": ACTIONS, **data}).encode())
+
+
+def test_the_oldest_files_have_an_action_space_only() -> None:
+    metadata = parse()
+    assert metadata.version == "1"
+    assert metadata.sensors == ("observation",)
+    assert metadata.network == "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW"
+    assert metadata.algorithm == "clipped_ppo"
+    assert metadata.action_space_type == "discrete"
+
+
+def test_a_file_with_sensors_and_without_version_is_of_the_second() -> None:
+    assert parse(sensor=["FRONT_FACING_CAMERA"]).version == "2"
+
+
+def test_the_first_version_ignores_a_sensor_list() -> None:
+    assert parse(version=1, sensor=["LEFT_CAMERA"]).sensors == ("observation",)
+
+
+@pytest.mark.parametrize("version", ["3", 3, 3.0, "3.0"])
+def test_numbers_may_be_written_as_words(version: object) -> None:
+    metadata = parse(version=version, sensor=["FRONT_FACING_CAMERA"])
+    assert metadata.version == "3"
+    assert metadata.actions[1] == {"steering_angle": 30.0, "speed": 0.8}
+
+
+def test_case_and_blanks_of_words_do_not_matter_as_in_the_original() -> None:
+    metadata = parse(action_space=CONTINUOUS, action_space_type=" Continuous", training_algorithm="SAC ")
+    assert metadata.algorithm == "sac"
+    assert metadata.actions["speed"] == {"low": 0.5, "high": 4.0}
+    assert metadata.output_size == 2
+
+
+def test_a_byte_order_mark_is_no_harm() -> None:
+    assert parse_metadata(b"\xef\xbb\xbf" + json.dumps({"action_space": ACTIONS}).encode()).output_size == 2
+
+
+def test_unknown_keys_are_ignored() -> None:
+    assert parse(comment="my best car", action_space=[{**ACTIONS[0], "index": 7}]).actions == (
+        {"steering_angle": -30.0, "speed": 1.0},
+    )
+
+
+def test_actions_beyond_the_car_are_kept_because_the_simulator_clips_them() -> None:
+    assert parse(action_space=[{"steering_angle": 45, "speed": 12}]).actions[0]["speed"] == 12.0
+
+
+def test_what_is_written_reads_back_the_same() -> None:
+    for metadata in (
+        parse(sensor=["STEREO_CAMERAS", "DISCRETIZED_SECTOR_LIDAR"], lidar_config={"num_sectors": "16"}),
+        parse(action_space=CONTINUOUS, action_space_type="continuous", training_algorithm="sac"),
+    ):
+        again = parse_metadata(json.dumps(metadata.to_dict()).encode())
+        assert again == metadata
+
+
+def test_a_discretised_lidar_is_as_wide_as_its_configuration() -> None:
+    metadata = parse(
+        sensor=["LEFT_CAMERA", "DISCRETIZED_SECTOR_LIDAR"], lidar_config={"num_sectors": 4, "num_values_per_sector": 3}
+    )
+    assert [(spec.sensor, spec.shape) for spec in metadata.inputs] == [
+        ("DISCRETIZED_SECTOR_LIDAR", (12,)),
+        ("LEFT_CAMERA", (120, 160, 1)),
+    ]
+
+
+def test_identity_counts_actions_and_sensors_and_nothing_else() -> None:
+    base = parse(sensor=["LEFT_CAMERA", "LIDAR"], version=3)
+    same = parse(sensor=["LIDAR", "LEFT_CAMERA"], version="5", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
+    assert base.canonical_json() == same.canonical_json()
+    other = parse(sensor=["LEFT_CAMERA", "LIDAR"], action_space=[*ACTIONS[:1], {"steering_angle": 30, "speed": 0.9}])
+    assert base.canonical_json() != other.canonical_json()
+
+
+def test_identity_depends_on_the_order_of_the_actions() -> None:
+    assert parse().canonical_json() != parse(action_space=ACTIONS[::-1]).canonical_json()
+
+
+@needs_shared
+def test_a_real_file_is_read() -> None:
+    metadata = parse_metadata((SHARED / "traces" / "a-to-z-2023-model_metadata.json").read_bytes())
+    assert metadata.sensors == ("FRONT_FACING_CAMERA",)
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=20), inner, max_size=4),
+    max_leaves=12,
+)
+KEYS = [
+    "action_space", "action_space_type", "sensor", "neural_network", "training_algorithm", "version", "lidar_config",
+]  # fmt: skip
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.dictionaries(st.sampled_from(KEYS), json_values))
+def test_nonsense_ends_with_a_reason(changes: dict) -> None:
+    data = {"action_space": ACTIONS, "sensor": ["FRONT_FACING_CAMERA"], **changes}
+    try:
+        parse_metadata(json.dumps(data).encode())
+    except UserFault as fault:
+        assert fault.code.startswith("metadata_")
+        assert str(fault)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=200))
+def test_any_bytes_end_with_a_reason(data: bytes) -> None:
+    with pytest.raises(UserFault) as fault:
+        parse_metadata(data)
+    assert fault.value.code.startswith("metadata_")
