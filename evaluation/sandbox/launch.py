@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import compileall
 import contextlib
+import ctypes
 import fcntl
 import functools
 import json
@@ -35,6 +36,7 @@ CODE_ROOT = Path(__file__).resolve().parent.parent.parent
 _CODE = ("evaluation", "tracks")
 _PIPE_SIZE = 1024 * 1024
 _GRACE_S = 5.0
+_PR_SET_CHILD_SUBREAPER = 36
 
 
 class SandboxedProcess:
@@ -110,11 +112,16 @@ class SandboxedProcess:
             return self._status
         with contextlib.suppress(ChildProcessError):  # somebody else's waitpid(-1) took it: status unknown
             if timeout != 0:
-                _wait_readable(os.pidfd_open(self.pid), timeout)
+                pidfd = os.pidfd_open(self.pid)
+                try:
+                    _wait_readable(pidfd, timeout)
+                finally:
+                    os.close(pidfd)
             pid, status, usage = os.wait4(self.pid, os.WNOHANG)
             if pid == 0:
                 return None
             self.cpu_s = usage.ru_utime + usage.ru_stime
+            self._bury_first_process()
             self._end(os.waitstatus_to_exitcode(status))
             return self._status
         self._end(0)
@@ -183,6 +190,14 @@ class SandboxedProcess:
             fields = file.read().rpartition(b")")[2].split()
             return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # utime, stime: proc(5)
         return 0.0
+
+    def _bury_first_process(self) -> None:
+        """bubblewrap does not wait for its first process when that ends by itself: then it was left to us."""
+        first = self._first_process()
+        if first is not None:
+            _wait_readable(first, _GRACE_S)
+            with contextlib.suppress(ChildProcessError):
+                os.waitid(os.P_PIDFD, first, os.WEXITED | os.WNOHANG)
 
     def _end(self, code: int) -> None:
         # bubblewrap reports a signal as 128 + number, as shells do.
@@ -254,6 +269,7 @@ def start(
             bwrap = bubblewrap.find()
             if bwrap is None:
                 raise OSError("bubblewrap is not installed")
+            _adopt_orphans()
             command = bubblewrap.command(bwrap, home, code, their_info, as_root) + command
             passed.append(their_info)
         popen = subprocess.Popen(
@@ -332,6 +348,12 @@ def _read_child_pid(info: int) -> int | None:
     return None
 
 
+def _adopt_orphans() -> None:
+    """Let processes that bubblewrap leaves behind come to this process, which buries them: the first process of a
+    container often does not, and every evaluation would leave it a dead entry."""
+    ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, ctypes.c_ulong(1), 0, 0, 0)
+
+
 def _child_of(pid: int) -> int | None:
     """The one child of bubblewrap's first process; None before it is born or after it died."""
     with contextlib.suppress(OSError), open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as file:
@@ -340,9 +362,6 @@ def _child_of(pid: int) -> int | None:
 
 
 def _wait_readable(pidfd: int, timeout: float | None) -> None:
-    try:
-        poller = select.poll()
-        poller.register(pidfd, select.POLLIN)
-        poller.poll(None if timeout is None else timeout * 1000)
-    finally:
-        os.close(pidfd)
+    poller = select.poll()
+    poller.register(pidfd, select.POLLIN)
+    poller.poll(None if timeout is None else timeout * 1000)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
 from pathlib import Path
 
 import pytest
 
 from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES
-from evaluation.sandbox.lock import VARIABLE
 from evaluation.sandbox.probe import probe
 
+PR_SET_CHILD_SUBREAPER = 36
 PAYLOADS = Path(__file__).parent / "payloads"
 
 
@@ -30,49 +32,27 @@ def level(request: pytest.FixtureRequest) -> int:
     return request.param
 
 
-def sandboxed_processes() -> set[int]:
-    """Every process of this host that a launcher started (by its environment), however it was renamed or detached."""
-    marker = f"{VARIABLE}=".encode()
-    found = set()
-    for name in os.listdir("/proc"):
-        if name.isdigit() and int(name) != os.getpid():
-            try:
-                environment = Path(f"/proc/{name}/environ").read_bytes()
-                ended = Path(f"/proc/{name}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
-            except OSError:
-                continue
-            if marker in environment or (ended and _parent(name) == os.getpid()):
-                found.add(int(name))
+def descendants() -> set[int]:
+    """Every process below this one, ended ones that nobody waited for included."""
+    children: dict[int, list[int]] = {}
+    for name in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError):
+            parent = int(Path(f"/proc/{name}/stat").read_bytes().rpartition(b")")[2].split()[1])
+            children.setdefault(parent, []).append(int(name))
+    found, waiting = set(), [os.getpid()]
+    while waiting:
+        below = children.get(waiting.pop(), [])
+        found.update(below)
+        waiting += below
     return found
-
-
-def _parent(pid: str) -> int:
-    try:
-        return int(Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[1])
-    except OSError:
-        return 0
-
-
-def _own(pids: set[int]) -> set[int]:
-    """Those below this process: other test runs on the same host have their own."""
-    own = set()
-    for pid in pids:
-        ancestor = pid
-        while ancestor > 1:
-            ancestor = _parent(str(ancestor))
-            if ancestor == os.getpid():
-                own.add(pid)
-    return own
 
 
 @pytest.fixture
 def nothing_left():
-    """Fails when the test leaves a sandboxed process (running or dead), or a descriptor."""
+    """Fails when the test leaves a process (running, detached or dead), or a descriptor."""
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)  # whoever detaches from its parent comes to us
     probe()
-    descriptors = set(os.listdir("/proc/self/fd"))
-    orphans = {pid for pid in sandboxed_processes() if _parent(str(pid)) == 1}
+    processes, descriptors = descendants(), len(os.listdir("/proc/self/fd"))
     yield
-    left = sandboxed_processes()
-    assert not _own(left)
-    assert {pid for pid in left if _parent(str(pid)) == 1} <= orphans
-    assert len(os.listdir("/proc/self/fd")) <= len(descriptors)
+    assert descendants() <= processes
+    assert len(os.listdir("/proc/self/fd")) <= descriptors
