@@ -124,7 +124,9 @@ VALKEY_DIR = DATA_DIR / "valkey"
 VALKEY_SOCKET = broker.socket_path(VALKEY_DIR)
 EMBEDDED_BROKER = not env_str("CELERY_BROKER_URL", "")
 CELERY_BROKER_URL = env_str("CELERY_BROKER_URL", "") or broker.broker_url(VALKEY_SOCKET)
-CACHE_URL = env_str("CACHE_URL", "") or broker.cache_url(VALKEY_SOCKET)
+CACHE_URL = env_str("CACHE_URL", "") or (broker.cache_url(VALKEY_SOCKET) if EMBEDDED_BROKER else CELERY_BROKER_URL)
+if not CACHE_URL.startswith(("unix://", "redis://", "rediss://")):
+    raise ImproperlyConfigured("Set CACHE_URL to a Redis or Valkey server, such as redis://host:6379/1.")
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": CACHE_URL}}
 
 CELERY_TASK_IGNORE_RESULT = True

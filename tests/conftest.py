@@ -3,33 +3,16 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import shutil
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
 
-# Tests never touch the checkout's data folder.
-os.environ["PADDOCK_DATA"] = tempfile.mkdtemp(prefix="paddock-tests-")
-os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-
-@pytest.fixture(scope="session")
-def django_db_modify_db_settings() -> None:
-    """Test on a real SQLite file: in memory there is no WAL, and other threads and processes see nothing."""
-    from django.conf import settings
-
-    database = settings.DATABASES["default"]
-    if database["ENGINE"] == "django.db.backends.sqlite3":
-        database.setdefault("TEST", {})["NAME"] = str(Path(os.environ["PADDOCK_DATA"]) / "test.sqlite3")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def quick_passwords() -> None:
-    """Hash passwords once, not hundreds of thousands of times."""
-    from django.conf import settings
-
-    settings.PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Delete the tests' data folder (tests/settings.py made it) once the last process has ended."""
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ["PADDOCK_TEST_DATA"], ignore_errors=True)
 
 
 @pytest.fixture

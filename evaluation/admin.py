@@ -1,0 +1,102 @@
+"""The admin pages of models, evaluations, results and workers. What a run measured can be read, never edited."""
+
+from __future__ import annotations
+
+from django.contrib import admin, messages
+from django.db.models import QuerySet
+from django.http import HttpRequest
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+from django.utils.translation import ngettext
+
+from .models import Evaluation, Network, Result, State, TrainedModel, WorkerNode
+from .services import delete_model, stop_evaluation, sweep_queue
+
+
+class ReadOnlyAdmin(admin.ModelAdmin):
+    """Rows that only services write."""
+
+    def has_add_permission(self, request: HttpRequest) -> bool:
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj=None) -> bool:
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj=None) -> bool:
+        return False
+
+
+@admin.register(Network)
+class NetworkAdmin(ReadOnlyAdmin):
+    list_display = ["sha256", "size", "parameters", "macs", "created_at"]
+    search_fields = ["sha256"]
+    ordering = ["-created_at"]
+
+
+@admin.register(TrainedModel)
+class TrainedModelAdmin(ReadOnlyAdmin):
+    list_display = ["public_id", "name", "owner", "source_kind", "created_at", "deleted_at"]
+    list_filter = ["source_kind", ("deleted_at", admin.EmptyFieldListFilter)]
+    search_fields = ["public_id", "name", "owner__alias", "network__sha256", "source_sha256"]
+    list_select_related = ["owner"]
+    date_hierarchy = "created_at"
+    actions = ["delete_from_garage"]
+
+    @admin.action(description=_("Take out of the garage (results stay)"), permissions=["stop"])
+    def delete_from_garage(self, request: HttpRequest, queryset: QuerySet[TrainedModel]) -> None:
+        for model in queryset:
+            delete_model(model=model, now=timezone.now())
+
+    def has_stop_permission(self, request: HttpRequest) -> bool:
+        return request.user.has_perm("evaluation.delete_trainedmodel")
+
+
+class ResultInline(admin.StackedInline):
+    model = Result
+    can_delete = False
+    exclude = ["line"]
+    extra = 0
+
+    def has_add_permission(self, request: HttpRequest, obj=None) -> bool:
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj=None) -> bool:
+        return False
+
+
+@admin.register(Evaluation)
+class EvaluationAdmin(ReadOnlyAdmin):
+    list_display = ["public_id", "state", "owner", "model", "track", "attempt", "reason_code", "worker", "queued_at"]
+    list_filter = ["state", "reason_code", "worker", "track"]
+    search_fields = ["public_id", "owner__alias", "model__name", "model__public_id"]
+    list_select_related = ["owner", "model", "track"]
+    date_hierarchy = "queued_at"
+    inlines = [ResultInline]
+    actions = ["stop", "sweep"]
+
+    @admin.action(description=_("Stop for good"), permissions=["stop"])
+    def stop(self, request: HttpRequest, queryset: QuerySet[Evaluation]) -> None:
+        now = timezone.now()
+        running = queryset.filter(state__in=[State.QUEUED, State.RUNNING])
+        count = sum(stop_evaluation(evaluation=evaluation, now=now) for evaluation in running)
+        text = ngettext("%(count)d evaluation was stopped.", "%(count)d evaluations were stopped.", count)
+        self.message_user(request, text % {"count": count}, messages.SUCCESS)
+
+    @admin.action(description=_("Sweep the whole queue now"), permissions=["stop"])
+    def sweep(self, request: HttpRequest, queryset: QuerySet[Evaluation]) -> None:
+        report = sweep_queue(now=timezone.now())
+        text = _("Put back: %(requeued)d, given up: %(gave_up)d, waiting: %(waiting)d.")
+        counts = {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
+        self.message_user(request, text % counts, messages.SUCCESS)
+
+    def has_stop_permission(self, request: HttpRequest) -> bool:
+        return request.user.has_perm("evaluation.change_evaluation")
+
+
+@admin.register(WorkerNode)
+class WorkerNodeAdmin(ReadOnlyAdmin):
+    list_display = ["name", "seen_at", "engine", "level"]
+
+    @admin.display(description=_("sandbox"))
+    def level(self, node: WorkerNode) -> str:
+        return f"{node.sandbox.get('level')} ({node.sandbox.get('name')})"

