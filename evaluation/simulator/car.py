@@ -49,13 +49,16 @@ class Car:
         self._applied: tuple[float, float] | None = None
         self._waiting: deque[tuple[float, float]] = deque()
         self._wheel_angle = 0.0
+        self._pose: Pose | None = None
         self.place(Pose(0.0, 0.0, 0.0))
 
     @property
     def pose(self) -> Pose:
-        """Where the base is now."""
-        (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
-        return Pose(x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
+        """Where the base is now; asked of Bullet once a control step."""
+        if self._pose is None:
+            (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
+            self._pose = Pose(x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
+        return self._pose
 
     @property
     def height(self) -> float:
@@ -87,6 +90,7 @@ class Car:
         for joint in HINGES:
             bullet.resetJointState(self.body, joint, wheel_angle, 0.0, self._client)
         self._wheel_angle = wheel_angle
+        self._pose = None
         self._waiting.clear()
         self._applied = None
         self._drive(wheel_angle, wheel_angle, speed)
@@ -99,7 +103,9 @@ class Car:
         self._waiting.append((steering_deg, speed))
 
     def apply(self, steps_late: int) -> None:
-        """Drive the motors by the command that is ``steps_late`` control steps old; called once a control step."""
+        """Drive the motors by the command that is ``steps_late`` control steps old; called once a control step, while
+        the world moves."""
+        self._pose = None
         while len(self._waiting) > steps_late + 1:
             self._waiting.popleft()
         if len(self._waiting) <= steps_late:
@@ -190,7 +196,7 @@ def _build(client: int, physics: CarPhysics) -> int:
         linkJointAxis=[(0.0, 0.0, 1.0) if link in HINGES else (0.0, 1.0, 0.0) for link in links],
         physicsClientId=client,
     )
-    # One kind of change a call: a call that also sets damping or the joint speed goes to the chassis, whatever its link.
+    # One kind of change a call: one that also sets damping or the joint speed goes to the chassis, whatever its link.
     bullet.changeDynamics(body, -1, localInertiaDiagonal=physics.chassis_inertia, physicsClientId=client)
     bullet.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
     bullet.changeDynamics(body, -1, maxJointVelocity=physics.max_joint_velocity, physicsClientId=client)

@@ -9,7 +9,7 @@ import numpy as np
 from tracks.geometry import TrackGeometry
 
 from .action import Action
-from .car import Car, Pose
+from .car import Car
 from .clock import STEP_MS
 from .referee import PutBack, Referee
 from .sensors import Reading

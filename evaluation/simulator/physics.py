@@ -40,7 +40,7 @@ class CarPhysics:
     min_speed: float = 0.1
     max_speed: float = 4.0
 
-    # Response: fitted on the recorded drives (see the class); together 0.13-0.16 m and 6-9 degrees off after 1 s, median.
+    # Response: fitted on the recorded drives (see the class): 0.12-0.17 m and 7-9 degrees off after 1 s, median.
     effective_wheelbase: float = 0.262  # m; steady curvature is tan(a) / (this + understeer * |tan(a)|) for steering a
     understeer: float = 0.118  # m
     steering_lag_s: float = 0.094

@@ -12,13 +12,17 @@ import numpy as np
 class Optics:
     """A pinhole camera on the car. Metres and radians; x forward and y left from the car's base.
 
-    Defaults: the front camera of deepracer-simapp (urdf/deepracer, macros.xacro): 640x480 pixels, seen at a quarter.
+    Defaults: the front camera of deepracer-simapp, 640x480 pixels seen at a quarter. Its mount
+    (urdf/deepracer/deepracer_single_cam.urdf) is 0.1453 m ahead, 0.1303 m high and pitched 0.2618 rad in the body's
+    frame; but the body's rear axle is 0.0390 m up and its front axle 0.0350 m, on wheels of one size (0.036 m), so the
+    body stands 0.0243 rad nose up. The frames of that camera (dr-demo-1..3) show the same: with the pitch below, their
+    walls come out at the mesh's 1.0 m.
     """
 
-    x: float = 0.1453
+    x: float = 0.1421
     y: float = 0.0
-    height: float = 0.1303
-    pitch: float = 0.2618  # down
+    height: float = 0.1328
+    pitch: float = 0.2375  # down
     horizontal_fov: float = 1.13
     columns: int = 160
     rows: int = 120

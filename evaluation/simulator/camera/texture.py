@@ -13,6 +13,7 @@ from .theme import Theme
 
 FINE_M = 0.0025  # metres a pixel: a dash is 10 pixels wide
 MAX_PIXELS = 40_000_000  # of the finest level; a larger track gets larger pixels
+_BLEED = 1.2  # pixels by which OpenCV's smooth thick lines are too wide on each side
 _SHIFT = 6  # fractional bits of OpenCV's drawing coordinates
 
 
@@ -53,7 +54,7 @@ def draw_ground(track: TrackGeometry, theme: Theme, reductions: tuple[int, ...] 
     for dash in _dashes(track, theme):
         cv2.fillConvexPoly(road, fixed(dash), theme.dash, cv2.LINE_AA, _SHIFT)
     # Twice as thick as the line; the half outside the road is covered by the field.
-    thickness = max(1, round(2 * theme.line_width / metres))
+    thickness = max(1, round(2 * (theme.line_width / metres - _BLEED)))
     cv2.polylines(road, borders, True, theme.line, thickness, cv2.LINE_AA, _SHIFT)
 
     # field + (road - field) * inside, in place to keep the peak of memory low

@@ -24,15 +24,17 @@ class Theme:
     wall_height: float
 
 
-# Measured on the reInvent2019_wide mesh of deepracer-simapp and the mean luma of its textures; the background is
-# Gazebo's default grey of 0.7.
+# Shapes: measured on the reInvent2019_wide mesh of deepracer-simapp; the wall's height and the size of the dashes agree
+# with three frames of its camera (dr-demo-1..3 of deepracer-utils). Greys: medians on those frames, because light
+# changes what the mesh's textures say. The walls' own colour (36, 70, 81) arrives at 3 to 40 percent of its brightness,
+# by the side the light comes from (2, 14, 21 and 24), lines and dashes at 91 to 100. Sky: Gazebo's background.
 OFFICIAL = Theme(
     name="official",
-    road=63,
-    line=223,
-    dash=151,
-    field=123,
-    wall=61,
+    road=53,
+    line=212,
+    dash=140,
+    field=134,
+    wall=14,
     sky=178,
     line_width=0.0762,
     dash_length=0.0508,
@@ -41,22 +43,3 @@ OFFICIAL = Theme(
     field_margin=0.762,
     wall_height=1.0,
 )
-
-# The look of the three frames that come with deepracer-utils (dr-demo-1..3): dark hall, high walls, double-size dashes.
-HALL = Theme(
-    name="hall",
-    road=52,
-    line=211,
-    dash=142,
-    field=135,
-    wall=14,
-    sky=178,
-    line_width=0.0762,
-    dash_length=0.1016,
-    dash_width=0.0508,
-    dash_pitch=0.2032,
-    field_margin=1.5,
-    wall_height=4.0,
-)
-
-THEMES = {theme.name: theme for theme in (OFFICIAL, HALL)}
