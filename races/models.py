@@ -228,7 +228,8 @@ class Entry(models.Model):
     (see races.ranking). Who withdrew or was removed keeps the row with all that was driven, and is on no board.
     """
 
-    race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"))
+    # no index of its own: the unique one over race and racer begins with it
+    race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"), db_index=False)
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="entries", verbose_name=_("racer"))
     entered_at = models.DateTimeField(_("entered"), default=timezone.now)
     withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
@@ -316,7 +317,10 @@ class Entry(models.Model):
 class Submission(models.Model):
     """One car sent to one race by an entry, and the evaluation that measures it."""
 
-    entry = models.ForeignKey(Entry, models.CASCADE, related_name="submissions", verbose_name=_("entry"))
+    # no index of its own: the unique one over entry and number begins with it
+    entry = models.ForeignKey(
+        Entry, models.CASCADE, related_name="submissions", verbose_name=_("entry"), db_index=False
+    )
     number = models.PositiveSmallIntegerField(_("number"))
     evaluation = models.OneToOneField(
         "evaluation.Evaluation", models.PROTECT, related_name="submission", verbose_name=_("evaluation")

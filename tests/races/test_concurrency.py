@@ -1,0 +1,190 @@
+"""Two tabs, two workers, an organiser and a racer at the same moment: on SQLite here, on PostgreSQL below."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from datetime import timedelta
+from threading import Barrier, Thread
+
+import pytest
+from django.db import connection
+
+from evaluation.errors import PaddockError
+from evaluation.models import Evaluation
+from evaluation.services import finish_evaluation, stop_evaluation
+from races.models import Entry, Race, Submission
+from races.services import (
+    cancel_race,
+    create_community_race,
+    edit_race,
+    enter_race,
+    recompute_standing,
+    submit_model,
+    withdraw,
+)
+from tests.factories import a_model, a_race, a_racer, a_track, laps, outcome, start
+from tests.postgres import postgres, program
+from tests.shared import CHECKOUT
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+def at_once(calls: Sequence[Callable[[], object]]) -> list[object]:
+    """Run the calls in threads that begin together; what each returned or raised, refusals as their code."""
+    answers: list[object] = [None] * len(calls)
+    gate = Barrier(len(calls))
+
+    def run(index: int) -> None:
+        gate.wait(timeout=30)
+        try:
+            answers[index] = calls[index]()
+        except PaddockError as fault:
+            answers[index] = fault.code
+        except BaseException as error:
+            answers[index] = error
+        finally:
+            connection.close()
+
+    threads = [Thread(target=run, args=(index,)) for index in range(len(calls))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(timeout=60)
+        assert not thread.is_alive(), "a thread hangs"
+    return answers
+
+
+def test_six_tabs_send_six_cars_and_one_waits(now):
+    race, racer = a_race(now), a_racer()
+    models = [a_model(racer) for _ in range(6)]
+    answers = at_once([lambda m=m: submit_model(race=race, racer=racer, model=m, now=now) for m in models])
+    assert sorted(str(a) for a in answers if not isinstance(a, Submission)) == ["submission_running"] * 5, answers
+    entry = Entry.objects.get()
+    assert (entry.submission_count, entry.last_number, Evaluation.objects.count()) == (1, 1, 1)
+
+
+def test_the_last_submission_left_is_used_once(now):
+    race, racer = a_race(now, max_submissions=1), a_racer()
+    models = [a_model(racer) for _ in range(4)]
+
+    def send_and_finish(model):
+        submission = submit_model(race=race, racer=racer, model=model, now=now)
+        running = start(submission.evaluation, now)
+        finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=outcome(laps(9, 9, 9)), now=now)
+        return "sent"
+
+    answers = at_once([lambda m=m: send_and_finish(m) for m in models])
+    assert answers.count("sent") == 1, answers
+    assert set(answers) <= {"sent", "submission_running", "submissions_used_up"}, answers
+    assert Entry.objects.get().submission_count == 1
+
+
+def test_the_same_car_sent_twice_at_once_is_one_submission(now):
+    race, racer = a_race(now), a_racer()
+    model = a_model(racer)
+    answers = at_once([lambda: submit_model(race=race, racer=racer, model=model, now=now)] * 4)
+    assert sorted(str(a) for a in answers if not isinstance(a, Submission)) == ["car_already_submitted"] * 3, answers
+
+
+def test_rules_changed_at_the_moment_of_a_submission_hold_for_it_or_are_refused(now):
+    organiser = a_racer()
+    for round_number in range(5):
+        race, racer = a_race(now, organiser=organiser), a_racer()
+        model = a_model(racer)
+        sent, changed = at_once(
+            [
+                lambda race=race, racer=racer, model=model: submit_model(race=race, racer=racer, model=model, now=now),
+                lambda race=race: edit_race(race=Race.objects.get(pk=race.pk), now=now, laps=7),
+            ]
+        )
+        assert isinstance(sent, Submission), (round_number, sent)
+        driven = Evaluation.objects.get(pk=sent.evaluation_id).spec["rules"]["laps"]
+        assert driven == Race.objects.get(pk=race.pk).laps, (round_number, changed)
+        assert (driven == 7) == isinstance(changed, Race), (round_number, changed)
+
+
+def test_a_racer_with_six_tabs_holds_no_more_races_than_allowed(now, settings):
+    settings.RACES_PER_RACER = 2
+    racer, track = a_racer(), a_track()
+    times = {"opens_at": now, "closes_at": now + timedelta(days=1)}
+    answers = at_once(
+        [lambda: create_community_race(organiser=racer, now=now, name="Sprint", track=track, **times)] * 6
+    )
+    assert answers.count("race_limit") == 4, answers
+    assert Race.objects.count() == 2
+
+
+def test_results_stops_and_withdrawals_at_once_neither_block_nor_lose_anything(now):
+    """Every lock order that the services have, in one race at one moment."""
+    race, fast, slow = a_race(now), a_racer(), a_racer()
+    keep = [a_racer() for _ in range(3)]
+    runs = {}
+    for racer in (fast, slow, *keep):
+        submission = submit_model(race=race, racer=racer, model=a_model(racer), now=now)
+        runs[racer.pk] = start(submission.evaluation, now)
+
+    def end(racer, time_ms):
+        running = runs[racer.pk]
+        driven = outcome(laps(time_ms, time_ms, time_ms))
+        return finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=driven, now=now)
+
+    def leave_and_return(racer):
+        withdraw(entry=Entry.objects.get(race=race, racer=racer), now=now)
+        return enter_race(race=race, racer=racer, now=now)
+
+    answers = at_once(
+        [
+            lambda: end(fast, 8_000),
+            lambda: leave_and_return(fast),
+            lambda: end(slow, 9_900),
+            lambda: stop_evaluation(evaluation=Evaluation.objects.get(pk=runs[slow.pk].pk), now=now),
+            lambda: edit_race(race=Race.objects.get(pk=race.pk), now=now, description="Hello"),
+            *(lambda racer=racer, n=n: end(racer, 9_000 + n) for n, racer in enumerate(keep)),
+        ]
+    )
+    assert not [answer for answer in answers if isinstance(answer, BaseException)], answers
+    before = list(Entry.objects.order_by("pk").values()), Race.objects.values().get()
+    for entry in Entry.objects.all():
+        recompute_standing(entry=entry)
+    assert (list(Entry.objects.order_by("pk").values()), Race.objects.values().get()) == before
+    assert Entry.objects.filter(racer__in=keep, classified=True).count() == 3
+
+
+def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
+    race = a_race(now)
+    runs = []
+    for _ in range(4):
+        racer = a_racer()
+        submission = submit_model(race=race, racer=racer, model=a_model(racer), now=now)
+        runs.append(start(submission.evaluation, now))
+
+    def end(running):
+        driven = outcome(laps(9_000, 9_000, 9_000))
+        return finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=driven, now=now)
+
+    answers = at_once(
+        [
+            lambda: cancel_race(race=race, reason="Rain.", now=now),
+            *(lambda running=running: end(running) for running in runs),
+        ]
+    )
+    assert isinstance(answers[0], Race), answers
+    assert set(answers[1:]) <= {True, False}, answers
+    assert not Evaluation.objects.filter(ended_at=None).exists(), "nothing drives in a cancelled race"
+
+
+@pytest.mark.postgres
+@pytest.mark.slow
+@pytest.mark.django_db(transaction=False)
+@pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
+@pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
+def test_all_of_this_room_holds_on_postgresql_too():
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/races", "-m", "not postgres"]
+    with postgres() as url:
+        run = subprocess.run(
+            command, cwd=CHECKOUT, env=os.environ | {"DATABASE_URL": url}, capture_output=True, text=True, check=False
+        )
+    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
