@@ -54,7 +54,7 @@ class Car:
 
     @property
     def pose(self) -> Pose:
-        """Where the base is now; asked of Bullet once a control step."""
+        """Where the base is now; asked of Bullet once, until the world moves."""
         if self._pose is None:
             (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
             self._pose = Pose(x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
@@ -95,6 +95,10 @@ class Car:
         self._applied = None
         self._drive(wheel_angle, wheel_angle, speed)
 
+    def moved(self) -> None:
+        """The world has moved: what was read of the car is out of date."""
+        self._pose = None
+
     def command(self, steering_deg: float, speed: float) -> None:
         """Take a command; :meth:`apply` brings it to the motors when the dead time is over."""
         limit = self.physics.max_steering_deg
@@ -103,9 +107,7 @@ class Car:
         self._waiting.append((steering_deg, speed))
 
     def apply(self, steps_late: int) -> None:
-        """Drive the motors by the command that is ``steps_late`` control steps old; called once a control step, while
-        the world moves."""
-        self._pose = None
+        """Drive the motors by the command that is ``steps_late`` control steps old; called once a control step."""
         while len(self._waiting) > steps_late + 1:
             self._waiting.popleft()
         if len(self._waiting) <= steps_late:

@@ -12,6 +12,9 @@ from .action import ActionSpace
 from .physics import PADDOCK_CAR
 from .sensors import POSE
 
+_AHEAD_M, _AHEAD_S = 0.25, 0.2  # look-ahead: metres at rest, and seconds of driving on top
+_CORNERING = 2.5  # m/s^2 sideways
+
 
 class CentreLinePilot:
     """Follows a line at a constant offset from the centre line, by pose instead of by picture.
@@ -36,31 +39,36 @@ class CentreLinePilot:
         direction: str = "ccw",
         speed: float = 1.5,
         offset: float = 0.0,
-        look_ahead: float = 0.35,
     ) -> None:
-        """``speed`` in m/s on straights (it slows down in bends), ``offset`` in metres to the left of the centre line,
-        ``look_ahead`` in metres: the pilot aims at the point so far ahead of the nose (pure pursuit)."""
+        """``speed`` in m/s on straights (it slows down before bends), ``offset`` in metres to the left of the centre
+        line."""
         self._track = track.in_direction(direction)
         self._speed = speed
         self._offset = offset
-        self._look_ahead = look_ahead
         self._index: int | None = None
 
     def __call__(self, readings: dict[str, np.ndarray]) -> np.ndarray:
         """Two values in [-1, 1] from ``readings["POSE"]``: x, y (m), yaw (rad), speed (m/s)."""
-        x, y, yaw, _ = readings[POSE].tolist()
-        place = self._track.project(x, y, self._index)
-        if abs(place.offset) > 1.0:  # put back elsewhere
-            place = self._track.project(x, y)
+        x, y, yaw, rolling = readings[POSE].tolist()
+        track, physics = self._track, PADDOCK_CAR
+        place = track.project(x, y, self._index)
+        if abs(place.offset) > track.width_at(place.distance):  # put back elsewhere
+            place = track.project(x, y)
         self._index = place.index
-        aim_x, aim_y, _ = self._track.point_at(place.distance + self._look_ahead, self._offset)
+
+        # Pure pursuit: aim at a point so far ahead that the lag of the steering does not make it weave.
+        aim_x, aim_y, _ = track.point_at(place.distance + _AHEAD_M + _AHEAD_S * rolling, self._offset)
         bearing = math.remainder(math.atan2(aim_y - y, aim_x - x) - yaw, 2 * math.pi)
         curvature = 2 * math.sin(bearing) / max(math.hypot(aim_x - x, aim_y - y), 0.05)
-        physics = PADDOCK_CAR
         # Steady curvature k needs tan(a) = k (l + u |tan(a)|).
         tangent = abs(curvature) * physics.effective_wheelbase / max(1 - abs(curvature) * physics.understeer, 0.1)
         steering = math.copysign(min(math.degrees(math.atan(tangent)), physics.max_steering_deg), curvature)
-        speed = max(min(self._speed, 2.0 / max(abs(curvature), 0.1)), physics.min_speed)
+
+        turns = [
+            abs(math.remainder(track.point_at(place.distance + ahead)[2] - place.heading, 2 * math.pi)) / ahead
+            for ahead in (0.5, 1.0, 1.5)
+        ]
+        speed = max(min(self._speed, math.sqrt(_CORNERING / max(*turns, 0.1))), physics.min_speed)
         span = physics.max_speed - physics.min_speed
         return np.array(
             (steering / physics.max_steering_deg, 2 * (speed - physics.min_speed) / span - 1), dtype=np.float32

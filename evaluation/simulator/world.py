@@ -61,10 +61,13 @@ class World:
         self.seconds += perf_counter() - before
 
     def _tick(self, count: int) -> None:
+        """Advance by physics ticks (1/120 s)."""
         client = self.client
         step = bullet.stepSimulation
         for _ in range(count):
             step(client)
+        for car in self.cars:
+            car.moved()
 
     def close(self) -> None:
         """Free the Bullet client; may be called twice."""
