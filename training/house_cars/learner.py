@@ -55,6 +55,9 @@ def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained
         device="cpu",
         **recipe.ppo,
     )
+    if recipe.first_action:
+        with torch.no_grad():
+            learner.policy.action_net.bias.copy_(torch.tensor(recipe.first_action))
     looks = _Looks(recipe, seconds)
     try:
         learner.learn(recipe.steps, callback=looks)

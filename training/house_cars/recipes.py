@@ -22,6 +22,7 @@ class Recipe:
     learning_rate: float = 5e-4
     gamma: float = 0.97
     entropy: float = 0.01
+    first_action: tuple[float, ...] = ()  # continuous: where the untrained network begins; empty: in the middle
     ppo: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -78,6 +79,7 @@ FLYER = Recipe(
     focus=0.25,
     gamma=0.98,
     entropy=0.0,
+    first_action=(0.0, -0.8),  # a car that crawls stays on the road long enough to learn to steer
 )
 
 RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in (STEADY, BRISK, FLYER)}

@@ -1,0 +1,89 @@
+"""The same loop twice, with the warped camera and with Bullet's own TinyRenderer at the same 160 x 120 pixels.
+
+A scripted pilot drives, so that both loops see the same places; each frame goes through the network all the same. No
+sandbox: only the ratio of the two counts.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from evaluation.sandbox.policy_process import Policy, load
+from evaluation.simulator.action import ActionSpace
+from evaluation.simulator.camera.optics import Optics
+from evaluation.simulator.camera.view import Camera
+from evaluation.simulator.car import Pose
+from evaluation.simulator.clock import STEP_MS
+from evaluation.simulator.policies import CentreLinePilot
+from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.sensors import POSE, SENSORS
+from evaluation.simulator.stage import Ground, Stage
+from tests.simulator.tiny_scene import OVERSAMPLING, TinyScene
+from tracks.geometry import TrackGeometry
+
+from .models import AdmittedCar
+
+Look = Callable[[Pose], np.ndarray]
+_FULL = Optics()
+_SMALL = Optics(columns=_FULL.columns // OVERSAMPLING, rows=_FULL.rows // OVERSAMPLING)
+
+
+def compare(car: AdmittedCar, track: TrackGeometry, *, steps: int) -> dict[str, Any]:
+    """Real-time factors of both loops over ``steps`` control steps, milliseconds a frame, and the ratio."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        ground = Ground(track)
+        warped = _drive(car, ground, Camera(ground.scene).render, steps)
+        scene = TinyScene(track, ground.theme)
+        try:
+            tiny = _drive(car, ground, lambda pose: scene.render(pose, _SMALL), steps)
+        finally:
+            scene.close()
+    finally:
+        os.sched_setaffinity(0, before)
+    return {
+        "model": car.name,
+        "warped": warped,
+        "tiny_renderer": tiny,
+        "ratio": warped["real_time_factor"] / tiny["real_time_factor"],
+        "frame_ratio": tiny["frame_ms"] / warped["frame_ms"],
+    }
+
+
+def _drive(car: AdmittedCar, ground: Ground, look: Look, steps: int) -> dict[str, float]:
+    pilot = CentreLinePilot(ground.track, ground.track.direction)
+    network = _network(car)
+    looking = 0.0
+    with Stage(ground, RaceRules(laps=1000, max_simulated_ms=10_000_000)) as stage:
+        contestant = stage.add([POSE])
+        started = time.perf_counter()
+        for _ in range(steps):
+            pose = contestant.car.pose
+            before = time.perf_counter()
+            frame = look(pose)
+            looking += time.perf_counter() - before
+            network(frame)
+            stage.step((pilot.action_space.decode(pilot(contestant.observe())),))
+        wall_s = time.perf_counter() - started
+    return {"real_time_factor": steps * STEP_MS / 1000.0 / wall_s, "frame_ms": 1000.0 * looking / steps}
+
+
+def _network(car: AdmittedCar) -> Callable[[np.ndarray], None]:
+    """The policy process's own loop body, in this process."""
+    specs = [SENSORS[name] for name in sorted(car.metadata["sensor"])]
+    space = ActionSpace.from_metadata(car.metadata)
+    inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
+    policy = Policy(load(car.onnx), {"inputs": inputs, "outputs": space.size})
+    request = memoryview(policy.request)
+
+    def run(frame: np.ndarray) -> None:
+        request[-frame.nbytes :] = memoryview(np.ascontiguousarray(frame)).cast("B")
+        policy.run()
+
+    return run

@@ -1,0 +1,121 @@
+"""The benchmarks run at their smallest, and say what they promise to say."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from benchmarks import evaluation
+from benchmarks.models import cars
+from benchmarks.processor import Clock
+from tests.shared import CHECKOUT
+
+SMALLEST = ("--track", "oval", "--laps", "1", "--runs", "1", "--steps", "5", "--models", "steady")
+
+
+def run(module: str, *arguments: str) -> str:
+    """Standard output of ``python -m MODULE``."""
+    done = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        cwd=CHECKOUT,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_whole_evaluations_are_measured_and_their_time_is_accounted_for() -> None:
+    figures = json.loads(run("benchmarks.evaluation", "--json", "--no-site", *SMALLEST))
+
+    assert figures["real_time_factor"]["steady"] > 1
+    assert figures["cpu_factor"]["steady"] > 1
+    shares = figures["shares"]["steady"]
+    assert set(shares) == {"physics", "network", "camera", "pipes", "start", "other"}
+    assert sum(shares.values()) == pytest.approx(1.0, abs=0.01)
+    assert figures["bullet_and_network"]["steady"] == pytest.approx(shares["physics"] + shares["network"])
+    assert 50 < figures["peak_mb"] < 2000
+    assert figures["startup_s"]["steady"] > 0
+    assert figures["tiny_renderer"]["ratio"] > 1
+    assert figures["upload_to_ranked_s"] is None
+    assert figures["machine"]["engine"]
+    assert "steady" in evaluation.table(figures)
+
+
+@pytest.mark.slow
+def test_a_car_is_timed_from_upload_to_rank_on_a_running_site() -> None:
+    figures = json.loads(run("benchmarks.evaluation", "--json", *SMALLEST))
+
+    timed = figures["upload_to_ranked"]
+    assert figures["upload_to_ranked_s"] == timed["total_s"] > 0
+    assert sum(timed[part] for part in ("upload_s", "enter_s", "submit_s", "queue_s", "evaluate_s", "rank_s")) == (
+        pytest.approx(timed["total_s"])
+    )
+    assert set(timed["models"]) == {"steady"}
+
+
+@pytest.mark.slow
+def test_a_board_is_measured_at_both_sizes() -> None:
+    figures = json.loads(run("benchmarks.board", "--json", "--few", "20", "--many", "200", "--runs", "1"))
+
+    assert (figures["few"], figures["many"]) == (20, 200)
+    for page in figures["pages"].values():
+        assert page["ratio"] == pytest.approx(page["many_ms"] / page["few_ms"])
+
+
+def figures(**changes: object) -> dict:
+    """Figures that keep every promise."""
+    return {
+        "real_time_factor": {"console": 50.0, "steady": 130.0},
+        "bullet_and_network": {"console": 0.8, "steady": 0.6},
+        "upload_to_ranked_s": 4.0,
+        "peak_mb": 400.0,
+    } | changes
+
+
+def test_figures_that_keep_every_promise_miss_nothing() -> None:
+    assert evaluation.misses(figures()) == []
+    assert evaluation.misses(figures(upload_to_ranked_s=None)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"real_time_factor": {"console": 39.0}}, "console runs 39.0 times"),
+        ({"real_time_factor": {"steady": 119.0}}, "steady runs 119.0 times"),
+        ({"bullet_and_network": {"steady": 0.4}}, "steady spends 40%"),
+        ({"upload_to_ranked_s": 11.0}, "11.0 s from upload to rank"),
+        ({"peak_mb": 601.0}, "601 MB"),
+    ],
+)
+def test_a_broken_promise_is_named(change: dict, said: str) -> None:
+    (found,) = evaluation.misses(figures(**change))
+
+    assert said in found
+
+
+def test_the_house_cars_are_measured_with_their_metadata() -> None:
+    steady = next(car for car in cars() if car.name == "steady")
+
+    assert [name for name, _ in steady.files] == ["steady.onnx", "model_metadata.json"]
+
+
+def test_the_clock_counts_the_processor_time_of_children() -> None:
+    clock = Clock()
+    with subprocess.Popen(
+        [sys.executable, "-c", "while True: pass"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    ) as child:
+        clock.look()
+        first = clock.seconds
+        while clock.seconds < first + 0.1:
+            clock.look()
+        child.kill()
+
+    assert clock.seconds >= first + 0.1

@@ -1,0 +1,89 @@
+"""The committed house cars are cars that anybody could have uploaded, and they drive."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import pytest
+
+from evaluation.packages.admit import admit
+from evaluation.packages.metadata import parse_metadata
+from evaluation.packages.read import UploadPart
+from evaluation.simulator.action import ActionSpace
+from evaluation.simulator.engine import ENGINE_ID
+from evaluation.simulator.race import run_race
+from evaluation.simulator.rules import RaceRules
+from tracks.catalogue import CATALOGUE
+from training.house_cars.driving import OnnxDriver
+from training.house_cars.files import FOLDER, KEY, LAPS
+from training.house_cars.recipes import RECIPES
+
+NAMES = sorted(path.stem for path in FOLDER.glob("*.onnx"))
+TRACKS = {entry.slug: entry for entry in CATALOGUE}
+
+
+def content(name: str) -> dict:
+    return json.loads((FOLDER / f"{name}.json").read_text())
+
+
+def test_every_recipe_has_a_committed_car_and_there_are_at_least_three() -> None:
+    assert set(NAMES) == set(RECIPES)
+    assert len(NAMES) >= 3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_json_is_a_valid_model_metadata_that_agrees_with_the_recipe(name: str) -> None:
+    data = (FOLDER / f"{name}.json").read_bytes()
+
+    metadata = parse_metadata(data)
+
+    assert metadata == parse_metadata(json.dumps(RECIPES[name].metadata).encode())
+    car = json.loads(data)[KEY]
+    assert (car["name"], car["display_name"]) == (name, RECIPES[name].display_name)
+    assert car["description"] == RECIPES[name].description
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_was_measured_on_this_engine(name: str) -> None:
+    """Retrain or measure again (``python -m training.house_cars --measure``) when the engine's number changes."""
+    assert content(name)[KEY]["measured_on"]["engine"] == ENGINE_ID
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_is_small_and_passes_the_gate(name: str) -> None:
+    onnx = (FOLDER / f"{name}.onnx").read_bytes()
+    assert len(onnx) <= 1_000_000
+
+    package = admit(
+        [
+            UploadPart("model.onnx", io.BytesIO(onnx)),
+            UploadPart("model_metadata.json", io.BytesIO((FOLDER / f"{name}.json").read_bytes())),
+        ]
+    )
+
+    assert package.sha256 == content(name)[KEY]["made"]["model_sha256"]
+
+
+@pytest.mark.parametrize("slug", ["oval", "baja-turnpike"])
+@pytest.mark.parametrize("name", NAMES)
+def test_it_drives_three_laps_without_a_reset_as_fast_as_its_record_says(name: str, slug: str) -> None:
+    car = content(name)
+    driver = OnnxDriver((FOLDER / f"{name}.onnx").read_bytes())
+
+    result = run_race(
+        TRACKS[slug].geometry(), RaceRules(laps=LAPS), ActionSpace.from_metadata(car), car["sensor"], driver
+    )
+
+    assert [lap.complete for lap in result.laps] == [True] * LAPS
+    assert sum(lap.resets for lap in result.laps) == 0
+    # Not to the millisecond: another processor rounds the network's sums in another order.
+    recorded = car[KEY]["measured"][slug]["ccw"]["average_lap_ms"]
+    assert sum(lap.time_ms for lap in result.laps) / LAPS == pytest.approx(recorded, rel=0.03)
+
+
+def test_the_record_shows_that_they_drive_every_catalogue_track() -> None:
+    for name in NAMES:
+        measured = content(name)[KEY]["measured"]
+        assert set(measured) == set(TRACKS)
+        assert all(ways["ccw"]["complete_laps"] == LAPS for ways in measured.values()), name
