@@ -37,5 +37,5 @@ urlpatterns = [
     path("v1/", include(version_1)),
     path("schema/", SpectacularJSONAPIView.as_view(), name="api-schema"),
     path("docs/", reference.page, name="api-docs"),
-    re_path(r"^(?P<rest>.*)$", views.UnknownAddressView.as_view()),
+    re_path(r"^(?P<rest>[\s\S]*)$", views.UnknownAddressView.as_view()),
 ]

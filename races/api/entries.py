@@ -207,7 +207,7 @@ class RemovalView(APIView):
         operation_id="restore_entry",
         summary="Put a removed racer back on the board",
         request=None,
-        responses=EntrySerializer,
+        responses={200: EntrySerializer},
         tags=["races"],
     )
     def delete(self, request: Request, slug: str, alias: str) -> Response:

@@ -33,10 +33,6 @@ class CSVRenderer(BaseRenderer):
     media_type = "text/csv"
     format = "csv"
 
-    def render(self, data: Any, accepted_media_type: str | None = None, renderer_context: dict | None = None) -> bytes:
-        """Failures are told in JSON, as everywhere."""
-        return JSONRenderer().render(data)
-
 
 class NamedSerializer(serializers.Serializer):
     """Something with an address and a name."""
@@ -268,7 +264,12 @@ class TraceView(APIView):
     """The trace file."""
 
     permission_classes = [AllowAny]
-    renderer_classes = [CSVRenderer, JSONRenderer]
+    renderer_classes = [JSONRenderer, CSVRenderer]
+
+    def handle_exception(self, exc: Exception) -> Response:
+        """Failures are told in JSON, as everywhere."""
+        self.request.accepted_renderer, self.request.accepted_media_type = JSONRenderer(), JSONRenderer.media_type
+        return super().handle_exception(exc)
 
     @extend_schema(
         operation_id="read_trace",
@@ -279,7 +280,7 @@ class TraceView(APIView):
     def get(self, request: Request, public_id: str) -> HttpResponse:
         trace = read_trace(_result(request, public_id))
         return HttpResponse(
-            trace, content_type="text/csv; charset=utf-8", headers=_as_file(f"{public_id}-simtrace.csv")
+            trace, content_type="text/csv; charset=utf-8", headers=_as_file(f"{public_id}-sim-trace.csv")
         )
 
 

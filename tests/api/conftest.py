@@ -21,9 +21,10 @@ def counted_in_memory(settings, bell):
 
 @pytest.fixture(autouse=True)
 def own_files(settings, tmp_path):
-    """Files of one test are gone with it."""
-    settings.STORAGES = settings.STORAGES | {
-        "default": {"BACKEND": "django.core.files.storage.FileSystemStorage", "OPTIONS": {"location": tmp_path}}
+    """Files of one test are gone with it, and pages need no collected static files."""
+    settings.STORAGES = {
+        "default": {"BACKEND": "django.core.files.storage.FileSystemStorage", "OPTIONS": {"location": tmp_path}},
+        "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"},
     }
 
 

@@ -90,7 +90,9 @@ def test_being_throttled_says_for_how_long():
     assert (answer.status_code, answer.data["params"], answer["Retry-After"]) == (429, {"wait_s": 13}, "13")
 
 
-@pytest.mark.parametrize("address", ["/api/", "/api/v1/", "/api/v2/models/", "/api/v1/nothing/here/"])
+@pytest.mark.parametrize(
+    "address", ["/api/", "/api/v1/", "/api/v2/models/", "/api/v1/nothing/here/", "/api/v1/a%0Ab/", "/api/v1/a%00b/"]
+)
 @pytest.mark.parametrize("method", ["get", "post", "delete", "options", "patch"])
 def test_an_unknown_address_is_not_found_in_the_error_form(address, method):
     answer = getattr(APIClient(), method)(address)

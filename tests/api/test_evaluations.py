@@ -1,0 +1,135 @@
+"""Evaluations and their files through the API."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from evaluation.errors import UserFault
+from evaluation.models import Evaluation
+from evaluation.services import beat
+from races.models import Visibility
+from races.services import submit_model
+from tests.evaluation.stubs import trace_csv
+from tests.factories import a_model, a_race, drive, fail, laps, start
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+@pytest.fixture
+def race(now, alice):
+    return a_race(now, organiser=alice, visibility=Visibility.INVITATION)
+
+
+def read(client, evaluation, part=""):
+    return client.get(f"/api/v1/evaluations/{evaluation.public_id}/{part}")
+
+
+def sent(racer, now, race=None):
+    return submit_model(race=race or a_race(now), racer=racer, model=a_model(racer), now=now)
+
+
+def test_an_evaluation_is_followed_from_the_queue_to_its_result(alice, bob, now, as_racer):
+    sent(alice, now)
+    submission = sent(bob, now + timedelta(seconds=1))
+    client, evaluation = as_racer(bob), submission.evaluation
+    waiting = read(client, evaluation).data
+    assert (waiting["state"], waiting["queue"]["position"], waiting["queue"]["waiting"]) == ("queued", 2, 2)
+    assert (waiting["result"], waiting["reason"], waiting["progress"]) == (None, None, None)
+    assert waiting["race"] == {"slug": submission.entry.race.slug, "name": submission.entry.race.name}
+    assert waiting["rules"]["laps"] == 3
+
+    running = start(evaluation, now)
+    progress = {"lap": 2, "laps": 3, "lap_ms": 1500, "total_ms": 12_000, "percent": 50.5, "x": 1.0, "y": 2.0}
+    progress |= {"off_tracks": 1, "resets": 1, "last_lap_ms": 10_500}
+    assert beat(evaluation_id=running.pk, lease=running.lease, progress=progress, now=now)
+    shown = read(client, evaluation).data
+    assert (shown["state"], shown["queue"], shown["progress"]) == ("running", None, progress)
+
+
+def test_a_result_has_laps_files_and_what_made_it(bob, now, as_racer):
+    evaluation = drive(a_race(now), bob, laps(11_000, 10_000, 12_000), now).evaluation
+    client = as_racer(bob)
+    result = read(client, evaluation).data["result"]
+    assert [lap["time_ms"] for lap in result["laps"]] == [11_000, 10_000, 12_000]
+    assert (result["best_lap_ms"], result["total_ms"], result["engine"]) == (10_000, 33_000, "paddock-v1")
+
+    metrics = read(client, evaluation, "metrics/")
+    assert (metrics.status_code, metrics["Content-Type"]) == (200, "application/json")
+    assert metrics["Content-Disposition"] == f'attachment; filename="{evaluation.public_id}-metrics.json"'
+    assert set(metrics.json()) == {"metrics"}
+
+    trace = read(client, evaluation, "trace/")
+    assert (trace.status_code, trace["Content-Type"]) == (200, "text/csv; charset=utf-8")
+    assert trace["Content-Disposition"] == f'attachment; filename="{evaluation.public_id}-sim-trace.csv"'
+    assert trace.content == trace_csv()
+
+
+def test_a_trace_can_be_asked_for_as_csv_and_its_absence_is_told_in_json(bob, now, as_racer):
+    evaluation = sent(bob, now).evaluation
+    address = f"/api/v1/evaluations/{evaluation.public_id}/trace/"
+    answer = as_racer(bob).get(address, headers={"Accept": "text/csv"})
+    assert answer.status_code == 404
+    assert answer.json()["code"] == "not_found"
+
+
+def test_a_file_that_the_storage_lost_is_our_fault(bob, now, as_racer):
+    evaluation = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation
+    evaluation.result.trace.storage.delete(evaluation.result.trace.name)
+    answer = read(as_racer(bob), evaluation, "trace/")
+    assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "storage_failed", "platform")
+
+
+def test_a_failure_carries_its_code_its_fault_and_a_sentence(bob, now, as_racer):
+    submission = sent(bob, now)
+    fail(submission, UserFault("non_finite_action", step=17), now)
+    shown = read(as_racer(bob), submission.evaluation).data
+    assert shown["state"] == "failed"
+    assert (shown["reason"]["code"], shown["reason"]["fault"]) == ("non_finite_action", "user")
+    assert shown["reason"]["params"] == {"step": 17}
+    assert "17" in shown["reason"]["sentence"]
+    assert "operator_detail" not in shown
+
+
+def test_its_owner_stops_an_evaluation_once(bob, now, as_racer):
+    evaluation, client = sent(bob, now).evaluation, as_racer(bob)
+    address = f"/api/v1/evaluations/{evaluation.public_id}/stop/"
+    first = client.post(address)
+    assert (first.status_code, first.data["state"], first.data["reason"]["code"]) == (200, "stopped", "stopped")
+    again = client.post(address)
+    assert (again.status_code, again.data) == (200, first.data)
+
+
+def test_who_sees_and_stops_a_waiting_run(bob, race, now, cast):
+    cast["member"].post(f"/api/v1/invitations/{race.invitation}/")
+    evaluation = sent(bob, now, race).evaluation
+    seen = {role: read(client, evaluation).status_code for role, client in cast.items()}
+    assert seen == {"owner": 200, "member": 200, "stranger": 404, "admin": 200, "anonymous": 404}
+    address = f"/api/v1/evaluations/{evaluation.public_id}/stop/"
+    stopped = {role: cast[role].post(address).status_code for role in ("owner", "stranger", "anonymous")}
+    assert stopped == {"owner": 403, "stranger": 404, "anonymous": 401}
+    assert Evaluation.objects.get(pk=evaluation.pk).state == "queued"
+    assert cast["admin"].post(address).data["state"] == "stopped"
+
+
+@pytest.mark.parametrize("part", ["", "metrics/", "trace/"])
+def test_a_run_that_stands_on_a_public_board_is_public_and_others_are_not(bob, now, cast, part):
+    race = a_race(now)
+    worse = drive(race, bob, laps(12_000, 12_000, 12_000), now).evaluation
+    best = drive(race, bob, laps(10_000, 10_000, 10_000), now).evaluation
+    for role, status in {"member": 200, "stranger": 404, "admin": 200, "anonymous": 404}.items():
+        assert read(cast[role], best, part).status_code == 200, role
+        assert read(cast[role], worse, part).status_code == status, role
+
+
+def test_an_evaluation_is_a_bounded_number_of_queries(bob, now, as_racer, django_assert_num_queries):
+    evaluation, client = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation, as_racer(None)
+    with django_assert_num_queries(1):
+        assert read(client, evaluation).status_code == 200

@@ -1,0 +1,86 @@
+"""Requests made at random from the schema: nothing ends in a crash, and every answer is one that the schema names."""
+
+from __future__ import annotations
+
+import pytest
+import schemathesis
+from django.core.signals import request_finished, request_started
+from django.db import close_old_connections
+from django.utils import timezone
+from drf_spectacular.generators import SchemaGenerator
+from hypothesis import HealthCheck, Phase, given, settings
+from knox.models import AuthToken
+from rest_framework.throttling import ScopedRateThrottle
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from league.wsgi import application
+from races.models import Visibility
+from races.services import accept_invitation
+from tests.factories import a_race, a_racer, drive, laps
+
+SCHEMA = schemathesis.openapi.from_dict(SchemaGenerator().get_schema(request=None, public=True))
+SCHEMA.app = application  # called within this process
+OPERATIONS = {operation.label: operation for operation in (found.ok() for found in SCHEMA.get_all_operations())}
+CHECKS = [not_a_server_error, status_code_conformance, content_type_conformance, response_schema_conformance]
+EXAMPLES = 6
+
+
+@pytest.fixture(autouse=True)
+def one_connection():
+    """What Django's own test client does: a request does not close the connection that holds the test's transaction."""
+    signals = (request_started, request_finished)
+    for signal in signals:
+        signal.disconnect(close_old_connections)
+    yield
+    for signal in signals:
+        signal.connect(close_old_connections)
+
+
+@pytest.fixture
+def known(alice, monkeypatch) -> dict[str, str]:
+    """What addresses may name, so that requests also get past the first 404; and a token that sees all of it."""
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "100000/hour", "write": "100000/hour"})
+    now = timezone.now()
+    race = a_race(now, slug="fuzzed", organiser=alice, visibility=Visibility.INVITATION)
+    accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
+    submission = drive(race, alice, laps(10_000, 10_000, 10_000), now)
+    return {
+        "slug": "fuzzed",
+        "alias": "guest",
+        "token": race.invitation,
+        "public_id": submission.evaluation.public_id,
+        "model": submission.evaluation.model.public_id,
+        "header": f"Token {AuthToken.objects.create(user=alice)[1]}",
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.django_db
+@pytest.mark.parametrize("label", OPERATIONS)
+def test_no_request_crashes_or_is_answered_in_an_undescribed_way(label, known):
+    headers = {"Authorization": known["header"]}
+
+    @settings(
+        max_examples=EXAMPLES,
+        deadline=None,
+        database=None,
+        derandomize=True,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(case=OPERATIONS[label].as_strategy())
+    def ask(case: schemathesis.Case) -> None:
+        case.validate_response(case.call(headers=headers), checks=CHECKS)
+        if case.path_parameters:
+            for name in case.path_parameters:
+                case.path_parameters[name] = known["model" if "/models/" in label else name]
+            if "/tracks/" in label:
+                case.path_parameters["slug"] = "oval"
+            case.validate_response(case.call(headers=headers), checks=CHECKS)
+
+    ask()

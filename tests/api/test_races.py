@@ -1,0 +1,195 @@
+"""Races through the API: finding, making, changing, cancelling, inviting."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from races.models import Kind, Race, Visibility
+from races.services import enter_race
+from tests.factories import a_race, drive, laps
+
+pytestmark = pytest.mark.django_db
+ADDRESS = "/api/v1/races/"
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+def new_race(now, **fields) -> dict:
+    return {
+        "name": "Friday Night",
+        "track": "oval",
+        "opens_at": now.isoformat(),
+        "closes_at": (now + timedelta(days=3)).isoformat(),
+        **fields,
+    }
+
+
+def slugs(answer) -> set[str]:
+    assert answer.status_code == 200, answer.data
+    return {row["slug"] for row in answer.data["results"]}
+
+
+def test_races_are_found_by_state_by_kind_and_by_whose_they_are(alice, bob, now, as_racer):
+    week = timedelta(days=7)
+    a_race(now, slug="open")
+    a_race(now, slug="league", kind=Kind.LEAGUE, division="open")
+    a_race(now, slug="later", opens_at=now + week, closes_at=now + 2 * week, organiser=alice)
+    a_race(now, slug="over", opens_at=now - 2 * week, closes_at=now - week)
+    a_race(now, slug="called-off", cancelled_at=now, cancel_reason="Rain")
+    anybody, hers, his = as_racer(None), as_racer(alice), as_racer(bob)
+    assert slugs(anybody.get(ADDRESS)) == {"open", "league", "later", "over", "called-off"}
+    assert slugs(anybody.get(ADDRESS, {"state": "open"})) == {"open", "league"}
+    assert slugs(anybody.get(ADDRESS, {"state": "upcoming"})) == {"later"}
+    assert slugs(anybody.get(ADDRESS, {"state": "closed"})) == {"over"}
+    assert slugs(anybody.get(ADDRESS, {"state": "cancelled"})) == {"called-off"}
+    assert slugs(anybody.get(ADDRESS, {"state": "open", "kind": "league"})) == {"league"}
+    assert slugs(anybody.get(ADDRESS, {"mine": "true"})) == set()
+    enter_race(race=Race.objects.get(slug="open"), racer=bob, now=now)
+    assert slugs(his.get(ADDRESS, {"mine": "true"})) == {"open"}
+    assert slugs(hers.get(ADDRESS, {"mine": "1"})) == {"later"}
+    for race in anybody.get(ADDRESS).data["results"]:
+        assert anybody.get(f"{ADDRESS}{race['slug']}/").data["state"] == race["state"]
+
+
+def test_a_state_that_no_race_has_is_refused(db, as_racer):
+    answer = as_racer(None).get(ADDRESS, {"state": "finished"})
+    assert (answer.status_code, answer.data["code"]) == (400, "invalid")
+    assert set(answer.data["fields"]) == {"state"}
+
+
+def test_a_list_of_races_costs_the_same_however_many_there_are(alice, now, as_racer, django_assert_num_queries):
+    client = as_racer(alice)
+    for _ in range(2):
+        a_race(now, organiser=alice)
+    with django_assert_num_queries(4):  # token, other tokens, count, races
+        client.get(ADDRESS)
+    for _ in range(6):
+        a_race(now, organiser=alice)
+    with django_assert_num_queries(4):
+        assert client.get(ADDRESS).data["count"] == 8
+
+
+def test_a_race_says_its_rules_in_plain_sentences(now, as_racer):
+    race = a_race(now, laps=5, minimum_laps=3)
+    shown = as_racer(None).get(f"{ADDRESS}{race.slug}/").data
+    assert "3 consecutive complete laps" in shown["ranking_rule"]
+    assert "fewer resets" in shown["tie_rule"]
+    assert shown["track"] == {"slug": "oval", "name": "Paddock Oval", "length_m": race.track.length_m}
+
+
+def test_sentences_follow_the_language_that_is_asked_for(now, as_racer):
+    race = a_race(now)
+    answer = as_racer(None).get(f"{ADDRESS}{race.slug}/", headers={"Accept-Language": "ko"})
+    assert answer["Content-Language"] == "ko"
+
+
+def test_a_racer_makes_a_race_with_sensible_defaults(alice, oval, now, as_racer):
+    answer = as_racer(alice).post(ADDRESS, new_race(now))
+    assert answer.status_code == 201, answer.data
+    assert (answer.data["slug"], answer.data["organiser"], answer.data["kind"]) == (
+        "friday-night",
+        "alice",
+        "community",
+    )
+    assert (answer.data["laps"], answer.data["ranking_method"], answer.data["visibility"]) == (3, "average", "public")
+    assert answer.data["state"] == "open"
+    assert answer.data["invitation"] is None
+    assert as_racer(None).get(f"{ADDRESS}friday-night/").data["name"] == "Friday Night"
+
+
+@pytest.mark.parametrize(
+    ("fields", "wrong"),
+    [
+        ({"track": "no-such-track"}, "track"),
+        ({"name": ""}, "name"),
+        ({"name": "x" * 65}, "name"),
+        ({"laps": 21}, "laps"),
+        ({"laps": 2, "minimum_laps": 3}, "minimum_laps"),
+        ({"laps": 3, "minimum_laps": 2, "ranking_method": "total"}, "minimum_laps"),
+        ({"ranking_method": "luck"}, "ranking_method"),
+        ({"max_resets": -1}, "max_resets"),
+        ({"sensors": ["RADAR"]}, "sensors.0"),
+        ({"sensors": []}, "sensors"),
+        ({"opens_at": "soon"}, "opens_at"),
+        ({"closes_at": "2020-01-01T00:00:00Z"}, "closes_at"),
+    ],
+)
+def test_a_race_that_makes_no_sense_is_refused_on_the_field_to_change(alice, oval, now, as_racer, fields, wrong):
+    answer = as_racer(alice).post(ADDRESS, new_race(now, **fields))
+    assert answer.status_code == 400
+    assert wrong in answer.data["fields"]
+    assert all("%(" not in each["message"] for errors in answer.data["fields"].values() for each in errors)
+    assert not Race.objects.exists()
+
+
+def test_a_racer_holds_a_bounded_number_of_races(alice, oval, now, as_racer, settings):
+    settings.RACES_PER_RACER = 1
+    client = as_racer(alice)
+    client.post(ADDRESS, new_race(now))
+    answer = client.post(ADDRESS, new_race(now))
+    assert (answer.status_code, answer.data["code"]) == (409, "race_limit")
+
+
+def test_rules_change_until_the_first_car_is_sent(alice, bob, now, as_racer):
+    race = a_race(now, organiser=alice)
+    client, address = as_racer(alice), f"{ADDRESS}{race.slug}/"
+    assert client.patch(address, {"laps": 4, "description": "Come!"}).data["laps"] == 4
+    drive(race, bob, laps(10_000, 10_000, 10_000), now)
+    refused = client.patch(address, {"laps": 5})
+    assert (refused.status_code, refused.data["code"]) == (409, "race_has_submissions")
+    assert set(refused.data["fields"]) == {"laps"}
+    assert client.patch(address, {"description": "Still open."}).status_code == 200
+
+
+def test_a_cancelled_race_says_why(alice, now, as_racer):
+    race = a_race(now, organiser=alice)
+    client, address = as_racer(alice), f"{ADDRESS}{race.slug}/cancel/"
+    silent = client.post(address, {"reason": " "})
+    assert (silent.status_code, silent.data["code"]) == (400, "cancel_needs_a_reason")
+    answer = client.post(address, {"reason": "Rain"})
+    assert (answer.status_code, answer.data["state"], answer.data["cancel_reason"]) == (200, "cancelled", "Rain")
+    again = client.post(address, {"reason": "Rain"})
+    assert (again.status_code, again.data["code"]) == (409, "race_cancelled")
+
+
+def test_an_invitation_lets_in_until_it_is_reset(alice, bob, charlie, now, as_racer):
+    race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
+    hers, his, another = as_racer(alice), as_racer(bob), as_racer(charlie)
+    secret = hers.get(f"{ADDRESS}{race.slug}/").data["invitation"]
+    assert his.get(f"{ADDRESS}{race.slug}/").status_code == 404
+    joined = his.post(f"/api/v1/invitations/{secret}/")
+    assert (joined.status_code, joined.data["race"]["slug"]) == (200, race.slug)
+    assert his.get(f"{ADDRESS}{race.slug}/").data["invitation"] is None
+    renewed = hers.post(f"{ADDRESS}{race.slug}/invitation/").data["invitation"]
+    assert renewed != secret
+    refused = another.post(f"/api/v1/invitations/{secret}/")
+    assert (refused.status_code, refused.data["code"]) == (404, "invitation_unknown")
+    assert his.get(f"{ADDRESS}{race.slug}/").status_code == 200, "who has joined stays"
+    assert another.post(f"/api/v1/invitations/{renewed}/").status_code == 200
+
+
+def test_who_may_see_and_change_a_race_by_invitation(alice, bob, now, cast):
+    race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
+    address = f"{ADDRESS}{race.slug}/"
+    cast["member"].post(f"/api/v1/invitations/{race.invitation}/")
+    seen = {role: client.get(address).status_code for role, client in cast.items()}
+    assert seen == {"owner": 200, "member": 200, "stranger": 404, "admin": 200, "anonymous": 404}
+    assert {role: race.slug in slugs(client.get(ADDRESS)) for role, client in cast.items()} == {
+        role: status == 200 for role, status in seen.items()
+    }
+    expected = {"owner": 200, "member": 403, "stranger": 404, "admin": 200, "anonymous": 401}
+    for action in (
+        lambda client: client.patch(address, {"description": "?"}),
+        lambda client: client.post(f"{address}invitation/"),
+    ):
+        assert {role: action(client).status_code for role, client in cast.items()} == expected
+    cancelled = {role: cast[role].post(f"{address}cancel/", {"reason": "x"}).status_code for role in reversed(cast)}
+    assert cancelled == {**expected, "owner": 409}
+    for role in ("member", "stranger", "anonymous"):
+        assert not cast[role].get(address).data.get("invitation"), role

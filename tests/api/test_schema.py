@@ -1,0 +1,85 @@
+"""The schema: complete, honest, and readable as a page."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+import pytest
+from django.core.management import call_command
+from drf_spectacular.generators import SchemaGenerator
+
+from evaluation.reasons import REASONS
+from league.api.errors import STATUS_OF
+from league.api.reference import operations
+from league.api.urls import version_1
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict:
+    return SchemaGenerator().get_schema(request=None, public=True)
+
+
+def test_the_schema_is_valid_and_written_without_a_warning(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        call_command("spectacular", "--validate", "--fail-on-warn", "--file", str(tmp_path / "schema.yml"))
+
+
+def test_every_address_and_method_is_described(schema):
+    described = {(path, method) for path, item in schema["paths"].items() for method in item}
+    offered = {
+        ("/api/v1/" + re.sub(r"<\w+:(\w+)>", r"{\1}", str(route.pattern)), method)
+        for route in version_1
+        for method in ("get", "post", "put", "patch", "delete")
+        if hasattr(route.callback.cls, method)
+    }
+    assert described == offered
+
+
+def test_every_operation_says_what_it_does_and_how_it_fails(schema):
+    for path, item in schema["paths"].items():
+        for method, operation in item.items():
+            where = f"{method} {path}"
+            assert operation["summary"], where
+            assert len(operation["tags"]) == 1, where
+            error = operation["responses"]["default"]["content"]["application/json"]["schema"]
+            assert error == {"$ref": "#/components/schemas/Error"}, where
+            if method != "get":
+                assert {"400", "401", "429"} <= set(operation["responses"]), where
+
+
+def test_no_name_in_the_schema_is_made_of_a_number(schema):
+    assert not [name for name in schema["components"]["schemas"] if re.search(r"\d|Output|Input", name)]
+
+
+def test_statuses_are_given_to_reason_codes_that_exist():
+    assert set(STATUS_OF) <= set(REASONS)
+
+
+def test_the_schema_is_public(client, db):
+    answer = client.get("/api/schema/")
+    assert answer.status_code == 200
+    assert answer.json()["info"]["title"] == "Paddock"
+
+
+def test_the_reference_page_shows_every_operation_and_loads_nothing_from_elsewhere(client, db):
+    answer = client.get("/api/docs/")
+    assert answer.status_code == 200
+    page = answer.content.decode()
+    shown = [operation for _subject, rows in operations() for operation in rows]
+    assert len(shown) == sum(
+        len(item) for item in SchemaGenerator().get_schema(request=None, public=True)["paths"].values()
+    )
+    for operation in shown:
+        assert f'id="{operation.anchor}"' in page
+    assert not re.findall(r'(?:src|href)="(?:https?:)?//', page)
+    assert "<style" not in page
+    assert " style=" not in page
+
+
+def test_the_reference_names_every_field_of_a_body():
+    upload = next(each for _subject, rows in operations() for each in rows if each.anchor == "upload_model")
+    assert {field.name for field in upload.fields} == {"package", "model", "metadata", "name", "description"}
+    assert {field.kind for field in upload.fields if field.name in ("package", "model", "metadata")} == {"file"}
+    assert upload.body_type == "multipart/form-data"

@@ -1,0 +1,88 @@
+"""Tracks through the API."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from django.core.files.uploadedfile import SimpleUploadedFile
+
+from tests.rows import track_row
+from tests.shared import SHARED, needs_shared
+from tracks.npy import write_npy
+
+pytestmark = pytest.mark.django_db
+ADDRESS = "/api/v1/tracks/"
+
+
+def npy(data: bytes) -> SimpleUploadedFile:
+    return SimpleUploadedFile("track.npy", data)
+
+
+def test_everybody_reads_every_track(oval, cast):
+    for client in cast.values():
+        assert [row["slug"] for row in client.get(ADDRESS).data["results"]] == ["oval"]
+        assert client.get(f"{ADDRESS}oval/").data["name"] == "Paddock Oval"
+        assert client.get(f"{ADDRESS}no-such-track/").status_code == 404
+
+
+def test_a_list_of_tracks_is_a_handful_of_queries_and_carries_no_points(db, as_racer, django_assert_max_num_queries):
+    for slug in ("oval", "baja-turnpike", "kuei-raceway"):
+        track_row(slug)
+    with django_assert_max_num_queries(2):
+        rows = as_racer(None).get(ADDRESS).data["results"]
+    assert len(rows) == 3
+    assert "centre" not in rows[0]
+
+
+def test_a_track_carries_its_points_exactly(oval, as_racer):
+    shown = as_racer(None).get(f"{ADDRESS}oval/").json()
+    for line in ("centre", "inner", "outer"):
+        assert np.array_equal(np.array(shown[line]), getattr(oval.geometry, line))
+    assert shown["length_m"] == oval.length_m
+
+
+def test_a_racer_imports_a_track_and_nobody_imports_it_twice(alice, bob, oval, as_racer):
+    moved = oval.geometry.centre + 5.0
+    rows = np.hstack([moved, oval.geometry.inner + 5.0, oval.geometry.outer + 5.0])
+    file = io.BytesIO()
+    np.save(file, np.vstack([rows, rows[:1]]))
+    answer = as_racer(alice).post(
+        ADDRESS, {"file": npy(file.getvalue()), "name": "My Oval", "description": "Mine"}, format="multipart"
+    )
+    assert answer.status_code == 201, answer.data
+    assert (answer.data["slug"], answer.data["imported_by"], answer.data["is_catalogue"]) == ("my-oval", "alice", False)
+    assert np.allclose(answer.data["centre"], moved)
+    again = as_racer(bob).post(ADDRESS, {"file": npy(file.getvalue()), "name": "Same"}, format="multipart")
+    assert (again.status_code, again.data["code"]) == (409, "track_known")
+    assert again.data["params"]["slug"] == "my-oval"
+
+
+@needs_shared
+def test_the_straight_track_of_the_community_is_refused_for_being_open(alice, as_racer):
+    straight = SHARED / "tracks" / "Straight_track.npy"
+    if not straight.exists():
+        straight = next((SHARED / "tracks").glob("*traight*.npy"))
+    answer = as_racer(alice).post(ADDRESS, {"file": npy(straight.read_bytes()), "name": "Line"}, format="multipart")
+    assert (answer.status_code, answer.data["code"]) == (400, "track_open")
+
+
+@pytest.mark.parametrize(
+    ("data", "name", "code"),
+    [
+        (b"", "Track", "track_not_npy"),
+        (b"hello", "Track", "track_not_npy"),
+        (bytes(2 * 1024 * 1024 + 1), "Track", "track_file_too_large"),
+        (None, "x" * 65, "track_name"),
+    ],
+)
+def test_a_refused_track_says_why(alice, oval, as_racer, data, name, code):
+    file = npy(write_npy(oval.geometry) if data is None else data)
+    answer = as_racer(alice).post(ADDRESS, {"file": file, "name": name}, format="multipart")
+    assert (answer.status_code, answer.data["code"]) == (400, code)
+
+
+def test_only_racers_import(oval, as_racer):
+    answer = as_racer(None).post(ADDRESS, {"file": npy(b"x"), "name": "Track"}, format="multipart")
+    assert (answer.status_code, answer.data["code"]) == (401, "not_authenticated")
