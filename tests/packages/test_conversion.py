@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from evaluation.errors import UserFault
 from evaluation.packages.gate import Canonical, check_onnx
@@ -46,7 +48,7 @@ TRAINING_PARTS = {
     "dropout": {"dropout": True},
     "both": {"batch_norm": True, "dropout": True},
 }
-WIDE = PackageLimits(macs=500_000_000)
+WIDE = PackageLimits(macs=500_000_000, elements=8_000_000)
 
 
 def read(arguments: dict) -> ModelMetadata:
@@ -174,6 +176,45 @@ def test_a_graph_as_deep_as_the_limit_does_not_exhaust_the_stack() -> None:
     with pytest.raises(UserFault) as fault:
         admit(writer.build(), read({}))
     assert fault.value.code == "onnx_output"
+
+
+def tiny_graph() -> bytes:
+    """A little of everything: convolution, mean, matrix product, pack and slice."""
+    writer = GraphWriter()
+    shape, whole = Attr.shape((-1, 120, 160, 1)), Attr.dtype(3)
+    writer.node("c/FRONT_FACING_CAMERA", "Placeholder", dtype=Attr.dtype(FLOAT), shape=shape)
+    strides, layout = Attr.integers([1, 8, 8, 1]), Attr.text("NHWC")
+    kernel, bias, matrix = writer.weights("k", (8, 8, 1, 2)), writer.weights("b", (2,)), writer.weights("m", (2, 5))
+    same = Attr.text("SAME")
+    writer.op("conv", "Conv2D", "c/FRONT_FACING_CAMERA", kernel, strides=strides, padding=same, data_format=layout)
+    writer.op("biased", "BiasAdd", "conv", bias)
+    writer.const("axes", [1, 2], "int32")
+    writer.op("mean", "Mean", "biased", "axes", keep_dims=Attr.flag(False), Tidx=whole)
+    writer.op("product", "MatMul", "mean", matrix)
+    writer.const("zero", [0], "int32")
+    writer.const("one", [1], "int32")
+    writer.op("pack", "Pack", "product", N=Attr.integer(1), axis=Attr.integer(0))
+    slice_of = ["pack", "zero", "one", "one"]
+    writer.node("first", "StridedSlice", slice_of, T=Attr.dtype(FLOAT), Index=whole, shrink_axis_mask=Attr.integer(1))
+    writer.op("ppo_head_0/policy", "Softmax", "first")
+    return writer.build()
+
+
+TINY = tiny_graph()
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, len(TINY) - 1), st.integers(0, 255)), max_size=3))
+def test_damage_anywhere_ends_with_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
+    broken = bytearray(TINY)
+    for at, byte in damage:
+        broken[at] = byte
+    try:
+        canonical = admit(bytes(broken), read({}))
+    except UserFault as fault:
+        assert str(fault).isprintable()
+        return
+    assert canonical.output == ("actions", "float32", (1, 5))
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """From a frozen TensorFlow graph to ONNX, for a batch of one.
 
 The graph is evaluated from the policy backwards with known and unknown values: everything that does not depend on the
-sensors (shapes, frozen training flags, weights) is computed here, the rest becomes ONNX nodes. Branches that are not
-taken, and whatever only training needs, are never looked at.
+sensors (shapes, frozen training flags, weights) is computed here, the rest becomes ONNX nodes. What the policy does not
+need is never looked at, and branches that are not taken (those of training) are dead, as in TensorFlow's executor.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from .registry import CONVERTERS, Context, Contradiction, Unsupported, require
 from .values import DEAD, Dead, Known, Tensor, Value
 
 _FLOAT = np.dtype("<f4")
+_SOURCES = ("Const", "Placeholder")
 
 
 def convert(graph_def: bytes, inputs: Sequence[InputSpec], limits: PackageLimits = DEFAULT_LIMITS) -> bytes:
@@ -84,19 +85,19 @@ class _Conversion:
         return node
 
     def _sources(self, node: Node) -> list[str]:
-        """The nodes to evaluate before this one. A Switch looks at its condition first: its data may be dead weight."""
-        if node.op in ("Const", "Placeholder"):
+        """The nodes to evaluate before this one."""
+        if node.op in _SOURCES:
             return self._gates(node)
         return [name for name, _ in node.inputs] + self._gates(node)
 
     def _gates(self, node: Node) -> list[str]:
-        """Control inputs that can be dead: constants of a branch hang on the branch's switch by one of those."""
+        """Control inputs that can be dead: a branch's constants hang on the branch by the identity of its switch."""
         gates = []
         for name in node.controls:
             gate = self._graph.nodes.get(name)
-            if gate is not None and gate.op in ("Identity", "Switch"):
-                source = self._graph.nodes.get(gate.inputs[0][0]) if gate.inputs else None
-                if gate.op == "Switch" or (source is not None and source.op == "Switch"):
+            if gate is not None and gate.op == "Identity" and gate.inputs:
+                source = self._graph.nodes.get(gate.inputs[0][0])
+                if source is not None and source.op == "Switch":
                     gates.append(name)
         return gates
 
@@ -104,6 +105,8 @@ class _Conversion:
         try:
             if any(self._done[gate][0] is DEAD for gate in self._gates(node)):
                 return [DEAD]
+            if node.op in _SOURCES:
+                require(not node.inputs)
             if node.op == "Placeholder":
                 return [self._placeholder(node)]
             values = [self._output(name, index) for name, index in node.inputs]

@@ -5,14 +5,12 @@ from __future__ import annotations
 from evaluation.errors import UserFault
 
 from .graph import Node
-from .registry import Context, Unsupported, converts, known, require
+from .registry import Context, converts, known, require
 from .values import DEAD, Known, Value
 
 
-@converts("Identity", "StopGradient", "PreventGradient", "CheckNumerics", "Snapshot", "ReadVariableOp", "Enter")
+@converts("Identity", "StopGradient", "PreventGradient", "CheckNumerics", "Snapshot", "ReadVariableOp")
 def _pass_on(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    if node.op == "Enter":
-        raise Unsupported
     require(len(inputs) == 1)
     return inputs
 
