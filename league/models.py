@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from django.contrib.auth.models import AbstractBaseUser, BaseUserManager, PermissionsMixin
+from django.core.exceptions import ValidationError
 from django.core.validators import RegexValidator
 from django.db import models
 from django.db.models.functions import Lower
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
+
+from races.models import Division, Kind
 
 ALIAS_PATTERN = r"^[A-Za-z0-9_-]{2,64}$"
 ALIAS_VALIDATORS = [
@@ -74,7 +77,7 @@ class Racer(AbstractBaseUser, PermissionsMixin):
 
 
 class Season(models.Model):
-    """A year of monthly rounds."""
+    """A year of monthly rounds. ``ends_on`` is its last day."""
 
     slug = models.SlugField(_("address"), unique=True)
     name = models.CharField(_("name"), max_length=64)
@@ -112,3 +115,34 @@ class Round(models.Model):
 
     def __str__(self) -> str:
         return f"{self.season} · {self.number}"
+
+    def clean(self) -> None:
+        """A round is a race of the league, and one division has one race in a round."""
+        if self.race_id is None or self.season_id is None:
+            return
+        if self.race.kind != Kind.LEAGUE:
+            raise ValidationError({"race": _("Only a league race can be a round. This is a community race.")})
+        same = Round.objects.filter(season=self.season, number=self.number, race__division=self.race.division)
+        if same.exclude(pk=self.pk).exists():
+            raise ValidationError({"number": _("This division already has a race in this round of the season.")})
+
+
+class Membership(models.Model):
+    """A racer's division in a season. Who has none is in the open division, where everybody starts."""
+
+    season = models.ForeignKey(Season, models.CASCADE, related_name="memberships", verbose_name=_("season"))
+    racer = models.ForeignKey(Racer, models.CASCADE, related_name="memberships", verbose_name=_("racer"))
+    division = models.CharField(_("division"), max_length=4, choices=Division.choices, default=Division.PRO)
+    since = models.DateTimeField(_("since"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("division of a racer")
+        verbose_name_plural = _("divisions of racers")
+        ordering = ["season", "division", "racer"]
+        constraints = [
+            models.UniqueConstraint(fields=["season", "racer"], name="membership_one_division_a_season"),
+            models.CheckConstraint(condition=models.Q(division__in=Division.values), name="membership_division_known"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.racer} · {self.get_division_display()} · {self.season}"

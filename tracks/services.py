@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db import IntegrityError, transaction
 from django.db.models import ProtectedError
+from django.utils import timezone
 from django.utils.text import slugify
 
 from evaluation.errors import UserFault
@@ -71,12 +72,13 @@ def import_track(
 
 
 @transaction.atomic
-def load_catalogue(*, now: datetime) -> list[Track]:
+def load_catalogue(*, now: datetime | None = None) -> list[Track]:
     """Put the tracks that come with Paddock into the database; what is there already stays as it is.
 
     A track whose shape a later version changed is a new row under the known address; the old one keeps its races under
     another address, for geometry never changes.
     """
+    now = now or timezone.now()
     return [_catalogue_row(entry, now) for entry in CATALOGUE]
 
 

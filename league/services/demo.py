@@ -1,0 +1,131 @@
+"""What a fresh installation races: a season of twelve months and a few community races of the house."""
+
+from __future__ import annotations
+
+import logging
+from datetime import datetime, timedelta
+from itertools import pairwise
+
+from django.db import transaction
+from django.utils import timezone
+
+from races.models import Division, RankingMethod
+from races.services import create_community_race
+from races.services.races import add_months
+from tracks.models import Direction, Track
+from tracks.services import load_catalogue
+
+from ..models import Season
+from .house import ORGANISER, house_racer
+from .seasons import create_season, schedule_round
+
+logger = logging.getLogger(__name__)
+MONTHS = 12
+MONTH_NAMES = (
+    *("January", "February", "March", "April", "May", "June"),
+    *("July", "August", "September", "October", "November", "December"),
+)
+# The first month is the one that newcomers see: a fast track of middle length.
+OPEN_TRACKS = ("kuei-raceway", "cosmic-loop", "baja-turnpike", "cosmic-circuit", "baja-highway", "kuei-super-raceway")
+PRO_TRACKS = ("cosmic-circuit", "baja-highway", "kuei-super-raceway", "kuei-raceway", "cosmic-loop", "baja-turnpike")
+# Learners' cars of the old console drive 0.5 to 1 m/s: two minutes a lap must be enough.
+OPEN_RULES = {"laps": 3, "minimum_laps": 3, "off_track_penalty_ms": 3000, "max_simulated_ms": 360_000}
+PRO_RULES = {"laps": 5, "minimum_laps": 3, "off_track_penalty_ms": 5000, "max_simulated_ms": 360_000}
+
+
+@transaction.atomic
+def open_demo_season(*, now: datetime) -> Season:
+    """Load the catalogue and open a season of monthly races, the first of them this month's. Doing it again changes
+    nothing: where there is a season already, it is returned as it is.
+
+    The house cars come with :func:`league.services.enter_house_cars` once a worker is there to run them.
+    """
+    season = Season.objects.order_by("starts_on", "pk").first()
+    if season is not None:
+        return season
+    tracks = {track.slug: track for track in load_catalogue(now=now)}
+    first = _start_of_month(now)
+    months = [add_months(first, month) for month in range(MONTHS + 1)]
+    last_day = (months[-1] - timedelta(days=1)).date()
+    years = f"{first.year}" if first.year == last_day.year else f"{first.year}-{last_day.year % 100:02}"
+    season = create_season(slug=years, name=f"Season {years}", starts_on=first.date(), ends_on=last_day)
+    for number, (opens, closes) in enumerate(pairwise(months), start=1):
+        _schedule_month(season, number, tracks, opens, closes, now)
+    _community_races(tracks, now)
+    logger.info("Opened %s with %s months of races.", season, MONTHS)
+    return season
+
+
+def _schedule_month(
+    season: Season, number: int, tracks: dict[str, Track], opens: datetime, closes: datetime, now: datetime
+) -> None:
+    month = MONTH_NAMES[opens.month - 1]
+    for division, slugs, rules, title in (
+        (Division.OPEN, OPEN_TRACKS, OPEN_RULES, month),
+        (Division.PRO, PRO_TRACKS, PRO_RULES, f"{month} pro"),
+    ):
+        track = tracks[slugs[(number - 1) % len(slugs)]]
+        # half a year later every track comes back the other way round
+        turned = (number - 1) // len(slugs) % 2 == 1
+        schedule_round(
+            season=season,
+            number=number,
+            now=now,
+            division=division,
+            slug=f"{opens:%Y-%m}-{division.value}",
+            name=f"{title} · {track.name}",
+            track=track,
+            direction=Direction.CW if turned else Direction.CCW,
+            opens_at=opens,
+            closes_at=closes,
+            **rules,
+        )
+
+
+def _community_races(tracks: dict[str, Track], now: datetime) -> None:
+    organiser = house_racer(name="paddock", display_name=ORGANISER, now=now)
+    for months, race in (
+        (
+            12,
+            {
+                "name": "First laps on the oval",
+                "description": "The place for a first car: a short track, one complete lap is enough.",
+                "track": tracks["oval"],
+                "ranking_method": RankingMethod.BEST,
+                "laps": 3,
+                "minimum_laps": 1,
+                "off_track_penalty_ms": 2000,
+            },
+        ),
+        (
+            3,
+            {
+                "name": "Turnpike three laps",
+                "description": "Three laps, all of them count: a race for cars that stay on the road.",
+                "track": tracks["baja-turnpike"],
+                "ranking_method": RankingMethod.TOTAL,
+                "laps": 3,
+                "minimum_laps": 3,
+                "direction": Direction.CW,
+            },
+        ),
+        (
+            2,
+            {
+                "name": "No second chance",
+                "description": "The first fault ends the run. The best two laps in a row count, out of ten.",
+                "track": tracks["cosmic-loop"],
+                "ranking_method": RankingMethod.AVERAGE,
+                "laps": 10,
+                "minimum_laps": 2,
+                "max_resets": 0,
+                "max_simulated_ms": 900_000,
+            },
+        ),
+    ):
+        create_community_race(organiser=organiser, now=now, opens_at=now, closes_at=add_months(now, months), **race)
+
+
+def _start_of_month(now: datetime) -> datetime:
+    local = now.astimezone(timezone.get_default_timezone())
+    return local.replace(day=1, hour=0, minute=0, second=0, microsecond=0, fold=0)

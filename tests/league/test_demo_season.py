@@ -1,0 +1,211 @@
+"""The season that a fresh installation opens, and the house cars in it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from datetime import UTC, date, datetime, timedelta
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from django.utils import timezone
+
+from evaluation.errors import PlatformFault
+from evaluation.models import Evaluation, TrainedModel
+from league.eligibility import check_division
+from league.models import Racer, Round, Season
+from league.services import enter_house_cars, house_cars, open_demo_season
+from league.services import house as house_services
+from league.services.house import HOUSE_CARS_DIR
+from races.models import Division, Entry, Kind, Race, RaceState
+from races.selectors import racing_now
+from races.services import create_community_race
+from tests.factories import a_racer, a_track
+from tests.rows import model_row
+from tracks.models import Track
+
+pytestmark = pytest.mark.django_db
+
+
+def everything() -> dict[str, list[dict]]:
+    models = (Season, Round, Race, Racer, Track, Entry, TrainedModel, Evaluation)
+    return {model.__name__: list(model.objects.order_by("pk").values()) for model in models}
+
+
+@pytest.fixture
+def stable(tmp_path: Path, monkeypatch) -> Path:
+    """A folder with two house cars; reading them is the packages' business, so the upload is a stub here."""
+    for name, title in (("steady", "Steady"), ("quick", "Quick")):
+        (tmp_path / f"{name}.onnx").write_bytes(name.encode())
+        noted = {"display_name": title, "description": f"{title} drives."}
+        (tmp_path / f"{name}.json").write_text(json.dumps({"sensor": ["FRONT_FACING_CAMERA"], "house_car": noted}))
+
+    class Raw:
+        def __init__(self, files):
+            self.source_sha256 = model_hash(files[0].stream.read())
+
+    def upload(*, owner, files, description, now):
+        class Uploaded:
+            model = model_row(owner, name=files[0].name, onnx=files[0].stream.read(), at=now)
+
+        return Uploaded
+
+    monkeypatch.setattr(house_services, "read_upload", Raw)
+    monkeypatch.setattr(house_services, "upload_model", upload)
+    return tmp_path
+
+
+def model_hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def test_it_opens_twelve_months_from_this_month_on(now):
+    season = open_demo_season(now=now)
+    assert (season.slug, season.name) == ("2026-27", "Season 2026-27")
+    assert (season.starts_on, season.ends_on) == (date(2026, 11, 1), date(2027, 10, 31))
+    for division in Division.values:
+        rounds = list(season.rounds.filter(race__division=division).select_related("race").order_by("number"))
+        assert [round_.number for round_ in rounds] == list(range(1, 13))
+        assert rounds[0].race.opens_at == datetime(2026, 11, 1, tzinfo=UTC)
+        for one, following in pairwise(rounds):
+            assert one.race.closes_at == following.race.opens_at
+        assert rounds[-1].race.closes_at == datetime(2027, 11, 1, tzinfo=UTC)
+        assert len({round_.race.track_id for round_ in rounds}) == 6
+        pairs = {(round_.race.track_id, round_.race.direction) for round_ in rounds}
+        assert len(pairs) == 12, "the second half year drives the other way round"
+        assert rounds[0].race.state_at(now) == RaceState.OPEN
+        assert rounds[1].race.state_at(now) == RaceState.UPCOMING
+
+
+def test_a_season_of_one_calendar_year_is_named_by_it():
+    season = open_demo_season(now=datetime(2027, 1, 1, tzinfo=UTC))
+    assert (season.slug, season.ends_on) == ("2027", date(2027, 12, 31))
+
+
+def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
+    settings.TIME_ZONE = "Asia/Seoul"
+    timezone.get_default_timezone.cache_clear()
+    try:
+        season = open_demo_season(now=datetime(2026, 10, 31, 16, 0, tzinfo=UTC))  # 1 November, 1:00 in Seoul
+        assert season.starts_on == date(2026, 11, 1)
+        first = season.rounds.get(number=1, race__division="open").race
+        assert first.opens_at == datetime(2026, 10, 31, 15, 0, tzinfo=UTC)
+    finally:
+        timezone.get_default_timezone.cache_clear()
+
+
+def test_the_community_races_are_open_now_and_rank_in_every_way(now):
+    open_demo_season(now=now)
+    races = Race.objects.filter(kind=Kind.COMMUNITY)
+    assert {race.ranking_method for race in races} == {"average", "best", "total"}
+    assert all(race.state_at(now) == RaceState.OPEN and race.organiser.is_house for race in races)
+    organiser = Racer.objects.get(alias="Paddock")
+    assert organiser.is_house and not organiser.has_usable_password()
+
+
+def test_doing_it_again_changes_nothing(now):
+    open_demo_season(now=now)
+    before = everything()
+    open_demo_season(now=now + timedelta(days=100))
+    assert everything() == before
+
+
+def test_an_operator_s_own_season_is_left_alone(now):
+    mine = Season.objects.create(slug="mine", name="Mine", starts_on=date(2020, 1, 1), ends_on=date(2020, 12, 31))
+    assert open_demo_season(now=now) == mine
+    assert not Race.objects.exists()
+
+
+def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(now, stable):
+    open_demo_season(now=now)
+    report = enter_house_cars(now=now, folder=stable)
+    races = set(racing_now(now))
+    assert len(races) == 5 and {race.division for race in races} == {"open", "pro", ""}
+    assert (report.cars, report.submitted) == (2, 10)
+    entries = Entry.objects.select_related("race", "racer")
+    assert {(entry.race, entry.racer.alias) for entry in entries} == {
+        (race, alias) for race in races for alias in ("Steady", "Quick")
+    }
+    assert all(entry.is_baseline and not entry.classified for entry in entries), "nothing has driven yet"
+    assert Evaluation.objects.filter(state="queued", priority__lt=0).count() == 10
+
+
+def test_sending_the_house_cars_again_sends_none_until_another_race_opens(now, stable):
+    open_demo_season(now=now)
+    enter_house_cars(now=now, folder=stable)
+    before = everything()
+    assert enter_house_cars(now=now, folder=stable).submitted == 0
+    assert everything() == before
+    december = now + timedelta(days=30)
+    assert enter_house_cars(now=december, folder=stable).submitted == 4
+    assert TrainedModel.objects.count() == 2
+
+
+def test_house_cars_stay_out_of_racers_own_races(now, stable):
+    racer = a_racer()
+    create_community_race(
+        organiser=racer, now=now, name="Mine", track=a_track(), opens_at=now, closes_at=now + timedelta(days=1)
+    )
+    assert enter_house_cars(now=now, folder=stable).submitted == 0
+
+
+def test_a_house_racer_that_an_admin_deactivated_stays_at_home(now, stable):
+    open_demo_season(now=now)
+    enter_house_cars(now=now, folder=stable)
+    Racer.objects.filter(alias="Quick").update(is_active=False)
+    assert enter_house_cars(now=now + timedelta(days=30), folder=stable).submitted == 2
+
+
+def test_a_racer_who_has_a_house_car_s_name_keeps_it(now, stable):
+    a_racer("steady")
+    open_demo_season(now=now)
+    enter_house_cars(now=now, folder=stable)
+    assert set(Racer.objects.filter(is_house=True).values_list("alias", flat=True)) == {
+        "Paddock",
+        "Quick",
+        "house-steady",
+    }
+
+
+def test_without_house_cars_the_season_opens_all_the_same(now, tmp_path, caplog):
+    open_demo_season(now=now)
+    with caplog.at_level("INFO"):
+        assert enter_house_cars(now=now, folder=tmp_path).submitted == 0
+        assert enter_house_cars(now=now, folder=tmp_path / "none").cars == 0
+    assert "no house cars" in caplog.text
+    assert not Entry.objects.exists()
+
+
+def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(now, stable, monkeypatch, caplog):
+    open_demo_season(now=now)
+    (stable / "broken.onnx").write_bytes(b"broken")
+    (stable / "broken.json").write_text("{")
+    shutil.copy(stable / "steady.onnx", stable / "lonely.onnx")
+    assert [car.name for car in house_cars(stable)] == ["quick", "steady"]
+    real = house_services.upload_model
+
+    def refuse_quick(*, owner, **kwargs):
+        if owner.alias == "Quick":
+            raise PlatformFault("conversion_failed")
+        return real(owner=owner, **kwargs)
+
+    monkeypatch.setattr(house_services, "upload_model", refuse_quick)
+    assert enter_house_cars(now=now, folder=stable).submitted == 5
+    assert "Quick stays at home" in caplog.text or "quick stays at home" in caplog.text
+    assert "broken" in caplog.text and "lonely" in caplog.text
+
+
+def test_the_committed_house_cars_can_be_read():
+    cars = house_cars()
+    assert {car.name for car in cars} == {path.stem for path in HOUSE_CARS_DIR.glob("*.onnx")}
+    assert cars, "there is at least one"
+    assert len({car.display_name for car in cars}) == len(cars)
+
+
+def test_the_pro_race_is_refused_to_everybody_at_first(now, alice):
+    open_demo_season(now=now)
+    pro = Race.objects.get(slug="2026-11-pro")
+    with pytest.raises(Exception, match="pro division"):
+        check_division(pro, alice, now)

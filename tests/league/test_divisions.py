@@ -1,0 +1,127 @@
+"""Divisions: who races where in a season."""
+
+from __future__ import annotations
+
+from datetime import date, timedelta
+
+import pytest
+from django.core.exceptions import ValidationError
+
+from evaluation.errors import UserFault
+from league.models import Membership, Round, Season
+from league.selectors import current_league_races, division_of, rounds_of, season_at, season_of
+from league.services import create_season, put_in_division, schedule_round
+from races.errors import RaceRefused
+from races.services import enter_race, submit_model
+from tests.factories import a_model, a_race, a_racer, a_track
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def season(db) -> Season:
+    return create_season(slug="2026", name="2026", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
+
+
+def november(season, division, now, number=1, **fields):
+    times = {"opens_at": now - timedelta(days=10), "closes_at": now + timedelta(days=10)}
+    return schedule_round(
+        season=season,
+        number=number,
+        now=now,
+        division=division,
+        track=a_track(),
+        **(times | {"name": f"November {division}"} | fields),
+    ).race
+
+
+def refused(code: str, call, **kwargs) -> None:
+    with pytest.raises(UserFault) as caught:
+        call(**kwargs)
+    assert caught.value.code == code
+
+
+def test_everybody_starts_in_the_open_division(season, alice, now):
+    open_race, pro = november(season, "open", now), november(season, "pro", now)
+    assert division_of(season, alice) == "open" == division_of(None, alice) == division_of(season, None)
+    assert enter_race(race=open_race, racer=alice, now=now)
+    refused("race_pro_only", enter_race, race=pro, racer=alice, now=now)
+    refused("race_pro_only", submit_model, race=pro, racer=alice, model=a_model(alice), now=now)
+
+
+def test_who_is_pro_races_the_pro_race_and_only_that(season, alice, now):
+    open_race, pro = november(season, "open", now), november(season, "pro", now)
+    put_in_division(season=season, racer=alice, division="pro", now=now)
+    assert submit_model(race=pro, racer=alice, model=a_model(alice), now=now)
+    refused("race_open_only", enter_race, race=open_race, racer=alice, now=now)
+
+
+def test_a_division_is_for_one_season(season, alice, now):
+    put_in_division(season=season, racer=alice, division="pro", now=now)
+    following = create_season(slug="2027", name="2027", starts_on=date(2027, 1, 1), ends_on=date(2027, 12, 31))
+    assert division_of(following, alice) == "open"
+    race = november(following, "open", now)
+    assert enter_race(race=race, racer=alice, now=now)
+
+
+def test_community_races_and_house_cars_know_no_division(season, alice, now):
+    put_in_division(season=season, racer=alice, division="pro", now=now)
+    assert enter_race(race=a_race(now), racer=alice, now=now)
+    house = a_racer(is_house=True)
+    assert enter_race(race=november(season, "pro", now), racer=house, now=now).is_baseline
+
+
+def test_a_pro_race_outside_any_season_is_nobody_s(alice, now):
+    race = a_race(now, kind="league", division="pro")
+    assert season_of(race) is None
+    refused("race_pro_only", enter_race, race=race, racer=alice, now=now)
+
+
+def test_putting_a_racer_where_they_are_changes_nothing(season, alice, now):
+    first = put_in_division(season=season, racer=alice, division="pro", now=now)
+    again = put_in_division(season=season, racer=alice, division="pro", now=now + timedelta(days=1))
+    assert again == first and again.since == now
+    put_in_division(season=season, racer=alice, division="open", now=now)
+    assert Membership.objects.get().division == "open"
+
+
+def test_a_division_has_one_race_in_a_round(season, now):
+    november(season, "open", now)
+    november(season, "pro", now)
+    november(season, "open", now, number=2)
+    with pytest.raises(ValidationError) as caught:
+        november(season, "open", now)
+    assert "number" in caught.value.message_dict
+    assert Round.objects.count() == 3 and season.rounds.count() == 3
+
+
+def test_a_refused_race_leaves_no_round(season, now):
+    with pytest.raises(RaceRefused):
+        november(season, "open", now, laps=2, minimum_laps=3)
+    assert not Round.objects.exists()
+
+
+def test_a_community_race_is_no_round(season, now):
+    with pytest.raises(ValidationError) as caught:
+        Round(season=season, number=1, race=a_race(now)).full_clean()
+    assert "race" in caught.value.message_dict
+
+
+def test_a_season_that_ends_before_it_starts_is_refused(db):
+    with pytest.raises(ValidationError):
+        create_season(slug="x", name="X", starts_on=date(2026, 2, 1), ends_on=date(2026, 1, 1))
+
+
+def test_the_season_of_a_day_is_found_from_its_first_to_its_last(season, now):
+    assert season_at(now) == season
+    assert season_at(now.replace(month=12, day=31, hour=23)) == season
+    assert season_at(now.replace(year=2027, month=1, day=1)) is None
+
+
+def test_a_racer_s_own_division_comes_first(season, alice, now):
+    open_race, pro = november(season, "open", now), november(season, "pro", now)
+    november(season, "open", now, number=2, opens_at=now + timedelta(days=1))
+    assert current_league_races(now) == [open_race, pro]
+    put_in_division(season=season, racer=alice, division="pro", now=now)
+    assert current_league_races(now, alice) == [pro, open_race]
+    assert [round_.race for round_ in rounds_of(season)][:2] == [open_race, pro]
