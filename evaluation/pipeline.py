@@ -104,20 +104,24 @@ def evaluate(
             launch(_RUNNER_MODULE, limits=limits, level=level, arguments=[str(fd) for fd in pipes], pass_fds=pipes)
         )
         run = _Run(policy, runner, on_progress, should_stop)
-        run.prepare(job, budget or PolicyBudget())
+        onnxruntime = run.prepare(job, budget or PolicyBudget())
         prepared = time.monotonic()
         with one_core([policy.process.inner_pid, runner.inner_pid]):
             result, trace_csv = run.drive()
-        seconds = {"start": prepared - started, "network": run.network_s(), **result["seconds"]}
+        seconds = {"start": prepared - started, "network": run.network_s()}
         wall_s = time.monotonic() - started
-        return EvaluationOutcome(
-            **result["result"],
-            trace_csv=trace_csv,
-            cpu_model=cpu_model(),
-            wall_s=wall_s,
-            shares=_shares(seconds, wall_s),
-            peak_mb=policy.process.peak_mb() + runner.peak_mb(),
-        )
+        try:
+            result["result"]["versions"]["onnxruntime"] = onnxruntime
+            return EvaluationOutcome(
+                **result["result"],
+                trace_csv=trace_csv,
+                cpu_model=cpu_model(),
+                wall_s=wall_s,
+                shares=_shares({**seconds, **result["seconds"]}, wall_s),
+                peak_mb=policy.process.peak_mb() + runner.peak_mb(),
+            )
+        except (KeyError, TypeError) as error:
+            raise run.noted(PlatformFault("runner_protocol")) from error
 
 
 class _Run:
@@ -134,8 +138,8 @@ class _Run:
         self._on_progress, self._should_stop = on_progress, should_stop
         self._network_from = 0.0
 
-    def prepare(self, job: RaceJob, budget: PolicyBudget) -> None:
-        """Hand out the job and the network, so that the next message starts the race."""
+    def prepare(self, job: RaceJob, budget: PolicyBudget) -> str:
+        """Hand out the job and the network, so that the next message starts the race. The version of onnxruntime."""
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
         self._tell(
@@ -153,10 +157,13 @@ class _Run:
         except FrameError as error:
             raise failed_start(self._runner, str(error)) from None
         self._raise_error(answer)
+        if "header" not in answer:
+            raise self.noted(PlatformFault("runner_protocol"))
         self._check_stop()
-        self._policy.agree(answer["header"])
+        version = self._policy.agree(answer["header"])
         self._policy.process.close_pipes()  # from here on they are the runner's alone
         self._network_from = self._policy.process.cpu_seconds()
+        return version
 
     def drive(self) -> tuple[dict[str, Any], bytes]:
         """Start the race and wait for its result: the message and the trace."""
@@ -167,7 +174,7 @@ class _Run:
             self._check_stop()
             left = self._runner.deadline - time.monotonic()
             if left <= 0:
-                raise self._noted(PlatformFault("runner_timeout", limit_s=self._runner.limits.wall_s))
+                raise self.noted(PlatformFault("runner_timeout", limit_s=self._runner.limits.wall_s))
             if not poller.poll(min(left, _STOP_EVERY_S) * 1000 + 1):
                 continue
             message, blobs = self._hear()
@@ -175,7 +182,7 @@ class _Run:
             if "result" in message and len(blobs) == 1:
                 return message, blobs[0]
             if "progress" not in message:
-                raise self._noted(PlatformFault("runner_protocol"))
+                raise self.noted(PlatformFault("runner_protocol"))
             if self._on_progress is not None:
                 self._on_progress(message["progress"])
 
@@ -198,9 +205,9 @@ class _Run:
             return read_message(self._runner.stdout, time.monotonic() + _MESSAGE_S)
         except FrameClosed:
             how = describe(self._runner.wait(1.0))
-            raise self._noted(PlatformFault("runner_died", how=how)) from None
+            raise self.noted(PlatformFault("runner_died", how=how)) from None
         except FrameError:
-            raise self._noted(PlatformFault("runner_protocol")) from None
+            raise self.noted(PlatformFault("runner_protocol")) from None
 
     def _raise_error(self, message: dict[str, Any]) -> None:
         if "error" not in message:
@@ -208,10 +215,10 @@ class _Run:
         try:
             fault = fault_from_dict(message["error"])
         except (KeyError, TypeError, ValueError):
-            raise self._noted(PlatformFault("runner_protocol")) from None
-        raise self._noted(self._policy.explain(fault))
+            raise self.noted(PlatformFault("runner_protocol")) from None
+        raise self.noted(self._policy.explain(fault))
 
-    def _noted(self, fault: PaddockError) -> PaddockError:
+    def noted(self, fault: PaddockError) -> PaddockError:
         """Attach what the processes said to stderr, which operators may read and racers may not."""
         for name, process in (("runner", self._runner), ("policy", self._policy.process)):
             if text := process.stderr_text().strip():

@@ -1,0 +1,158 @@
+"""One evaluation from end to end: real simulator, real network, real wall."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, replace
+
+import pytest
+
+from evaluation import pipeline
+from evaluation.errors import UserFault
+from evaluation.pipeline import RaceJob, evaluate
+from evaluation.simulator.engine import ENGINE_ID
+from evaluation.simulator.rules import RaceRules
+from tests.sandbox.conftest import level, nothing_left  # noqa: F401
+from tests.sandbox.networks import METADATA, console_sized_network, constant_network, small_network
+from tracks.catalogue import CATALOGUE
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+
+@pytest.fixture(scope="module")
+def oval():
+    return next(track for track in CATALOGUE if track.slug == "oval").geometry()
+
+
+@pytest.fixture
+def job(oval):
+    """Half a minute of an untrained network on the oval."""
+    return RaceJob(oval, RaceRules(max_simulated_ms=30_000), small_network(), METADATA)
+
+
+def test_an_evaluation_says_what_was_driven(job, level):  # noqa: F811
+    outcome = evaluate(job, level=level)
+    assert outcome.engine == ENGINE_ID
+    assert outcome.end_reason == "time_up"
+    assert outcome.simulated_ms == 30_000
+    assert outcome.laps
+    assert outcome.metrics["metrics"]
+    assert len(outcome.trace_csv.splitlines()) > 400
+    assert set(outcome.versions) >= {"pybullet", "numpy", "opencv", "onnxruntime"}
+    assert outcome.cpu_model
+    json.dumps({name: value for name, value in asdict(outcome).items() if name != "trace_csv"}, allow_nan=False)
+
+
+def test_the_wall_time_is_accounted_for(job):
+    outcome = evaluate(job)
+    parts = ("start", "physics", "camera", "policy", "other")
+    assert sum(outcome.shares[name] for name in parts) == pytest.approx(outcome.wall_s)
+    assert all(outcome.shares[name] > 0 for name in parts)
+    assert outcome.shares["network"] <= outcome.shares["policy"] + 0.02  # a hundredth each of two clocks
+
+
+def test_five_runs_and_every_level_give_one_trace(job):
+    from evaluation.sandbox.probe import probe
+
+    levels = [*range(2, probe().level + 1)] * 5
+    outcomes = [evaluate(job, level=level) for level in levels[:5]]  # noqa: F811
+    assert len({outcome.trace_sha256 for outcome in outcomes}) == 1
+    assert len({outcome.trace_csv for outcome in outcomes}) == 1
+    assert len({json.dumps(outcome.laps) for outcome in outcomes}) == 1
+
+
+def test_another_network_gives_another_trace(job):
+    other = replace(job, onnx=small_network(seed=1))
+    assert evaluate(job).trace_sha256 != evaluate(other).trace_sha256
+
+
+def test_a_continuous_action_space_drives(job):
+    metadata = {
+        **METADATA,
+        "action_space_type": "continuous",
+        "action_space": {"steering_angle": {"low": -30.0, "high": 30.0}, "speed": {"low": 0.5, "high": 2.0}},
+    }
+    outcome = evaluate(replace(job, metadata=metadata, onnx=constant_network((0.3, 1.0))))
+    assert outcome.simulated_ms > 0
+
+
+def test_a_network_of_the_consoles_size_stays_under_600_mb(job):
+    outcome = evaluate(replace(job, onnx=console_sized_network()))
+    assert 150 < outcome.peak_mb < 600
+
+
+def test_progress_is_told_while_it_runs(job):
+    seen = []
+    outcome = evaluate(job, on_progress=seen.append)
+    assert len(seen) >= 25
+    assert [progress["total_ms"] for progress in seen] == sorted(progress["total_ms"] for progress in seen)
+    assert seen[-1]["total_ms"] == outcome.simulated_ms
+    assert seen[0]["laps"] == 3
+
+
+def test_a_stop_ends_the_run_soon(job):
+    asked = []
+
+    def should_stop():
+        asked.append(time.monotonic())
+        return len(asked) > 3
+
+    long = replace(job, rules=RaceRules(laps=1000, max_simulated_ms=10_000_000))
+    started = time.monotonic()
+    with pytest.raises(UserFault) as caught:
+        evaluate(long, should_stop=should_stop)
+    assert caught.value.code == "stopped"
+    assert time.monotonic() - started < 10
+
+
+def test_a_stop_before_the_start_is_heeded(job):
+    with pytest.raises(UserFault) as caught:
+        evaluate(job, should_stop=lambda: True)
+    assert caught.value.code == "stopped"
+
+
+@pytest.mark.parametrize("where", ["on_progress", "should_stop"])
+def test_what_the_caller_raises_goes_through_and_everything_is_cleared_away(job, where):
+    class LeaseLost(Exception):
+        pass
+
+    def lose(*_):
+        raise LeaseLost
+
+    with pytest.raises(LeaseLost):
+        evaluate(job, **{where: lose})
+
+
+def test_a_network_that_answers_no_number_is_the_racers_fault(job, level):  # noqa: F811
+    with pytest.raises(UserFault) as caught:
+        evaluate(replace(job, onnx=constant_network((float("nan"), 0.0, 0.0))), level=level)
+    assert caught.value.code == "non_finite_action"
+
+
+def test_a_network_that_does_not_fit_the_action_list_is_the_racers_fault(job):
+    with pytest.raises(UserFault) as caught:
+        evaluate(replace(job, onnx=small_network(outputs=5)))
+    assert caught.value.code == "policy_refused"
+
+
+def test_the_cores_of_the_caller_are_left_alone(job):
+    import os
+
+    before = os.sched_getaffinity(0)
+    evaluate(job)
+    assert os.sched_getaffinity(0) == before
+
+
+def test_two_evaluations_at_a_time_do_not_disturb_each_other(job):
+    from concurrent.futures import ThreadPoolExecutor
+
+    other = replace(job, onnx=small_network(seed=1))
+    alone = {evaluate(job).trace_sha256, evaluate(other).trace_sha256}
+    with ThreadPoolExecutor(2) as pool:
+        together = {outcome.trace_sha256 for outcome in pool.map(evaluate, [job, other])}
+    assert together == alone
+
+
+def test_the_pipelines_patience_is_longer_than_a_models_budget():
+    assert pipeline.PolicyBudget().total_s * 1.5 < pipeline.WALL_LIMIT_S
