@@ -74,7 +74,9 @@ class RaceForm(forms.Form):
     description = forms.CharField(
         label=_("Description"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3})
     )
-    track = forms.ModelChoiceField(label=_("Track"), queryset=Track.objects.none(), to_field_name="slug")
+    track = forms.ModelChoiceField(
+        label=_("Track"), queryset=Track.objects.none(), to_field_name="slug", empty_label=_("Choose a track")
+    )
     direction = forms.ChoiceField(label=_("Direction"), choices=Direction.choices)
     opens_at = MomentField(label=_("Opens"))
     closes_at = MomentField(label=_("Closes"))

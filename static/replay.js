@@ -25,7 +25,7 @@
       this.toggle.addEventListener("click", () => (this.frame ? this.pause() : this.play()));
       this.seek.addEventListener("input", () => { this.now = Number(this.seek.value); this.draw(); });
       const box = this.part("stage").viewBox.baseVal;
-      this.size = 0.03 * Math.max(box.width, box.height);
+      this.size = 0.02 * Math.max(box.width, box.height);
       this.car.hidden = false;
       this.car.removeAttribute("hidden");
       this.part("player").hidden = false;

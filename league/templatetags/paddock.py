@@ -14,7 +14,6 @@ from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
-from django.utils.translation import ngettext
 
 from league.countries import COUNTRIES
 from races.replay import LAP_COLOURS
@@ -68,6 +67,14 @@ def gap(milliseconds: int | None) -> str:
     minutes, rest = divmod(abs(round(milliseconds)), 60_000)
     seconds = f"{rest // 1000:02d}" if minutes else f"{rest // 1000}"
     return f"{sign}{f'{minutes}:' if minutes else ''}{seconds}.{rest % 1000:03d}"
+
+
+@register.filter
+def sector_time(milliseconds: int | None) -> str:
+    """A sector's time as ``s.mmm`` (``m:ss.mmm`` from a minute on)."""
+    if milliseconds is None or milliseconds >= 60_000:
+        return lap_time(milliseconds)
+    return f"{milliseconds // 1000}.{milliseconds % 1000:03d}"
 
 
 @register.filter
@@ -196,18 +203,16 @@ def countdown(when: datetime, over: str = "") -> SafeString:
 
 @register.simple_tag
 def ago(when: datetime | None) -> SafeString | str:
-    """How long ago in its largest unit, with the moment itself on hovering."""
+    """How long ago, in its largest unit, with the moment itself on hovering."""
     if when is None:
         return "–"
     total = max(0, int((timezone.now() - when).total_seconds()))
-    if total < 60:
-        text = _("just now")
-    elif total < 3600:
-        text = ngettext("%s min ago", "%s min ago", total // 60) % (total // 60)
-    elif total < 86400:
-        text = ngettext("%s h ago", "%s h ago", total // 3600) % (total // 3600)
+    for size, form in ((86400, _("%s d ago")), (3600, _("%s h ago")), (60, _("%s min ago"))):
+        if total >= size:
+            text = form % (total // size)
+            break
     else:
-        text = ngettext("%s day ago", "%s days ago", total // 86400) % (total // 86400)
+        text = _("just now")
     local = timezone.localtime(when)
     return format_html(
         '<time datetime="{}" title="{}">{}</time>', when.isoformat(), local.strftime("%Y-%m-%d %H:%M %Z"), text

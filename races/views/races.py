@@ -133,6 +133,18 @@ def _race_context(request: HttpRequest, shown: Race, entry: Entry | None = None)
     }
     if state == RaceState.OPEN and request.user.is_authenticated:
         garage = list(models_of(request.user))
-        context["models"] = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
-        context["other_models"] = len(garage) - len(context["models"])
+        fitting = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
+        sent = _networks_sent(entry)
+        context |= {
+            "models": [model for model in fitting if model.network_id not in sent],
+            "all_sent": bool(fitting),
+            "garage_is_empty": not garage,
+        }
     return context
+
+
+def _networks_sent(entry: Entry | None) -> set[str]:
+    """Networks that an entry has sent: the same car would only drive the same laps again."""
+    if entry is None:
+        return set()
+    return set(entry.submissions.filter(is_void=False).order_by().values_list("network_id", flat=True))
