@@ -51,7 +51,7 @@ class CarPhysics:
     # Tyres and motors: the recorded cars change speed by up to 33 m/s^2 and corner at up to 6.8 m/s^2 without a slide
     # (their plugin is almost kinematic), so grip and torque are above, and the centre of mass below, those of a toy.
     friction: float = 4.0  # wheel x ground; Bullet multiplies the two
-    wheel_torque: float = 2.0  # N m, each wheel: about 30 m/s^2
+    wheel_torque: float = 1.5  # N m, each wheel: about 22 m/s^2; more makes the wheels slip and pull to a side
     steering_torque: float = 10.0  # N m; joint effort limit of macros.xacro
     max_joint_velocity: float = 1000.0  # rad/s; Bullet's default of 100 caps the car at 3.6 m/s in silence
     mass_height: float = 0.008  # m above the ground, chassis; a higher one lifts the front axle under full torque

@@ -29,6 +29,7 @@ class World:
             numSolverIterations=physics.solver_iterations,
             numSubSteps=0,
             deterministicOverlappingPairs=1,
+            solverResidualThreshold=0.0,  # always all iterations, so that one car's path does not hang on another's
             physicsClientId=client,
         )
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=(0, 0, 1), physicsClientId=client)
@@ -54,13 +55,13 @@ class World:
     def step(self) -> None:
         """Advance one control step (1/15 s)."""
         before = perf_counter()
-        self._tick(self._late_ticks)
+        self.advance(self._late_ticks)
         for car in self.cars:
             car.apply(self._late_steps)
-        self._tick(self.physics.ticks_per_step - self._late_ticks)
+        self.advance(self.physics.ticks_per_step - self._late_ticks)
         self.seconds += perf_counter() - before
 
-    def _tick(self, count: int) -> None:
+    def advance(self, count: int) -> None:
         """Advance by physics ticks (1/120 s)."""
         client = self.client
         step = bullet.stepSimulation
