@@ -22,6 +22,12 @@ class PrivateUid:
         self.uid = uid
         self._claim = claim
 
+    def __enter__(self) -> PrivateUid:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """Give the id back."""
         self._claim.close()

@@ -1,0 +1,187 @@
+"""What a host offers is found out by building it, and too little means that nothing runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from evaluation.errors import PlatformFault
+from evaluation.sandbox import bubblewrap, landlock, probe, seccomp, uids
+from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, launch
+from evaluation.sandbox.limits import PROBE
+from tests.shared import CHECKOUT
+
+from .conftest import PAYLOADS
+
+fresh = probe.probe.__wrapped__
+
+
+def names(report):
+    return {layer.name: layer.available for layer in report.layers}
+
+
+def test_the_report_is_plain_data_and_a_table():
+    report = probe.probe()
+    data = json.loads(json.dumps(report.to_dict()))
+    assert data["level"] == report.level
+    assert data["sufficient"] is report.sufficient
+    assert [layer["name"] for layer in data["layers"]] == list(names(report))
+    for layer in report.layers:
+        assert layer.name in report.table()
+        assert layer.detail
+
+
+def test_looking_takes_less_than_a_second_and_is_done_once():
+    started = time.process_time()
+    fresh()
+    assert time.process_time() - started < 1
+    assert probe.probe() is probe.probe()
+
+
+def test_without_landlock_nothing_runs(monkeypatch):
+    monkeypatch.setattr(landlock, "abi", lambda: 0)
+    report = fresh()
+    assert report.level == LEVEL_PARTIAL
+    assert not report.sufficient
+    assert not names(report)["lock"]
+
+
+def test_without_libseccomp_nothing_runs(monkeypatch):
+    def missing():
+        raise RuntimeError("Unable to find libseccomp")
+
+    monkeypatch.setattr(seccomp, "build", missing)
+    report = fresh()
+    assert not report.sufficient
+    assert "libseccomp2" in report.table()
+
+
+def test_without_both_the_level_is_none(monkeypatch):
+    monkeypatch.setattr(landlock, "abi", lambda: 0)
+    monkeypatch.setattr(seccomp, "build", lambda: (_ for _ in ()).throw(OSError("no")))
+    assert fresh().level == LEVEL_NONE
+
+
+def test_without_bubblewrap_the_lock_is_left_and_enough(monkeypatch):
+    if probe.probe().level < LEVEL_LOCK:
+        pytest.skip("this host offers no wall")
+    monkeypatch.setattr(bubblewrap, "find", lambda: None)
+    report = fresh()
+    assert report.level == LEVEL_LOCK
+    assert report.sufficient
+    assert "apt-get install bubblewrap" in report.table()
+
+
+def test_bubblewrap_that_may_not_make_namespaces_is_noticed(monkeypatch, tmp_path):
+    if probe.probe().level < LEVEL_LOCK:
+        pytest.skip("this host offers no wall")
+    refusing = tmp_path / "bwrap"
+    refusing.write_text("#!/bin/sh\necho 'bwrap: No permissions to create new namespace' >&2\nexit 1\n")
+    refusing.chmod(0o755)
+    monkeypatch.setattr(bubblewrap, "find", lambda: str(refusing))
+    report = fresh()
+    assert report.level == LEVEL_LOCK
+    assert "No permissions to create new namespace" in report.table()
+
+
+def test_a_filter_that_lets_something_through_is_noticed(monkeypatch):
+    """The lock itself tries its doors: here the filter allows every call, so a socket opens."""
+    if probe.probe().level < LEVEL_LOCK:
+        pytest.skip("this host offers no wall")
+    allow_everything = bytes.fromhex("060000000000ff7f")  # BPF_RET, SECCOMP_RET_ALLOW
+    monkeypatch.setattr(seccomp, "build", lambda: allow_everything)
+    report = fresh()
+    assert not report.sufficient
+    assert "left a door open" in report.table()
+
+
+def test_more_than_the_host_offers_can_be_asked_for_and_then_nothing_runs(monkeypatch):
+    monkeypatch.setenv("PADDOCK_SANDBOX_LEVEL", "3")
+    monkeypatch.setattr(bubblewrap, "find", lambda: None)
+    report = fresh()
+    assert report.minimum == LEVEL_NAMESPACES
+    assert not report.sufficient
+    monkeypatch.setattr(probe, "probe", lambda: report)
+    with pytest.raises(PlatformFault) as caught:
+        launch("resources", limits=PROBE, python_path=[PAYLOADS])
+    assert caught.value.code == "sandbox_unavailable"
+
+
+@pytest.mark.parametrize("text", ["0", "1", "4", "none", "-1", "2.5"])
+def test_less_than_the_minimum_cannot_be_asked_for(monkeypatch, text):
+    monkeypatch.setenv("PADDOCK_SANDBOX_LEVEL", text)
+    with pytest.raises(ValueError, match="PADDOCK_SANDBOX_LEVEL"):
+        probe.minimum_level()
+
+
+@pytest.mark.parametrize("text", ["70000", "a-b", "5-1", "0-100", "500-70000", "70000-"])
+def test_a_range_of_user_ids_that_makes_no_sense_is_told(monkeypatch, text):
+    monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", text)
+    with pytest.raises(ValueError, match="PADDOCK_SANDBOX_UIDS"):
+        uids.configured_range()
+
+
+def test_user_ids_are_handed_out_once_until_they_are_given_back(monkeypatch):
+    monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "78000-78002")
+    held = [uids.claim() for _ in range(3)]
+    assert sorted(one.uid for one in held) == [78000, 78001, 78002]
+    with pytest.raises(OSError, match="PADDOCK_SANDBOX_UIDS"):
+        uids.claim()
+    held[1].close()
+    again = uids.claim()
+    assert again.uid == held[1].uid
+    for one in (held[0], held[2], again):
+        one.close()
+
+
+def test_user_ids_are_not_handed_out_twice_to_two_processes(monkeypatch):
+    monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "78010-78011")
+    held = uids.claim()
+    code = "from evaluation.sandbox import uids; print(uids.claim().uid)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    assert {held.uid, int(done.stdout)} == {78010, 78011}
+    held.close()
+
+
+def test_a_user_id_with_an_account_is_not_handed_out(monkeypatch):
+    monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "65533-65534")
+    with uids.claim() as held:
+        assert held.uid == 65533  # 65534 is nobody
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="becoming an ordinary user takes root")
+def test_an_ordinary_user_has_a_wall_too():
+    """The interpreter may lie in root's private home: a mount of our own shows it to the user elsewhere."""
+    libraries = os.pathsep.join([str(CHECKOUT), *bubblewrap.python_home().packages])
+    executable = os.path.relpath(bubblewrap.python_home().executable, sys.base_prefix)
+    code = (
+        "import json, sys; from evaluation.sandbox.probe import probe; "
+        "from evaluation.sandbox.policy import PolicyProcess; report = probe(); "
+        "found = report.to_dict(); "
+        "import tests.sandbox.networks as networks, numpy; "
+        "levels = range(2, report.level + 1); answers = []\n"
+        "for level in levels:\n"
+        "    with PolicyProcess(level=level) as policy:\n"
+        "        policy.load(networks.small_network(), networks.HEADER)\n"
+        "        picture = {networks.CAMERA: numpy.full((120, 160, 1), 9, numpy.uint8)}\n"
+        "        answers.append(policy.client(networks.HEADER)(picture).tolist())\n"
+        "print(json.dumps([found, answers]))"
+    )
+    script = (
+        f"mount --bind {sys.base_prefix} /mnt && cd / && exec setpriv --reuid=65533 --regid=65533 --clear-groups "
+        f'env -i PATH=/usr/bin:/bin PYTHONPATH={libraries} LD_LIBRARY_PATH=/mnt/lib "/mnt/{executable}" -B -c "$0"'
+    )
+    done = subprocess.run(["unshare", "--mount", "sh", "-c", script, code], capture_output=True, text=True, timeout=60)
+    if "Permission denied" in done.stderr or "not permitted" in done.stderr:
+        pytest.skip(f"an ordinary user cannot read this checkout or its packages: {done.stderr.strip()[-200:]}")
+    assert done.returncode == 0, done.stderr
+    report, answers = json.loads(done.stdout)
+    assert report["sufficient"], report
+    assert report["level"] == LEVEL_NAMESPACES or not bubblewrap.find()
+    assert answers
+    assert all(answer == answers[0] for answer in answers)
