@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic
 
+import billiard
 from celery import shared_task
-from celery.signals import worker_ready
+from celery.signals import worker_process_init, worker_ready, worker_shutting_down
 from django.utils import timezone
 
 from .errors import PlatformFault
@@ -57,12 +59,23 @@ def sweep_at_start(sender=None, **kwargs: object) -> None:
         logger.warning("The first sweep could not be sent: %s", error)
 
 
+@worker_process_init.connect
+def outlive_sigterm(**kwargs: object) -> None:
+    """A SIGTERM to the whole group reaches the pool's processes too; Celery's main process ends idle ones itself."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+
+@worker_shutting_down.connect
+def pass_on_shutdown(**kwargs: object) -> None:
+    """Celery waits for running tasks when it is told to stop; tell them to hand their evaluation back instead."""
+    for process in billiard.active_children():
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGTERM)
+
+
 @contextmanager
 def shutdown_flag() -> Iterator[threading.Event]:
-    """An event that SIGTERM sets, so that a worker which is told to stop hands its evaluation back.
-
-    Celery leaves SIGTERM deadly in its pool's processes; outside this block it stays so.
-    """
+    """An event that SIGTERM sets, so that a worker which is told to stop hands its evaluation back."""
     told = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield told

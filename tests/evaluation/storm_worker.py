@@ -1,0 +1,101 @@
+"""A worker without Celery that crashes and dawdles at random: ``python -m tests.evaluation.storm_worker SEED``.
+
+It runs evaluations until none is left that has not ended. Now and then it is killed at a random point, and now and then
+it stops beating for longer than its lease lasts and then comes with a late result. It prints what it did.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+import threading
+
+import django
+
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+django.setup()
+
+from django.conf import settings  # noqa: E402
+from django.db.models import F  # noqa: E402
+from django.utils import timezone  # noqa: E402
+
+from evaluation import pipeline, services  # noqa: E402
+from evaluation.errors import PlatformFault, UserFault  # noqa: E402
+from evaluation.models import Evaluation, State  # noqa: E402
+from evaluation.services import bell, leases, work  # noqa: E402
+from evaluation.signals import evaluation_ended  # noqa: E402
+from tests.evaluation.stubs import outcome_of  # noqa: E402
+
+LEASE_S = 1.0
+CRASH, DAWDLE, OUR_FAULT, USER_FAULT = 0.012, 0.03, 0.02, 0.03
+luck = random.Random(int(sys.argv[1]))
+pause = threading.Event().wait
+
+
+def say(what: str) -> None:
+    print(what, flush=True)
+
+
+def perhaps_die(where: str) -> None:
+    if luck.random() < CRASH:
+        say(f"crash {where}")
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0):
+    perhaps_die("running")
+    draw = luck.random()
+    if draw < OUR_FAULT:
+        raise PlatformFault("storage_failed")
+    if job.rules.seed % 100 < USER_FAULT * 100:
+        raise UserFault("policy_died", step=1, how="signal 11")
+    pause(luck.random() * 0.01)
+    return outcome_of(salt=job.rules.seed)
+
+
+def store_trace_and_perhaps_die(*args, store=leases.store_trace):
+    name = store(*args)
+    perhaps_die("stored")
+    return name
+
+
+def count_the_end(evaluation, **kwargs):
+    """Receivers write in the same transaction: this counts how often an end took effect."""
+    Evaluation.objects.filter(pk=evaluation.pk).update(priority=F("priority") + 1)
+    perhaps_die("finishing")
+
+
+def dawdle(evaluation) -> None:
+    """Hold a lease without a beat until it has run out, and then try to finish."""
+    pause(LEASE_S * 1.5)
+    late = services.finish_evaluation(
+        evaluation_id=evaluation.pk,
+        lease=evaluation.lease,
+        outcome=outcome_of(salt=evaluation.spec["rules"]["seed"]),
+        now=timezone.now(),
+    )
+    say("late accepted" if late else "late refused")
+
+
+def main() -> None:
+    settings.LEASE_SECONDS = LEASE_S
+    settings.EVALUATION_MAX_ATTEMPTS = 1000
+    pipeline.evaluate = evaluate
+    leases.store_trace = store_trace_and_perhaps_die
+    bell._ring = lambda times: None
+    work.PROGRESS_EVERY_S = 0.1
+    evaluation_ended.connect(count_the_end, weak=False)
+    while Evaluation.objects.filter(state__in=(State.QUEUED, State.RUNNING)).exists():
+        services.sweep_queue(now=timezone.now(), ring=False)
+        if luck.random() < DAWDLE:
+            evaluation = services.claim_next_evaluation(worker="dawdler", now=timezone.now())
+            if evaluation is not None:
+                dawdle(evaluation)
+        elif not services.run_next_evaluation(worker=f"w{os.getpid()}"):
+            pause(0.1)
+    say("done")
+
+
+main()

@@ -1,0 +1,163 @@
+"""Real workers, killed at every point of a run: it finishes exactly once, and nothing is left."""
+
+from __future__ import annotations
+
+import os
+import signal
+from datetime import timedelta
+
+import pytest
+from django.core.files.storage import default_storage
+from django.utils import timezone
+
+from evaluation import services, tasks
+from evaluation.models import Evaluation, Result, State
+from evaluation.simulator.rules import RaceRules
+from league.celery import app
+from tests import servers
+from tests.evaluation.held_points import POINTS
+from tests.evaluation.processes import celery_worker, environment, is_running, session_of, wait_for
+from tests.rows import model_row
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.django_db(transaction=True),
+    pytest.mark.xdist_group("workers"),
+]
+HELD = "tests.evaluation.held_worker"
+
+
+@pytest.fixture(scope="module")
+def broker_url(request):
+    """A broker of our own: the bundled Valkey unless a test asks for Redis."""
+    start = getattr(servers, getattr(request, "param", "valkey"))
+    with servers.short_folder() as folder, start(folder) as url:
+        before = app.conf.broker_url
+        app.conf.broker_url = url
+        yield url
+        app.conf.broker_url = before
+
+
+@pytest.fixture
+def control(tmp_path):
+    return Control(tmp_path)
+
+
+class Control:
+    """The remote control of held workers (tests/evaluation/held_worker.py)."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.log = folder / "worker.log"
+
+    def hold_at(self, point):
+        (self.folder / "at").write_text(point)
+
+    def held(self):
+        """The process that stopped at the point."""
+        wait_for((self.folder / "held").exists, 30, self.log)
+        pid = int((self.folder / "held").read_text())
+        (self.folder / "held").unlink()
+        return pid
+
+    def worker(self, broker_url, name="w"):
+        return celery_worker(
+            HELD, environment(broker_url, HOLD_DIR=str(self.folder)), self.log, self.folder / "ready", name
+        )
+
+
+@pytest.fixture
+def submit(alice, oval, broker_url):
+    model = model_row(alice)
+
+    def queue(seed=0):
+        return services.queue_evaluation(
+            owner=alice, model=model, track=oval, rules=RaceRules(seed=seed), now=timezone.now()
+        )
+
+    return queue
+
+
+def lose_patience():
+    """Let the leases of dead workers run out now instead of in half a minute."""
+    Evaluation.objects.filter(state=State.RUNNING).update(leased_until=timezone.now() - timedelta(seconds=1))
+
+
+def finished(evaluation):
+    return Evaluation.objects.get(pk=evaluation.pk).state == State.FINISHED
+
+
+def traces_of(evaluation):
+    return [name for name in default_storage.listdir("traces")[1] if name.startswith(evaluation.public_id)]
+
+
+@pytest.mark.parametrize(
+    ("broker_url", "point"),
+    [("valkey", point) for point in POINTS] + [pytest.param("redis", "running", marks=pytest.mark.redis)],
+    indirect=["broker_url"],
+)
+def test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result(point, submit, control, broker_url):
+    with control.worker(broker_url):
+        control.hold_at(point)
+        evaluation = submit()
+        os.kill(control.held(), signal.SIGKILL)
+        if point != "committed":
+            lose_patience()
+        tasks.sweep.apply_async()
+        wait_for(lambda: finished(evaluation), 30, control.log)
+        following = submit(seed=1)
+        wait_for(lambda: finished(following), 30, control.log)
+    evaluation.refresh_from_db()
+    assert evaluation.attempt == (1 if point == "committed" else 2)
+    assert Result.objects.filter(evaluation=evaluation).count() == 1
+    assert traces_of(evaluation) == [os.path.basename(evaluation.result.trace.name)]
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_a_worker_killed_at_any_point_leaves_no_process_and_the_next_one_finishes(point, submit, control, broker_url):
+    with control.worker(broker_url, "first") as worker:
+        control.hold_at(point)
+        evaluation = submit()
+        child = control.held()
+        os.kill(worker.pid, signal.SIGKILL)
+        wait_for(lambda: not session_of(worker.pid) and not is_running(child))
+    lose_patience()
+    with control.worker(broker_url, "second"):  # it sweeps when it starts
+        wait_for(lambda: finished(evaluation), 30, control.log)
+    assert Result.objects.count() == 1
+    assert len(traces_of(evaluation)) == 1
+
+
+def test_a_worker_told_to_stop_hands_its_evaluation_back_at_once(submit, control, broker_url):
+    with control.worker(broker_url) as worker:
+        control.hold_at("running")
+        evaluation = submit()
+        control.held()
+        os.kill(worker.pid, signal.SIGTERM)
+        assert worker.wait(15) == 0
+        evaluation.refresh_from_db()
+        assert (evaluation.state, evaluation.attempt) == (State.QUEUED, 0)
+        assert not session_of(worker.pid)
+
+
+def test_an_idle_worker_whose_whole_group_is_told_to_stop_ends_quietly(submit, control, broker_url):
+    with control.worker(broker_url) as worker:
+        first = submit()
+        wait_for(lambda: finished(first), 30, control.log)
+        os.killpg(worker.pid, signal.SIGTERM)
+        assert worker.wait(15) == 0
+        assert not session_of(worker.pid)
+    assert "exited with" not in control.log.read_text()
+
+
+def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, broker_url):
+    with control.worker(broker_url):
+        control.hold_at("running")
+        evaluation = submit()
+        control.held()
+        assert services.stop_evaluation(evaluation=evaluation, now=timezone.now())
+        following = submit(seed=1)
+        wait_for(lambda: finished(following), 30, control.log)  # so the worker let go of the first
+    evaluation.refresh_from_db()
+    assert evaluation.state == State.STOPPED
+    assert not Result.objects.filter(evaluation=evaluation).exists()

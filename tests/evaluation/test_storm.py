@@ -1,0 +1,85 @@
+"""Many workers, crashing and coming late at random: nothing is lost, nothing counts twice."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import count
+
+import pytest
+from django.core.files.storage import default_storage
+from django.db import connection
+from django.utils import timezone
+
+from evaluation import services
+from evaluation.models import Evaluation, Result, State
+from evaluation.services.results import read_trace
+from evaluation.simulator.rules import RaceRules
+from tests.evaluation.processes import environment, is_running
+from tests.evaluation.stubs import trace_csv
+from tests.rows import model_row
+from tests.shared import CHECKOUT
+
+ROWS, WORKERS = 300, 4
+
+
+@pytest.mark.slow
+@pytest.mark.django_db(transaction=True)
+@pytest.mark.xdist_group("workers")
+def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie, oval, bell, tmp_path):
+    racers = [(racer, model_row(racer, onnx=racer.alias.encode())) for racer in (alice, bob, charlie)]
+    for seed in range(ROWS):
+        racer, model = racers[seed % 3]
+        services.queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(seed=seed), now=timezone.now())
+    log = tmp_path / "storm.log"
+    exit_codes = weather(log)
+    said = log.read_text()
+
+    states = dict(Evaluation.objects.values_list("spec__rules__seed", "state"))
+    assert states == {seed: State.FAILED if seed % 100 < 3 else State.FINISHED for seed in range(ROWS)}
+    assert set(Evaluation.objects.values_list("priority", flat=True)) == {1}  # each end took effect once
+    results = Result.objects.select_related("evaluation")
+    assert results.count() == sum(state == State.FINISHED for state in states.values())
+    for result in results:
+        assert read_trace(result) == trace_csv(salt=result.evaluation.spec["rules"]["seed"])
+    mine = {evaluation.public_id for evaluation in Evaluation.objects.all()}
+    files = [name for name in default_storage.listdir("traces")[1] if name.partition("-")[0] in mine]
+    kept = {result.trace.name.removeprefix("traces/") for result in results}
+    assert set(files) == kept  # what crashes left behind was swept away
+    # the weather was bad enough
+    crashes = exit_codes.count(-9)
+    assert crashes == said.count("crash ") >= 5
+    assert said.count("late refused") >= 1
+    assert {code for code in exit_codes if code != -9} == {0}
+    assert "locked" not in said and "Traceback" not in said.replace("storage_failed. Traceback", "")
+
+
+def weather(log) -> list[int]:
+    """Keep workers running until the queue is empty; the exit status of each."""
+    env = environment("redis://127.0.0.1:1/0")
+    seeds = count(1)
+
+    def start() -> subprocess.Popen:
+        command = [sys.executable, "-m", "tests.evaluation.storm_worker", str(next(seeds))]
+        with log.open("ab") as output:
+            return subprocess.Popen(command, cwd=CHECKOUT, env=env, stdout=output, stderr=subprocess.STDOUT)
+
+    workers = [start() for _ in range(WORKERS)]
+    exit_codes = []
+    try:
+        while workers:
+            worker = workers.pop(0)
+            try:
+                exit_codes.append(worker.wait(0.1))
+            except subprocess.TimeoutExpired:
+                workers.append(worker)
+                continue
+            if worker.returncode == -9:
+                workers.append(start())
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+    assert not any(is_running(worker.pid) for worker in workers)
+    connection.close()
+    return exit_codes
