@@ -202,6 +202,8 @@ def _build(client: int, physics: CarPhysics) -> int:
     bullet.changeDynamics(body, -1, localInertiaDiagonal=physics.chassis_inertia, physicsClientId=client)
     bullet.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
     bullet.changeDynamics(body, -1, maxJointVelocity=physics.max_joint_velocity, physicsClientId=client)
+    for link in (-1, *links):
+        bullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP, client)
     for link in links:
         wheel = link in WHEELS
         inertia = physics.wheel_inertia if wheel else (physics.hinge_inertia,) * 3
@@ -216,5 +218,4 @@ def _build(client: int, physics: CarPhysics) -> int:
                 restitution=0.0,
                 physicsClientId=client,
             )
-        bullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP, client)
     return body
