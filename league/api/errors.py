@@ -104,10 +104,16 @@ def handle(exc: Exception, context: dict[str, Any]) -> Response:
 
 def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.APIException:
     match exc:
+        case exceptions.NotAuthenticated():
+            exc.detail = exceptions.ErrorDetail(
+                _("Say who you are: send the header Authorization: Token ... (make a token in your settings)."),
+                exc.get_codes(),
+            )
+            return exc
         case exceptions.APIException():
             return exc
         case Http404():
-            return exceptions.NotFound()
+            return exceptions.NotFound(_("It does not exist, or you may not see it."))
         case PermissionDenied():
             return exceptions.PermissionDenied()
         case RequestDataTooBig():
