@@ -103,7 +103,8 @@ def test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result(poin
         os.kill(control.held(), signal.SIGKILL)
         if point != "committed":
             lose_patience()
-        tasks.sweep.apply_async()
+        with app.connection_for_write() as connection:  # not from the pool, which knows another test's broker
+            tasks.sweep.apply_async(connection=connection)
         wait_for(lambda: finished(evaluation), 30, control.log)
         following = submit(seed=1)
         wait_for(lambda: finished(following), 30, control.log)
