@@ -295,6 +295,9 @@ _PLATFORM = _table(
             "is run. An operator sees with “manage.py doctor” what is missing."
         ),
         "sandbox_failed": _("A walled-off process could not be started. The evaluation will be repeated."),
+        "host_overloaded": _(
+            "This host was too busy to run the network. Nothing is wrong with it; the evaluation will be repeated."
+        ),
         "runner_timeout": _("The simulator did not finish within %(limit_s)s s. The evaluation will be repeated."),
         "runner_died": _("The simulator ended unexpectedly (%(how)s). The evaluation will be repeated."),
         "runner_protocol": _("The simulator sent something unreadable. The evaluation will be repeated."),

@@ -186,10 +186,19 @@ class SandboxedProcess:
 
     def cpu_seconds(self) -> float:
         """CPU time of the sandboxed process so far, to a hundredth of a second; 0.0 once it is over."""
+        fields = self._stat()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") if fields else 0.0  # utime, stime
+
+    def wants_processor(self) -> bool:
+        """Whether it computes, or would if the host let it (also while it waits for memory to be paged in)."""
+        fields = self._stat()
+        return bool(fields) and fields[0] in (b"R", b"D")
+
+    def _stat(self) -> list[bytes]:
+        """The fields of proc(5)'s stat from the third on, empty once it is over."""
         with contextlib.suppress(OSError), open(f"/proc/{self.inner_pid}/stat", "rb") as file:
-            fields = file.read().rpartition(b")")[2].split()
-            return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # utime, stime: proc(5)
-        return 0.0
+            return file.read().rpartition(b")")[2].split()
+        return []
 
     def _bury_first_process(self) -> None:
         """bubblewrap does not wait for its first process when that ends by itself: then it was left to us."""

@@ -34,6 +34,7 @@ class PolicyProcess:
         self, *, limits: Limits = POLICY, level: int | None = None, module: str = MODULE, **options: Any
     ) -> None:
         self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
+        self._cpu_from = 0.0
         widen_pipe(self.process.stdin)
 
     def __enter__(self) -> PolicyProcess:
@@ -74,6 +75,7 @@ class PolicyProcess:
             raise UserFault("policy_refused", detail=str(answer.get("detail"))[:200], version=version)
         if state != "ready":
             raise UserFault("policy_protocol", step=0)
+        self._cpu_from = self.process.cpu_seconds()
         return version
 
     def client(self, header: dict[str, Any], **budget: float) -> PolicyClient:
@@ -81,14 +83,19 @@ class PolicyProcess:
         return PolicyClient(self.process.stdout, self.process.stdin, header, **budget)
 
     def explain(self, fault: PaddockError) -> PaddockError:
-        """Say better why a policy died: the referee sees only that its pipes closed."""
+        """Say better why a policy died or was late: the referee sees only that its pipes closed, or that none came.
+
+        One that wants the processor and hardly got it is not slow: PlatformFault("host_overloaded").
+        """
+        if fault.code == "policy_late" and self._starved(float(fault.params["waited_s"])):
+            return PlatformFault("host_overloaded")
         if fault.code != "policy_died":
             return fault
         status = self.process.wait(1.0)
         if status == EXIT_MEMORY:
             return self._memory()
         if status == -signal.SIGXCPU:
-            return self._late(fault.params.get("step", 0))
+            return self._late(fault.params.get("step", 0), self.process.limits.cpu_s)
         return UserFault("policy_died", step=fault.params.get("step", 0), how=describe(status))
 
     @contextlib.contextmanager
@@ -97,11 +104,16 @@ class PolicyProcess:
         try:
             yield
         except FrameTimeout:
-            raise self._late() from None
+            raise self.explain(self._late(0, LOAD_S)) from None
         except FrameClosed:
             raise self.explain(UserFault("policy_died", step=0, how="")) from None
         except FrameError:
             raise UserFault("policy_protocol", step=0) from None
+
+    def _starved(self, waited_s: float) -> bool:
+        """Whether it computed for less than a fifth of the time that was waited for it, and would compute now."""
+        computed_s = self.process.cpu_seconds() - self._cpu_from
+        return self.process.wants_processor() and computed_s < waited_s / 5
 
     def _wait_for_lock(self) -> None:
         try:
@@ -112,9 +124,11 @@ class PolicyProcess:
             raise failed_start(self.process, str(error)) from None
         if answer != {"state": "locked"}:
             raise failed_start(self.process, "it did not say that it is locked")
+        self._cpu_from = self.process.cpu_seconds()
 
-    def _late(self, step: Any = 0) -> UserFault:
-        return UserFault("policy_late", step=step, step_s=STEP_DEADLINE_S, overage_s=OVERAGE_S, total_s=TOTAL_S)
+    def _late(self, step: Any, waited_s: float) -> UserFault:
+        budget = {"step_s": STEP_DEADLINE_S, "overage_s": OVERAGE_S, "total_s": TOTAL_S}
+        return UserFault("policy_late", step=step, waited_s=waited_s, **budget)
 
     def _memory(self) -> UserFault:
         return UserFault("policy_memory", limit_mb=self.process.limits.address_space_mb)

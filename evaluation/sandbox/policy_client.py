@@ -48,7 +48,7 @@ class PolicyClient:
         for fd in (read_fd, write_fd):
             if os.get_blocking(fd):  # the launcher's ends are not, and a locked process may not change them
                 os.set_blocking(fd, False)
-        self._until = 0.0
+        self._started = self._until = 0.0
         self.step = 0
         self.seconds = 0.0
 
@@ -57,11 +57,11 @@ class PolicyClient:
         self._fill(observation)
         self.step += 1
         STEP.pack_into(self._request, 0, self.step)
-        started = time.monotonic()
-        self._until = started + min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
+        self._started = time.monotonic()
+        self._until = self._started + min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
         self._send()
         action = self._receive()
-        taken = time.monotonic() - started
+        taken = time.monotonic() - self._started
         self.seconds += taken
         self._bank -= max(0.0, taken - self._step_deadline_s)
         if not np.isfinite(action).all():
@@ -104,14 +104,16 @@ class PolicyClient:
         return np.frombuffer(reply, np.dtype("<f4"), offset=STEP.size)
 
     def _wait(self, poller: select.poll) -> None:
-        left = self._until - time.monotonic()
-        if left <= 0 or not poller.poll(left * 1000 + 1):
+        # Looked at once in any case: if this process was not scheduled in time, that is not the network's slowness.
+        left = max(0.0, self._until - time.monotonic())
+        if not poller.poll(left * 1000):
             raise UserFault(
                 "policy_late",
                 step=self.step,
                 step_s=self._step_deadline_s,
                 overage_s=self._overage_s,
                 total_s=self._total_s,
+                waited_s=round(self.seconds + time.monotonic() - self._started, 3),
             )
 
     def _died(self) -> UserFault:

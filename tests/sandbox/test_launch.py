@@ -199,3 +199,25 @@ def test_a_module_outside_the_given_path_is_not_there(level):
         assert status == EXIT_IMPORT
     else:
         assert status != 0  # importable before the lock, but it has no main()
+
+
+def test_in_its_namespaces_a_process_sees_code_only_and_can_write_nowhere_even_before_its_lock(level):
+    if level < LEVEL_NAMESPACES:
+        pytest.skip("without namespaces the file system is there until the lock")
+    with launch("looks_around", limits=SMALL, python_path=[PAYLOADS], level=level) as process:
+        found, _ = read_message(process.stdout, process.deadline)
+    assert found["writable"] == []
+    assert not found["network"]
+    assert found["pid"] < 10
+    outside = ("/etc/", "/var/", "/home/", "/tmp/", "/run/", "/dev/", "/boot/", "/opt/", "/usr/bin/", "/bin/")
+    interpreter = os.path.realpath(sys.executable)
+    assert [path for path in found["visible"] if path.startswith(outside) and path != interpreter] == []
+    ours = {path.removeprefix(f"{CHECKOUT}/").split("/")[0] for path in found["visible"] if _within(path, CHECKOUT)}
+    assert ours <= {"evaluation", "tracks", "tests", ".venv"}
+    tests = {path for path in found["visible"] if _within(path, CHECKOUT / "tests")}
+    assert all(_within(path, PAYLOADS) for path in tests)
+    assert [path for path in found["visible"] if path.startswith("/proc/")] == ["/proc/cpuinfo"]
+
+
+def _within(path, directory):
+    return path.startswith(f"{directory}/")

@@ -149,6 +149,21 @@ def test_slow_steps_use_up_the_bank(level):
     assert caught.value.code == "policy_late"
 
 
+def test_a_network_that_waits_for_a_busy_host_is_not_called_slow(level, monkeypatch):
+    """A stopped clock stands for a host that gives the network no time."""
+    with hostile("burn", level) as policy, pytest.raises(PlatformFault) as caught:
+        monkeypatch.setattr(policy.process, "cpu_seconds", lambda: 0.0)
+        drive(policy)
+    assert caught.value.code == "host_overloaded"
+
+
+def test_a_network_that_sleeps_cannot_blame_the_host(level, monkeypatch):
+    with hostile("sleep", level) as policy, pytest.raises(UserFault) as caught:
+        monkeypatch.setattr(policy.process, "cpu_seconds", lambda: 0.0)
+        drive(policy)
+    assert caught.value.code == "policy_late"
+
+
 def test_steps_within_their_deadline_may_still_not_take_for_ever(level):
     with hostile("slow_once", level) as policy, pytest.raises(UserFault) as caught:
         drive(policy, budget={"step_deadline_s": 1.0, "overage_s": 10.0, "total_s": 0.2})

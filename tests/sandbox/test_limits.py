@@ -1,0 +1,53 @@
+"""The presets leave honest work at least twice the room it needs."""
+
+from __future__ import annotations
+
+import pytest
+
+from evaluation import pipeline
+from evaluation.sandbox.limits import POLICY, PROBE, RUNNER, Limits
+from evaluation.sandbox.policy import PolicyProcess
+from evaluation.sandbox.policy_client import TOTAL_S
+from evaluation.simulator.rules import RaceRules
+from tracks.catalogue import CATALOGUE
+
+from .networks import HEADER, METADATA, console_sized_network, small_network
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+
+def peak_address_space_mb(process):
+    with open(f"/proc/{process.inner_pid}/status") as lines:
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmPeak:")) / 1024
+
+
+def test_a_network_of_the_consoles_size_needs_less_than_half_of_a_policys_memory(level):
+    with PolicyProcess(level=level) as policy:
+        policy.load(console_sized_network(), HEADER)
+        assert peak_address_space_mb(policy.process) < POLICY.address_space_mb / 2
+
+
+def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(monkeypatch):
+    largest = max(CATALOGUE, key=lambda track: track.stated_length_m or 0.0)
+    started, peaks = [], []
+    launch = pipeline.launch
+
+    def watched(*args, **options):
+        started.append(launch(*args, **options))
+        return started[-1]
+
+    monkeypatch.setattr(pipeline, "launch", watched)
+    job = pipeline.RaceJob(largest.geometry(), RaceRules(max_simulated_ms=60_000), small_network(), METADATA)
+    pipeline.evaluate(job, on_progress=lambda _: peaks.append(peak_address_space_mb(started[0])))
+    assert peaks
+    assert max(peaks) < RUNNER.address_space_mb / 2
+
+
+def test_the_kernels_clock_ends_a_process_later_than_the_referee_ends_its_patience():
+    assert POLICY.cpu_s > 2 * TOTAL_S
+    assert RUNNER.cpu_s >= pipeline.WALL_LIMIT_S
+
+
+@pytest.mark.parametrize("limits", [POLICY, RUNNER, PROBE])
+def test_limits_cross_to_another_process_unchanged(limits):
+    assert Limits.from_dict(limits.to_dict()) == limits
