@@ -8,6 +8,7 @@ from tracks.geometry import Projection, TrackGeometry
 
 STRIDE_M = 0.3  # the nose moves at most this far in a control step: 4 m/s for 1/15 s and the swing of a turn
 _SAMPLE_M = 0.05
+_MARGIN = 1.5  # the nose may hang over a border while a wheel is still on the road
 _WINDOW_M = 2.0  # a projection is never looked for farther along the track than this from the last one
 
 
@@ -22,11 +23,11 @@ class Reach:
         count = max(8, int(np.ceil(track.length / _SAMPLE_M)))
         step = track.length / count
         along = np.arange(count) * step
-        ends = np.append(track.cumulative, track.length)
+        widths = [track.half_widths_at(distance) for distance in along.tolist()]
         gain = np.full(count, STRIDE_M)
-        for line in (track.left, track.right):
-            points = np.column_stack(
-                [np.interp(along, ends, np.append(line[:, axis], line[0, axis])) for axis in range(2)]
+        for offsets in ([left for left, _ in widths], [-right for _, right in widths]):
+            points = np.array(
+                [track.point_at(distance, offset)[:2] for distance, offset in zip(along, offsets, strict=True)]
             )
             for lag in range(1, min(count // 2, int(_WINDOW_M / step)) + 1):
                 near = np.linalg.norm(np.roll(points, -lag, axis=0) - points, axis=1) <= STRIDE_M
@@ -37,7 +38,7 @@ class Reach:
         spread = int(np.ceil(2 * STRIDE_M / step))
         wide = np.max([np.roll(gain, shift) for shift in range(-spread, spread + 1)], axis=0)
         index = np.minimum((track.cumulative / step).astype(int), count - 1)
-        self._gain = (wide[index] + 2 * step).tolist()
+        self._gain = (_MARGIN * wide[index]).tolist()
 
     def at(self, index: int) -> float:
         """Metres along the centre line from the segment ``index``."""

@@ -1,5 +1,6 @@
 import dataclasses
 import math
+from itertools import pairwise
 
 import pybullet
 import pytest
@@ -71,7 +72,7 @@ def test_the_yaw_rate_follows_with_the_recorded_lag(world):
         rates.append(yaw_rate(world, car))
     steady = rates[-1]
     # The share of the remaining error that a step takes away, after the dead time; recorded: 0.40 to 0.52.
-    shares = [(after - before) / (steady - before) for before, after in zip(rates[1:4], rates[2:5], strict=True)]
+    shares = [(after - before) / (steady - before) for before, after in pairwise(rates[1:5])]
     assert all(0.4 < share < 0.56 for share in shares)
 
 

@@ -37,7 +37,9 @@ def starts(episodes, every):
             if rows[-1][0] - rows[index][0] < HORIZON_S:
                 break
             end = next(i for i in range(index, len(rows)) if rows[i][0] - rows[index][0] >= HORIZON_S - 0.04)
-            if all(math.dist(a[1:3], b[1:3]) < 0.4 for a, b in zip(rows[index - 2 : end], rows[index - 1 :], strict=False)):
+            if all(
+                math.dist(a[1:3], b[1:3]) < 0.4 for a, b in zip(rows[index - 2 : end], rows[index - 1 :], strict=False)
+            ):
                 count += 1
                 if count % every == 0:
                     yield rows, index, end
@@ -66,9 +68,7 @@ def replay(world, car, rows, index, end):
     speed = math.dist(before[1:3], start[1:3]) / seconds
     rate = turn(start[3] - before[3]) / seconds
     curvature = max(-2.2, min(2.2, rate / max(speed, 0.1)))
-    car.start(
-        Pose(*start[1:4]), speed=speed, wheel_angle=math.atan(curvature * PADDOCK_CAR.wheelbase), yaw_rate=rate
-    )
+    car.start(Pose(*start[1:4]), speed=speed, wheel_angle=math.atan(curvature * PADDOCK_CAR.wheelbase), yaw_rate=rate)
     due = {round((row[0] - start[0]) * 120) + PADDOCK_CAR.dead_time_ticks: row for row in rows[index - 1 : end]}
     for tick in range(min(due), round((rows[end][0] - start[0]) * 120)):
         if tick in due:

@@ -51,12 +51,17 @@ class TinyScene:
             start = number * track.length / dashes
             end = start + theme.dash_length
             quads.append(
-                [(*track.point_at(d, s)[:2], 0.0) for d, s in ((start, -half), (end, -half), (end, half), (start, half))]
+                [
+                    (*track.point_at(d, s)[:2], 0.0)
+                    for d, s in ((start, -half), (end, -half), (end, half), (start, half))
+                ]
             )
         self._add(quads, theme.dash)
         for index, start in enumerate(corners):
             end = corners[(index + 1) % 4]
-            self._add([[(*start, 0.0), (*end, 0.0), (*end, theme.wall_height), (*start, theme.wall_height)]], theme.wall)
+            self._add(
+                [[(*start, 0.0), (*end, 0.0), (*end, theme.wall_height), (*start, theme.wall_height)]], theme.wall
+            )
 
     def _add(self, quads: list[list[tuple[float, float, float]]], grey: int) -> None:
         for first in range(0, len(quads), 60):

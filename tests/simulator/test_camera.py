@@ -1,0 +1,143 @@
+import math
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from evaluation.simulator.camera.optics import FRONT_CAMERA
+from evaluation.simulator.camera.theme import OFFICIAL
+from evaluation.simulator.camera.view import Camera, Scene
+from evaluation.simulator.car import Pose
+
+from .tiny_scene import TinyScene
+from .tracks_for_tests import stadium
+
+TRACK = stadium()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene.of(TRACK)
+
+
+@pytest.fixture(scope="module")
+def camera(scene):
+    return Camera(scene)
+
+
+@pytest.fixture(scope="module")
+def pairs(camera):
+    """(warped, drawn by Bullet's TinyRenderer at 640x480 and shrunk as the official pipeline does) for many poses."""
+    witness = TinyScene(TRACK, OFFICIAL)
+    found = []
+    for number, distance in enumerate(np.linspace(0, TRACK.length, 12, endpoint=False)):
+        x, y, heading = TRACK.point_at(distance, 0.3 * math.sin(number))
+        pose = Pose(x, y, heading + 0.3 * math.cos(3 * number))
+        drawn = Image.fromarray(witness.render(pose)).resize((160, 120), Image.Resampling.BILINEAR)
+        found.append((camera.render(pose), np.array(drawn)))
+    witness.close()
+    return found
+
+
+def test_a_frame_is_grey_bytes_of_the_official_size_and_the_callers_own(camera):
+    frame = camera.render(Pose(0.0, -1.2, 0.0))
+    assert frame.shape == (120, 160) and frame.dtype == np.uint8 and frame.flags.c_contiguous
+    kept = frame.copy()
+    camera.render(Pose(1.0, -1.2, 0.5))
+    assert (frame == kept).all()
+
+
+def test_bullets_own_renderer_sees_the_same_scene(pairs):
+    differences = [np.abs(ours.astype(int) - theirs) for ours, theirs in pairs]
+    assert np.mean(differences) < 1.5
+    for difference in differences:
+        assert difference.mean() < 2.5
+        assert (difference > 40).mean() < 0.02
+
+
+def test_edges_are_where_bullets_renderer_has_them(pairs):
+    """Of all shifts by half pixels the pictures fit best with at most one of them: TinyRenderer itself is half of one
+    of its four times smaller pixels off."""
+    shifts = [(dx / 2, dy / 2) for dx in range(-3, 4) for dy in range(-3, 4)]
+
+    def apart(shift):
+        move = np.float32([[1, 0, shift[0]], [0, 1, shift[1]]])
+        return sum(
+            np.abs(
+                cv2.warpAffine(ours.astype(np.float32), move, (160, 120), borderMode=cv2.BORDER_REPLICATE) - theirs
+            ).mean()
+            for ours, theirs in pairs
+        )
+
+    best = min(shifts, key=apart)
+    assert max(map(abs, best)) <= 0.5
+    for far in ((1.5, 0), (-1.5, 0), (0, 1.5), (0, -1.5)):
+        assert apart(far) > 1.3 * apart(best)
+
+
+def test_the_horizon_and_the_wall_are_at_the_height_that_geometry_says(camera, scene):
+    xmax, middle = scene.walls[2], (scene.walls[1] + scene.walls[3]) / 2
+    optics = FRONT_CAMERA
+    for away in (0.5, 1.0, 3.0):
+        frame = camera.render(Pose(xmax - away - optics.x, middle, 0.0))
+        below = math.atan(optics.height / away) - optics.pitch
+        foot = (optics.rows - 1) / 2 + optics.focal * math.tan(below)
+        column = frame[:, 80].astype(float)
+        # Where the brightness is half-way between the wall's and the field's.
+        row = int(np.nonzero(column > (OFFICIAL.wall + OFFICIAL.field) / 2)[0][0])
+        seen = row - (column[row] - (OFFICIAL.wall + OFFICIAL.field) / 2) / (column[row] - column[row - 1])
+        assert seen == pytest.approx(foot, abs=0.8)
+
+
+def test_a_pixel_shows_the_ground_that_its_ray_meets():
+    ground = FRONT_CAMERA.ground_from_pixels()
+    x, y, w = ground @ (79.5, 59.5, 1.0)  # the axis
+    assert y == pytest.approx(0.0, abs=1e-12)
+    assert x / w - FRONT_CAMERA.x == pytest.approx(FRONT_CAMERA.height / math.tan(FRONT_CAMERA.pitch))
+    x, y, w = ground @ (0.0, 100.0, 1.0)
+    assert y / w > 0  # the picture's left is the car's left
+
+
+def test_lines_dashes_road_field_and_sky_have_the_themes_greys(camera):
+    # On the centre line of the lower straight: dash or road ahead, border lines and field to both sides.
+    frame = camera.render(Pose(-1.0, -1.2, 0.0))
+    values = set(frame[110].tolist())
+    assert OFFICIAL.road in values
+    assert OFFICIAL.dash in set(frame[60:, 79].tolist()) | set(frame[60:, 80].tolist())
+    assert OFFICIAL.line in set(frame[45].tolist())
+    assert OFFICIAL.field in set(frame[40].tolist())
+    assert OFFICIAL.wall in set(frame[5].tolist())
+
+
+@pytest.mark.parametrize("yaw", np.linspace(-math.pi, math.pi, 9))
+def test_a_wall_that_passes_through_the_near_plane_is_cut_and_not_turned_inside_out(camera, scene, yaw):
+    xmin, ymin, _, _ = scene.walls
+    frame = camera.render(Pose(xmin + 0.2, ymin + 0.2, float(yaw)))
+    # Nothing but the scene's greys and their mixtures, and the sky only ever above the horizon.
+    horizon = math.ceil(FRONT_CAMERA.horizon)
+    assert (frame[horizon + 1 :] <= OFFICIAL.line).all()
+    assert not (np.abs(frame[horizon + 1 :].astype(int) - OFFICIAL.sky) < 3).sum() > 80
+
+
+def test_far_lines_do_not_sparkle(camera):
+    """A small step forward must change the far rows by little: without anti-aliasing they flicker."""
+    frames = [camera.render(Pose(-1.9 + 0.01 * i, -1.2, 0.0))[27:40].astype(float) for i in range(20)]
+    jumps = [np.abs(a - b).max() for a, b in pairwise(frames)]
+    assert np.median(jumps) < 45
+
+
+def test_the_road_is_drawn_between_its_borders(scene):
+    level = scene.levels[0]
+    to_pixels = level.from_ground()
+    for distance in np.linspace(0, TRACK.length, 40, endpoint=False):
+        for offset, grey in (
+            (0.2, OFFICIAL.road),
+            (0.47, OFFICIAL.line),
+            (-0.47, OFFICIAL.line),
+            (0.53, OFFICIAL.field),
+        ):
+            x, y, _ = TRACK.point_at(distance, offset)
+            column, row, _ = to_pixels @ (x, y, 1.0)
+            assert level.pixels[round(row), round(column)] == grey

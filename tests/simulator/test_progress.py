@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from evaluation.simulator.progress import STRIDE_M, Odometer, Reach
+from tests.shared import SHARED, needs_shared
+from tracks.catalogue import CATALOGUE
+from tracks.npy import read_npy
+
+from .tracks_for_tests import hairpin, stadium
+
+
+def test_on_a_straight_a_stride_gains_a_stride():
+    track = stadium()
+    assert Reach(track).at(0) == pytest.approx(1.5 * STRIDE_M, abs=0.1)
+
+
+def test_on_the_inside_of_a_bend_a_stride_gains_more():
+    track = stadium(radius=0.8, width=1.0)
+    bend = int(np.argmax(track.centre[:, 0]))
+    # The inner border has a radius of 0.3 m, the centre line one of 0.8 m.
+    assert Reach(track).at(bend) == pytest.approx(1.5 * STRIDE_M * 0.8 / 0.3, abs=0.3)
+
+
+def test_even_round_the_tightest_hairpin_a_stride_gains_no_more_than_the_window_and_its_margin():
+    reach = Reach(hairpin())
+    assert max(reach.at(index) for index in range(len(hairpin()))) <= 1.5 * 2.0
+
+
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_driving_along_either_border_credits_the_whole_lap(entry, direction):
+    track = entry.geometry().in_direction(direction)
+    reach = Reach(track)
+    for share in (-0.95, 0.0, 0.95):
+        odometer = Odometer(track, reach)
+        distance, refused = 0.0, 0
+        x, y, _ = track.point_at(0.0)
+        while distance < track.length:
+            left, right = track.half_widths_at(distance)
+            offset = share * (left if share > 0 else right)
+            distance += 0.05
+            x, y, _ = track.point_at(distance, offset)
+            refused += not odometer.move(x, y)
+        assert refused == 0
+        assert odometer.metres == pytest.approx(distance, abs=0.05)
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["reInvent2019_wide", "Austin", "caecer_loop", "reinvent_base"])
+def test_strides_along_the_borders_of_real_tracks_are_never_refused(name):
+    track = read_npy((SHARED / "tracks" / f"{name}.npy").read_bytes(), name)
+    reach = Reach(track)
+    for border in (track.left, track.right, track.centre):
+        odometer = Odometer(track, reach)
+        line = np.vstack([border, border[:1]])
+        along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))))
+        odometer.put(*line[0], 0.0)
+        strides = np.arange(STRIDE_M * 0.9, along[-1], STRIDE_M * 0.9)
+        refused = 0
+        for x, y in zip(np.interp(strides, along, line[:, 0]), np.interp(strides, along, line[:, 1]), strict=True):
+            refused += not odometer.move(float(x), float(y))
+        assert refused == 0
+        assert odometer.metres == pytest.approx(track.length, abs=2.0)

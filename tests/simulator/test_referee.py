@@ -1,0 +1,325 @@
+"""The referee judges poses that these tests move by hand: no physics, no camera."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evaluation.simulator.car import Pose
+from evaluation.simulator.clock import milliseconds
+from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.progress import Reach
+from evaluation.simulator.referee import LAPS_DONE, RESETS_USED, Referee
+from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.trace import IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PAUSE, REVERSED, TIME_UP
+
+from .tracks_for_tests import hairpin, stadium
+
+TRACK = stadium()
+REACH = Reach(TRACK)
+NOSE = PADDOCK_CAR.nose_x
+
+
+def referee(track=TRACK, reach=REACH, start_m=0.0, **rules):
+    return Referee(track, RaceRules(**rules), PADDOCK_CAR, reach if track is TRACK else None, start_m)
+
+
+def on_track(distance, offset=0.0, turned=0.0, track=TRACK):
+    x, y, heading = track.point_at(distance, offset)
+    return Pose(x, y, heading + turned)
+
+
+def drive(judge, distances, offset=0.0, turned=0.0):
+    """Put the base at each distance in turn, one control step each; the statuses."""
+    statuses = []
+    for distance in distances:
+        judge.judge(on_track(distance, offset, turned, judge.track))
+        statuses.append(judge.status)
+        if judge.done or judge.pause_steps:
+            break
+    return statuses
+
+
+def steps(start, end, stride=0.2):
+    count = max(1, round(abs(end - start) / stride))
+    return [start + (end - start) * (i + 1) / count for i in range(count)]
+
+
+# --- laps ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_lap_is_complete_when_the_nose_is_round():
+    judge = referee(laps=1)
+    drive(judge, steps(0, TRACK.length - NOSE - 0.01))
+    assert judge.status == IN_PROGRESS and not judge.done
+    drive(judge, [TRACK.length - NOSE + 0.01])
+    assert (judge.status, judge.end_reason) == (LAP_COMPLETE, LAPS_DONE)
+    assert judge.percent == 100.0
+
+
+def test_laps_are_counted_without_stopping_and_their_times_add_up_to_the_total():
+    judge = referee(laps=3)
+    statuses = drive(judge, steps(0, 3 * TRACK.length, 0.173))
+    assert statuses.count(LAP_COMPLETE) == 3
+    laps = judge.laps
+    assert [lap.number for lap in laps] == [1, 2, 3]
+    assert [lap.start_ms for lap in laps] == [0, laps[0].end_ms, laps[1].end_ms]
+    assert sum(lap.end_ms - lap.start_ms for lap in laps) == judge.time_ms
+    for lap in laps:
+        assert len(lap.sector_ends_ms) == 3 and lap.sector_ends_ms[-1] == lap.end_ms
+        assert lap.sector_ends_ms == sorted(lap.sector_ends_ms)
+
+
+@given(stride=st.floats(0.05, 0.27))
+@settings(max_examples=25, deadline=None)
+def test_a_crossing_is_timed_within_the_step_to_the_millisecond(stride):
+    judge = referee(laps=2)
+    drive(judge, [stride * (i + 1) for i in range(int(2 * TRACK.length / stride) + 2)])
+    # At constant speed on the straight of the finish the crossing is where the nose has driven whole laps.
+    for lap in judge.laps:
+        exact = (lap.number * TRACK.length - NOSE) / stride
+        assert lap.end_ms == pytest.approx(exact * 1000 / 15, abs=1.0)
+
+
+def test_the_clock_of_the_last_lap_stops_at_the_line_and_not_at_the_step():
+    judge = referee(laps=1)
+    drive(judge, steps(0, TRACK.length, 0.2))
+    assert judge.time_ms == judge.lap.end_ms < milliseconds(judge.step)
+
+
+def test_a_start_elsewhere_has_its_line_there():
+    judge = referee(laps=1, start_m=5.0)
+    drive(judge, steps(5.0, TRACK.length))
+    assert not judge.done
+    drive(judge, steps(TRACK.length, TRACK.length + 5.0))
+    assert judge.end_reason == LAPS_DONE
+
+
+# --- attempts to score a lap without driving it --------------------------------------------------------------------
+
+
+def test_a_car_that_reverses_over_the_line_scores_no_lap():
+    judge = referee()
+    drive(judge, steps(0, -3.0, 0.25))
+    drive(judge, steps(-3.0, 3.0, 0.25))
+    assert judge.lap.number == 1 and judge.lap.end_ms is None
+    assert judge.percent == pytest.approx(100 * (3.0 + NOSE) / TRACK.length, abs=0.1)
+
+
+def test_a_car_that_swings_over_the_line_scores_no_lap():
+    judge = referee(laps=1)
+    for _ in range(20):
+        drive(judge, steps(0, 0.6) + steps(0.6, -0.6) + steps(-0.6, 0))
+    assert judge.lap.end_ms is None and not judge.done
+
+
+def test_after_a_lap_swinging_over_the_line_scores_no_second_one():
+    judge = referee(laps=3)
+    drive(judge, steps(0, TRACK.length + 0.5))
+    assert len(judge.laps) == 2
+    for _ in range(20):
+        drive(judge, steps(TRACK.length + 0.5, TRACK.length - 0.5) + steps(TRACK.length - 0.5, TRACK.length + 0.5))
+    assert len(judge.laps) == 2
+
+
+def test_a_whole_lap_backwards_scores_nothing_and_is_put_back():
+    judge = referee(max_resets=0)
+    judge.place(on_track(0.0, turned=math.pi), 0.0)
+    statuses = drive(judge, steps(0, -TRACK.length), turned=math.pi)
+    assert statuses[-1] == REVERSED and len(statuses) == 15
+    assert judge.lap.end_ms is None
+
+
+def test_cutting_the_infield_is_off_track_and_put_back_where_the_car_left():
+    judge = referee()
+    drive(judge, steps(0, 1.0))
+    left_at = judge.odometer.metres
+    put_back = None
+    for i in range(1, 40):  # from the lower straight across the field to the upper one
+        put_back = judge.judge(Pose(1.0, -1.2 + 0.2 * i / 3, math.pi / 2))
+        if put_back:
+            break
+    assert judge.status == OFF_TRACK
+    assert put_back.metres < left_at + 0.5
+    assert TRACK.on_road(put_back.pose.x, put_back.pose.y)
+    assert judge.lap.end_ms is None
+
+
+def test_a_jump_to_another_place_on_the_road_counts_nothing():
+    judge = referee(laps=1, max_resets=0)
+    drive(judge, steps(0, 1.0))
+    before = judge.odometer.metres
+    drive(judge, [TRACK.length * 0.55])  # teleported to the other straight
+    assert judge.odometer.metres == before
+    assert judge.status == OFF_TRACK and judge.end_reason == RESETS_USED
+
+
+def test_moving_over_to_a_part_of_the_track_that_lies_alongside_is_off_track():
+    track = hairpin()
+    judge = Referee(track, RaceRules(), PADDOCK_CAR)
+    drive(judge, steps(0, 0.5))
+    before = judge.odometer.metres
+    pose = judge.pose
+    sideways = 0.0
+    while judge.status == IN_PROGRESS and sideways < 0.7:
+        sideways += 0.05
+        pose = Pose(0.5, on_track(0.5, track=track).y + sideways, 0.0)
+        assert any(judge._wheels(pose))  # never off the road as such: the two straights are 4 cm apart
+        judge.judge(pose)
+    assert judge.status == OFF_TRACK
+    assert judge.odometer.metres == pytest.approx(before, abs=0.05)
+
+
+def test_standing_still_scores_nothing():
+    judge = referee(max_resets=0)
+    statuses = drive(judge, [0.0] * 40)
+    assert statuses[-1] == IMMOBILIZED
+    assert judge.lap.end_ms is None
+
+
+@given(moves=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.9, 0.9)), max_size=120))
+@settings(max_examples=60, deadline=None)
+def test_progress_never_runs_ahead_of_what_the_road_allows(moves):
+    judge = referee(laps=2)
+    distance = 0.0
+    for along, offset in moves:
+        distance += along
+        before = judge.odometer.metres
+        if judge.pause_steps:
+            break
+        judge.judge(on_track(distance, offset))
+        assert abs(judge.odometer.metres - before) < 1.6
+    assert judge.odometer.metres <= NOSE + sum(abs(along) for along, _ in moves) * 4 + 2.0
+
+
+# --- faults -------------------------------------------------------------------------------------------------------
+
+
+def test_three_wheels_off_is_still_on_track():
+    judge = referee()
+    # Half a metre of road to the side; the car's wheels are 0.08 m out, so its centre may be 0.57 m out.
+    assert drive(judge, [0.1], offset=0.57) == [IN_PROGRESS]
+    assert not judge.all_wheels_on_track
+    assert drive(judge, [0.2], offset=0.0) == [IN_PROGRESS]
+    assert judge.all_wheels_on_track
+
+
+def test_all_four_wheels_off_is_off_track():
+    judge = referee()
+    assert drive(judge, [0.1], offset=0.60) == [OFF_TRACK]
+    assert judge.lap.off_tracks == 1
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_car_is_put_back_on_the_nearer_lane_at_the_progress_before(side):
+    judge = referee()
+    drive(judge, steps(0, 1.0), offset=0.3 * side)
+    metres = judge.odometer.metres
+    put_back = judge.judge(on_track(1.2, 0.62 * side))
+    assert put_back.metres == pytest.approx(metres)
+    x, y, heading = TRACK.lane_centre(metres, "inner" if side > 0 else "outer")
+    assert tuple(put_back.pose) == pytest.approx((x, y, heading))
+
+
+def test_the_penalty_is_stood_still_in_simulated_time_and_the_count_starts_afresh():
+    judge = referee(off_track_penalty_ms=2000)
+    put_back = judge.judge(on_track(0.1, 0.7))
+    at = judge.step
+    judge.place(*put_back)
+    statuses = []
+    while judge.pause_steps:
+        statuses.append(judge.wait())
+    assert statuses == [PAUSE] * 29 + [IN_PROGRESS]
+    assert judge.step - at == 30
+    assert set(drive(judge, steps(put_back.metres, 1.0))) == {IN_PROGRESS}
+
+
+def test_a_car_is_never_put_over_the_line():
+    judge = referee(laps=1)
+    drive(judge, steps(0, TRACK.length - NOSE - 0.02))
+    put_back = judge.judge(on_track(TRACK.length - NOSE - 0.01, 0.7))
+    judge.place(*put_back)
+    assert judge.lap.end_ms is None and judge.percent < 100
+    while judge.pause_steps:
+        judge.wait()
+    drive(judge, steps(put_back.metres, TRACK.length))
+    assert judge.end_reason == LAPS_DONE
+
+
+def test_crossing_the_line_counts_before_leaving_the_road_in_the_same_step():
+    judge = referee(laps=2)
+    drive(judge, steps(0, TRACK.length - NOSE - 0.05))
+    assert drive(judge, [TRACK.length - NOSE + 0.1], offset=0.65) == [LAP_COMPLETE]
+    assert drive(judge, [TRACK.length], offset=0.7) == [OFF_TRACK]
+    assert [lap.off_tracks for lap in judge.laps] == [0, 1]
+
+
+def test_fifteen_steps_without_movement_are_immobilised_at_no_penalty():
+    judge = referee()
+    drive(judge, steps(0, 1.0))
+    statuses = drive(judge, [1.0 + 0.0002 * i for i in range(1, 30)])
+    assert statuses == [IN_PROGRESS] * 14 + [IMMOBILIZED]
+    assert judge.pause_steps == 1
+    assert judge.lap.immobilised == 1
+
+
+def test_a_crawl_is_no_standstill():
+    judge = referee()
+    assert set(drive(judge, steps(0, 0.5, 0.01))) == {IN_PROGRESS}
+
+
+def test_fifteen_steps_of_falling_progress_are_reversed_and_fourteen_are_not():
+    judge = referee()
+    drive(judge, steps(0, 2.0))
+    assert set(drive(judge, steps(2.0, 1.3, 0.05))) == {IN_PROGRESS}  # 14 steps
+    drive(judge, [1.4])
+    statuses = drive(judge, steps(1.4, 0.4, 0.05))
+    assert statuses[-1] == REVERSED and len(statuses) == 15
+    assert judge.pause_steps == 30
+
+
+def test_without_resets_the_first_fault_ends_the_run():
+    judge = referee(max_resets=0)
+    drive(judge, [0.1], offset=0.7)
+    assert (judge.end_reason, judge.status) == (RESETS_USED, OFF_TRACK)
+    assert judge.lap.resets == 0 and judge.lap.off_tracks == 1
+
+
+def test_the_reset_budget_covers_all_laps():
+    judge = referee(laps=3, max_resets=2, off_track_penalty_ms=0)
+    for number in range(3):
+        base = number * TRACK.length
+        drive(judge, steps(base, base + TRACK.length / 2))
+        put_back = judge.judge(on_track(base + TRACK.length / 2, 0.7))
+        if judge.done:
+            break
+        judge.place(*put_back)
+        judge.wait()
+        drive(judge, steps(judge.odometer.metres, base + TRACK.length))
+    assert judge.end_reason == RESETS_USED
+    assert [lap.resets for lap in judge.laps] == [1, 1, 0]
+    assert [lap.off_tracks for lap in judge.laps] == [1, 1, 1]
+
+
+def test_time_is_up_also_while_a_penalty_is_stood_out():
+    judge = referee(max_simulated_ms=1000)
+    put_back = judge.judge(on_track(0.1, 0.7))
+    judge.place(*put_back)
+    while not judge.done:
+        judge.wait()
+    assert (judge.end_reason, judge.status) == (TIME_UP, TIME_UP)
+    assert judge.time_ms == 1000
+
+
+def test_time_up_comes_before_a_lap():
+    judge = referee(laps=1, max_simulated_ms=67)
+    judge.odometer.put(*on_track(TRACK.length - NOSE - 0.01).ahead(NOSE), TRACK.length - 0.01)
+    drive(judge, [TRACK.length])
+    assert judge.end_reason == TIME_UP
+
+
+def test_both_directions_are_judged_alike():
+    judge = Referee(TRACK.in_direction("cw"), RaceRules(laps=1, direction="cw"), PADDOCK_CAR)
+    drive(judge, steps(0, TRACK.length))
+    assert judge.end_reason == LAPS_DONE
