@@ -90,7 +90,9 @@ class Season(models.Model):
         ordering = ["-starts_on"]
         constraints = [
             models.CheckConstraint(
-                condition=models.Q(ends_on__gt=models.F("starts_on")), name="season_ends_after_start"
+                condition=models.Q(ends_on__gt=models.F("starts_on")),
+                name="season_ends_after_start",
+                violation_error_message=_("The season ends before it starts. Choose a later last day."),
             ),
         ]
 
@@ -118,10 +120,12 @@ class Round(models.Model):
 
     def clean(self) -> None:
         """A round is a race of the league, and one division has one race in a round."""
-        if self.race_id is None or self.season_id is None:
+        if self.race_id is None:
             return
         if self.race.kind != Kind.LEAGUE:
             raise ValidationError({"race": _("Only a league race can be a round. This is a community race.")})
+        if self.season_id is None:  # a season that is made together with its rounds
+            return
         same = Round.objects.filter(season=self.season, number=self.number, race__division=self.race.division)
         if same.exclude(pk=self.pk).exists():
             raise ValidationError({"number": _("This division already has a race in this round of the season.")})

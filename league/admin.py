@@ -1,0 +1,183 @@
+"""Racers, seasons, rounds and divisions in the admin site."""
+
+from __future__ import annotations
+
+from allauth.account import admin as account_admin
+from allauth.account.models import EmailAddress, EmailConfirmation
+from django.contrib import admin
+from django.contrib.auth.admin import UserAdmin
+from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
+from django.db.models import QuerySet
+from django.forms import BaseInlineFormSet
+from django.http import HttpRequest
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+from django.utils.translation import ngettext
+
+from .models import Membership, Racer, Round, Season
+
+# E-mail addresses are shown with their racer and nowhere else.
+for model in (EmailAddress, EmailConfirmation):
+    if account_admin.admin.site.is_registered(model):
+        admin.site.unregister(model)
+
+POWERS = ("is_staff", "is_superuser", "groups", "user_permissions")
+
+
+class NewRacerForm(AdminUserCreationForm):
+    """A racer that an admin makes."""
+
+    class Meta:
+        model = Racer
+        fields = ("alias", "email")
+
+
+class RacerForm(UserChangeForm):
+    """A racer that an admin changes. The alias was chosen once, and stays."""
+
+    class Meta:
+        model = Racer
+        fields = "__all__"
+
+    def clean_email(self) -> str:
+        return self.cleaned_data["email"].lower()
+
+
+class EmailInline(admin.TabularInline):
+    """The addresses that the racer has confirmed or not."""
+
+    model = EmailAddress
+    extra = 0
+
+
+@admin.register(Racer)
+class RacerAdmin(UserAdmin):
+    """Racers. Who has raced is deactivated, never deleted: their results are part of other racers' boards."""
+
+    form = RacerForm
+    add_form = NewRacerForm
+    list_display = ("alias", "email", "country", "is_active", "is_house", "is_staff", "joined_at", "last_login")
+    list_filter = ("is_active", "is_house", "is_staff", "joined_at", "country")
+    search_fields = ("alias", "email")
+    ordering = ("alias",)
+    date_hierarchy = "joined_at"
+    filter_horizontal = ("groups", "user_permissions")
+    readonly_fields = ("joined_at", "last_login", "is_house")
+    inlines = (EmailInline,)
+    actions = ("deactivate", "activate")
+    fieldsets = (
+        (None, {"fields": ("alias", "email", "password", "country")}),
+        (_("Standing"), {"fields": ("is_active", "is_house", "joined_at", "last_login")}),
+        (_("Powers"), {"fields": POWERS}),
+    )
+    add_fieldsets = (
+        (None, {"classes": ("wide",), "fields": ("alias", "email", "usable_password", "password1", "password2")}),
+    )
+
+    def get_inlines(self, request: HttpRequest, obj: Racer | None) -> tuple:
+        return () if obj is None or obj.is_house else self.inlines
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Racer | None = None) -> tuple[str, ...]:
+        """The alias is chosen once; powers are given by superusers alone."""
+        fixed = tuple(super().get_readonly_fields(request, obj))
+        if obj is not None:
+            fixed += ("alias",)
+        return fixed if request.user.is_superuser else fixed + POWERS
+
+    def has_change_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
+        """Nobody but a superuser changes a superuser."""
+        mightier = obj is not None and obj.is_superuser and not request.user.is_superuser
+        return super().has_change_permission(request, obj) and not mightier
+
+    def has_delete_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
+        used = obj is not None and (obj.entries.exists() or obj.evaluations.exists() or obj.organised_races.exists())
+        return super().has_delete_permission(request, obj) and not used
+
+    def get_actions(self, request: HttpRequest) -> dict:
+        actions = super().get_actions(request)
+        actions.pop("delete_selected", None)
+        return actions
+
+    @admin.action(description=_("Deactivate: they cannot log in, their results stay"), permissions=["change"])
+    def deactivate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
+        self._set_active(request, queryset.exclude(pk=request.user.pk), False)
+
+    @admin.action(description=_("Activate again"), permissions=["change"])
+    def activate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
+        self._set_active(request, queryset, True)
+
+    def _set_active(self, request: HttpRequest, queryset: QuerySet[Racer], active: bool) -> None:
+        done = 0
+        for racer in queryset.exclude(is_active=active):
+            if self.has_change_permission(request, racer):
+                racer.is_active = active
+                racer.save(update_fields=["is_active"])
+                self.log_change(request, racer, "Activated" if active else "Deactivated")
+                done += 1
+        self.message_user(request, ngettext("%d racer was changed.", "%d racers were changed.", done) % done)
+
+
+class RoundFormSet(BaseInlineFormSet):
+    """Rounds that are written together are held against each other too."""
+
+    def clean(self) -> None:
+        super().clean()
+        seen = set()
+        for form in self.forms:
+            data = getattr(form, "cleaned_data", {})
+            if data.get("race") is None or data.get("DELETE"):
+                continue
+            place = data.get("number"), data["race"].division
+            if place in seen:
+                form.add_error("number", _("This division already has a race in this round of the season."))
+            seen.add(place)
+
+
+class RoundInline(admin.TabularInline):
+    """The races that are the season's rounds. A race is made first, under Races, then named here."""
+
+    model = Round
+    formset = RoundFormSet
+    extra = 1
+    autocomplete_fields = ("race",)
+    ordering = ("number", "race__division")
+
+
+@admin.register(Season)
+class SeasonAdmin(admin.ModelAdmin):
+    """Seasons and their rounds."""
+
+    list_display = ("name", "slug", "starts_on", "ends_on", "round_count")
+    list_filter = ("starts_on",)
+    search_fields = ("name", "slug")
+    date_hierarchy = "starts_on"
+    inlines = (RoundInline,)
+    actions = None
+
+    @admin.display(description=_("races"))
+    def round_count(self, season: Season) -> int:
+        return season.rounds.count()
+
+    def has_delete_permission(self, request: HttpRequest, obj: Season | None = None) -> bool:
+        """Only a season without rounds."""
+        return super().has_delete_permission(request, obj) and (obj is None or not obj.rounds.exists())
+
+
+@admin.register(Membership)
+class MembershipAdmin(admin.ModelAdmin):
+    """Who is in which division. Everybody else is in the open one."""
+
+    list_display = ("racer", "division", "season", "since")
+    list_filter = ("season", "division", "since")
+    list_select_related = ("racer", "season")
+    search_fields = ("racer__alias", "season__name")
+    autocomplete_fields = ("racer", "season")
+    readonly_fields = ("since",)
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Membership | None = None) -> tuple[str, ...]:
+        return ("since",) if obj is None else ("racer", "season", "since")
+
+    def save_model(self, request: HttpRequest, obj: Membership, form, change: bool) -> None:
+        if not change or "division" in form.changed_data:
+            obj.since = timezone.now()
+        super().save_model(request, obj, form, change)

@@ -1,0 +1,6 @@
+"""Races in the admin site: schedule, change what may change, cancel, clone; results are read, never edited."""
+
+from .race import RaceAdmin
+from .results import EntryAdmin, SubmissionAdmin
+
+__all__ = ["EntryAdmin", "RaceAdmin", "SubmissionAdmin"]

@@ -1,0 +1,77 @@
+"""What the admin pages of this room share: actions with a reason, rows that are only looked at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.contrib import admin, messages
+from django.db.models import QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.utils.translation import gettext as _
+
+from evaluation.errors import PaddockError
+
+
+def sentence(fault: PaddockError) -> str:
+    """The fault in the reader's language."""
+    return fault.reason.render(fault.params, _(fault.reason.sentence))
+
+
+class WithReason:
+    """Actions that ask for a reason on a page of their own, which says what will follow."""
+
+    def ask(
+        self, request: HttpRequest, queryset: QuerySet, *, action: str, title: str, consequence: str
+    ) -> HttpResponse | None:
+        """The page that asks, or None once a reason was given (``request.POST["reason"]``)."""
+        reason = request.POST.get("reason")
+        if reason is not None and reason.strip():
+            return None
+        context = self.admin_site.each_context(request) | {
+            "title": title,
+            "action": action,
+            "consequence": consequence,
+            "rows": queryset,
+            "missing": reason is not None,
+            "opts": self.model._meta,
+            "action_checkbox_name": admin.helpers.ACTION_CHECKBOX_NAME,
+        }
+        return render(request, "admin/races/reason.html", context, status=200 if reason is None else 422)
+
+    def each(self, request: HttpRequest, queryset: QuerySet, call: Any, note: str) -> int:
+        """``call`` every row, log it, and say what was refused; returns how many went through."""
+        done = 0
+        for row in queryset:
+            try:
+                call(row)
+            except PaddockError as fault:
+                self.message_user(request, f"{row}: {sentence(fault)}", messages.ERROR)
+            else:
+                self.log_change(request, row, note)
+                done += 1
+        return done
+
+
+class ReadOnly:
+    """Rows that come from racing and are looked at here. Actions ask for the change permission themselves."""
+
+    show_full_result_count = False
+
+    def has_add_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        return False
+
+    def has_steward_permission(self, request: HttpRequest) -> bool:
+        """Whether the admin may act on these rows."""
+        return request.user.has_perm(f"races.change_{self.model._meta.model_name}")
+
+
+def seconds(time_ms: int | None) -> str:
+    """``m:ss.mmm``, or a dash."""
+    return "-" if time_ms is None else f"{time_ms // 60_000}:{time_ms // 1000 % 60:02}.{time_ms % 1000:03}"

@@ -1,0 +1,228 @@
+"""Scheduling, changing, cancelling and cloning races."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django import forms
+from django.contrib import admin, messages
+from django.core.exceptions import ValidationError
+from django.db.models import Count, Q, QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.html import format_html
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy, ngettext
+
+from evaluation.errors import PaddockError
+
+from ..models import Kind, Race, RaceState, Visibility
+from ..sensors import OFFERABLE
+from ..services import (
+    cancel_race,
+    clone_race,
+    edit_race,
+    recompute_race,
+    reset_invitation,
+)
+from ..services.gates import moment
+from ..services.races import free_slug, has_submissions
+from ..validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
+from .actions import WithReason, sentence
+
+
+class RaceForm(forms.ModelForm):
+    """A race as admins make and change it, under the same rules as everybody's."""
+
+    sensors = forms.MultipleChoiceField(
+        label=gettext_lazy("sensors offered"), choices=[(name, name) for name in OFFERABLE], initial=list(OFFERABLE)
+    )
+
+    class Meta:
+        model = Race
+        fields = ("slug", "kind", "organiser", *EDITABLE_FIELDS)
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if "slug" in self.fields:
+            self.fields["slug"].required = False
+            self.fields["slug"].help_text = _("Leave empty to make it from the name. It never changes afterwards.")
+
+    def _post_clean(self) -> None:
+        super()._post_clean()
+        stored = Race.objects.get(pk=self.instance.pk) if self.instance.pk else None
+        submissions = stored is not None and has_submissions(stored)
+        try:
+            check_times(self.instance, now=timezone.now(), before=stored, submissions=submissions)
+        except ValidationError as error:
+            for field, problems in error.error_dict.items():
+                if field not in self.errors:
+                    self.add_error(field if field in self.fields else None, problems)
+
+
+class StateFilter(admin.SimpleListFilter):
+    """Races by what they are at this moment."""
+
+    title = gettext_lazy("state")
+    parameter_name = "state"
+
+    def lookups(self, request: HttpRequest, model_admin: admin.ModelAdmin) -> list[tuple[str, str]]:
+        return list(RaceState.choices)
+
+    def queryset(self, request: HttpRequest, queryset: QuerySet) -> QuerySet:
+        now = timezone.now()
+        conditions = {
+            RaceState.CANCELLED: Q(cancelled_at__isnull=False),
+            RaceState.UPCOMING: Q(cancelled_at=None, opens_at__gt=now),
+            RaceState.OPEN: Q(cancelled_at=None, opens_at__lte=now, closes_at__gt=now),
+            RaceState.CLOSED: Q(cancelled_at=None, closes_at__lte=now),
+        }
+        return queryset.filter(conditions[self.value()]) if self.value() in conditions else queryset
+
+
+@admin.register(Race)
+class RaceAdmin(WithReason, admin.ModelAdmin):
+    """See the module's docstring."""
+
+    form = RaceForm
+    list_display = ("name", "kind", "division", "track", "state", "opens_at", "closes_at", "racers", "organiser")
+    list_filter = (StateFilter, "kind", "division", "ranking_method", "race_type", "visibility", "track")
+    list_select_related = ("track", "organiser")
+    search_fields = ("name", "slug", "organiser__alias", "track__name")
+    date_hierarchy = "opens_at"
+    autocomplete_fields = ("track", "organiser")
+    actions = ("cancel", "clone", "new_invitations", "work_out_anew")
+    fieldsets = (
+        (None, {"fields": ("name", "slug", "kind", "division", "organiser", "description")}),
+        (gettext_lazy("Time and place"), {"fields": ("opens_at", "closes_at", "track", "direction")}),
+        (
+            gettext_lazy("Ranking"),
+            {
+                "fields": ("ranking_method", "laps", "minimum_laps", "max_submissions"),
+                "description": gettext_lazy("Fixed, like the next section, once the first car is submitted."),
+            },
+        ),
+        (
+            gettext_lazy("Rules on the track"),
+            {
+                "fields": (
+                    "race_type",
+                    "sensors",
+                    "off_track_penalty_ms",
+                    "collision_penalty_ms",
+                    "max_resets",
+                    "max_simulated_ms",
+                    "seed",
+                )
+            },
+        ),
+        (gettext_lazy("Who sees it"), {"fields": ("visibility", "invitation_link")}),
+        (gettext_lazy("State"), {"fields": ("state", "cancel_reason", "board", "created_at")}),
+    )
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[Race]:
+        on_board = Count("entries", filter=Q(entries__withdrawn_at=None, entries__is_baseline=False))
+        return super().get_queryset(request).annotate(racer_count=on_board)
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Race | None = None) -> tuple[str, ...]:
+        shown = ("invitation_link", "state", "cancel_reason", "board", "created_at")
+        if obj is None:
+            return shown
+        fixed = {"slug", "kind", "organiser"}
+        state = obj.state_at(timezone.now())
+        if state in (RaceState.CLOSED, RaceState.CANCELLED):
+            fixed |= set(EDITABLE_FIELDS) - set(TEXT_FIELDS)
+        else:
+            fixed |= {"opens_at"} if state == RaceState.OPEN else set()
+            fixed |= {*RULE_FIELDS, "division"} if has_submissions(obj) else set()
+        return (*shown, *sorted(fixed))
+
+    def save_model(self, request: HttpRequest, obj: Race, form: forms.ModelForm, change: bool) -> None:
+        now = timezone.now()
+        if not change:
+            obj.slug = obj.slug or free_slug(obj.name)
+            obj.created_at = now
+            obj.save(force_insert=True)
+            return
+        changes = {name: form.cleaned_data[name] for name in form.changed_data if name in EDITABLE_FIELDS}
+        try:
+            edit_race(race=obj, now=now, **changes)
+        except PaddockError as fault:  # a car was submitted, or the race opened, while the form was open
+            self.message_user(request, sentence(fault), messages.ERROR)
+
+    def get_actions(self, request: HttpRequest) -> dict:
+        actions = super().get_actions(request)
+        actions.pop("delete_selected", None)
+        return actions
+
+    def has_delete_permission(self, request: HttpRequest, obj: Race | None = None) -> bool:
+        """Only a race that nobody has entered; others are cancelled."""
+        return super().has_delete_permission(request, obj) and (obj is None or not obj.entries.exists())
+
+    @admin.display(description=gettext_lazy("state"))
+    def state(self, race: Race) -> str:
+        return race.state_at(timezone.now()).label if race.pk else "-"
+
+    @admin.display(description=gettext_lazy("racers"), ordering="racer_count")
+    def racers(self, race: Race) -> int:
+        return race.racer_count
+
+    @admin.display(description=gettext_lazy("invitation link"))
+    def invitation_link(self, race: Race) -> str:
+        if not race.pk or race.visibility != Visibility.INVITATION:
+            return "-"
+        return reverse("race_invitation", args=[race.invitation])
+
+    @admin.display(description=gettext_lazy("entries"))
+    def board(self, race: Race) -> str:
+        if not race.pk:
+            return "-"
+        address = f"{reverse('admin:races_entry_changelist')}?race__id__exact={race.pk}"
+        return format_html('<a href="{}">{}</a>', address, _("Entries of this race"))
+
+    @admin.action(description=gettext_lazy("Cancel with a reason"), permissions=["change"])
+    def cancel(self, request: HttpRequest, queryset: QuerySet[Race]) -> HttpResponse | None:
+        page = self.ask(
+            request,
+            queryset,
+            action="cancel",
+            title=_("Cancel races"),
+            consequence=_(
+                "Cars that wait or drive in these races are stopped. Entries and results stay to be read. Everybody "
+                "reads the reason. This cannot be taken back."
+            ),
+        )
+        if page is not None:
+            return page
+        reason = request.POST["reason"]
+        done = self.each(
+            request,
+            queryset,
+            lambda race: cancel_race(race=race, reason=reason, now=timezone.now()),
+            f"Cancelled: {reason}",
+        )
+        self.message_user(request, ngettext("%d race was cancelled.", "%d races were cancelled.", done) % done)
+        return None
+
+    @admin.action(description=gettext_lazy("Clone to the next month"), permissions=["add"])
+    def clone(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
+        def clone_one(race: Race) -> None:
+            made = clone_race(race=race, now=timezone.now())
+            self.log_addition(request, made, f"Cloned from {race.slug}")
+            address = reverse("admin:races_race_change", args=[made.pk])
+            told = format_html(_('<a href="{}">{}</a> opens at {}.'), address, made, moment(made.opens_at))
+            self.message_user(request, told)
+
+        self.each(request, queryset, clone_one, "Cloned to the next month")
+
+    @admin.action(description=gettext_lazy("Replace the invitation link"), permissions=["change"])
+    def new_invitations(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
+        secret = queryset.filter(visibility=Visibility.INVITATION, kind=Kind.COMMUNITY)
+        done = self.each(request, secret, lambda race: reset_invitation(race=race), "Replaced the invitation link")
+        self.message_user(request, ngettext("%d link was replaced.", "%d links were replaced.", done) % done)
+
+    @admin.action(description=gettext_lazy("Work out the standings anew"), permissions=["change"])
+    def work_out_anew(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
+        self.each(request, queryset, lambda race: recompute_race(race=race), "Worked out the standings anew")
+        self.message_user(request, _("The standings were worked out anew from the results."))

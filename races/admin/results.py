@@ -1,0 +1,136 @@
+"""Entries and submissions: looked at, removed with a reason, run again; never edited."""
+
+from __future__ import annotations
+
+from django.contrib import admin
+from django.db.models import Q, QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy, ngettext
+
+from ..models import Entry, Race, Submission
+from ..selectors import rank_of
+from ..services import (
+    remove_entry,
+    repeat_submission,
+    restore_entry,
+)
+from .actions import ReadOnly, WithReason, seconds
+
+
+class LeftFilter(admin.SimpleListFilter):
+    """Entries by whether they are on the board."""
+
+    title = gettext_lazy("on the board")
+    parameter_name = "left"
+
+    def lookups(self, request: HttpRequest, model_admin: admin.ModelAdmin) -> list[tuple[str, str]]:
+        return [("on", _("on the board")), ("withdrawn", _("withdrawn")), ("removed", _("removed"))]
+
+    def queryset(self, request: HttpRequest, queryset: QuerySet) -> QuerySet:
+        conditions = {
+            "on": Q(withdrawn_at=None),
+            "withdrawn": Q(withdrawn_at__isnull=False, removed_at=None),
+            "removed": Q(removed_at__isnull=False),
+        }
+        return queryset.filter(conditions[self.value()]) if self.value() in conditions else queryset
+
+
+@admin.register(Entry)
+class EntryAdmin(ReadOnly, WithReason, admin.ModelAdmin):
+    """Who is in which race with what standing. Stewards remove and restore; nobody edits a result."""
+
+    list_display = ("race", "racer", "classified", "score", "best_lap", "resets", "submission_count", "left")
+    list_filter = ("classified", "is_baseline", LeftFilter, "race__kind", "race__division")
+    list_select_related = ("race", "racer")
+    search_fields = ("racer__alias", "race__name", "race__slug")
+    ordering = ("race", "rank_score", "rank_lap", "resets", "achieved_at", "pk")
+    actions = ("remove", "restore")
+    exclude = ("rank_score", "rank_lap")
+    readonly_fields = ("rank",)
+
+    def lookup_allowed(self, lookup: str, value: str, request: HttpRequest) -> bool:
+        return lookup == "race__id__exact" or super().lookup_allowed(lookup, value, request)
+
+    @admin.display(description=gettext_lazy("score"), ordering="rank_score")
+    def score(self, entry: Entry) -> str:
+        return seconds(entry.score_ms)
+
+    @admin.display(description=gettext_lazy("best lap"), ordering="best_lap_ms")
+    def best_lap(self, entry: Entry) -> str:
+        return seconds(entry.best_lap_ms)
+
+    @admin.display(description=gettext_lazy("rank"))
+    def rank(self, entry: Entry) -> str:
+        return str(rank_of(entry) or "-")
+
+    @admin.display(description=gettext_lazy("left"))
+    def left(self, entry: Entry) -> str:
+        if entry.removed_at:
+            return _("removed")
+        return _("withdrawn") if entry.withdrawn_at else ""
+
+    @admin.action(description=gettext_lazy("Remove from the race with a reason"), permissions=["steward"])
+    def remove(self, request: HttpRequest, queryset: QuerySet[Entry]) -> HttpResponse | None:
+        page = self.ask(
+            request,
+            queryset,
+            action="remove",
+            title=_("Remove racers from races"),
+            consequence=_(
+                "These racers leave the board, their cars that wait or drive are stopped, and they cannot enter again. "
+                "What they drove is kept, and they can be restored."
+            ),
+        )
+        if page is not None:
+            return page
+        reason = request.POST["reason"]
+        done = self.each(
+            request,
+            queryset,
+            lambda entry: remove_entry(entry=entry, by=request.user, now=timezone.now(), reason=reason),
+            f"Removed: {reason}",
+        )
+        self.message_user(request, ngettext("%d racer was removed.", "%d racers were removed.", done) % done)
+        return None
+
+    @admin.action(description=gettext_lazy("Restore to the race"), permissions=["steward"])
+    def restore(self, request: HttpRequest, queryset: QuerySet[Entry]) -> None:
+        removed = queryset.filter(removed_at__isnull=False)
+        done = self.each(request, removed, lambda entry: restore_entry(entry=entry, by=request.user), "Restored")
+        self.message_user(request, ngettext("%d racer was restored.", "%d racers were restored.", done) % done)
+
+
+@admin.register(Submission)
+class SubmissionAdmin(ReadOnly, WithReason, admin.ModelAdmin):
+    """Every car that was sent, and how its run ended."""
+
+    list_display = ("race", "racer", "number", "evaluation", "state", "is_void", "refunded", "submitted_at")
+    list_filter = ("evaluation__state", "is_void", "refunded", "submitted_at", "entry__race__kind")
+    list_select_related = ("entry__race", "entry__racer", "evaluation")
+    search_fields = ("entry__racer__alias", "entry__race__name", "evaluation__public_id", "network__sha256")
+    date_hierarchy = "submitted_at"
+    actions = ("repeat",)
+
+    @admin.display(description=gettext_lazy("race"), ordering="entry__race")
+    def race(self, submission: Submission) -> Race:
+        return submission.entry.race
+
+    @admin.display(description=gettext_lazy("racer"), ordering="entry__racer__alias")
+    def racer(self, submission: Submission) -> str:
+        return submission.entry.racer.alias
+
+    @admin.display(description=gettext_lazy("state"), ordering="evaluation__state")
+    def state(self, submission: Submission) -> str:
+        return submission.evaluation.get_state_display()
+
+    @admin.action(description=gettext_lazy("Run again (failed or stopped runs)"), permissions=["steward"])
+    def repeat(self, request: HttpRequest, queryset: QuerySet[Submission]) -> None:
+        done = self.each(
+            request,
+            queryset,
+            lambda one: repeat_submission(submission=one, now=timezone.now()),
+            "Put into the queue again",
+        )
+        self.message_user(request, ngettext("%d run is queued again.", "%d runs are queued again.", done) % done)

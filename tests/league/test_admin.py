@@ -1,0 +1,149 @@
+"""The admin site of racers, seasons and divisions."""
+
+from __future__ import annotations
+
+from datetime import date
+
+import pytest
+from django.contrib import admin
+from django.contrib.auth.models import Permission
+from django.urls import reverse
+
+from league.models import Membership, Racer, Round, Season
+from tests.factories import a_race, a_racer, drive, laps
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def boss(client):
+    """A superuser who is logged in."""
+    racer = Racer.objects.create_superuser("boss", "boss@example.org", None)
+    client.force_login(racer)
+    return client
+
+
+def test_every_page_of_the_admin_site_opens(boss, now):
+    race = a_race(now, kind="league", division="open")
+    drive(race, a_racer(), laps(9_000, 9_000, 9_000), now)
+    season = Season.objects.create(slug="s", name="S", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
+    Round.objects.create(season=season, number=1, race=race)
+    Membership.objects.create(season=season, racer=Racer.objects.get(alias="boss"))
+    rooms = ("league", "races", "tracks", "evaluation")
+    ours = [model for model in admin.site._registry if model._meta.app_label in rooms]
+    assert len(ours) >= 8
+    assert boss.get(reverse("admin:index")).status_code == 200
+    for model in ours:
+        base = f"admin:{model._meta.app_label}_{model._meta.model_name}"
+        response = boss.get(reverse(f"{base}_changelist") + "?q=a")
+        assert response.status_code == 200, model
+        for row in model._default_manager.all()[:2]:
+            assert boss.get(reverse(f"{base}_change", args=[row.pk])).status_code == 200, row
+        if admin.site._registry[model].has_add_permission(response.wsgi_request):
+            assert boss.get(reverse(f"{base}_add")).status_code == 200, model
+
+
+def test_email_addresses_are_on_no_list_but_the_racers(boss, now):
+    racer = a_racer("shy")
+    drive(a_race(now, organiser=racer), racer, laps(9_000, 9_000, 9_000), now)
+    season = Season.objects.create(slug="s", name="S", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
+    Membership.objects.create(season=season, racer=racer)
+    showing = set()
+    for model in admin.site._registry:
+        address = reverse(f"admin:{model._meta.app_label}_{model._meta.model_name}_changelist")
+        if "shy@example.org" in boss.get(address).content.decode():
+            showing.add(model.__name__)
+    assert showing == {"Racer"}
+
+
+def test_an_admin_makes_a_racer_and_the_alias_stays(boss):
+    data = {"alias": "fresh", "email": "Fresh@Example.org", "usable_password": "true"}
+    data |= {"password1": "a long enough secret", "password2": "a long enough secret"}
+    response = boss.post(reverse("admin:league_racer_add"), data)
+    assert response.status_code == 302, response.context["adminform"].form.errors
+    racer = Racer.objects.get(alias="fresh")
+    page = boss.get(reverse("admin:league_racer_change", args=[racer.pk])).content.decode()
+    assert 'name="email"' in page and 'name="alias"' not in page
+
+
+def test_who_has_raced_is_deactivated_and_not_deleted(boss, now):
+    racer = a_racer()
+    drive(a_race(now), racer, laps(9_000, 9_000, 9_000), now)
+    assert boss.post(reverse("admin:league_racer_delete", args=[racer.pk]), {"post": "yes"}).status_code == 403
+    data = {"action": "deactivate", "_selected_action": [racer.pk]}
+    boss.post(reverse("admin:league_racer_changelist"), data, follow=True)
+    racer.refresh_from_db()
+    assert not racer.is_active
+    boss.post(reverse("admin:league_racer_changelist"), data | {"action": "activate"}, follow=True)
+    racer.refresh_from_db()
+    assert racer.is_active
+
+
+def test_only_superusers_give_power(client):
+    helper = a_racer("helper", is_staff=True)
+    helper.user_permissions.set(Permission.objects.filter(content_type__app_label="league"))
+    client.force_login(helper)
+    boss = Racer.objects.create_superuser("boss", "boss@example.org", None)
+    address = reverse("admin:league_racer_change", args=[helper.pk])
+    page = client.get(address).content.decode()
+    assert 'name="is_superuser"' not in page and 'name="user_permissions"' not in page
+    client.post(address, {"email": "helper@example.org", "is_superuser": "on", "is_active": "on"})
+    helper.refresh_from_db()
+    assert not helper.is_superuser
+    page = client.get(reverse("admin:league_racer_change", args=[boss.pk])).content.decode()
+    assert 'name="email"' not in page, "a superuser is looked at, not changed"
+    assert client.get(reverse("admin:auth_user_password_change", args=[boss.pk])).status_code == 403
+
+
+def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(boss, now):
+    opened = a_race(now, kind="league", division="open")
+    again = a_race(now, kind="league", division="open")
+    community = a_race(now)
+    data = {
+        "slug": "2026",
+        "name": "2026",
+        "starts_on": "2026-01-01",
+        "ends_on": "2026-12-31",
+        "rounds-TOTAL_FORMS": "1",
+        "rounds-INITIAL_FORMS": "0",
+        "rounds-0-number": "1",
+        "rounds-0-race": str(community.pk),
+    }
+    page = boss.post(reverse("admin:league_season_add"), data)
+    assert "community race" in page.content.decode()
+    assert not Season.objects.exists()
+    twice = {"rounds-TOTAL_FORMS": "2", "rounds-0-race": str(opened.pk), "rounds-1-number": "1"}
+    page = boss.post(reverse("admin:league_season_add"), data | twice | {"rounds-1-race": str(again.pk)})
+    assert "already has a race in this round" in page.content.decode()
+    assert not Season.objects.exists()
+    assert boss.post(reverse("admin:league_season_add"), data | {"rounds-0-race": str(opened.pk)}).status_code == 302
+    season = Season.objects.get()
+    assert season.rounds.get().race == opened
+    data |= {
+        "rounds-TOTAL_FORMS": "2",
+        "rounds-INITIAL_FORMS": "1",
+        "rounds-0-id": str(season.rounds.get().pk),
+        "rounds-0-season": str(season.pk),
+        "rounds-0-race": str(opened.pk),
+        "rounds-1-season": str(season.pk),
+        "rounds-1-number": "1",
+        "rounds-1-race": str(again.pk),
+    }
+    page = boss.post(reverse("admin:league_season_change", args=[season.pk]), data)
+    assert "already has a race in this round" in page.content.decode()
+
+
+def test_a_season_that_ends_before_it_starts_gives_a_readable_error(boss):
+    data = {"slug": "x", "name": "X", "starts_on": "2026-02-01", "ends_on": "2026-01-01"}
+    data |= {"rounds-TOTAL_FORMS": "0", "rounds-INITIAL_FORMS": "0"}
+    page = boss.post(reverse("admin:league_season_add"), data).content.decode()
+    assert "The season ends before it starts" in page
+
+
+def test_an_admin_promotes_a_racer_by_hand(boss, alice):
+    season = Season.objects.create(slug="s", name="S", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
+    data = {"season": season.pk, "racer": alice.pk, "division": "pro"}
+    assert boss.post(reverse("admin:league_membership_add"), data).status_code == 302
+    assert Membership.objects.get().racer == alice
+    page = boss.post(reverse("admin:league_membership_add"), data).content.decode()
+    assert "already exists" in page

@@ -1,0 +1,262 @@
+"""The admin site of races, entries, submissions and tracks."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.contrib.auth.models import Permission
+from django.core.files.uploadedfile import SimpleUploadedFile
+from django.urls import reverse
+from django.utils import timezone
+
+from evaluation.errors import PlatformFault
+from league.models import Racer
+from races.models import Entry, Race, Submission
+from races.services import submit_model
+from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, laps
+from tracks.catalogue import by_slug
+from tracks.models import Track
+from tracks.npy import write_npy
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def now():
+    """Pages read the clock, so these tests do too."""
+    return timezone.now().replace(microsecond=0)
+
+
+@pytest.fixture
+def boss(client):
+    """A superuser who is logged in."""
+    client.force_login(Racer.objects.create_superuser("boss", "boss@example.org", None))
+    return client
+
+
+def form(now, **fields) -> dict:
+    def two(name: str, time) -> dict:
+        return {f"{name}_0": f"{time:%Y-%m-%d}", f"{name}_1": f"{time:%H:%M:%S}"}
+
+    data = {
+        "name": "December",
+        "slug": "",
+        "kind": "league",
+        "division": "open",
+        "description": "",
+        "track": a_track().pk,
+        "direction": "ccw",
+        "race_type": "time_trial",
+        "sensors": ["FRONT_FACING_CAMERA"],
+        "ranking_method": "average",
+        "laps": "3",
+        "minimum_laps": "3",
+        "off_track_penalty_ms": "3000",
+        "collision_penalty_ms": "5000",
+        "max_resets": "10000",
+        "max_simulated_ms": "180000",
+        "max_submissions": "50",
+        "seed": "0",
+        "visibility": "public",
+    }
+    opens, closes = fields.pop("opens_at", now + timedelta(days=1)), fields.pop("closes_at", now + timedelta(days=9))
+    return data | two("opens_at", opens) | two("closes_at", closes) | fields
+
+
+def add(boss, data):
+    return boss.post(reverse("admin:races_race_add"), data)
+
+
+def errors(response) -> dict:
+    assert response.status_code == 200, "the form comes back"
+    return {
+        field: [e.code for e in each.as_data()] for field, each in response.context["adminform"].form.errors.items()
+    }
+
+
+def change(race: Race) -> str:
+    return reverse("admin:races_race_change", args=[race.pk])
+
+
+def act(client, model: str, action: str, *rows, **data):
+    selected = {"action": action, "_selected_action": [row.pk for row in rows]}
+    return client.post(reverse(f"admin:races_{model}_changelist"), selected | data, follow=True)
+
+
+def test_an_admin_schedules_a_league_race(boss, now):
+    assert add(boss, form(now)).status_code == 302
+    race = Race.objects.get()
+    assert (race.slug, race.kind, race.division, race.sensors) == (
+        "december",
+        "league",
+        "open",
+        ["FRONT_FACING_CAMERA"],
+    )
+    assert race.opens_at == now + timedelta(days=1)
+
+
+def test_mistakes_are_told_on_their_field_once_and_in_words(boss, now):
+    wrong = {
+        "closes_before": ({"closes_at": now}, {"closes_at": ["race_closes_before_opening"]}),
+        "no_division": ({"division": ""}, {"division": ["race_needs_division"]}),
+        "too many": ({"minimum_laps": "4"}, {"minimum_laps": ["race_minimum_laps"]}),
+        "total": ({"ranking_method": "total", "laps": "5"}, {"minimum_laps": ["race_total_needs_all_laps"]}),
+        "secret": ({"visibility": "invitation"}, {"visibility": ["race_league_is_public"]}),
+        "over": (
+            {"opens_at": now - timedelta(days=9), "closes_at": now - timedelta(days=1)},
+            {"closes_at": ["race_already_over"]},
+        ),
+        "laps": ({"laps": "21"}, {"laps": ["max_value"]}),
+    }
+    for name, (fields, expected) in wrong.items():
+        response = add(boss, form(now, **fields))
+        assert errors(response) == expected, name
+        assert "Constraint" not in response.content.decode()
+    assert not Race.objects.exists()
+
+
+def test_what_must_not_change_cannot_be_edited(boss, now):
+    race = a_race(now, opens_at=now + timedelta(hours=1))
+
+    def editable() -> set[str]:
+        return set(boss.get(change(race)).context["adminform"].form.fields)
+
+    assert {"laps", "track", "opens_at", "closes_at", "name"} <= editable()
+    assert not {"slug", "kind", "organiser", "cancelled_at", "invitation"} & editable()
+    Race.objects.update(opens_at=now - timedelta(hours=1))
+    assert "opens_at" not in editable() and "laps" in editable()
+    racer = a_racer()
+    submit_model(race=Race.objects.get(), racer=racer, model=a_model(racer), now=now)
+    assert not {"laps", "track", "ranking_method", "seed", "sensors"} & editable()
+    assert {"closes_at", "max_submissions", "name"} <= editable()
+    Race.objects.update(closes_at=now - timedelta(minutes=1))
+    assert editable() == {"name", "description"}
+
+
+def test_a_forged_form_changes_nothing_that_is_fixed(boss, now):
+    race = a_race(now, name="Fixed")
+    racer = a_racer()
+    submit_model(race=race, racer=racer, model=a_model(racer), now=now)
+    data = form(now, name="Renamed", laps="9", minimum_laps="1", slug="other", closes_at=race.closes_at)
+    assert boss.post(change(race), data).status_code == 302
+    stored = Race.objects.get()
+    assert (stored.name, stored.laps, stored.slug, stored.kind) == ("Renamed", 3, race.slug, "community")
+
+
+def test_a_change_is_checked_like_a_new_race(boss, now):
+    race = a_race(now, kind="league", division="open", opens_at=now + timedelta(days=1))
+    response = boss.post(change(race), form(now, opens_at=now - timedelta(days=2)))
+    assert errors(response) == {"opens_at": ["race_opens_in_the_past"]}
+    assert boss.post(change(race), form(now, laps="5")).status_code == 302
+    assert Race.objects.get().laps == 5
+
+
+def test_cancelling_asks_for_a_reason_and_says_what_follows(boss, now):
+    race = a_race(now)
+    page = act(boss, "race", "cancel", race)
+    assert "are stopped" in page.content.decode() and 'name="reason"' in page.content.decode()
+    assert act(boss, "race", "cancel", race, reason="  ").status_code == 422
+    assert Race.objects.get().cancelled_at is None
+    act(boss, "race", "cancel", race, reason="The track is flooded.")
+    assert Race.objects.get().cancel_reason == "The track is flooded."
+    page = act(boss, "race", "cancel", race, reason="Again")
+    assert "was cancelled: The track is flooded." in page.content.decode()
+
+
+def test_a_race_is_cloned_to_the_next_month(boss, now):
+    race = a_race(now, kind="league", division="pro", laps=5)
+    act(boss, "race", "clone", race)
+    clone = Race.objects.exclude(pk=race.pk).get()
+    assert (clone.division, clone.laps) == ("pro", 5)
+    assert clone.opens_at > race.opens_at + timedelta(days=27)
+
+
+def test_a_race_that_somebody_entered_is_not_deleted(boss, now):
+    race, empty = a_race(now), a_race(now)
+    drive(race, a_racer(), laps(9_000, 9_000, 9_000), now)
+    delete = [reverse("admin:races_race_delete", args=[each.pk]) for each in (race, empty)]
+    assert boss.post(delete[0], {"post": "yes"}).status_code == 403
+    assert boss.post(delete[1], {"post": "yes"}).status_code == 302
+    assert list(Race.objects.all()) == [race]
+
+
+def test_invitation_links_are_replaced(boss, now):
+    race = a_race(now, visibility="invitation", organiser=a_racer())
+    old = race.invitation
+    assert old in boss.get(change(race)).content.decode()
+    act(boss, "race", "new_invitations", race)
+    assert Race.objects.get().invitation != old
+
+
+def test_results_are_looked_at_and_never_edited(boss, now):
+    submission = drive(a_race(now), a_racer(), laps(9_000, 9_000, 9_000), now)
+    for model, row in (("entry", submission.entry), ("submission", submission)):
+        address = reverse(f"admin:races_{model}_change", args=[row.pk])
+        assert not boss.get(address).context["adminform"].form.fields
+        assert boss.post(address, {"score_ms": "1"}).status_code == 403
+        assert boss.get(reverse(f"admin:races_{model}_add")).status_code == 403
+        assert boss.post(reverse(f"admin:races_{model}_delete", args=[row.pk]), {"post": "yes"}).status_code == 403
+
+
+def test_a_steward_removes_and_restores_a_racer(boss, now):
+    entry = drive(a_race(now), a_racer("rascal"), laps(9_000, 9_000, 9_000), now).entry
+    assert "rascal" in act(boss, "entry", "remove", entry).content.decode()
+    act(boss, "entry", "remove", entry, reason="Not their car.")
+    entry.refresh_from_db()
+    assert entry.removal_reason == "Not their car." and entry.is_withdrawn
+    listed = boss.get(reverse("admin:races_entry_changelist") + "?left=removed").content.decode()
+    assert "rascal" in listed
+    act(boss, "entry", "restore", entry)
+    entry.refresh_from_db()
+    assert entry.removed_at is None and not entry.is_withdrawn
+
+
+def test_a_failed_run_is_put_into_the_queue_again(boss, now):
+    race, racer = a_race(now), a_racer()
+    submission = submit_model(race=race, racer=racer, model=a_model(racer), now=now)
+    assert "Only a run that failed" in act(boss, "submission", "repeat", submission).content.decode()
+    fail(submission, PlatformFault("internal_error"), now)
+    act(boss, "submission", "repeat", submission)
+    assert Submission.objects.filter(evaluation__state="queued").count() == 1
+
+
+def test_an_admin_without_the_right_cannot_act(client, now):
+    viewer = a_racer("viewer", is_staff=True)
+    viewer.user_permissions.set(Permission.objects.filter(codename__startswith="view_"))
+    client.force_login(viewer)
+    race = a_race(now)
+    entry = drive(race, a_racer(), laps(9_000, 9_000, 9_000), now).entry
+    act(client, "race", "cancel", race, reason="No.")
+    act(client, "race", "clone", race)
+    act(client, "entry", "remove", entry, reason="No.")
+    assert Race.objects.get().cancelled_at is None
+    assert Entry.objects.get().removed_at is None
+
+
+def test_a_track_is_imported_described_and_drawn(boss):
+    file = SimpleUploadedFile("oval.npy", write_npy(by_slug("oval").geometry()))
+    data = {"name": "My oval", "slug": "", "description": "Round.", "file": file}
+    assert boss.post(reverse("admin:tracks_track_add"), data).status_code == 302
+    track = Track.objects.get()
+    assert (track.slug, track.description, track.owner.alias) == ("my-oval", "Round.", "boss")
+    address = reverse("admin:tracks_track_change", args=[track.pk])
+    assert "data:image/svg+xml" in boss.get(address).content.decode()
+    assert boss.post(address, {"name": "Our oval", "description": "", "length_m": "1"}).status_code == 302
+    track.refresh_from_db()
+    assert track.name == "Our oval" and track.length_m > 17
+
+
+def test_a_file_that_is_no_track_is_told_in_the_form(boss):
+    data = {"name": "Bad", "slug": "", "description": "", "file": SimpleUploadedFile("bad.npy", b"nothing")}
+    response = boss.post(reverse("admin:tracks_track_add"), data)
+    assert errors(response) == {"file": ["track_not_npy"]}
+    assert not Track.objects.exists()
+
+
+def test_a_track_with_races_and_those_of_the_catalogue_stay(boss, now):
+    a_race(now)
+    track = Track.objects.get()
+    assert boss.post(reverse("admin:tracks_track_delete", args=[track.pk]), {"post": "yes"}).status_code == 403
+    Race.objects.all().delete()
+    assert boss.post(reverse("admin:tracks_track_delete", args=[track.pk]), {"post": "yes"}).status_code == 403

@@ -1,0 +1,99 @@
+"""Tracks in the admin site: import, describe, look at. Geometry never changes."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+from django import forms
+from django.contrib import admin
+from django.http import HttpRequest
+from django.utils import timezone
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.errors import UserFault
+
+from .drawing import draw_svg
+from .models import Track
+from .npy import MAX_BYTES
+from .services import import_track
+
+
+class ImportForm(forms.ModelForm):
+    """A new track, from its file. What is wrong with the file stands beside it."""
+
+    file = forms.FileField(label=_("track file (.npy)"), allow_empty_file=True)
+
+    class Meta:
+        model = Track
+        fields = ("name", "slug", "description")
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.fields["slug"].required = False
+
+    def _post_clean(self) -> None:
+        if self.errors:
+            return
+        data = self.cleaned_data
+        try:
+            self.instance = import_track(
+                data=data["file"].read(MAX_BYTES + 1),
+                name=data["name"],
+                owner=self.importer,
+                now=timezone.now(),
+                slug=data["slug"] or None,
+                description=data["description"],
+            )
+        except UserFault as fault:
+            field = {"track_name": "name", "track_slug": "slug"}.get(fault.code, "file")
+            self.add_error(
+                field,
+                forms.ValidationError(fault.reason.render(fault.params, gettext(fault.reason.sentence)), fault.code),
+            )
+
+
+@admin.register(Track)
+class TrackAdmin(admin.ModelAdmin):
+    """See the module's docstring."""
+
+    list_display = ("name", "slug", "length_m", "width_m", "direction", "is_catalogue", "owner", "created_at")
+    list_filter = ("is_catalogue", "direction", "created_at")
+    search_fields = ("name", "slug", "owner__alias")
+    list_select_related = ("owner",)
+    actions = None
+    _facts = ("map", "slug", "length_m", "width_m", "direction", "is_catalogue", "owner", "fingerprint", "created_at")
+
+    def get_queryset(self, request: HttpRequest):
+        return super().get_queryset(request).defer("npy")
+
+    def get_fields(self, request: HttpRequest, obj: Track | None = None):
+        return ("name", "slug", "file", "description") if obj is None else ("name", "description", *self._facts)
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Track | None = None):
+        return () if obj is None else self._facts
+
+    def get_form(self, request: HttpRequest, obj: Track | None = None, change: bool = False, **kwargs: Any):
+        if obj is not None:
+            return super().get_form(request, obj, change, **kwargs)
+        return type("ImportForm", (ImportForm,), {"importer": request.user})
+
+    def save_model(self, request: HttpRequest, obj: Track, form: forms.ModelForm, change: bool) -> None:
+        if change:  # a new one was saved by the service, in the transaction of this request
+            super().save_model(request, obj, form, change)
+
+    def has_delete_permission(self, request: HttpRequest, obj: Track | None = None) -> bool:
+        allowed = super().has_delete_permission(request, obj)
+        if obj is None:
+            return allowed
+        return allowed and not obj.is_catalogue and not obj.races.exists() and not obj.evaluations.exists()
+
+    @admin.display(description=_("map"))
+    def map(self, track: Track) -> SafeString:
+        """The track as a picture."""
+        picture = draw_svg(track.geometry, width=480, standalone=True)
+        data = base64.b64encode(picture.encode()).decode()
+        return format_html('<img alt="" width="480" src="data:image/svg+xml;base64,{}">', data)
