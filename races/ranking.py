@@ -133,7 +133,8 @@ class Average(RankingRule):
     def rule(self, race: Race) -> str:
         laps = race.minimum_laps
         return ngettext(
-            "Ranked by the fastest complete lap. A car that finishes no lap is not classified.",
+            # not the words of the best lap's rule: gettext knows a sentence and its plural by the singular alone
+            "Ranked by the lowest time of one complete lap. A car that finishes no lap is not classified.",
             "Ranked by the lowest average of %(laps)s consecutive complete laps, rounded down to the millisecond. "
             "A car that does not finish %(laps)s laps in a row is not classified.",
             laps,
