@@ -138,10 +138,10 @@ CELERY_WORKER_SEND_TASK_EVENTS = False
 CELERY_TASK_SERIALIZER = "json"
 CELERY_ACCEPT_CONTENT = ["json"]
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
-CELERY_WORKER_HIJACK_ROOT_LOGGER = False
 CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 
 # --- evaluation ----------------------------------------------------------------------------------------------------

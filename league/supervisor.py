@@ -28,11 +28,21 @@ class Supervisor(honcho.Manager):
     def __init__(self) -> None:
         super().__init__()
         self._process_ctor = _Bound
-        self._stop_wanted = False
+        self._ended_first: str | None = None
+        self._needed_to_the_end: set[str] = set()
+        self._ending = False
+        self._told: set[str] = set()
 
-    def add(self, name: str, command: Sequence[str], environment: dict[str, str]) -> None:
-        """Add a program. ``name`` stands before each line that it prints."""
+    def add(
+        self, name: str, command: Sequence[str], environment: dict[str, str], needed_to_the_end: bool = False
+    ) -> None:
+        """Add a program. ``name`` stands before each line that it prints.
+
+        One that is ``needed_to_the_end`` is ended when all others have ended.
+        """
         self.add_process(name, f"exec {shlex.join(command)}", env=environment)
+        if needed_to_the_end:
+            self._needed_to_the_end.add(name)
 
     def say(self, text: str) -> None:
         """Print a line of our own; safe from any thread."""
@@ -41,27 +51,31 @@ class Supervisor(honcho.Manager):
     def run(self) -> tuple[str | None, int]:
         """Run to the end. Returns the program that ended by itself (None: we were told to stop) and the exit status."""
         honcho.KILL_WAIT = GRACE_S
-        self._ended_first: str | None = None
         self.loop()
-        if self._ended_first is None or self.returncode in (128 + signal.SIGINT, 128 + signal.SIGTERM):
-            return None, self.returncode or 0
         return self._ended_first, self.returncode or 0
 
     def terminate(self) -> None:
-        """End all programs; those that are only just being started as soon as they are known."""
-        if self._ended_first is None:
+        """End all programs; honcho calls this on a signal, and when a program has ended."""
+        if not self._ending:
+            self._ending = True
             self._ended_first = next((name for name, p in self._processes.items() if "returncode" in p), None)
-        if self._all_started():
-            super().terminate()
-        else:
-            self._stop_wanted = True
+        self._end_what_is_due()
 
     def _all_started(self) -> bool:
-        started = super()._all_started()
-        if started and self._stop_wanted:
-            self._stop_wanted = False
-            super().terminate()
-        return started
+        """Honcho asks this in every turn of its loop: the place to end what could not be ended before."""
+        if self._ending:
+            self._end_what_is_due()
+        return super()._all_started()
+
+    def _end_what_is_due(self) -> None:
+        """Send SIGTERM, once, to every program that is known to run and that no running program needs."""
+        running = {name for name, p in self._processes.items() if "returncode" not in p}
+        due = running - self._needed_to_the_end or running
+        for name in due - self._told:
+            pid = self._processes[name].get("pid")
+            if pid is not None:  # else it is only just being started
+                self._told.add(name)
+                self._procmgr.terminate(pid)
 
     def _system_print(self, data: str) -> None:
         """Honcho's own lines (started, sending SIGTERM) say nothing that anybody needs."""

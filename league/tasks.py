@@ -1,4 +1,4 @@
-"""Celery's side of the league: thin, every task calls one service."""
+"""The league's periodic work."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from celery import shared_task
 from celery.signals import worker_ready
 from django.utils import timezone
 
-from . import services
+from .services import enter_house_cars
 
 logger = logging.getLogger(__name__)
 
 
 @shared_task
-def enter_house_cars() -> int:
-    """Send the house cars to races that have opened since. Returns how many submissions were made."""
-    return services.enter_house_cars(now=timezone.now()).submitted
+def house_cars() -> int:
+    """Send the house cars to races that have opened. Returns how many submissions were made."""
+    return enter_house_cars(now=timezone.now()).submitted
 
 
 @worker_ready.connect
-def enter_house_cars_at_start(sender=None, **kwargs: object) -> None:
-    """A worker that comes up looks whether the house cars are where they belong."""
+def house_cars_at_start(**kwargs: object) -> None:
+    """A fresh installation has marks to beat from its first minute on."""
     try:
-        enter_house_cars.apply_async(retry=False)
-    except Exception as error:  # the broker's client may raise anything; the next start or beat tries again
+        house_cars.apply_async(retry=False, expires=60)
+    except Exception as error:  # the broker's client may raise anything; beat sends it again
         logger.warning("The house cars could not be sent for: %s", error)

@@ -48,7 +48,7 @@ def celery_worker(app: str, env: dict[str, str], log: Path, ready: Path, name: s
     """
     ready.unlink(missing_ok=True)
     command = [sys.executable, "-m", "celery", "--app", app, "worker", "--pool", "prefork", "--concurrency", "1"]
-    command += ["--hostname", f"{name}@test", "--loglevel", "info", "--without-gossip", "--without-mingle"]
+    command += ["--hostname", f"{name}@test", "--without-gossip", "--without-mingle"]
     with log.open("ab") as output:
         process = subprocess.Popen(
             command, cwd=CHECKOUT, env=env, stdout=output, stderr=subprocess.STDOUT, start_new_session=True

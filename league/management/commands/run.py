@@ -52,7 +52,7 @@ class Command(BaseCommand):
         environment = {"PADDOCK_SITE_URL": shown, "PYTHONWARNINGS": _QUIET, **os.environ, "PYTHONUNBUFFERED": "1"}
         supervisor = Supervisor()
         for name, command in _programs(host, port).items():
-            supervisor.add(name, command, environment)
+            supervisor.add(name, command, environment, needed_to_the_end=name == "broker")
         connections.close_all()  # the programs are forked from this process
         threading.Thread(target=_announce, args=(supervisor, shown), daemon=True).start()
         culprit, status = supervisor.run()
@@ -67,20 +67,16 @@ class Command(BaseCommand):
         sys.exit(status)
 
     def _prepare(self) -> None:
-        """Bring database and static files up to date; the very first time load the catalogue and the demo season."""
-        from tracks.services import load_catalogue
-
-        from league.models import Season
+        """Bring database, static files and the catalogue up to date; the first time open the demo season."""
         from league.services import open_demo_season
+        from tracks.services import load_catalogue
 
         self.stdout.write(f"Paddock keeps everything in {settings.DATA_DIR}")
         call_command("migrate", interactive=False, verbosity=0)
         self.check(fail_level=40)
         call_command("collectstatic", interactive=False, verbosity=0)
         load_catalogue()
-        if not Season.objects.exists():
-            self.stdout.write("First start: opening a season")
-            open_demo_season(now=timezone.now())
+        open_demo_season(now=timezone.now())
 
 
 def _programs(host: str, port: int) -> dict[str, list[str]]:
@@ -94,10 +90,10 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
         ],
         "worker": [
             *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.WORKER_CONCURRENCY)),
-            *("--loglevel", "warning", "--without-gossip", "--without-mingle"),
+            *("--without-gossip", "--without-mingle"),
         ],
         "beat": [
-            *(*celery, "beat", "--loglevel", "warning", "--pidfile", ""),
+            *(*celery, "beat", "--pidfile", ""),
             *("--schedule", str(settings.DATA_DIR / "celerybeat-schedule")),
         ],
     }
