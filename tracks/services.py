@@ -17,6 +17,7 @@ from evaluation.errors import UserFault
 
 from .catalogue import CATALOGUE, CatalogueTrack
 from .geometry import TrackGeometry
+from .locks import hold
 from .models import Track
 from .npy import read_npy, write_npy
 
@@ -158,6 +159,6 @@ def _refuse_slug(slug: str) -> None:
 
 def _refuse_above_limit(owner: Racer) -> None:
     """Counted under the racer's lock, so that two tabs do not both get the last place."""
-    type(owner).objects.select_for_update(no_key=True).only("pk").get(pk=owner.pk)
+    hold(owner)
     if Track.objects.filter(owner=owner).count() >= settings.TRACKS_PER_RACER:
         raise UserFault("track_limit", limit=settings.TRACKS_PER_RACER)

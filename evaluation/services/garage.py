@@ -13,6 +13,8 @@ from django.conf import settings
 from django.core.files.base import ContentFile
 from django.db import IntegrityError, transaction
 
+from tracks.locks import hold
+
 from ..errors import UserFault
 from ..models import Network, TrainedModel
 from ..packages.admit import AdmittedPackage, admit
@@ -51,7 +53,7 @@ def upload_model(
     admitted = admit(files, replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE))
     network = _stored_network(admitted, now=now)
     with transaction.atomic():
-        _lock_garage(owner)
+        hold(owner)
         known = _garage(owner).filter(network=network).first()
         if known is not None:
             return UploadedModel(known, created=False)
@@ -77,7 +79,7 @@ def upload_model(
 def describe_model(*, model: TrainedModel, name: str, description: str) -> TrainedModel:
     """Give a model another name and description. Raises UserFault ``model_name_...``, ``description_too_long``."""
     name, description = _valid_name(name), _valid_description(description)
-    _lock_garage(model.owner)
+    hold(model.owner)
     _refuse_taken_name(model.owner, name, but=model)
     model.name, model.description = name, description
     model.save(update_fields=["name", "description"])
@@ -117,11 +119,6 @@ def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> Network:
 
 def _garage(owner: Racer):
     return TrainedModel.objects.filter(owner=owner, deleted_at=None)
-
-
-def _lock_garage(owner: Racer) -> None:
-    """Let one change of a garage happen at a time. SQLite's transaction already holds the write lock."""
-    type(owner).objects.select_for_update().only("pk").get(pk=owner.pk)
 
 
 def _refuse_full_garage(owner: Racer) -> None:

@@ -16,6 +16,7 @@ from django.utils.text import slugify
 
 from evaluation.errors import UserFault
 from evaluation.simulator.rules import RaceRules
+from tracks.locks import hold
 from tracks.models import Track
 
 from ..errors import RaceRefused, problem
@@ -43,7 +44,7 @@ def create_community_race(
     """
     _refuse_unknown(options, but=("division",))
     if not (organiser.is_staff or organiser.is_house):
-        type(organiser).objects.select_for_update(no_key=True).only("pk").get(pk=organiser.pk)
+        hold(organiser)
         held = Race.objects.filter(organiser=organiser, kind=Kind.COMMUNITY, cancelled_at=None, closes_at__gt=now)
         if held.count() >= settings.RACES_PER_RACER:
             raise UserFault("race_limit", limit=settings.RACES_PER_RACER)
