@@ -10,7 +10,8 @@ from .race import RaceResult
 def metrics_json(result: RaceResult) -> dict[str, Any]:
     """``{"metrics": [one dict a lap]}`` with times in simulated milliseconds (deepracer-simapp, metrics/s3_metrics.py).
 
-    ``metric_time`` is the simulated time at the end of the lap, ``start_time`` at its beginning.
+    ``metric_time`` is the simulated time at the end of the lap, ``start_time`` at its beginning. ``episode``, ``phase``
+    and ``reward_score`` belong to the training file of the same family; deepracer-utils reads no metrics without them.
     """
     return {
         "metrics": [
@@ -26,6 +27,9 @@ def metrics_json(result: RaceResult) -> dict[str, Any]:
                 "reversed_count": lap.reversals,
                 "reset_count": lap.resets,
                 "trial": lap.number,
+                "episode": lap.number,
+                "phase": "evaluation",
+                "reward_score": 0,
             }
             for lap in result.laps
         ]

@@ -76,6 +76,11 @@ class World:
             bullet.disconnect(self.client)
             self.client = -1
 
+    def __del__(self) -> None:
+        # An environment that nobody closed must not use up Bullet's thousand clients.
+        if getattr(self, "client", -1) >= 0 and bullet is not None:
+            self.close()
+
     def __enter__(self) -> World:
         return self
 
