@@ -1,0 +1,233 @@
+"""The run command, really run: it starts everything, stops everything, and says clearly what is wrong."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from league import broker
+from tests.evaluation.processes import is_running, wait_for
+from tests.shared import CHECKOUT
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("run")]
+READY = re.compile(r"Paddock is ready: (http://\S+)")
+
+
+def environment(data: Path) -> dict[str, str]:
+    ours = ("PADDOCK_", "DJANGO_", "DATABASE_URL", "CELERY_", "CACHE_URL", "PYTEST_", "STORAGE")
+    return {
+        **{name: value for name, value in os.environ.items() if not name.startswith(ours)},
+        "PADDOCK_DATA": str(data),
+    }
+
+
+def manage(data: Path, *arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "manage.py", *arguments]
+    return subprocess.run(command, cwd=CHECKOUT, env=environment(data), capture_output=True, text=True, timeout=120)
+
+
+class Run:
+    """A running ``manage.py run``."""
+
+    def __init__(self, data: Path, port: int | None = None) -> None:
+        self.data, self.port = data, port or free_port()
+        self.log = data.with_name(f"{data.name}-{self.port}.log")
+        with self.log.open("wb") as output:
+            self.process = subprocess.Popen(
+                [sys.executable, "manage.py", "run", "--port", str(self.port)],
+                cwd=CHECKOUT,
+                env=environment(data),
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        family = self.family()
+        self.process.kill()
+        self.process.wait()
+        for pid in family:
+            if is_running(pid) and exc[0] is not None:
+                os.kill(pid, signal.SIGKILL)
+
+    @property
+    def said(self) -> str:
+        return self.log.read_text()
+
+    def ready(self) -> Run:
+        wait_for(lambda: READY.search(self.said) or self.process.poll() is not None, 90, self.log)
+        assert READY.search(self.said), self.said
+        return self
+
+    def answer(self, path: str = "/") -> int:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}{path}", timeout=10) as page:
+                return page.status
+        except urllib.error.HTTPError as error:
+            return error.code
+
+    def family(self) -> set[int]:
+        """The process and all its descendants."""
+        children: dict[int, list[int]] = {}
+        for entry in Path("/proc").iterdir():
+            if entry.name.isdigit():
+                try:
+                    parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+                except OSError:
+                    continue
+                children.setdefault(parent, []).append(int(entry.name))
+        found, new = set(), [self.process.pid]
+        while new:
+            pid = new.pop()
+            found.add(pid)
+            new += children.get(pid, [])
+        return found
+
+    def pid_of(self, words: str) -> int:
+        """The first descendant whose command line holds ``words``."""
+        for pid in sorted(self.family()):
+            command = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+            if words in command and "manage.py" not in command:
+                return pid
+        raise AssertionError(f"no {words} in the family")
+
+    def stop(self, signum: int) -> int:
+        """Send a signal, wait for the end of the whole family; the exit status."""
+        family = self.family()
+        assert len(family) > 6  # honcho's helpers, broker, web and its workers, worker and its pool, beat
+        self.process.send_signal(signum)
+        status = self.process.wait(30)
+        wait_for(lambda: not any(is_running(pid) for pid in family), 5, self.log)
+        return status
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def rows(data: Path, query: str) -> list[tuple]:
+    with closing(sqlite3.connect(data / "paddock.sqlite3", timeout=20)) as database:
+        return database.execute(query).fetchall()
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory):
+    """A data folder after its first start, to copy: preparing a new one takes seconds."""
+    data = tmp_path_factory.mktemp("run") / "data"
+    with Run(data) as run:
+        run.ready()
+        assert run.stop(signal.SIGINT) == 130
+    return data
+
+
+@pytest.fixture
+def data(template, tmp_path):
+    return Path(shutil.copytree(template, tmp_path / "data"))
+
+
+def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_process(tmp_path):
+    data = tmp_path / "new" / "data"
+    data.parent.mkdir()
+    with Run(data) as run:
+        run.ready()
+        assert run.answer() == 200
+        assert run.answer("/health/ready") == 200
+        assert rows(data, "select count(*) from league_season") == [(1,)]
+        assert rows(data, "select count(*) from tracks_track where is_catalogue")[0][0] >= 7
+        # the whole way is open: a house car is uploaded, queued, run behind the wall, and has a result
+        finished = "select public_id from evaluation_evaluation where state = 'finished'"
+        wait_for(lambda: rows(data, finished), 60, run.log)
+        report = manage(data, "doctor")
+        assert report.returncode == 0, report.stdout
+        assert "bundled Valkey answers" in report.stdout
+        ((evaluation, *_), *_) = rows(data, finished)
+        assert run.stop(signal.SIGINT) == 130
+    assert "Traceback" not in run.said
+    again = manage(data, "verify", evaluation)
+    assert (again.returncode, again.stderr) == (0, ""), again.stdout
+    assert "is the same" in again.stdout
+    assert (data / "secret-key").stat().st_mode & 0o077 == 0
+
+
+def test_a_second_start_keeps_all_data_and_sigterm_stops_it(data):
+    secret = (data / "secret-key").read_text()
+    seasons = rows(data, "select * from league_season")
+    races = rows(data, "select id, slug, invitation from races_race")
+    with Run(data) as run:
+        run.ready()
+        assert run.stop(signal.SIGTERM) == 143
+    assert (data / "secret-key").read_text() == secret
+    assert rows(data, "select * from league_season") == seasons
+    assert rows(data, "select id, slug, invitation from races_race") == races
+
+
+def test_sigkill_takes_everything_along_and_the_next_start_works(data):
+    with Run(data) as run:
+        run.ready()
+        assert run.stop(signal.SIGKILL) == -9
+    with Run(data) as run:
+        assert run.ready().answer() == 200
+        os.kill(run.pid_of("valkey-server"), signal.SIGSTOP)  # it shall not tidy up
+        family = run.family()
+        for pid in family:
+            os.kill(pid, signal.SIGKILL)
+        wait_for(lambda: not any(is_running(pid) for pid in family))
+    assert broker.socket_path(data / "valkey").exists()  # a stale socket
+    with Run(data) as run:
+        assert run.ready().answer() == 200
+        assert "bundled Valkey answers" in manage(data, "doctor").stdout
+        assert run.stop(signal.SIGINT) == 130
+
+
+def test_a_second_run_on_the_same_data_says_so_and_harms_nothing(data):
+    with Run(data) as run:
+        run.ready()
+        second = manage(data, "run", "--port", str(free_port()))
+        assert second.returncode == 1
+        assert f"already running on {data} (process {run.process.pid})" in second.stderr
+        assert "Traceback" not in second.stderr
+        assert run.answer() == 200
+        assert "bundled Valkey answers" in manage(data, "doctor").stdout
+        assert run.stop(signal.SIGINT) == 130
+
+
+def test_a_port_in_use_is_refused_before_anything_starts(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        refused = manage(tmp_path / "data", "run", "--port", str(port))
+    assert refused.returncode == 1
+    assert f"cannot listen on 127.0.0.1 port {port}" in refused.stderr
+    assert f"PORT={port + 1}" in refused.stderr
+    assert not (tmp_path / "data" / "paddock.sqlite3").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("broker", "valkey-server"), ("worker", "celery --quiet --app league worker")]
+)
+def test_a_program_that_dies_stops_the_others_and_is_named(data, name, words):
+    with Run(data) as run:
+        run.ready()
+        family = run.family()
+        os.kill(run.pid_of(words), signal.SIGKILL)
+        assert run.process.wait(30) == 1
+        wait_for(lambda: not any(is_running(pid) for pid in family), 5, run.log)
+    assert f"{name} ended by itself (signal 9), so everything was stopped." in run.said
