@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 RETRY_AFTER_S = 30
 
 # Reason codes that are not plain bad input (400).
-_FORBIDDEN = "model_not_yours race_needs_invitation race_pro_only race_open_only entry_removed"
+_FORBIDDEN = "model_not_yours race_not_yours race_needs_invitation race_pro_only race_open_only entry_removed"
 _NOT_THERE = "invitation_unknown entry_missing"
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_has_opened race_is_over race_has_submissions race_limit "
@@ -64,7 +64,7 @@ class Unavailable(exceptions.APIException):
 class InternalError(exceptions.APIException):
     """A bug of ours."""
 
-    default_code = "internal_error"
+    default_code = "server_error"
     default_detail = gettext_lazy("Paddock made a mistake. It is not your fault; the operator finds it in the log.")
 
 

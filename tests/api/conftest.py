@@ -13,19 +13,9 @@ from league.models import Racer
 
 
 @pytest.fixture(autouse=True)
-def counted_in_memory(settings, bell):
-    """Limits are counted in memory, from nothing in every test; nobody's broker rings."""
-    settings.CACHES = {"default": {"BACKEND": "django.core.cache.backends.locmem.LocMemCache"}}
+def counted_from_nothing(bell):
+    """Limits are counted anew in every test; nobody's broker rings."""
     cache.clear()
-
-
-@pytest.fixture(autouse=True)
-def own_files(settings, tmp_path):
-    """Files of one test are gone with it, and pages need no collected static files."""
-    settings.STORAGES = {
-        "default": {"BACKEND": "django.core.files.storage.FileSystemStorage", "OPTIONS": {"location": tmp_path}},
-        "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"},
-    }
 
 
 @pytest.fixture

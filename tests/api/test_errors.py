@@ -80,7 +80,7 @@ def test_a_database_that_does_not_answer_is_ours_and_temporary(caplog):
 
 def test_a_bug_is_logged_and_tells_nothing_about_the_inside(caplog):
     answer = handle(RuntimeError("secret path /srv/x"), {})
-    assert (answer.status_code, answer.data["code"], answer.data["fault"]) == (500, "internal_error", "platform")
+    assert (answer.status_code, answer.data["code"], answer.data["fault"]) == (500, "server_error", "platform")
     assert "secret" not in json.dumps(answer.data)
     assert "secret path" in caplog.text
 

@@ -1,0 +1,91 @@
+"""docs/api.md describes the operations, codes and answers that there are."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from drf_spectacular.generators import SchemaGenerator
+from rest_framework import exceptions
+
+import league.api.views  # noqa: F401  (its errors are codes, too)
+from evaluation.reasons import REASONS
+from league.api.errors import STATUS_OF
+
+from .pages import code_blocks, section, text
+
+ROUTE = re.compile(r"`(GET|POST|PATCH|PUT|DELETE) (?:/api/v1)?(/[a-z_/{}]*)`")
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict:
+    return SchemaGenerator().get_schema(request=None, public=True)
+
+
+@pytest.fixture(scope="module")
+def routes(schema) -> set[tuple[str, str]]:
+    return {(method.upper(), path.removeprefix("/api/v1")) for path, item in schema["paths"].items() for method in item}
+
+
+def test_every_operation_has_its_row(routes):
+    rows = set(re.findall(r"^\| `([A-Z]+) (\S+)` \|", section(text("api.md"), "## Operations"), re.M))
+    assert rows == routes
+
+
+def test_no_page_names_an_operation_that_does_not_exist(routes):
+    for page in ("api.md", "organisers.md", "operators.md", "racers.md"):
+        assert set(ROUTE.findall(text(page))) <= routes, page
+
+
+def api_codes() -> dict[str, int]:
+    """Code and status of every failure that is not a reason."""
+
+    def below(kind: type) -> list[type]:
+        return [kind, *(each for child in kind.__subclasses__() for each in below(child))]
+
+    return {kind.default_code: kind.status_code for kind in below(exceptions.APIException)}
+
+
+def test_the_codes_of_the_error_table_exist_and_have_that_status():
+    rows = re.findall(r"^\| ([\d, ]+) \| .+ \| (.+) \|$", section(text("api.md"), "## Errors"), re.M)
+    assert len(rows) == 10
+    known = api_codes()
+    for statuses, codes in rows:
+        allowed = {int(status) for status in statuses.split(", ")}
+        for code in re.findall(r"`([a-z_]+)`", codes):
+            if code == "fields":
+                continue
+            if code in REASONS:
+                status = 503 if REASONS[code].fault == "platform" else STATUS_OF.get(code, 400)
+            else:
+                status = known[code]
+            assert status in allowed, code
+
+
+def test_every_code_of_the_apis_own_is_in_the_table():
+    table = section(text("api.md"), "## Errors")
+    own = {code for code in api_codes() if code not in ("error", "parse_error")}
+    missing = {code for code in own if f"`{code}`" not in table}
+    assert not missing
+
+
+def test_examples_of_answers_have_the_fields_of_the_schema(schema):
+    shapes = {
+        name: set(part["properties"]) for name, part in schema["components"]["schemas"].items() if "properties" in part
+    }
+    examples = [json.loads(block) for block in code_blocks(section(text("api.md"), "## Operations"), "json")]
+    assert len(examples) >= 7
+    for example in examples:
+        assert set(example) in shapes.values(), sorted(example)
+    (evaluation,) = (example for example in examples if "queue" in example)
+    assert set(evaluation["result"]) == shapes["Result"]
+    assert set(evaluation["result"]["laps"][0]) == shapes["Lap"]
+    (board,) = (example for example in examples if "leader_ms" in example)
+    assert set(board["results"][0]) == shapes["Row"]
+
+
+def test_every_json_example_is_json():
+    for page in ("api.md", "racers.md"):
+        for block in code_blocks(text(page), "json"):
+            json.loads(block)

@@ -1,0 +1,121 @@
+"""Numbers and names in the pages are those of the code."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import pytest
+
+from evaluation.packages.gate.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
+from evaluation.packages.gate.operators import OPERATORS
+from evaluation.packages.inputs import SENSOR_NAMES
+from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
+from evaluation.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
+from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
+from evaluation.simulator.camera.optics import FRONT_CAMERA
+from evaluation.simulator.camera.theme import OFFICIAL
+from evaluation.simulator.engine import ENGINE_ID
+from evaluation.simulator.envs import TimeTrialEnv
+from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.trace import COLUMNS, STATUSES
+from league.tokens import TOKENS_PER_RACER
+from races.sensors import OFFERABLE, SAME_AS
+from races.validation import MAX_AHEAD, MAX_DURATION
+from tracks.catalogue import CATALOGUE
+from tracks.checks import MAX_LENGTH_M, MAX_WAYPOINTS, MAX_WIDTH_M, MIN_LENGTH_M, MIN_WAYPOINTS, MIN_WIDTH_M
+
+from .pages import code_blocks, section, text
+
+
+def test_the_operators_that_are_listed_are_those_that_are_allowed():
+    contract = section(text("racers.md"), "## The ONNX contract")
+    listed = contract.split("Allowed operators:")[1].split("Not allowed:")[0]
+    assert set(re.findall(r"`(\w+)`", listed)) == set(OPERATORS)
+    refused = contract.split("Not allowed:")[1]
+    assert not set(re.findall(r"`([A-Z]\w+)`", refused)) & set(OPERATORS)
+
+
+def test_the_bounds_of_an_upload():
+    page = text("racers.md")
+    limits = DEFAULT_LIMITS
+    assert f"{limits.upload_bytes // MEGABYTE} MB for the upload as sent" in page
+    assert f"{limits.model_bytes // MEGABYTE} MB for the network, {limits.expanded_bytes // MEGABYTE} MB" in page
+    assert f"{limits.archive_members} members" in page
+    assert f"at most {limits.metadata_bytes // 1000} kB" in page
+    assert f"at most {limits.nodes} operators, {limits.tensor_elements // 10**6} million numbers" in page
+    assert f"{limits.macs // 10**6} million multiplications and {limits.elements // 10**6} million" in page
+    assert f"`opset` {OPSET_LOW} to {OPSET_HIGH}, IR version {IR_LOW} to {IR_HIGH}" in page
+    assert f"a list of 1 to {MAX_ACTIONS} objects" in page
+
+
+def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
+    page = section(text("racers.md"), "## model_metadata.json")
+    rows = dict(re.findall(r"^\| `([A-Za-z_]+)`[^|]* \| [^|]+ \| (yes|no) \|$", page, re.M))
+    assert rows == {name: "yes" if SAME_AS.get(name, name) in OFFERABLE else "no" for name in SENSOR_NAMES}
+    for word in (*NETWORKS, *ALGORITHMS):
+        assert f"`{word}`" in page
+
+
+def test_the_snippet_for_the_environment_names_its_arguments():
+    page = section(text("racers.md"), "## Practise on your own machine")
+    arguments = set(inspect.signature(TimeTrialEnv.__init__).parameters) - {"self", "theme", "physics"}
+    rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
+    assert set(re.findall(r"`(\w+)`", rows)) == arguments
+
+
+@pytest.mark.slow
+def test_the_snippet_for_the_environment_runs():
+    (snippet,) = [block for block in code_blocks(text("racers.md"), "python") if "gymnasium" in block]
+    names: dict = {}
+    exec(snippet, names)
+    names["env"].close()
+    assert names["observation"]["FRONT_FACING_CAMERA"].shape == (120, 160, 1)
+
+
+def test_catalogue_tracks_and_their_lengths():
+    for track in CATALOGUE:
+        assert f"`{track.slug}`" in text("racers.md")
+        assert f"`{track.slug}` {track.stated_length_m:.2f} m" in text("simulator.md").replace("\n", " ")
+
+
+def test_the_numbers_of_the_simulator_page():
+    page = text("simulator.md")
+    theme, car, camera = OFFICIAL, PADDOCK_CAR, FRONT_CAMERA
+    for line in (
+        f"| road, between the borders of the track file | {theme.road} |",
+        f"| border lines, {theme.line_width} m wide, inside the road | {theme.line} |",
+        f"dashes {theme.dash_length} × {theme.dash_width} m, one every {theme.dash_pitch} m | {theme.dash} |",
+        f"{theme.field_margin} m around it | {theme.field} |",
+        f"{theme.wall_height} m high | {theme.wall} |",
+        f"| sky | {theme.sky} |",
+        f"physics ticks at a fixed {car.tick_hz} Hz ({car.ticks_per_step} ticks a step)",
+        f"tan(a) / ({car.effective_wheelbase} m + {car.understeer} m",
+        f"steering {car.steering_lag_s} s, speed {car.speed_lag_s} s, and {car.dead_time_ticks} ticks",
+        f"| speed gain | {car.speed_gain} |",
+        f"friction {car.friction}",
+        f"{camera.x} m ahead of the base, {camera.height} m above the ground",
+        f"{camera.pitch} rad down",
+        f"{camera.horizontal_fov} rad",
+        f"Its budget is {STEP_DEADLINE_S:g} s of wall time for a step, {OVERAGE_S:g} s in all",
+        f"{TOTAL_S:g} s for the whole run",
+        f"`{ENGINE_ID}`",
+        f"{MIN_WAYPOINTS} to {MAX_WAYPOINTS}",
+        f"{MIN_LENGTH_M:g} to {MAX_LENGTH_M:g} m long, {MIN_WIDTH_M:g} to {MAX_WIDTH_M:g} m wide",
+    ):
+        assert line in page.replace("\n", " ") or line in page, line
+
+
+def test_every_column_and_status_of_the_trace_is_explained():
+    part = section(text("simulator.md"), "### Sim-trace CSV")
+    explained = set(re.findall(r"`(\w+)`", "\n".join(re.findall(r"^\| ([^|]+) \|", part, re.M))))
+    assert explained == set(COLUMNS)
+    unused = {"crashed"}  # nothing to hit in a time trial
+    assert set(STATUSES) - unused <= set(re.findall(r"`(\w+)`", part))
+
+
+def test_limits_of_races_and_tokens():
+    assert f"at most {MAX_DURATION.days} days long; opening at most {MAX_AHEAD.days} days ahead" in text(
+        "organisers.md"
+    )
+    assert f"a racer keeps at most {TOKENS_PER_RACER}" in text("api.md")

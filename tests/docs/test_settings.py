@@ -1,0 +1,89 @@
+"""docs/operators.md names every setting and every command, with their defaults and options, and no other."""
+
+from __future__ import annotations
+
+import re
+from argparse import SUPPRESS
+from pathlib import Path
+
+import pytest
+from django.core.management import get_commands, load_command_class
+
+from .pages import CHECKOUT, everything, section, text
+
+READ_BY_LIBRARIES = {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_ENDPOINT_URL_S3"}
+OURS = sorted(path.stem for path in (CHECKOUT / "league/management/commands").glob("[a-z]*.py"))
+OF_EVERY_COMMAND = {
+    "help",
+    "version",
+    "verbosity",
+    "settings",
+    "pythonpath",
+    "traceback",
+    "no_color",
+    "force_color",
+    "skip_checks",
+}
+
+
+def sources() -> list[Path]:
+    rooms = ("league", "races", "evaluation", "tracks")
+    return [path for room in rooms for path in (CHECKOUT / room).rglob("*.py") if path.name != "env.py"]
+
+
+def variables() -> set[str]:
+    """Every environment variable that an operator may set."""
+    found = set()
+    for path in sources():
+        code = path.read_text()
+        found |= set(re.findall(r'env_\w+\(\s*"([A-Z_]+)"', code))
+        found |= set(re.findall(r'^_VARIABLE = "([A-Z_]+)"', code, flags=re.M))
+        found |= set(re.findall(r'environ(?:\.get\(|\[)"(PADDOCK_[A-Z_]+)"', code))
+    return found
+
+
+def test_the_search_finds_the_variables_that_are_known():
+    assert {"PADDOCK_DATA", "DATABASE_URL", "STORAGE", "PADDOCK_SANDBOX_LEVEL", "PADDOCK_SANDBOX_UIDS"} <= variables()
+
+
+@pytest.mark.parametrize("name", sorted(variables()))
+def test_every_variable_has_its_row(name):
+    assert re.search(rf"^\| `{name}` \| .+ \| .+ \|$", section(text("operators.md"), "## Environment variables"), re.M)
+
+
+def test_no_variable_is_described_that_nothing_reads():
+    named = set(re.findall(r"\b(PADDOCK_[A-Z_]+|AWS_[A-Z_0-9]+|[A-Z]+_URL)\b", everything()))
+    assert named <= variables() | READ_BY_LIBRARIES
+
+
+def test_defaults_are_those_of_the_settings():
+    settings = (CHECKOUT / "league/settings.py").read_text()
+    defaults = re.findall(r'env_(?:int|bool)\("([A-Z_]+)", (\w+)', settings)
+    defaults += re.findall(r'env_(?:str|list)\("([A-Z_]+)", "([^"]+)"\)', settings)
+    assert len(defaults) > 10
+    for name, default in defaults:
+        assert re.search(rf"^\| `{name}` \| `{re.escape(default)}`", text("operators.md"), re.M), (name, default)
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_every_command_is_described_with_all_its_options(name):
+    described = section(text("operators.md"), "## Commands")
+    assert re.search(rf"^\| `{name}\b", described, re.M)
+    parser = load_command_class(get_commands()[name], name).create_parser("manage.py", name)
+    for action in parser._actions:
+        if action.dest in OF_EVERY_COMMAND or action.help == SUPPRESS or not action.option_strings:
+            continue
+        shown = any(re.search(rf"[`\[ ]{option}\b", described) for option in action.option_strings)
+        assert shown, f"{name} {action.option_strings}"
+
+
+def test_no_command_is_described_that_does_not_exist():
+    named = set(re.findall(r"manage\.py ([a-z_]+)", everything()))
+    assert named <= set(get_commands())
+    assert set(OURS) <= named | set(re.findall(r"^\| `([a-z_]+)", section(text("operators.md"), "## Commands"), re.M))
+
+
+def test_make_targets_that_are_named_exist():
+    makefile = (CHECKOUT / "Makefile").read_text()
+    for target in set(re.findall(r"`make ([a-z-]+)", everything())):
+        assert re.search(rf"^{target}:", makefile, re.M), target
