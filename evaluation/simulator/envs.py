@@ -23,7 +23,7 @@ from .race import lap_results
 from .referee import LAPS_DONE
 from .rewards import RewardFunction, follow_centre_line, reward_params
 from .rules import RaceRules
-from .sensors import SENSORS
+from .sensors import sensor_spec
 from .stage import Ground, Stage
 from .trace import TIME_UP
 
@@ -66,7 +66,7 @@ class TimeTrialEnv(gymnasium.Env[dict[str, np.ndarray], Any]):
         """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``direction``: "ccw" or "cw".
         ``start``: "fixed" on the finish line or "random", anywhere on the centre line.
 
-        Raises ValueError for a wrong argument, UserFault for a track file that is refused.
+        Raises ValueError for a wrong argument or a sensor that is not here, UserFault for a track file that is refused.
         """
         if start not in ("fixed", "random"):
             raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
@@ -92,8 +92,8 @@ class TimeTrialEnv(gymnasium.Env[dict[str, np.ndarray], Any]):
         self._readings: dict[str, np.ndarray] = {}
         self.observation_space = spaces.Dict(
             {
-                name: spaces.Box(0, 255, SENSORS[name].shape, np.dtype(SENSORS[name].dtype).type)
-                for name in sorted(self.sensors)
+                spec.name: spaces.Box(0, 255, spec.shape, np.dtype(spec.dtype).type)
+                for spec in map(sensor_spec, sorted(self.sensors))
             }
         )
         self.action_space = (

@@ -37,17 +37,24 @@ POSE = "POSE"
 Reading = Callable[[Car], np.ndarray]
 
 
+def sensor_spec(name: str) -> SensorSpec:
+    """The spec of a sensor. Raises ValueError for one that this simulator does not have."""
+    if name not in SENSORS:
+        raise ValueError(f"no sensor {name!r} here; there are {', '.join(sorted(SENSORS))}")
+    return SENSORS[name]
+
+
 def make_sensors(names: Sequence[str], scene: Callable[[], Scene]) -> dict[str, Reading]:
     """A reading function for each sensor name, in sorted order. ``scene`` is only drawn when a camera needs it.
 
-    Raises KeyError for a sensor that this simulator does not have; races refuse such a model before it comes here.
+    Raises ValueError for a sensor that this simulator does not have; races refuse such a model before it comes here.
     """
     readings: dict[str, Reading] = {}
     for name in sorted(set(names)):
         if name == POSE:
             readings[name] = _read_pose
         else:
-            SENSORS[name]
+            sensor_spec(name)
             readings[name] = _camera_reading(Camera(scene()))
     return readings
 

@@ -28,6 +28,9 @@ def make(**options):
     return gymnasium.make("Paddock/TimeTrial-v1", **options)
 
 
+LIDAR = {**CONTINUOUS, "sensor": ["LIDAR"]}
+
+
 @pytest.mark.parametrize("metadata", [DEFAULT_METADATA, CONTINUOUS], ids=["discrete", "continuous"])
 @pytest.mark.parametrize("start", ["fixed", "random"])
 def test_it_passes_gymnasiums_own_check(metadata, start):
@@ -152,7 +155,9 @@ def test_a_reward_that_is_not_finite_is_refused(value):
         env.step(0)
 
 
-@pytest.mark.parametrize("bad", [{"start": "middle"}, {"direction": "up"}, {"render_mode": "human"}, {"laps": 0}])
+@pytest.mark.parametrize(
+    "bad", [{"start": "middle"}, {"direction": "up"}, {"render_mode": "human"}, {"laps": 0}, {"metadata": LIDAR}]
+)
 def test_wrong_arguments_are_refused(bad):
     with pytest.raises(ValueError):
         evaluation.simulator.envs.TimeTrialEnv(track=TRACK, **bad)

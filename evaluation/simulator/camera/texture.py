@@ -26,10 +26,13 @@ class Level:
     x0: float  # corner of pixel (0, 0)
     y0: float
 
-    def from_ground(self) -> np.ndarray:
-        """(3, 3): world (x, y, 1) in metres to (column, row, 1), pixel centres at whole numbers."""
+    def from_car(self, x: float, y: float, cos: float, sin: float) -> np.ndarray:
+        """(3, 3): (forward, left, 1) in metres from a car at (x, y), its heading given by cosine and sine, to
+        (column, row, 1) with pixel centres at whole numbers."""
         scale = 1.0 / self.metres
-        return np.array([[scale, 0.0, -self.x0 * scale - 0.5], [0.0, scale, -self.y0 * scale - 0.5], [0.0, 0.0, 1.0]])
+        cos, sin = cos * scale, sin * scale
+        column, row = (x - self.x0) * scale - 0.5, (y - self.y0) * scale - 0.5
+        return np.array([[cos, -sin, column], [sin, cos, row], [0.0, 0.0, 1.0]])
 
 
 def draw_ground(track: TrackGeometry, theme: Theme, reductions: tuple[int, ...] = (1, 4, 8)) -> tuple[Level, ...]:

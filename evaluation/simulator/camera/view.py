@@ -68,7 +68,7 @@ class Camera:
             # Row r of the band's own picture is row first + (r + 0.5) / samples - 0.5 of the frame.
             rows = np.array([[1, 0, 0], [0, 1 / band.samples, band.first + 0.5 / band.samples - 0.5], [0, 0, 1]])
             size = (optics.columns, (band.last - band.first) * band.samples)
-            self._bands.append((band, size, level.pixels, level.from_ground(), ground @ rows))
+            self._bands.append((band, size, level, ground @ rows))
 
     def render(self, pose: Pose) -> np.ndarray:
         """The grey frame, uint8 (rows, columns), a fresh array."""
@@ -76,12 +76,11 @@ class Camera:
         frame = np.empty((optics.rows, optics.columns), np.uint8)
         frame[: self._horizon] = theme.sky
         cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-        world = np.array([[cos, -sin, pose.x], [sin, cos, pose.y], [0.0, 0.0, 1.0]])
-        for band, size, pixels, to_pixels, ground in self._bands:
+        for band, size, level, ground in self._bands:
             target = frame[band.first : band.last]
             drawn = cv2.warpPerspective(
-                pixels,
-                to_pixels @ world @ ground,
+                level.pixels,
+                level.from_car(pose.x, pose.y, cos, sin) @ ground,
                 size,
                 dst=target if band.samples == 1 else None,
                 flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
