@@ -142,17 +142,10 @@ class _Run:
         """Hand out the job and the network, so that the next message starts the race. The version of onnxruntime."""
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
-        self._tell(
-            {
-                "track": job.track.to_dict(),
-                "rules": job.rules.to_dict(),
-                "metadata": job.metadata,
-                "budget": asdict(budget),
-            },
-            deadline,
-        )
-        self._policy.give(job.onnx)
+        described = {"track": job.track.to_dict(), "rules": job.rules.to_dict(), "metadata": job.metadata}
         try:
+            write_message(self._runner.stdin, {**described, "budget": asdict(budget)}, deadline=deadline)
+            self._policy.give(job.onnx)
             answer, _ = read_message(self._runner.stdout, deadline)
         except FrameError as error:
             raise failed_start(self._runner, str(error)) from None
@@ -167,7 +160,8 @@ class _Run:
 
     def drive(self) -> tuple[dict[str, Any], bytes]:
         """Start the race and wait for its result: the message and the trace."""
-        self._tell({"start": True}, time.monotonic() + _MESSAGE_S)
+        with contextlib.suppress(FrameError):  # a runner that is gone left a message why, or its exit status
+            write_message(self._runner.stdin, {"start": True}, deadline=time.monotonic() + _MESSAGE_S)
         poller = select.poll()
         poller.register(self._runner.stdout, select.POLLIN)
         while True:
@@ -193,12 +187,6 @@ class _Run:
     def _check_stop(self) -> None:
         if self._should_stop():
             raise UserFault("stopped")
-
-    def _tell(self, message: dict[str, Any], deadline: float) -> None:
-        try:
-            write_message(self._runner.stdin, message, deadline=deadline)
-        except FrameError as error:
-            raise failed_start(self._runner, str(error)) from None
 
     def _hear(self) -> tuple[dict[str, Any], list[bytes]]:
         try:

@@ -1,8 +1,9 @@
 """The referee in its own walled-off process: simulator and rules, no secrets, no network, no file.
 
 Started by :mod:`.pipeline`. It reads a message with the job, answers ``{"header": ...}`` (what it will ask the policy,
-see :mod:`evaluation.sandbox.policy_wire`), waits for ``{"start": true}``, drives, and sends ``{"progress": ...}``
-messages and then one ``{"result": ...}`` with the trace, or one ``{"error": {"code", "fault", "params"}}``.
+see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for ``{"start": true}`` before it asks the policy
+for the first time, drives, and sends ``{"progress": ...}`` messages and then one ``{"result": ...}`` with the trace,
+or one ``{"error": {"code", "fault", "params"}}``.
 
 ``sys.argv[1:]``: the descriptors on which it reads from and writes to the policy.
 """
@@ -11,12 +12,13 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 import traceback
+from collections.abc import Callable
 from typing import Any
 
 import cv2
-import numpy.random  # noqa: F401  numpy loads it at first use, which would be after the lock
+import numpy as np
+import numpy.random  # numpy loads it at first use, which would be after the lock
 
 from tracks.geometry import TrackGeometry
 
@@ -56,20 +58,32 @@ def _run(frames_in: int, frames_out: int) -> None:
     sensors = sorted(job["metadata"]["sensor"])
     header = policy_header(sensors, space)
     write_message(frames_out, {"header": header})
-    read_message(frames_in)
     policy = PolicyClient(int(sys.argv[1]), int(sys.argv[2]), header, **job["budget"])
-    started = time.perf_counter()
     result = run_race(
         track,
         rules,
         space,
         sensors,
-        policy,
+        _after_the_start(policy, frames_in),
         on_progress=lambda progress: write_message(frames_out, {"progress": progress.to_dict()}),
     )
-    seconds = {"race": time.perf_counter() - started, "policy": policy.seconds, **result.seconds}
+    seconds = {**result.seconds, "policy": policy.seconds}  # without the wait for the start
     write_message(frames_out, {"result": _outcome(result), "seconds": seconds}, [result.trace.to_csv()])
     os.read(frames_in, 1)  # stay to be measured until the pipeline lets go
+
+
+def _after_the_start(policy: PolicyClient, frames_in: int) -> Callable[[dict[str, np.ndarray]], np.ndarray]:
+    """``policy``, asked for the first time when the start message has come: the network may still be loading."""
+    started = False
+
+    def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
+        nonlocal started
+        if not started:
+            read_message(frames_in)
+            started = True
+        return policy(readings)
+
+    return ask
 
 
 def policy_header(sensors: list[str], space: ActionSpace) -> dict[str, Any]:

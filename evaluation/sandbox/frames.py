@@ -60,7 +60,7 @@ def read_frame(fd: int, limit: int, deadline: float | None = None) -> bytes:
     (length,) = LENGTH.unpack(_read_exactly(fd, LENGTH.size, deadline))
     if length > limit:
         raise FrameTooLarge(f"a frame of {length} bytes, {limit} allowed")
-    return bytes(_read_exactly(fd, length, deadline))
+    return _read_exactly(fd, length, deadline)
 
 
 def write_message(fd: int, header: dict[str, Any], blobs: Sequence[bytes] = (), deadline: float | None = None) -> None:
@@ -116,18 +116,20 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not JSON")
 
 
-def _read_exactly(fd: int, count: int, deadline: float | None) -> bytearray:
-    data = bytearray()
-    while len(data) < count:
+def _read_exactly(fd: int, count: int, deadline: float | None) -> bytes:
+    chunks = []
+    left = count
+    while left:
         wait_for(fd, select.POLLIN, deadline)
         try:
-            chunk = os.read(fd, min(count - len(data), _READ_CHUNK))
+            chunk = os.read(fd, min(left, _READ_CHUNK))
         except BlockingIOError:
             continue
         if not chunk:
-            raise FrameClosed(f"the stream ended after {len(data)} of {count} bytes")
-        data += chunk
-    return data
+            raise FrameClosed(f"the stream ended {left} bytes before the end of {count}")
+        chunks.append(chunk)
+        left -= len(chunk)
+    return b"".join(chunks)
 
 
 def _write_all(fd: int, view: memoryview, deadline: float | None) -> None:

@@ -26,6 +26,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from . import bubblewrap, seccomp, uids
+from .enter import COMMAND
 from .frames import FrameError, wait_for
 from .limits import STDERR_LIMIT, Limits
 from .lock import VARIABLE, LockSpec
@@ -269,7 +270,7 @@ def start(
         their_err, our_err = _pipe(theirs, ours_on_failure, reads="ours")
         os.set_blocking(their_err, False)  # a flood of messages stops at the pipe's size instead of stopping anybody
         spec = LockSpec(limits, uid.uid if uid else None, seccomp.build())
-        command = [home.executable, "-S", "-P", "-B", "-m", "evaluation.sandbox.enter"]
+        command = [home.executable, "-S", "-P", "-B", "-c", COMMAND]
         command += [str(their_in), str(their_out), module, *arguments]
         passed = [their_in, their_out, *pass_fds]
         our_info = None

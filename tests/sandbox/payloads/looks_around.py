@@ -4,7 +4,6 @@ import os
 
 from evaluation.sandbox.frames import write_message
 
-
 # Tens of thousands of files that every user of a host may read.
 _LIBRARIES = (
     *("/usr/lib", "/usr/lib32", "/usr/lib64", "/lib", "/lib32", "/lib64", "/sys"),
