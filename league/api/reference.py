@@ -14,6 +14,7 @@ from drf_spectacular.generators import SchemaGenerator
 from .schema import WRITES
 
 METHODS = ("get", *WRITES)
+SUBJECTS = ("account", "models", "tracks", "races", "evaluations")
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,14 @@ def page(request: HttpRequest) -> HttpResponse:
 
 @lru_cache(maxsize=1)
 def operations() -> tuple[tuple[str, tuple[Operation, ...]], ...]:
-    """The operations of the schema by their subject, in the order of the addresses."""
+    """The operations of the schema by their subject, within one in the order of the addresses."""
     schema = SchemaGenerator().get_schema(request=None, public=True)
-    subjects: dict[str, list[Operation]] = {}
+    subjects: dict[str, list[Operation]] = {subject: [] for subject in SUBJECTS}
     for path, item in schema["paths"].items():
         for method in METHODS:
             if method in item:
                 operation = item[method]
-                subjects.setdefault(operation["tags"][0], []).append(_operation(schema, path, method, operation))
+                subjects[operation["tags"][0]].append(_operation(schema, path, method, operation))
     return tuple((subject, tuple(rows)) for subject, rows in subjects.items())
 
 

@@ -142,7 +142,7 @@ class CancelSerializer(serializers.Serializer):
         description="Public ones, and those by invitation that you are in or organise; the latest first.",
         parameters=[
             OpenApiParameter("state", enum=RaceState.values, description="As things stand now."),
-            OpenApiParameter("kind", enum=Kind.values),
+            OpenApiParameter("kind", enum=Kind.values, description="Who holds it."),
             OpenApiParameter("mine", bool, description="Only those that you are in or organise."),
         ],
         responses=RaceSerializer,
