@@ -84,6 +84,26 @@ def session_of(leader: int) -> list[int]:
     return found
 
 
+def parent_of(pid: int) -> int:
+    """The parent of a process. OSError when it is gone."""
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+
+
+def family_of(ancestor: int) -> set[int]:
+    """A process and all its descendants."""
+    children: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            with suppress(OSError):
+                children.setdefault(parent_of(int(entry.name)), []).append(int(entry.name))
+    found, new = set(), [ancestor]
+    while new:
+        pid = new.pop()
+        found.add(pid)
+        new += children.get(pid, [])
+    return found
+
+
 def is_running(pid: int) -> bool:
     """Whether a process lives (a zombie does not)."""
     try:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 from datetime import timedelta
+from io import BytesIO
+from pathlib import Path
 
 import pytest
 from django.core.files.storage import default_storage
@@ -12,11 +14,21 @@ from django.utils import timezone
 
 from evaluation import services, tasks
 from evaluation.models import Evaluation, Result, State
+from evaluation.packages.read import UploadPart
 from evaluation.simulator.rules import RaceRules
 from league.celery import app
+from league.services import house_cars
 from tests import servers
 from tests.evaluation.held_points import POINTS
-from tests.evaluation.processes import celery_worker, environment, is_running, session_of, wait_for
+from tests.evaluation.processes import (
+    celery_worker,
+    environment,
+    family_of,
+    is_running,
+    parent_of,
+    session_of,
+    wait_for,
+)
 from tests.rows import model_row
 
 pytestmark = [
@@ -60,10 +72,9 @@ class Control:
         (self.folder / "held").unlink()
         return pid
 
-    def worker(self, broker_url, name="w"):
-        return celery_worker(
-            HELD, environment(broker_url, HOLD_DIR=str(self.folder)), self.log, self.folder / "ready", name
-        )
+    def worker(self, broker_url, name="w", **more):
+        env = environment(broker_url, HOLD_DIR=str(self.folder), **more)
+        return celery_worker(HELD, env, self.log, self.folder / "ready", name)
 
 
 @pytest.fixture
@@ -81,6 +92,11 @@ def submit(alice, oval, broker_url):
 def lose_patience():
     """Let the leases of dead workers run out now instead of in half a minute."""
     Evaluation.objects.filter(state=State.RUNNING).update(leased_until=timezone.now() - timedelta(seconds=1))
+
+
+def sweep_now():
+    with app.connection_for_write() as connection:  # not from the pool, which knows another test's broker
+        tasks.sweep.apply_async(connection=connection)
 
 
 def finished(evaluation):
@@ -103,8 +119,7 @@ def test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result(poin
         os.kill(control.held(), signal.SIGKILL)
         if point != "committed":
             lose_patience()
-        with app.connection_for_write() as connection:  # not from the pool, which knows another test's broker
-            tasks.sweep.apply_async(connection=connection)
+        sweep_now()
         wait_for(lambda: finished(evaluation), 30, control.log)
         following = submit(seed=1)
         wait_for(lambda: finished(following), 30, control.log)
@@ -162,3 +177,44 @@ def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, 
     evaluation.refresh_from_db()
     assert evaluation.state == State.STOPPED
     assert not Result.objects.filter(evaluation=evaluation).exists()
+
+
+def test_a_real_run_killed_or_stopped_leaves_no_sandboxed_process(alice, oval, control, broker_url):
+    car = house_cars()[0]
+    files = [UploadPart(path.name, BytesIO(path.read_bytes())) for path in (car.onnx, car.metadata)]
+    model = services.upload_model(owner=alice, files=files, now=timezone.now()).model
+    long_run = RaceRules(laps=10_000, max_simulated_ms=100_000_000)
+
+    def on_track(worker, attempt):
+        """The processes below the worker, once the car drives."""
+        driving = Evaluation.objects.filter(attempt=attempt, state=State.RUNNING).exclude(progress={})
+        wait_for(driving.exists, 60, control.log)
+        family = family_of(worker.pid) - {worker.pid}
+        commands = [Path(f"/proc/{pid}/cmdline").read_bytes() for pid in family]
+        for module in (b"runner_process", b"policy_process"):
+            assert any(module in command for command in commands)
+        return family
+
+    def gone(family):
+        return not any(is_running(pid) for pid in family)
+
+    with control.worker(broker_url, REAL_RUNS="1") as worker:
+        evaluation = services.queue_evaluation(owner=alice, model=model, track=oval, rules=long_run, now=timezone.now())
+        family = on_track(worker, attempt=1)
+        (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
+        os.kill(pool_process, signal.SIGKILL)
+        wait_for(lambda: gone(family), 5, control.log)
+
+        lose_patience()
+        sweep_now()
+        family = on_track(worker, attempt=2)
+        (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
+        assert services.stop_evaluation(evaluation=evaluation, now=timezone.now())
+        wait_for(lambda: gone(family - {pool_process}), 10, control.log)
+        assert is_running(pool_process)
+
+        services.queue_evaluation(owner=alice, model=model, track=oval, rules=long_run, now=timezone.now())
+        family = on_track(worker, attempt=1) | {worker.pid}
+        os.kill(worker.pid, signal.SIGKILL)
+        wait_for(lambda: gone(family), 5, control.log)
+    assert not Result.objects.exists()

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from league import broker
-from tests.evaluation.processes import is_running, wait_for
+from tests.evaluation.processes import family_of, is_running, wait_for
 from tests.shared import CHECKOUT
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("run")]
@@ -83,20 +83,7 @@ class Run:
 
     def family(self) -> set[int]:
         """The process and all its descendants."""
-        children: dict[int, list[int]] = {}
-        for entry in Path("/proc").iterdir():
-            if entry.name.isdigit():
-                try:
-                    parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-                except OSError:
-                    continue
-                children.setdefault(parent, []).append(int(entry.name))
-        found, new = set(), [self.process.pid]
-        while new:
-            pid = new.pop()
-            found.add(pid)
-            new += children.get(pid, [])
-        return found
+        return family_of(self.process.pid)
 
     def pid_of(self, words: str) -> int:
         """The first descendant whose command line holds ``words``."""

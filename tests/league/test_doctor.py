@@ -1,0 +1,115 @@
+"""``manage.py doctor``: what it finds, and that it fails when something needed is missing."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections import namedtuple
+from io import StringIO
+
+import pytest
+from django.core.management import call_command
+
+from evaluation.sandbox.probe import Layer, SandboxReport
+from league.management.commands import doctor
+from tests.shared import CHECKOUT
+
+pytestmark = pytest.mark.django_db
+
+
+def examine() -> tuple[int, dict]:
+    """Exit status and the JSON report."""
+    out = StringIO()
+    try:
+        call_command("doctor", "--json", stdout=out)
+    except SystemExit as end:
+        return end.code, json.loads(out.getvalue())
+    return 0, json.loads(out.getvalue())
+
+
+def finding(report, name):
+    return next(found for found in report["findings"] if found["name"] == name)
+
+
+def test_a_sound_installation_is_healthy():
+    status, report = examine()
+    assert (status, report["healthy"]) == (0, True)
+    assert report["sandbox"]["sufficient"]
+    assert finding(report, "migrations")["detail"] == "up to date"
+    assert finding(report, "storage")["status"] == "ok"
+    assert {found["status"] for found in report["findings"]} <= {"ok", "warn"}
+
+
+def test_the_tables_first_word_of_a_line_is_its_status():
+    out = StringIO()
+    call_command("doctor", stdout=out)
+    lines = [line for line in out.getvalue().splitlines() if line.startswith("  ")]
+    assert len(lines) > 20
+    assert {line.split()[0] for line in lines} <= {"ok", "warn"}
+    assert out.getvalue().endswith("Paddock can run here.\n")
+
+
+def test_a_host_below_the_sandboxs_minimum_fails(monkeypatch):
+    report = SandboxReport([Layer("Landlock", False, "not in this kernel")], 0, 2)
+    monkeypatch.setattr(doctor, "probe", lambda: report)
+    status, report = examine()
+    assert (status, report["healthy"]) == (1, False)
+    assert finding(report, "level")["status"] == "fail"
+    assert finding(report, "Landlock") == {
+        "area": "Sandbox",
+        "name": "Landlock",
+        "status": "warn",
+        "detail": "not in this kernel",
+    }
+
+
+def test_storage_that_cannot_be_written_fails(settings, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    settings.STORAGES = {
+        **settings.STORAGES,
+        "default": {"BACKEND": "django.core.files.storage.FileSystemStorage", "OPTIONS": {"location": blocked}},
+    }
+    status, report = examine()
+    assert status == 1
+    assert finding(report, "storage")["status"] == "fail"
+
+
+def test_little_disk_space_is_a_warning(monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda path: usage(10, 5, 5 * 2**20))
+    status, report = examine()
+    assert status == 0
+    assert finding(report, "disk space") == {
+        "area": "Files",
+        "name": "disk space",
+        "status": "warn",
+        "detail": "5 MB free, make room",
+    }
+
+
+def test_a_missing_package_fails(monkeypatch):
+    monkeypatch.setattr(doctor, "PACKAGES", ("no-such-package",))
+    status, report = examine()
+    assert status == 1
+    assert finding(report, "no-such-package")["status"] == "fail"
+
+
+def test_a_database_and_a_broker_that_do_not_answer_are_named(tmp_path):
+    environment = {
+        **os.environ,
+        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "PADDOCK_DATA": str(tmp_path),
+        "DATABASE_URL": "postgres://nobody@127.0.0.1:1/nothing",
+        "CELERY_BROKER_URL": "redis://127.0.0.1:1/0",
+    }
+    done = subprocess.run(
+        [sys.executable, "manage.py", "doctor", "--json"], cwd=CHECKOUT, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    report = json.loads(done.stdout)
+    assert finding(report, "postgresql")["status"] == "fail"
+    assert finding(report, "broker")["status"] == "warn"
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,213 @@
+"""``manage.py evaluate`` and ``verify``: the site's numbers without the site."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from io import BytesIO, StringIO
+
+import pytest
+from django.core.management import CommandError, call_command
+from django.utils import timezone
+
+from evaluation import pipeline, services
+from evaluation.errors import PlatformFault, UserFault
+from evaluation.models import Evaluation, Result
+from evaluation.packages.read import UploadPart
+from evaluation.simulator.rules import RaceRules
+from league.management.commands import evaluate as command
+from league.management.commands import verify as verifying
+from league.services import house_cars
+from tests.rows import track_row
+from tests.shared import CHECKOUT, CONSOLE_CAR, SHARED, needs_shared
+
+CAR = house_cars()[0]
+CAR_FILES = (str(CAR.onnx), str(CAR.metadata))
+
+
+def evaluate(*arguments: str, **options) -> tuple[int, str, str]:
+    """Exit status, stdout and stderr of the command."""
+    out, err = StringIO(), StringIO()
+    try:
+        call_command("evaluate", *arguments, stdout=out, stderr=err, **options)
+    except SystemExit as end:
+        return end.code, out.getvalue(), err.getvalue()
+    return 0, out.getvalue(), err.getvalue()
+
+
+def refuse(fault):
+    def play(*args, **kwargs):
+        raise fault
+
+    return play
+
+
+class TestEvaluate:
+    @needs_shared
+    def test_the_consoles_car_laps_the_same_on_every_run_in_a_process_without_site_or_database(self):
+        track = SHARED / "tracks" / "reInvent2019_wide.npy"
+        arguments = ["evaluate", str(CONSOLE_CAR), "--track", str(track), "--json"]
+        environment = {
+            **os.environ,
+            "DATABASE_URL": "postgres://nobody@127.0.0.1:1/nothing",
+            "CELERY_BROKER_URL": "redis://127.0.0.1:1/0",
+        }
+        reports = []
+        for _ in range(2):
+            done = subprocess.run(
+                [sys.executable, "manage.py", *arguments], cwd=CHECKOUT, env=environment, capture_output=True, text=True
+            )
+            assert (done.returncode, done.stderr) == (0, "")
+            reports.append(json.loads(done.stdout))
+        first, second = reports
+        assert [lap["episode_status"] for lap in first["metrics"]] == ["Lap complete"] * 3
+        times = [lap["elapsed_time_in_milliseconds"] for lap in first["metrics"]]
+        assert first["average_lap_ms"] == sum(times) // 3
+        assert first["best_lap_ms"] == min(times)
+        assert first["total_ms"] == sum(times) == round(first["simulated_seconds"] * 1000)
+        assert first["engine"] == "paddock-v1"
+        assert first["wall_seconds"] > 0
+        same = ("metrics", "average_lap_ms", "best_lap_ms", "total_ms", "trace_sha256", "simulated_seconds", "versions")
+        assert {key: first[key] for key in same} == {key: second[key] for key in same}
+
+    def test_a_table_for_people(self):
+        status, out, _ = evaluate(*CAR_FILES, "--track", "oval", "--laps", "1")
+        assert status == 0
+        assert out.startswith("Paddock Oval, ")
+        assert "Lap complete" in out and "times real time" in out
+
+    def test_options_reach_the_rules_and_the_trace_its_file(self, monkeypatch, tmp_path):
+        jobs = []
+
+        def play(job, **kwargs):
+            jobs.append(job)
+            return pipeline.evaluate(job, **kwargs)
+
+        monkeypatch.setattr(command, "evaluate", play)
+        trace = tmp_path / "trace.csv"
+        arguments = ["--direction", "cw", "--laps", "1", "--seed", "7", "--off-track-penalty", "2.5"]
+        arguments += ["--collision-penalty", "1", "--max-resets", "4", "--time-limit", "30", "--trace", str(trace)]
+        status, out, _ = evaluate(*CAR_FILES, "--track", "oval", *arguments, "--json")
+        assert status == 0
+        assert jobs[0].rules == RaceRules(
+            direction="cw",
+            laps=1,
+            seed=7,
+            off_track_penalty_ms=2500,
+            collision_penalty_ms=1000,
+            max_resets=4,
+            max_simulated_ms=30_000,
+        )
+        assert jobs[0].track.direction == "cw"
+        assert len(trace.read_text().splitlines()) == 2 + json.loads(out)["steps"]  # a header, and the state at the end
+
+    @pytest.mark.parametrize(
+        ("content", "code"), [(b"", "empty"), (b"<html>", "not_a_model"), (b"\x1f\x8b broken", "archive_corrupt")]
+    )
+    def test_a_refused_package_exits_2_with_its_code(self, tmp_path, content, code):
+        package = tmp_path / "car.tar.gz"
+        package.write_bytes(content)
+        status, out, err = evaluate(str(package), "--track", "oval")
+        assert (status, out) == (2, "")
+        assert err.startswith(f"{code}: ")
+        status, out, err = evaluate(str(package), "--track", "oval", "--json")
+        assert status == 2
+        assert json.loads(out)["error"]["code"] == code
+        assert err.startswith(f"{code}: ")
+
+    def test_a_refused_track_exits_2_with_its_code(self, tmp_path):
+        track = tmp_path / "track.npy"
+        track.write_bytes(b"no numbers")
+        status, _, err = evaluate(*CAR_FILES, "--track", str(track))
+        assert (status, err.split(":")[0]) == (2, "track_not_npy")
+
+    def test_a_models_fault_on_track_exits_2_and_ours_3(self, monkeypatch):
+        monkeypatch.setattr(command, "evaluate", refuse(UserFault("policy_died", step=3, how="signal 11")))
+        assert evaluate(*CAR_FILES, "--track", "oval")[0] == 2
+        fault = PlatformFault("sandbox_unavailable", level=0, minimum=2)
+        fault.add_note("Landlock is missing")
+        monkeypatch.setattr(command, "evaluate", refuse(fault))
+        status, out, err = evaluate(*CAR_FILES, "--track", "oval", "--json")
+        assert status == 3
+        assert json.loads(out)["error"]["fault"] == "platform"
+        assert "Landlock is missing" in err and "sandbox_unavailable: " in err
+
+    @pytest.mark.parametrize(
+        ("arguments", "says"),
+        [
+            ((*CAR_FILES, "--track", "nowhere"), "There is no track 'nowhere'"),
+            ((*CAR_FILES, "--track", "missing.npy"), "missing.npy cannot be read: No such file"),
+            (("missing.onnx", "--track", "oval"), "missing.onnx cannot be read: No such file"),
+            ((*CAR_FILES, "--track", "oval", "--laps", "0"), "laps must be a whole number of at least 1"),
+            ((*CAR_FILES, "--track", "oval", "--time-limit", "inf"), "These rules make no sense"),
+            ((*CAR_FILES, "--track", "oval", "--laps", "1", "--trace", "/no/such/folder/x"), "cannot be written"),
+        ],
+    )
+    def test_a_mistaken_call_says_what_is_wrong(self, arguments, says):
+        with pytest.raises(CommandError, match=says):
+            evaluate(*arguments)
+
+
+@pytest.mark.django_db(transaction=True)
+class TestVerify:
+    @pytest.fixture
+    def evaluation(self, alice):
+        """A real one, run by the worker's code."""
+        files = [UploadPart(path.name, BytesIO(path.read_bytes())) for path in (CAR.onnx, CAR.metadata)]
+        model = services.upload_model(owner=alice, files=files, now=timezone.now()).model
+        evaluation = services.queue_evaluation(
+            owner=alice, model=model, track=track_row("oval"), rules=RaceRules(laps=2), now=timezone.now()
+        )
+        assert services.run_next_evaluation(worker="w")
+        evaluation.refresh_from_db()
+        assert evaluation.state == "finished", evaluation.operator_detail
+        return evaluation
+
+    def verify(self, evaluation):
+        out = StringIO()
+        try:
+            call_command("verify", evaluation.public_id, stdout=out, stderr=StringIO())
+        except CommandError as error:
+            return error.returncode, out.getvalue() + str(error)
+        return 0, out.getvalue()
+
+    def test_the_site_the_command_line_and_a_second_run_agree(self, evaluation):
+        result = evaluation.result
+        status, out, _ = evaluate(*CAR_FILES, "--track", "oval", "--laps", "2", "--json")
+        assert status == 0
+        assert json.loads(out)["trace_sha256"] == result.trace_sha256
+        assert json.loads(out)["metrics"] == result.metrics["metrics"]
+        assert result.complete_laps == 2
+        assert len(result.line) == 2
+        assert self.verify(evaluation) == (
+            0,
+            f"Evaluation {evaluation.public_id} is the same: trace {result.trace_sha256}\n",
+        )
+
+    def test_what_differs_is_named(self, evaluation):
+        Result.objects.update(engine="paddock-v0", trace_sha256="0" * 64, cpu_model="another", versions={"numpy": "1"})
+        status, said = self.verify(evaluation)
+        assert status == 1
+        assert "engine: was paddock-v0, is paddock-v1" in said
+        assert f"trace_sha256: was {'0' * 64}, is " in said
+        assert "version of numpy: was 1, is " in said
+        assert "version of pybullet: was None, is " in said
+        assert "lap times" not in said
+        assert "(processor: was another, is " in said
+
+    def test_a_run_that_now_ends_otherwise_is_different_and_our_fault_is_neither(self, evaluation, monkeypatch):
+        monkeypatch.setattr(verifying, "evaluate", refuse(UserFault("policy_died", step=3, how="signal 11")))
+        status, said = self.verify(evaluation)
+        assert (status, "policy_died" in said) == (1, True)
+        monkeypatch.setattr(verifying, "evaluate", refuse(PlatformFault("storage_failed")))
+        assert self.verify(evaluation)[0] == 3
+
+    def test_only_what_has_a_result_can_be_verified(self, evaluation):
+        queued = Evaluation.objects.create(
+            owner=evaluation.owner, model=evaluation.model, track=evaluation.track, spec=evaluation.spec
+        )
+        assert self.verify(queued) == (3, f"Evaluation {queued.public_id} has no result: it is queued.")
+        queued.public_id = "unknown"
+        assert self.verify(queued) == (3, "There is no evaluation unknown.")
