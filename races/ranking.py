@@ -77,7 +77,6 @@ class RankingRule(ABC):
     """One ranking method."""
 
     code: str
-    label: Any  # a lazy translation
     column: Any  # heading of the score's column on a board
 
     def standing(self, laps: Sequence[Lap], minimum_laps: int) -> Standing:
@@ -124,7 +123,6 @@ class Average(RankingRule):
     """Lowest mean of any window of N consecutive complete laps, in whole milliseconds rounded down."""
 
     code = "average"
-    label = gettext_lazy("average lap")
     column = gettext_lazy("Average")
 
     def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
@@ -145,7 +143,6 @@ class Best(RankingRule):
     """The fastest complete lap; unfinished laps never count."""
 
     code = "best"
-    label = gettext_lazy("best lap")
     column = gettext_lazy("Best lap")
 
     def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
@@ -164,7 +161,6 @@ class Total(RankingRule):
     """The time of all laps together; all of them must be complete."""
 
     code = "total"
-    label = gettext_lazy("total time")
     column = gettext_lazy("Total")
 
     def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:

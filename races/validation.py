@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 
 from django.core.exceptions import ValidationError
@@ -103,10 +104,10 @@ def changed_fields(before: Race, after: Race) -> list[str]:
     return [name for name, attribute in attributes.items() if getattr(before, attribute) != getattr(after, attribute)]
 
 
-def _collect(problems: ValidationError, check: object) -> None:
+def _collect(problems: ValidationError, check: Callable[[], None]) -> None:
     """Run ``check`` and keep the first ValidationError of each field."""
     try:
-        check()  # type: ignore[operator]
+        check()
     except ValidationError as error:
         for field, errors in error.update_error_dict({}).items():
             problems.error_dict.setdefault(field, errors)

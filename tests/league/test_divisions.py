@@ -9,7 +9,7 @@ from django.core.exceptions import ValidationError
 
 from evaluation.errors import UserFault
 from league.models import Membership, Round, Season
-from league.selectors import current_league_races, division_of, rounds_of, season_at, season_of
+from league.selectors import division_of, season_of
 from league.services import create_season, put_in_division, schedule_round
 from races.errors import RaceRefused
 from races.services import enter_race, submit_model
@@ -110,18 +110,3 @@ def test_a_community_race_is_no_round(season, now):
 def test_a_season_that_ends_before_it_starts_is_refused(db):
     with pytest.raises(ValidationError):
         create_season(slug="x", name="X", starts_on=date(2026, 2, 1), ends_on=date(2026, 1, 1))
-
-
-def test_the_season_of_a_day_is_found_from_its_first_to_its_last(season, now):
-    assert season_at(now) == season
-    assert season_at(now.replace(month=12, day=31, hour=23)) == season
-    assert season_at(now.replace(year=2027, month=1, day=1)) is None
-
-
-def test_a_racer_s_own_division_comes_first(season, alice, now):
-    open_race, pro = november(season, "open", now), november(season, "pro", now)
-    november(season, "open", now, number=2, opens_at=now + timedelta(days=1))
-    assert current_league_races(now) == [open_race, pro]
-    put_in_division(season=season, racer=alice, division="pro", now=now)
-    assert current_league_races(now, alice) == [pro, open_race]
-    assert [round_.race for round_ in rounds_of(season)][:2] == [open_race, pro]
