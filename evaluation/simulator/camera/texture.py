@@ -60,10 +60,11 @@ def draw_ground(track: TrackGeometry, theme: Theme, reductions: tuple[int, ...] 
     thickness = max(1, round(2 * (theme.line_width / metres - _BLEED)))
     cv2.polylines(road, borders, True, theme.line, thickness, cv2.LINE_AA, _SHIFT)
 
-    # field + (road - field) * inside, in place to keep the peak of memory low
-    finest = cv2.addWeighted(
-        cv2.multiply(road, inside, scale=1 / 255), 1.0, cv2.multiply(~inside, theme.field, scale=1 / 255), 1.0, 0.0
-    )
+    # field + (road - field) * inside, in place: fresh arrays of this size cost more than the sums
+    cv2.multiply(road, inside, dst=road, scale=1 / 255)
+    cv2.bitwise_not(inside, dst=inside)
+    cv2.multiply(inside, theme.field, dst=inside, scale=1 / 255)
+    finest = cv2.add(road, inside, dst=road)
     return tuple(
         Level(
             finest
