@@ -13,8 +13,9 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from faults import UserFault
+
 from . import services
-from .errors import UserFault
 from .models import TrainedModel
 from .packages.read import UploadPart
 from .selectors import models_of

@@ -12,8 +12,9 @@ from django.utils import timezone
 from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
+from faults.reasons import REASONS
+
 from .ids import new_public_id
-from .reasons import REASONS
 
 SHA256 = r"^[0-9a-f]{64}$"
 

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from tracks.geometry import TrackGeometry
 
-from .errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from .sandbox.cores import one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from .sandbox.launch import SandboxedProcess, launch, widen_pipe

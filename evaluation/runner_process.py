@@ -20,9 +20,9 @@ import cv2
 import numpy as np
 import numpy.random  # numpy loads it at first use, which would be after the lock
 
+from faults import PaddockError
 from tracks.geometry import TrackGeometry
 
-from .errors import PaddockError
 from .sandbox.frames import read_message, write_message
 from .sandbox.policy_client import PolicyClient
 from .simulator.action import ActionSpace

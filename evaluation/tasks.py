@@ -15,7 +15,8 @@ from celery import shared_task
 from celery.signals import worker_process_init, worker_ready, worker_shutting_down
 from django.utils import timezone
 
-from .errors import PlatformFault
+from faults import PlatformFault
+
 from .services import note_worker, ring_bell, run_next_evaluation, sweep_queue
 
 logger = logging.getLogger(__name__)

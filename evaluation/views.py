@@ -12,10 +12,10 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
+from faults import PlatformFault, UserFault
 from tracks.forms import add_fault
 
 from . import services
-from .errors import PlatformFault, UserFault
 from .forms import DescribeForm, UploadForm
 from .selectors import models_of
 

@@ -6,7 +6,7 @@ from django.db import transaction
 from django.db.models import QuerySet
 from knox.models import AuthToken, get_token_model
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .models import Racer
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy
 
-from evaluation.errors import Param, UserFault
-from evaluation.reasons import REASONS
+from faults import Param, UserFault
+from faults.reasons import REASONS
 
 
 def problem(code: str, **params: Param) -> ValidationError:

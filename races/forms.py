@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zoneinfo
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from typing import Any
@@ -11,13 +12,13 @@ from django import forms
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.errors import UserFault
+from faults import UserFault
 from tracks.forms import add_fault
 from tracks.models import Direction, Track
 
 from .errors import RaceRefused
-from .models import Race, RankingMethod, Visibility
-from .validation import EDITABLE_FIELDS
+from .models import Race, RaceState, RankingMethod, Visibility
+from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
 
 DEFAULT_DURATION = timedelta(days=7)
 
@@ -34,6 +35,8 @@ class SecondsField(forms.DecimalField):
 
     def clean(self, value: Any) -> int | None:
         """Seconds as typed, in milliseconds."""
+        if self.disabled:
+            return value
         seconds: Decimal | None = super().clean(value)
         return None if seconds is None else int(seconds * 1000)
 
@@ -59,6 +62,8 @@ class MomentField(forms.DateTimeField):
         """The date and time as typed, still without a time zone; the form adds it."""
         if value in self.empty_values:
             return None
+        if isinstance(value, datetime):
+            return value
         for form in ("%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M"):
             try:
                 return datetime.strptime(value, form)
@@ -111,8 +116,15 @@ class RaceForm(forms.Form):
     )
     time_zone = forms.CharField(required=False, widget=forms.HiddenInput)
 
-    def __init__(self, *args: Any, race: Race | None = None, now: datetime, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, race: Race | None = None, locked: Iterable[str] = (), now: datetime, **kwargs: Any
+    ) -> None:
+        """``race`` is the race that is changed, if there is one; ``locked`` are its fields that may not change now."""
         super().__init__(*args, initial=_initial(race, now) | kwargs.pop("initial", {}), **kwargs)
+        self.race = race
+        for name in locked:
+            if name in self.fields:
+                self.fields[name].disabled = True
         self.fields["track"].queryset = Track.objects.defer("npy")
         self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
         for name in ("opens_at", "closes_at"):
@@ -121,17 +133,29 @@ class RaceForm(forms.Form):
                 self.fields[name].widget.attrs["data-utc"] = moment.astimezone(UTC).isoformat()
 
     def clean(self) -> dict[str, Any]:
-        """Read the moments in the time zone that the page named, the site's own if none."""
+        """Read the moments in the time zone that the page named, the site's own if none.
+
+        A page shows no seconds: a moment that was not touched keeps its own.
+        """
         cleaned = super().clean()
         zone = _zone(cleaned.pop("time_zone", ""))
         for name in ("opens_at", "closes_at"):
-            if cleaned.get(name) is not None:
-                cleaned[name] = cleaned[name].replace(tzinfo=zone)
+            typed = cleaned.get(name)
+            if typed is None or typed.tzinfo is not None:
+                continue
+            typed = typed.replace(tzinfo=zone)
+            stored = getattr(self.race, name, None)
+            untouched = stored is not None and stored.replace(second=0, microsecond=0) == typed
+            cleaned[name] = stored if untouched else typed
         return cleaned
 
     def changes(self) -> dict[str, Any]:
-        """What the form says, for the services."""
-        return {name: value for name, value in self.cleaned_data.items() if name in EDITABLE_FIELDS}
+        """What the form says, for the services; what may not change any more is left out."""
+        return {
+            name: value
+            for name, value in self.cleaned_data.items()
+            if name in EDITABLE_FIELDS and not self.fields[name].disabled
+        }
 
     def show(self, fault: UserFault) -> None:
         """Show a refusal, each problem beside its field where the form has it."""
@@ -140,6 +164,15 @@ class RaceForm(forms.Form):
             return
         for field, errors in fault.errors.error_dict.items():
             self.add_error(field if field in self.fields else None, errors)
+
+
+def locked_fields(race: Race, now: datetime, *, submissions: bool) -> set[str]:
+    """Fields of a race that may not change any more (races.validation says the same, and decides)."""
+    state = race.state_at(now)
+    if state in (RaceState.CLOSED, RaceState.CANCELLED):
+        return set(EDITABLE_FIELDS) - set(TEXT_FIELDS)
+    locked = set(RULE_FIELDS) if submissions else set()
+    return locked | {"opens_at"} if state == RaceState.OPEN else locked
 
 
 class ReasonForm(forms.Form):

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from evaluation.errors import PaddockError
 from evaluation.models import Evaluation, State
 from evaluation.pipeline import EvaluationOutcome
 from evaluation.services import fail_evaluation, finish_evaluation
+from faults import PaddockError
 from league.models import Racer
 from races.models import Kind, Race, Submission
 from races.services import submit_model

@@ -14,7 +14,7 @@ from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .drawing import draw_svg
 from .models import Track

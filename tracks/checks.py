@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 Points = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from django import forms
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.errors import PaddockError
+from faults import PaddockError
 
 from .npy import MAX_BYTES
 

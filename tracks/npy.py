@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .geometry import TrackGeometry
 

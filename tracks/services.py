@@ -13,7 +13,7 @@ from django.db.models import ProtectedError
 from django.utils import timezone
 from django.utils.text import slugify
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .catalogue import CATALOGUE, CatalogueTrack
 from .geometry import TrackGeometry

@@ -12,7 +12,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .forms import ImportTrackForm, add_fault
 from .models import Track

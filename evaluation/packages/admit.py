@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation.errors import PlatformFault, UserFault
-from evaluation.reasons import REASONS
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import CONVERTER
 from evaluation.sandbox.lock import EXIT_MEMORY
+from faults import PlatformFault, UserFault
+from faults.reasons import REASONS
 
 from .identity import identity
 from .limits import DEFAULT_LIMITS, PackageLimits

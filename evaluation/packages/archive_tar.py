@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Iterator
 from typing import BinaryIO
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .limits import PackageLimits
 from .members import METADATA, SKIP, Expected

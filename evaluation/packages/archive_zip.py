@@ -11,7 +11,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .limits import PackageLimits
 from .members import SKIP, Expected

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from onnxruntime.capi import onnxruntime_pybind11_state as pybind
 
-from evaluation.errors import UserFault
 from evaluation.sandbox.frames import read_message, write_message
 from evaluation.sandbox.policy_process import Refused, load
+from faults import UserFault
 
 from .gate import Canonical, check_onnx
 from .inputs import InputSpec

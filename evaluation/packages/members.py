@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .limits import PackageLimits
 from .wire import printable

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .inputs import CAMERAS, LIDAR_BEAMS, LIDARS, SENSOR_NAMES, InputSpec, input_spec
 from .limits import DEFAULT_LIMITS, PackageLimits

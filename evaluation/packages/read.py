@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .archive_tar import gzip_chunks, plain_chunks, read_tar
 from .archive_zip import read_zip

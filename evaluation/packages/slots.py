@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from evaluation.errors import PlatformFault
+from faults import PlatformFault
 
 _POLL_S = 0.05
 _CHECKOUT = Path(__file__).resolve().parent.parent.parent

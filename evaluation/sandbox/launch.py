@@ -1,5 +1,7 @@
 """Start a module of ours in a process of its own, inside the wall, and end it without a trace.
 
+::
+
     with launch("evaluation.packages.convert_process", limits=CONVERTER) as process:
         write_frame(process.stdin, question, process.deadline)
         answer = read_frame(process.stdout, limit, process.deadline)
@@ -34,7 +36,7 @@ from .lock import VARIABLE, LockSpec
 LEVEL_NONE, LEVEL_PARTIAL, LEVEL_LOCK, LEVEL_NAMESPACES = 0, 1, 2, 3
 
 CODE_ROOT = Path(__file__).resolve().parent.parent.parent
-_CODE = ("evaluation", "tracks")
+_CODE = ("evaluation", "faults", "tracks")
 _PIPE_SIZE = 1024 * 1024
 _GRACE_S = 5.0
 _PR_SET_CHILD_SUBREAPER = 36
@@ -235,7 +237,8 @@ def launch(
     Raises PlatformFault("sandbox_unavailable") below the minimum level and PlatformFault("sandbox_failed") when the
     process cannot be started. That it then fails to lock shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
     """
-    from ..errors import PlatformFault
+    from faults import PlatformFault
+
     from .probe import require
 
     best = require()

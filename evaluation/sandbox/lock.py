@@ -26,8 +26,6 @@ _PR_SET_PDEATHSIG, _PR_SET_DUMPABLE, _PR_SET_NO_NEW_PRIVS = 1, 4, 38
 _SIGKILL = 9
 _CLONE_VM = 0x100
 
-_locked = False
-
 
 @dataclass(frozen=True)
 class LockSpec:
@@ -58,28 +56,24 @@ class LockFailed(Exception):
     """A layer could not be closed: the process must end."""
 
 
-def lock_down(limits: Limits | None = None) -> None:
-    """Lock this process for ever, as its launcher decided. A second call does nothing.
+def lock_down() -> None:
+    """Lock this process for ever, as its launcher decided; once in its life.
 
-    ``limits``: replaces the launcher's, for a module that knows better. Raises LockFailed when the process was not
-    started by :func:`evaluation.sandbox.launch.launch`, or a layer would not close.
+    Raises LockFailed when the process was not started by :func:`evaluation.sandbox.launch.launch`, or when a layer
+    does not close.
     """
-    global _locked
-    if _locked:
-        return
     text = os.environ.get(VARIABLE)
     if text is None:
         raise LockFailed("this process was not started by evaluation.sandbox.launch")
     spec = LockSpec.from_env(text)
     try:
-        _close_layers(limits or spec.limits, spec)
+        _close_layers(spec)
     except (OSError, ValueError) as error:
         raise LockFailed(str(error)) from error
     _try_the_doors(spec)
-    _locked = True
 
 
-def _close_layers(limits: Limits, spec: LockSpec) -> None:
+def _close_layers(spec: LockSpec) -> None:
     libc = ctypes.CDLL(None, use_errno=True)
 
     def prctl(option: int, value: int) -> None:
@@ -97,7 +91,7 @@ def _close_layers(limits: Limits, spec: LockSpec) -> None:
     prctl(_PR_SET_DUMPABLE, 0)
     _drop_capabilities(libc)
     landlock.restrict_self()
-    _limit_resources(limits)
+    _limit_resources(spec.limits)
     seccomp.install(spec.program)
 
 

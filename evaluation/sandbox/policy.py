@@ -1,9 +1,11 @@
 """One model in its policy process, from the launcher's side: start it, load the model, learn why it ended.
 
-with PolicyProcess() as policy:
-    policy.load(onnx, header)
-    client = policy.client(header)
-    action = client(observation)
+::
+
+    with PolicyProcess() as policy:
+        policy.load(onnx, header)
+        client = policy.client(header)
+        action = client(observation)
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from ..errors import PaddockError, PlatformFault, UserFault
+from faults import PaddockError, PlatformFault, UserFault
+
 from .frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from .launch import SandboxedProcess, launch, widen_pipe
 from .limits import POLICY, Limits
@@ -87,7 +90,7 @@ class PolicyProcess:
 
         One that wants the processor and hardly got it is not slow: PlatformFault("host_overloaded").
         """
-        if fault.code == "policy_late" and self._starved(float(fault.params["waited_s"])):
+        if fault.code == "policy_late" and self._starved(float(fault.params.get("waited_s", 0.0))):
             return PlatformFault("host_overloaded")
         if fault.code != "policy_died":
             return fault

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UserFault
+from faults import UserFault
+
 from .policy_wire import STEP, reply_buffer, request_buffer
 
 STEP_DEADLINE_S = 1.0

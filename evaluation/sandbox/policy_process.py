@@ -2,9 +2,10 @@
 
 It says ``{"state": "locked"}``, reads a message with the canonical ONNX bytes and one with the header (two, so that the
 network loads while the referee still starts), answers ``{"state": "ready"}`` or why not, and then answers the
-fixed-size requests of :mod:`.policy_wire` until its input closes. A model's input has
-the sensor's name and either its own layout (``[1, H, W, C]``) or channels first (``[1, C, H, W]``); the observation is
-cast to the input's dtype and is not scaled.
+fixed-size requests of :mod:`.policy_wire` until its input closes.
+
+A model's input has the sensor's name and either the sensor's own layout (``[1, H, W, C]``) or channels first
+(``[1, C, H, W]``); the observation is cast to the input's dtype and is not scaled.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ def require(minimum: int | None = None) -> int:
 
     Raises PlatformFault("sandbox_unavailable") otherwise: fail closed.
     """
-    from ..errors import PlatformFault
+    from faults import PlatformFault
 
     report = probe()
     wanted = report.minimum if minimum is None else max(minimum, MINIMUM_LEVEL)

@@ -13,9 +13,9 @@ from django.conf import settings
 from django.core.files.base import ContentFile
 from django.db import IntegrityError, transaction
 
+from faults import UserFault
 from tracks.locks import hold
 
-from ..errors import UserFault
 from ..models import Network, TrainedModel
 from ..packages.admit import AdmittedPackage, admit
 from ..packages.limits import DEFAULT_LIMITS, MEGABYTE

@@ -17,7 +17,8 @@ from django.db import transaction
 from django.db.models import F, QuerySet, Value
 from django.db.models.functions import Concat
 
-from ..errors import PaddockError, PlatformFault
+from faults import PaddockError, PlatformFault
+
 from ..line import heads_of_line
 from ..models import Evaluation, State
 from ..signals import evaluation_ended

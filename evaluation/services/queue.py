@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from django.db import transaction
 
-from ..errors import UserFault
+from faults import UserFault
+
 from ..models import Evaluation, State, TrainedModel
 from ..selectors import can_use_model
 from ..signals import evaluation_ended

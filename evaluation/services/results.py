@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from django.core.files.base import ContentFile
 from django.core.files.storage import Storage
 
-from ..errors import PlatformFault
+from faults import PlatformFault
+
 from ..models import Evaluation, Result
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from django.conf import settings
 from django.db import connections
 from django.utils import timezone
 
-from ..errors import PaddockError, PlatformFault, UserFault
+from faults import PaddockError, PlatformFault, UserFault
+
 from ..models import Evaluation
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 

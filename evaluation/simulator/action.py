@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .physics import PADDOCK_CAR
 

@@ -22,7 +22,7 @@ from rest_framework import exceptions, status
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
-from evaluation.errors import PaddockError
+from faults import PaddockError
 from tracks.forms import explain
 
 log = logging.getLogger(__name__)

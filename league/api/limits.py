@@ -7,7 +7,7 @@ from collections.abc import Callable
 from django.conf import settings
 from django.http import HttpRequest, HttpResponse, JsonResponse
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .errors import handle
 

@@ -17,10 +17,10 @@ from pathlib import Path
 from django.conf import settings
 from django.db import transaction
 
-from evaluation.errors import PaddockError, UserFault
 from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart, read_upload
 from evaluation.services import upload_model
+from faults import PaddockError, UserFault
 from races.models import Kind, Race, Submission
 from races.selectors import racing_now
 from races.services import submit_model

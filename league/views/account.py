@@ -10,7 +10,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
-from evaluation.errors import UserFault
+from faults import UserFault
 from league.forms import ProfileForm
 from league.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from tracks.forms import explain

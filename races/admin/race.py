@@ -15,7 +15,7 @@ from django.utils.html import format_html
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
-from evaluation.errors import PaddockError
+from faults import PaddockError
 
 from ..models import Kind, Race, RaceState, Visibility
 from ..sensors import OFFERABLE

@@ -11,9 +11,9 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from evaluation.errors import UserFault
 from evaluation.models import State
 from evaluation.selectors import models_of
+from faults import UserFault
 
 from .. import services
 from ..models import Entry

@@ -18,10 +18,10 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from evaluation.models import Evaluation, Result, State
-from evaluation.reasons import REASONS
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_trace
+from faults.reasons import REASONS
 
 from .lookup import visible_evaluation
 from .races import TrackSummarySerializer

@@ -6,8 +6,8 @@ from django.shortcuts import get_object_or_404
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.request import Request
 
-from evaluation.errors import UserFault
 from evaluation.models import Evaluation
+from faults import UserFault
 
 from ..models import Entry, Race
 from ..selectors import can_organise, entry_of, evaluations_visible_to, races_visible_to

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from django.db import transaction
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from ..eligibility import check_eligible
 from ..models import Entry, Race, Visibility

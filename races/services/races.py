@@ -14,8 +14,8 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
-from evaluation.errors import UserFault
 from evaluation.simulator.rules import RaceRules
+from faults import UserFault
 from tracks.locks import hold
 from tracks.models import Track
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from django.db import transaction
 from django.db.models import F
 
-from evaluation.errors import UserFault
 from evaluation.models import State, TrainedModel
 from evaluation.selectors import can_use_model
 from evaluation.services import queue_evaluation
+from faults import UserFault
 
 from ..eligibility import check_eligible
 from ..models import Entry, Race, Submission

@@ -12,10 +12,11 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from evaluation.errors import UserFault
+from faults import UserFault
 from races import services
-from races.forms import RaceForm, ReasonForm
+from races.forms import RaceForm, ReasonForm, locked_fields
 from races.models import Entry, Kind, Race, RaceState
+from races.services.races import has_submissions
 from tracks.models import Track
 
 from .common import organised_race, tell_fault
@@ -49,7 +50,8 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     """Change a race; its own validation says what may still change."""
     race = organised_race(request, slug)
     now = timezone.now()
-    form = RaceForm(request.POST or None, race=race, now=now)
+    locked = locked_fields(race, now, submissions=has_submissions(race))
+    form = RaceForm(request.POST or None, race=race, locked=locked, now=now)
     if request.method == "POST" and form.is_valid():
         try:
             services.edit_race(race=race, now=now, **form.changes())
@@ -65,6 +67,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
         "invitation_url": request.build_absolute_uri(_invitation_path(race)),
         "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),
         "is_league": race.kind == Kind.LEAGUE,
+        "rules_are_fixed": "laps" in locked,
     }
     return render(request, "races/form.html", context, status=422 if form.errors else 200)
 

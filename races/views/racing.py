@@ -12,8 +12,8 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
-from evaluation.errors import UserFault
 from evaluation.selectors import models_of
+from faults import UserFault
 from races import services
 from races.models import Race, Visibility
 from races.selectors import can_see_race, entry_of

@@ -12,7 +12,7 @@ from django.utils import translation
 from rest_framework import exceptions, serializers
 from rest_framework.test import APIClient
 
-from evaluation.errors import PlatformFault, UserFault
+from faults import PlatformFault, UserFault
 from league.api.errors import handle
 
 

@@ -7,9 +7,9 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
-from evaluation.errors import UserFault
 from evaluation.models import Evaluation
 from evaluation.services import beat
+from faults import UserFault
 from races.models import Visibility
 from races.services import submit_model
 from tests.evaluation.stubs import trace_csv

@@ -9,7 +9,7 @@ import pytest
 from django.core.management import call_command
 from drf_spectacular.generators import SchemaGenerator
 
-from evaluation.reasons import REASONS
+from faults.reasons import REASONS
 from league.api.errors import STATUS_OF
 from league.api.reference import operations
 from league.api.urls import version_1

@@ -10,7 +10,7 @@ from drf_spectacular.generators import SchemaGenerator
 from rest_framework import exceptions
 
 import league.api.views  # noqa: F401  (its errors are codes, too)
-from evaluation.reasons import REASONS
+from faults.reasons import REASONS
 from league.api.errors import STATUS_OF
 
 from .pages import code_blocks, section, text

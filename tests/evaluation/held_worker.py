@@ -20,9 +20,9 @@ django.setup()
 from celery.signals import worker_ready  # noqa: E402
 
 from evaluation import pipeline  # noqa: E402
-from evaluation.errors import UserFault  # noqa: E402
 from evaluation.services import leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
+from faults import UserFault  # noqa: E402
 from tests.evaluation.stubs import outcome_of  # noqa: E402
 
 celery = app

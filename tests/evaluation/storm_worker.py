@@ -22,10 +22,10 @@ from django.db.models import F  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
 from evaluation import pipeline, services  # noqa: E402
-from evaluation.errors import PlatformFault, UserFault  # noqa: E402
 from evaluation.models import Evaluation, State  # noqa: E402
 from evaluation.services import bell, leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
+from faults import PlatformFault, UserFault  # noqa: E402
 from tests.evaluation.stubs import outcome_of  # noqa: E402
 
 LEASE_S = 1.0

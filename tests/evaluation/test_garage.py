@@ -12,13 +12,13 @@ from django.core.files.storage import default_storage
 from django.db import IntegrityError, connections
 
 from evaluation import selectors, services
-from evaluation.errors import UserFault
 from evaluation.models import Evaluation, Network, TrainedModel
 from evaluation.packages.admit import AdmittedPackage
 from evaluation.packages.metadata import parse_metadata
 from evaluation.packages.read import UploadPart
 from evaluation.services import garage
 from evaluation.simulator.rules import RaceRules
+from faults import UserFault
 from tests.rows import METADATA, model_row
 
 pytestmark = pytest.mark.django_db

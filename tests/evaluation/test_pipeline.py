@@ -9,10 +9,10 @@ from dataclasses import asdict, replace
 import pytest
 
 from evaluation import pipeline
-from evaluation.errors import UserFault
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.rules import RaceRules
+from faults import UserFault
 from tests.sandbox.conftest import level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, console_sized_network, constant_network, small_network
 from tracks.catalogue import CATALOGUE

@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 
 from evaluation import pipeline
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.pipeline import PolicyBudget, RaceJob, evaluate
 from evaluation.sandbox import probe as probe_module
 from evaluation.sandbox.limits import RUNNER
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.probe import Layer, SandboxReport
 from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault, UserFault
 from tests.sandbox.conftest import PAYLOADS, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, small_network
 from tracks.catalogue import CATALOGUE

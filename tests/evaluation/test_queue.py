@@ -11,12 +11,12 @@ from django.core.files.storage import default_storage
 from django.db import connections, transaction
 
 from evaluation import selectors, services
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.models import Evaluation, Result, State
 from evaluation.services import bell as ringing
 from evaluation.services.results import trace_name
 from evaluation.signals import evaluation_ended
 from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault, UserFault
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

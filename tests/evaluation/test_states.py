@@ -8,9 +8,9 @@ from datetime import timedelta
 import pytest
 
 from evaluation import services
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.models import Evaluation, Result, State
 from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault, UserFault
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

@@ -12,11 +12,11 @@ from django.db import DatabaseError
 from django.utils import timezone
 
 from evaluation import pipeline, services, tasks
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.sandbox import probe as probing
 from evaluation.services import work
 from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault, UserFault
 from tests.evaluation.stubs import finishes, outcome_of, trace_csv
 from tests.rows import model_row
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.errors import PaddockError
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
-from evaluation.reasons import REASONS
+from faults import PaddockError
+from faults.reasons import REASONS
 
 from .parts import Upload, good_network, pair
 

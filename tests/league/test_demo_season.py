@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
-from evaluation.errors import PlatformFault
 from evaluation.models import Evaluation, TrainedModel
+from faults import PlatformFault
 from league.eligibility import check_division
 from league.models import Racer, Round, Season
 from league.services import enter_house_cars, house_cars, open_demo_season

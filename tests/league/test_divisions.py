@@ -7,7 +7,7 @@ from datetime import date, timedelta
 import pytest
 from django.core.exceptions import ValidationError
 
-from evaluation.errors import UserFault
+from faults import UserFault
 from league.models import Membership, Round, Season
 from league.selectors import division_of, season_of
 from league.services import create_season, put_in_division, schedule_round

@@ -13,10 +13,10 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from evaluation import pipeline, services
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.models import Evaluation, Result
 from evaluation.packages.read import UploadPart
 from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault, UserFault
 from league.management.commands import evaluate as command
 from league.management.commands import verify as verifying
 from league.services import house_cars

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.errors import PaddockError
 from evaluation.packages import admit as admit_module
 from evaluation.packages.admit import admit
 from evaluation.packages.limits import DEFAULT_LIMITS
 from evaluation.packages.read import UploadPart
 from evaluation.packages.slots import upload_slot
 from evaluation.sandbox.launch import launch
+from faults import PaddockError
 from tests.hostile.parts import Upload, car, good_network, good_zip, metadata, pair, small_car
 
 PAYLOADS = Path(__file__).parent / "payloads"

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluation.errors import UserFault
 from evaluation.packages.limits import PackageLimits
 from evaluation.packages.read import RawPackage, UploadPart, read_upload
+from faults import UserFault
 from tests.hostile.parts import Upload, good_network, gzip, metadata, regular, special, tar, tar_of, zipped
 
 GRAPH = b"\x0a\x04abcd"

@@ -10,7 +10,7 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 from django.utils import timezone
 
-from evaluation.errors import PlatformFault
+from faults import PlatformFault
 from league.models import Racer
 from races.models import Entry, Race, Submission
 from races.services import submit_model

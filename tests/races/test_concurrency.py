@@ -12,9 +12,9 @@ from threading import Barrier, Thread
 import pytest
 from django.db import connection
 
-from evaluation.errors import PaddockError
 from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation, stop_evaluation
+from faults import PaddockError
 from races.models import Entry, Race, Submission
 from races.services import (
     cancel_race,

@@ -7,8 +7,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from django.utils import timezone
 
-from evaluation.errors import UserFault
 from evaluation.models import State
+from faults import UserFault
 from races.errors import RaceRefused
 from races.models import Kind, Race, RaceState, Visibility
 from races.sensors import OFFERABLE, SAME_AS

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from evaluation.errors import UserFault
 from evaluation.models import Result
 from evaluation.services import finish_evaluation, queue_evaluation, stop_evaluation
 from evaluation.signals import evaluation_ended
 from evaluation.simulator.rules import RaceRules
+from faults import UserFault
 from races.models import Entry, Race, Submission
 from races.selectors import board
 from races.services import (

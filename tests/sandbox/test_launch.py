@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import pytest
 
-from evaluation.errors import PlatformFault
 from evaluation.sandbox.frames import FrameClosed, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import LEVEL_NAMESPACES, launch
 from evaluation.sandbox.limits import POLICY, STDERR_LIMIT
 from evaluation.sandbox.lock import EXIT_IMPORT, EXIT_MEMORY, EXIT_NOT_LOCKED
+from faults import PlatformFault
 from tests.shared import CHECKOUT
 
 from .conftest import PAYLOADS
@@ -213,7 +213,7 @@ def test_in_its_namespaces_a_process_sees_code_only_and_can_write_nowhere_even_b
     interpreter = os.path.realpath(sys.executable)
     assert [path for path in found["visible"] if path.startswith(outside) and path != interpreter] == []
     ours = {path.removeprefix(f"{CHECKOUT}/").split("/")[0] for path in found["visible"] if _within(path, CHECKOUT)}
-    assert ours <= {"evaluation", "tracks", "tests", ".venv"}
+    assert ours <= {"evaluation", "faults", "tracks", "tests", ".venv"}
     tests = {path for path in found["visible"] if _within(path, CHECKOUT / "tests")}
     assert all(_within(path, PAYLOADS) for path in tests)
     assert [path for path in found["visible"] if path.startswith("/proc/")] == ["/proc/cpuinfo"]

@@ -9,10 +9,10 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.sandbox import policy as policy_module
 from evaluation.sandbox.limits import POLICY
 from evaluation.sandbox.policy import PolicyProcess
+from faults import PlatformFault, UserFault
 
 from .conftest import PAYLOADS
 from .networks import CAMERA, HEADER, console_sized_network, constant_network, small_network

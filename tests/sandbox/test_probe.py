@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from evaluation.errors import PlatformFault
 from evaluation.sandbox import bubblewrap, landlock, probe, seccomp, uids
 from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, launch
 from evaluation.sandbox.limits import PROBE
+from faults import PlatformFault
 from tests.shared import CHECKOUT
 
 from .conftest import PAYLOADS

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.errors import UserFault
 from evaluation.simulator.action import ActionSpace
+from faults import UserFault
 from tests.shared import SHARED, needs_shared
 
 CONTINUOUS = {

@@ -4,12 +4,12 @@ import numpy as np
 import pybullet
 import pytest
 
-from evaluation.errors import UserFault
 from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.policies import CentreLinePilot
 from evaluation.simulator.race import run_race
 from evaluation.simulator.rules import RaceRules
 from evaluation.simulator.world import World
+from faults import UserFault
 from tracks.catalogue import CATALOGUE
 
 from .tracks_for_tests import stadium

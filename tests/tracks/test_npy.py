@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from evaluation.errors import UserFault
-from evaluation.reasons import REASONS
+from faults import UserFault
+from faults.reasons import REASONS
 from tests.shared import SHARED, needs_shared
 from tracks import checks, npy
 from tracks.catalogue import CATALOGUE

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
 
-from evaluation.errors import UserFault
+from faults import UserFault
 from tests.factories import a_race
 from tests.shared import SHARED, needs_shared
 from tracks.catalogue import CATALOGUE, by_slug

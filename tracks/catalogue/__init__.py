@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from evaluation.reasons import gettext_noop
+from faults.reasons import gettext_noop
 
 from ..geometry import CCW, TrackGeometry
 from .curve import road

@@ -50,10 +50,9 @@ def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained
         gae_lambda=0.95,
         clip_range=0.2,
         ent_coef=recipe.entropy,
-        policy_kwargs={"features_extractor_class": SmallEyes, "net_arch": [], "log_std_init": -0.7},
+        policy_kwargs={"features_extractor_class": SmallEyes, "net_arch": []},
         seed=seed,
         device="cpu",
-        **recipe.ppo,
     )
     if recipe.first_action:
         with torch.no_grad():

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.errors import UserFault
 from evaluation.packages.identity import identity
 from evaluation.packages.inputs import InputSpec
 from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
 from evaluation.packages.metadata import ModelMetadata
 from evaluation.packages.wire import printable
+from faults import UserFault
 
 from .canonical import Network, canonicalise, to_model_proto
 from .cost import measure

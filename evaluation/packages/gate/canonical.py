@@ -13,7 +13,7 @@ import numpy as np
 import onnx
 from onnx import helper
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Model, Node, Port
 

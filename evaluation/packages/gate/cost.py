@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import onnx
 from onnx import shape_inference
 
-from evaluation.errors import UserFault
 from evaluation.packages.limits import PackageLimits
+from faults import UserFault
 
 from .canonical import Network, to_model_proto
 from .model import DTYPES, FLOAT, FLOAT16, Node

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from evaluation.errors import UserFault
 from evaluation.packages import wire
 from evaluation.packages.limits import PackageLimits
 from evaluation.packages.wire import Budget, TooManyFields, WireError, printable
+from faults import UserFault
 
 OPSET_LOW, OPSET_HIGH = 11, 21
 IR_LOW, IR_HIGH = 3, 13

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluation.errors import UserFault
 from evaluation.packages.wire import printable
+from faults import UserFault
 
 from .model import DTYPES, Attribute, Node
 

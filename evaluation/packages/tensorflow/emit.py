@@ -8,8 +8,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.errors import UserFault
 from evaluation.packages.limits import PackageLimits
+from faults import UserFault
 
 from .values import Known, Tensor, Value
 

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from evaluation.errors import UserFault
 from evaluation.packages import wire
 from evaluation.packages.limits import PackageLimits
 from evaluation.packages.wire import Budget, WireError
+from faults import UserFault
 
 # DataType values of types.proto that a policy network can hold, and the TensorProto field with their plain values.
 DTYPES: dict[int, np.dtype] = {

@@ -9,7 +9,7 @@ markov/multi_agent_coach/architectures/tensorflow_components/heads/sac_head.py: 
 
 from __future__ import annotations
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .graph import Graph, Node
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evaluation.errors import UserFault
+from faults import UserFault
 
 from .graph import Node
 from .registry import Context, converts, known, require

@@ -13,11 +13,11 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from evaluation.errors import PaddockError, UserFault
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
 from evaluation.pipeline import EvaluationOutcome, RaceJob, evaluate
 from evaluation.simulator.rules import DIRECTIONS, RaceRules
+from faults import PaddockError, UserFault
 from league.templatetags.paddock import lap_time
 from tracks.catalogue import CATALOGUE
 from tracks.geometry import TrackGeometry

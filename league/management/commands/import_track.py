@@ -10,7 +10,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
-from evaluation.errors import UserFault
+from faults import UserFault
 from tracks.npy import MAX_BYTES
 from tracks.services import import_track
 

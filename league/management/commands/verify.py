@@ -8,10 +8,10 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from evaluation.errors import PlatformFault, UserFault
 from evaluation.models import Evaluation, Result
 from evaluation.pipeline import EvaluationOutcome, evaluate
 from evaluation.services import job_of
+from faults import PlatformFault, UserFault
 
 DIFFERENT, OUR_FAULT = 1, 3
 
