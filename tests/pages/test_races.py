@@ -1,0 +1,293 @@
+"""What a racer and an organiser do on the race pages."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from django.utils import timezone
+
+from races.models import Entry, Race, RankingMethod, Submission
+from tests.factories import a_model, a_race, a_racer, drive, laps
+from tests.pages.conftest import World
+
+
+def form(now: datetime, **changes: object) -> dict[str, object]:
+    """A race form as a browser sends it."""
+    data: dict[str, object] = {
+        "name": "Friday night",
+        "description": "",
+        "track": "oval",
+        "direction": "cw",
+        "opens_at": now.strftime("%Y-%m-%dT%H:%M"),
+        "closes_at": (now + timedelta(days=3)).strftime("%Y-%m-%dT%H:%M"),
+        "time_zone": "UTC",
+        "laps": "4",
+        "minimum_laps": "2",
+        "ranking_method": "average",
+        "off_track_penalty_ms": "2.5",
+        "max_resets": "10",
+        "max_simulated_ms": "120",
+        "max_submissions": "7",
+        "visibility": "public",
+    }
+    return data | changes
+
+
+def row_of(html: str, alias: str) -> str:
+    """The row of the board that shows ``alias``."""
+    return next(row for row in re.findall(r"<tr class=\"linked.*?</tr>", html, re.S) if f">{alias}</a>" in row)
+
+
+def test_the_board_shows_ranks_times_gaps_and_marks_me(world: World) -> None:
+    html = world.client("bob").get("/races/open-race/").content.decode()
+    leader, mine, house, slow = (row_of(html, alias) for alias in ("alice", "bob", "house-steady", "slowpoke"))
+    assert ">1<" in leader and "0:10.100" in leader and "0:10.000" in leader and "leader" in leader
+    assert 'class="sector purple"' in leader
+    assert ">2<" in mine and "+1.000" in mine and 'aria-current="true"' in mine and ">you<" in mine
+    assert "baseline" in house and "outside the ranking" in house
+    assert "unclassified" in slow
+    assert (
+        html.index(">alice</a>")
+        < html.index(">house-steady</a>")
+        < html.index(">bob</a>")
+        < html.index(">slowpoke</a>")
+    )
+    assert "not classified" in html
+
+
+def test_a_reader_who_is_not_on_the_board_sees_nobody_marked(world: World) -> None:
+    html = world.client("newcomer").get("/races/open-race/").content.decode()
+    assert ">you<" not in html
+
+
+def test_my_row_is_pinned_when_it_stands_on_another_page(world: World) -> None:
+    for number in range(55):
+        drive(world.race, a_racer(), laps(8_000 + number, 8_000, 8_000), world.now)
+    html = world.client("alice").get("/races/open-race/").content.decode()
+    assert "further down" in html
+    assert row_of(html, "alice").count("56") >= 1
+    second = world.client("alice").get("/races/open-race/?page=2").content.decode()
+    assert "further down" not in second and ">alice</a>" in second
+
+
+@pytest.mark.parametrize("method", RankingMethod.values)
+def test_each_ranking_says_its_rule_and_marks_its_column(world: World, method: str) -> None:
+    Race.objects.filter(pk=world.race.pk).update(ranking_method=method)
+    html = world.client("anonymous").get("/races/open-race/").content.decode()
+    assert "Ranked by the" in html
+    marked = re.findall(r'aria-sort="ascending"[^>]*>([^<]+)<', html)
+    assert marked == [{"average": "Average", "best": "Best lap", "total": "Total"}[method]]
+
+
+def test_the_board_as_csv_and_json_says_what_the_page_says(world: World) -> None:
+    client = world.client("anonymous")
+    response = client.get("/races/open-race/board.csv")
+    rows = list(csv.DictReader(io.StringIO(b"".join(response).decode())))
+    assert response["Content-Type"].startswith("text/csv")
+    assert [row["racer"] for row in rows] == ["alice", "house-steady", "bob", "slowpoke"]
+    assert rows[0] | {"rank": "1", "average_ms": "10100", "best_lap_ms": "10000", "gap_ms": "0"} == rows[0]
+    assert (rows[1]["rank"], rows[1]["baseline"]) == ("", "1")
+    assert (rows[3]["rank"], rows[3]["classified"]) == ("", "0")
+    data = client.get("/races/open-race/board.json").json()
+    assert data["race"] == "open-race" and data["state"] == "open"
+    assert [row["racer"] for row in data["rows"]] == [row["racer"] for row in rows]
+    assert data["rows"][0]["sector_1_ms"] == int(rows[0]["sector_1_ms"])
+
+
+def test_enter_submit_and_withdraw(world: World) -> None:
+    client = world.client("newcomer")
+    model = a_model(world.newcomer, name="First car")
+    assert "First car" in client.get("/races/open-race/").content.decode()
+    html = client.post("/races/open-race/submit/", {"model": model.public_id}, follow=True).content.decode()
+    assert "Your car is waiting" in html and "First car" in html
+    submission = Submission.objects.get(entry__racer=world.newcomer)
+    again = client.post("/races/open-race/submit/", {"model": model.public_id}, follow=True).content.decode()
+    assert 'data-code="car_already_submitted"' in again
+    assert client.get("/races/open-race/withdraw/").status_code == 200
+    client.post("/races/open-race/withdraw/")
+    submission.entry.refresh_from_db()
+    assert submission.entry.withdrawn_at is not None
+    html = client.get("/races/open-race/").content.decode()
+    assert "Enter again" in html
+    client.post("/races/open-race/enter/")
+    submission.entry.refresh_from_db()
+    assert submission.entry.withdrawn_at is None
+
+
+def test_a_car_that_was_sent_is_not_offered_again(world: World) -> None:
+    html = world.client("bob").get("/races/open-race/").content.decode()
+    offered = re.findall(r'<option value="(\w+)"', html)
+    sent = Submission.objects.get(entry__race=world.race, entry__racer=world.bob).evaluation.model.public_id
+    assert sent not in offered
+
+
+def test_a_fault_is_told_in_words_and_with_its_code(world: World) -> None:
+    client = world.client("alice")
+    response = client.post("/races/old-race/submit/", {"model": world.model.public_id}, follow=True)
+    html = response.content.decode()
+    assert 'data-code="race_closed"' in html and "The race closed at" in html
+    client.cookies["django_language"] = "ko"
+    korean = client.post("/races/old-race/submit/", {"model": world.model.public_id}, follow=True).content.decode()
+    assert 'data-code="race_closed"' in korean and "마감되었습니다" in korean
+
+
+def test_from_the_models_page_a_fault_leads_back_to_it(world: World) -> None:
+    client = world.client("alice")
+    model = world.queued.evaluation.model
+    data = {"model": model.public_id, "from": "model"}
+    response = client.post("/races/waiting-race/submit/", data)
+    assert response["Location"] == f"/models/{model.public_id}/"
+
+
+def test_a_racer_makes_a_race_and_finds_it(world: World) -> None:
+    client = world.client("newcomer")
+    now = timezone.now().astimezone(UTC)
+    response = client.post("/races/new/", form(now))
+    race = Race.objects.get(name="Friday night")
+    assert response["Location"] == f"/races/{race.slug}/"
+    assert (race.organiser, race.kind, race.direction, race.laps, race.minimum_laps) == (
+        world.newcomer,
+        "community",
+        "cw",
+        4,
+        2,
+    )
+    assert (race.off_track_penalty_ms, race.max_simulated_ms, race.max_submissions) == (2500, 120_000, 7)
+    html = client.get(response["Location"]).content.decode()
+    assert "Off track: back on the lane after 2.5 s." in html
+    assert "Friday night" in client.get("/races/").content.decode()
+
+
+def test_moments_are_read_in_the_time_zone_that_the_page_names(world: World) -> None:
+    now = timezone.now().astimezone(UTC).replace(second=0, microsecond=0)
+    seoul = now + timedelta(hours=9)
+    world.client("newcomer").post("/races/new/", form(seoul, time_zone="Asia/Seoul"))
+    assert Race.objects.get(name="Friday night").opens_at == now
+    world.client("newcomer").post("/races/new/", form(now, name="Second", time_zone="Not/AZone"))
+    assert Race.objects.get(name="Second").opens_at == now
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "code"),
+    [
+        ({"minimum_laps": "9"}, "minimum_laps", "race_minimum_laps"),
+        ({"ranking_method": "total"}, "minimum_laps", "race_total_needs_all_laps"),
+        ({"closes_at": "2020-01-01T00:00"}, "closes_at", "race_closes_before_opening"),
+        ({"opens_at": "2020-01-01T00:00"}, "opens_at", "race_opens_in_the_past"),
+        ({"track": "nothing"}, "track", "invalid_choice"),
+        ({"laps": "0"}, "laps", "min_value"),
+        ({"laps": "x"}, "laps", "invalid"),
+        ({"name": ""}, "name", "required"),
+        ({"name": "x" * 65}, "name", "max_length"),
+        ({"opens_at": "tomorrow"}, "opens_at", "invalid"),
+        ({"off_track_penalty_ms": "61"}, "off_track_penalty_ms", "max_value"),
+        ({"off_track_penalty_ms": "NaN"}, "off_track_penalty_ms", "invalid"),
+        ({"visibility": "nonsense"}, "visibility", "invalid_choice"),
+        ({"time_zone": "../../etc/passwd", "laps": "x"}, "laps", "invalid"),
+    ],
+)
+def test_a_wrong_race_form_says_what_is_wrong_beside_the_field(world: World, changes, field: str, code: str) -> None:
+    now = timezone.now().astimezone(UTC)
+    response = world.client("newcomer").post("/races/new/", form(now, **changes))
+    assert response.status_code == 422
+    assert code in [error.code for error in response.context["form"].errors[field].as_data()]
+    assert not Race.objects.filter(organiser=world.newcomer).exists()
+    assert f'id="id_{field}_error"' in response.content.decode()
+
+
+def test_a_race_that_has_submissions_keeps_its_rules_and_still_changes_its_name(world: World) -> None:
+    client = world.client("alice")
+    page = client.get("/races/open-race/edit/").content.decode()
+    assert re.search(r'name="off_track_penalty_ms"[^>]*disabled', page) and "so they no longer change" in page
+    forged = form(timezone.now().astimezone(UTC), name="New name", off_track_penalty_ms="1", laps="9")
+    response = client.post("/races/open-race/edit/", forged)
+    assert response.status_code == 302, response.context["form"].errors
+    before = (world.race.off_track_penalty_ms, world.race.laps, world.race.max_simulated_ms, world.race.opens_at)
+    world.race.refresh_from_db()
+    after = (world.race.off_track_penalty_ms, world.race.laps, world.race.max_simulated_ms, world.race.opens_at)
+    assert world.race.name == "New name" and after == before
+
+
+def test_saving_a_race_untouched_changes_nothing(world: World) -> None:
+    client = world.client("admin")
+    for race in (world.secret, world.upcoming, world.closed):
+        before = Race.objects.filter(pk=race.pk).values().get()
+        initial = client.get(f"/races/{race.slug}/edit/").context["form"]
+        data = {field.html_name: field.value() for field in initial}
+        data |= {name: data[name].strftime("%Y-%m-%dT%H:%M") for name in ("opens_at", "closes_at")}
+        response = client.post(f"/races/{race.slug}/edit/", data)
+        assert response.status_code == 302, response.context["form"].errors
+        assert Race.objects.filter(pk=race.pk).values().get() == before
+
+
+def test_an_invitation_link_joins_and_a_new_one_switches_the_old_one_off(world: World) -> None:
+    bob = world.client("bob")
+    path = f"/races/join/{world.secret.invitation}/"
+    assert bob.get("/races/secret-race/").status_code == 404
+    assert "Secret race" in bob.get(path).content.decode()
+    assert bob.post(path)["Location"] == "/races/secret-race/"
+    assert bob.get("/races/secret-race/").status_code == 200
+    assert bob.get(path)["Location"] == "/races/secret-race/"
+    world.client("alice").post("/races/secret-race/invitation/reset/")
+    assert world.client("newcomer").get(path).status_code == 404
+    assert world.client("newcomer").post(path).status_code == 404
+    assert bob.get("/races/secret-race/").status_code == 200
+
+
+def test_an_invitation_asks_who_is_not_logged_in_to_log_in_first(world: World) -> None:
+    path = f"/races/join/{world.secret.invitation}/"
+    response = world.client("anonymous").post(path)
+    assert response["Location"] == f"/accounts/login/?next={path}"
+    assert not Entry.objects.filter(race=world.secret).exists()
+
+
+def test_the_link_of_a_race_that_became_public_is_no_invitation(world: World) -> None:
+    assert world.client("bob").get(f"/races/join/{world.race.invitation}/").status_code == 404
+
+
+def test_an_organiser_removes_a_racer_with_a_reason_and_takes_them_back(world: World) -> None:
+    alice = world.client("alice")
+    assert alice.post("/races/open-race/racers/bob/remove/", {"reason": ""}).status_code == 422
+    alice.post("/races/open-race/racers/bob/remove/", {"reason": "Two accounts"})
+    entry = Entry.objects.get(race=world.race, racer=world.bob)
+    assert entry.removed_at is not None and entry.removal_reason == "Two accounts"
+    assert ">bob</a>" not in world.client("anonymous").get("/races/open-race/").content.decode()
+    assert "The organiser has removed you" in world.client("bob").get("/races/open-race/").content.decode()
+    assert "Two accounts" in alice.get("/races/open-race/racers/").content.decode()
+    alice.post("/races/open-race/racers/bob/restore/")
+    assert ">bob</a>" in world.client("anonymous").get("/races/open-race/").content.decode()
+
+
+def test_cancelling_asks_for_a_reason_that_everybody_reads(world: World) -> None:
+    alice = world.client("alice")
+    assert alice.post("/races/open-race/cancel/", {"reason": " "}).status_code == 422
+    alice.post("/races/open-race/cancel/", {"reason": "The track is flooded."})
+    html = world.client("anonymous").get("/races/open-race/").content.decode()
+    assert "The track is flooded." in html and "cancelled" in html
+
+
+def test_the_live_box_asks_again_only_while_there_is_something_to_see(world: World) -> None:
+    client = world.client("alice")
+    page = client.get("/races/waiting-race/").content.decode()
+    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)"', page)
+    assert polled and "Next in line." in page
+    unchanged = client.get(polled[1])
+    assert (unchanged.status_code, unchanged.content) == (204, b"")
+    from tests.factories import finish
+
+    finish(world.queued, laps(9_000, 9_100, 9_200), world.now)
+    done = client.get(polled[1])
+    assert done["HX-Trigger"] == "paddock:raced"
+    html = done.content.decode()
+    assert "0:09.000" in html and "hx-get" not in html
+
+
+def test_a_race_that_is_full_of_my_submissions_offers_no_form(world: World) -> None:
+    race = a_race(world.now, slug="one-shot", max_submissions=1)
+    drive(race, world.alice, laps(9_000, 9_000, 9_000), world.now)
+    html = world.client("alice").get("/races/one-shot/").content.decode()
+    assert "You have used all your submissions" in html and 'name="model"' not in html
