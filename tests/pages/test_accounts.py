@@ -1,0 +1,176 @@
+"""Signing up, logging in and out, passwords, country, tokens, theme, language, health."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from django.core import mail
+from django.core.cache import cache
+from django.db import DatabaseError
+from knox.models import AuthToken
+
+from league import health
+from league.models import Racer
+from league.tokens import TOKENS_PER_RACER, create_token
+from tests.pages.conftest import World
+
+PASSWORD = "a long enough passphrase"
+NEW = {"username": "Speedy_1", "email": "Speedy@Example.org", "password1": PASSWORD, "password2": PASSWORD}
+
+
+def test_a_racer_signs_up_logs_out_and_logs_in_by_alias_or_address(client, db) -> None:
+    response = client.post("/accounts/signup/", NEW, follow=True)
+    assert "Speedy_1" in response.content.decode()
+    racer = Racer.objects.get(alias="Speedy_1")
+    assert racer.email == "speedy@example.org"
+    assert "/accounts/confirm-email/" in mail.outbox[0].body and "Hello from Paddock!" in mail.outbox[0].body
+    for login in ("Speedy_1", "speedy_1", "speedy@example.org"):
+        client.post("/accounts/logout/")
+        assert "Log in" in client.get("/").content.decode()
+        cache.clear()
+        client.post("/accounts/login/", {"login": login, "password": PASSWORD})
+        assert client.get("/settings/").status_code == 200, login
+
+
+def test_after_signing_up_the_racer_is_where_they_wanted_to_go(client, db) -> None:
+    page = client.get("/accounts/signup/?next=/models/upload/").content.decode()
+    assert 'name="next" value="/models/upload/"' in page
+    assert client.post("/accounts/signup/", NEW | {"next": "/models/upload/"})["Location"] == "/models/upload/"
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"username": "no spaces"}, "username"),
+        ({"username": "steward"}, "username"),
+        ({"email": "no address"}, "email"),
+        ({"password1": "short", "password2": "short"}, "password1"),
+        ({"password2": "another passphrase"}, "password2"),
+    ],
+)
+def test_a_wrong_sign_up_says_what_is_wrong_beside_the_field(client, db, changes, field) -> None:
+    response = client.post("/accounts/signup/", NEW | changes)
+    assert response.context["form"].errors[field]
+    assert not Racer.objects.exists()
+
+
+def test_a_wrong_password_is_refused_without_saying_which_part_was_wrong(client, world: World) -> None:
+    answers = {
+        re.sub(
+            r"csrfmiddlewaretoken[^>]*>|value=\"(alice|nobody)\"",
+            "",
+            client.post("/accounts/login/", data).content.decode(),
+        )
+        for data in ({"login": "alice", "password": "wrong"}, {"login": "nobody", "password": "wrong"})
+    }
+    assert len(answers) == 1
+    assert 'role="alert"' in answers.pop()
+
+
+def test_a_forgotten_password_is_reset_by_mail(client, db) -> None:
+    client.post("/accounts/signup/", NEW)
+    client.post("/accounts/logout/")
+    assert (
+        client.post("/accounts/password/reset/", {"email": NEW["email"]})["Location"]
+        == "/accounts/password/reset/done/"
+    )
+    link = re.search(r"http://testserver(/accounts/password/reset/key/\S+)", mail.outbox[-1].body)[1]
+    assert "Speedy_1" in mail.outbox[-1].body
+    form = client.get(link)["Location"]
+    assert "Choose a new password" in client.get(form).content.decode()
+    client.post(form, {"password1": "quite another passphrase", "password2": "quite another passphrase"})
+    cache.clear()
+    client.post("/accounts/login/", {"login": "Speedy_1", "password": "quite another passphrase"})
+    assert client.get("/settings/").status_code == 200
+    assert "does not work any more" in client.get(link, follow=True).content.decode()
+
+
+def test_a_password_is_changed_with_the_old_one(client, db) -> None:
+    client.post("/accounts/signup/", NEW)
+    data = {"oldpassword": "wrong", "password1": "another passphrase", "password2": "another passphrase"}
+    assert client.post("/accounts/password/change/", data).status_code == 200
+    assert client.post("/accounts/password/change/", data | {"oldpassword": PASSWORD}).status_code == 302
+
+
+def test_an_address_is_changed_once_it_is_confirmed(client, db) -> None:
+    client.post("/accounts/signup/", NEW)
+    page = client.post(
+        "/accounts/email/", {"email": "other@example.org", "action_add": ""}, follow=True
+    ).content.decode()
+    assert "other@example.org" in page
+    link = re.search(r"http://testserver(/accounts/confirm-email/\S+)", mail.outbox[-1].body)[1]
+    assert "Yes, confirm" in client.get(link).content.decode()
+    client.post(link)
+    assert Racer.objects.get(alias="Speedy_1").email == "other@example.org"
+
+
+def test_the_country_is_shown_on_boards(world: World) -> None:
+    client = world.client("bob")
+    assert client.post("/settings/", {"country": "XX"}).status_code == 200
+    client.post("/settings/", {"country": "NZ"})
+    html = client.get("/races/open-race/").content.decode()
+    assert 'title="New Zealand">NZ<' in html
+    client.cookies["django_language"] = "ko"
+    assert 'title="뉴질랜드">NZ<' in client.get("/races/open-race/").content.decode()
+
+
+def test_a_token_is_shown_once_works_and_is_revoked(world: World) -> None:
+    client = world.client("alice")
+    page = client.post("/settings/tokens/")
+    token = re.search(r'id="new-token" value="(\w+)"', page.content.decode())[1]
+    assert "no-store" in page["Cache-Control"]
+    assert token not in client.get("/settings/tokens/").content.decode()
+    anonymous = world.client("anonymous")
+    assert anonymous.get("/api/v1/me/", headers={"Authorization": f"Token {token}"}).json()["alias"] == "alice"
+    key = AuthToken.objects.get(user=world.alice).token_key
+    assert world.client("bob").post(f"/settings/tokens/{key}/revoke/").status_code == 404
+    client.post(f"/settings/tokens/{key}/revoke/")
+    assert anonymous.get("/api/v1/me/", headers={"Authorization": f"Token {token}"}).status_code == 401
+
+
+def test_a_racer_keeps_a_limited_number_of_tokens(world: World) -> None:
+    for _ in range(TOKENS_PER_RACER):
+        create_token(racer=world.alice)
+    html = world.client("alice").post("/settings/tokens/", follow=True).content.decode()
+    assert f"You have {TOKENS_PER_RACER} API tokens already" in html
+    assert AuthToken.objects.count() == TOKENS_PER_RACER
+
+
+def test_the_theme_is_kept_in_a_cookie_and_painted_by_the_server(client, db) -> None:
+    assert 'data-theme=""' in client.get("/about/").content.decode()
+    assert client.post("/theme/", {"theme": "toggle", "next": "/about/"})["Location"] == "/about/"
+    assert 'data-theme="dark"' in client.get("/about/").content.decode()
+    client.post("/theme/", {"theme": "toggle"})
+    assert 'data-theme="light"' in client.get("/about/").content.decode()
+    client.post("/theme/", {"theme": ""})
+    assert 'data-theme=""' in client.get("/about/").content.decode()
+
+
+def test_the_language_is_chosen_by_the_form_and_before_that_by_the_browser(client, db) -> None:
+    assert "이용 안내" in client.get("/about/", headers={"Accept-Language": "ko-KR,ko;q=0.9"}).content.decode()
+    client.post("/i18n/setlang/", {"language": "ko", "next": "/about/"})
+    html = client.get("/about/", headers={"Accept-Language": "en"}).content.decode()
+    assert "이용 안내" in html and '<html lang="ko"' in html
+
+
+def test_health_says_live_and_ready(client, db, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert client.get("/health/live").content == b"ok\n"
+    monkeypatch.setattr(health, "_broker", lambda: None)
+    ready = client.get("/health/ready")
+    assert (ready.status_code, ready.json()) == (200, {"database": True, "cache": True, "broker": True})
+
+
+def test_health_names_the_part_that_does_not_answer(client, db, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> None:
+        raise DatabaseError("gone")
+
+    monkeypatch.setattr(health, "_broker", lambda: None)
+    monkeypatch.setattr(health, "_database", broken)
+    ready = client.get("/health/ready")
+    assert (ready.status_code, ready.json()["database"], ready.json()["cache"]) == (503, False, True)
+
+
+def test_without_its_broker_the_site_is_not_ready_and_says_so_soon(client, db) -> None:
+    ready = client.get("/health/ready")
+    assert (ready.status_code, ready.json()["broker"]) == (503, False)
