@@ -8,6 +8,7 @@ PORT ?= 8000
 PYTEST_ARGS ?=
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
+export ORT_DISABLE_TELEMETRY := 1
 
 .PHONY: help setup run test lint bench clean system-run system-test
 

@@ -14,6 +14,7 @@ if "PADDOCK_TEST_DATA" not in os.environ:
     os.environ["PADDOCK_TEST_DATA"] = tempfile.mkdtemp(prefix="paddock-tests-")
 os.environ["PADDOCK_DATA"] = str(Path(os.environ["PADDOCK_TEST_DATA"]) / os.environ.get("PYTEST_XDIST_WORKER", "main"))
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 from league.settings import *  # noqa: E402, F403
 from league.settings import DATA_DIR, DATABASES, STORAGES  # noqa: E402

@@ -1,0 +1,18 @@
+"""Every reason code: one file for each place where something can be refused or fail."""
+
+from . import account, conversion, gate, metadata, platform, race, run_time, tracks, upload
+from .reason import Reason, gettext_noop
+
+REASONS: dict[str, Reason] = {
+    **upload.REASONS,
+    **metadata.REASONS,
+    **conversion.REASONS,
+    **gate.REASONS,
+    **run_time.REASONS,
+    **platform.REASONS,
+    **tracks.REASONS,
+    **race.REASONS,
+    **account.REASONS,
+}
+
+__all__ = ["REASONS", "Reason", "gettext_noop"]

@@ -1,0 +1,35 @@
+"""Where Paddock itself failed."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+REASONS = table(
+    "platform",
+    {
+        "sandbox_unavailable": _(
+            "This host cannot wall off models safely enough (level %(level)s, at least %(minimum)s is needed), so none "
+            "is run. An operator sees with “manage.py doctor” what is missing."
+        ),
+        "sandbox_failed": _("A walled-off process could not be started. The evaluation will be repeated."),
+        "host_overloaded": _(
+            "This host was too busy to run the network. Nothing is wrong with it; the evaluation will be repeated."
+        ),
+        "runner_timeout": _("The simulator did not finish within %(limit_s)s s. The evaluation will be repeated."),
+        "runner_died": _("The simulator ended unexpectedly (%(how)s). The evaluation will be repeated."),
+        "runner_protocol": _("The simulator sent something unreadable. The evaluation will be repeated."),
+        "runner_error": _("The simulator failed (%(detail)s). The evaluation will be repeated."),
+        "upload_busy": _(
+            "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
+        ),
+        "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
+        "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
+        "storage_failed": _(
+            "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
+        ),
+        "lease_expired": _("The worker that ran this evaluation disappeared. It will be tried again."),
+        "platform_gave_up": _(
+            "Paddock failed to run this model %(attempts)s times. Nothing is wrong with it and the attempt does not "
+            "count: submit it again later."
+        ),
+    },
+)

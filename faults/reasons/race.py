@@ -1,0 +1,78 @@
+"""Why a race, an entry or a submission is refused."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+REASONS = table(
+    "user",
+    {
+        # a race that is made or changed
+        "race_field": _("%(field)s cannot be so: %(problem)s"),
+        "race_field_fixed": _("%(field)s never changes once a race is made. Make another race instead."),
+        "race_closes_before_opening": _(
+            "The race closes before it opens. Choose a closing time after the opening time."
+        ),
+        "race_opens_in_the_past": _("The opening time has passed. Choose now or a later time."),
+        "race_already_over": _("The closing time has passed. Choose a later one."),
+        "race_too_long": _("A race lasts at most %(days)s days. Choose an earlier closing time."),
+        "race_too_far_ahead": _("The race opens more than %(days)s days from now. Choose an earlier time."),
+        "race_minimum_laps": _(
+            "The car drives %(laps)s laps, so at most %(laps)s consecutive laps can be asked of it."
+        ),
+        "race_total_needs_all_laps": _(
+            "For the total time every lap counts: ask for %(laps)s complete laps, as many as are driven."
+        ),
+        "race_sensors": _("A race offers one or more of these sensors, each once: %(known)s."),
+        "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
+        "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
+        "race_community_has_no_division": _("Divisions belong to league races. Leave the division empty."),
+        "race_limit": _(
+            "You already hold %(limit)s races that are not over. Wait until one closes, or cancel one of them."
+        ),
+        "race_has_opened": _("The race has opened, so its opening time no longer changes."),
+        "race_is_over": _("The race is over: only its name and its description can be changed."),
+        "race_has_submissions": _(
+            "Cars have already been submitted under these rules, so they no longer change. Make another race instead."
+        ),
+        "cancel_needs_a_reason": _("Say why the race is cancelled: everybody who entered will read it."),
+        "race_not_yours": _("Only the organiser of this race and admins can do this."),
+        # getting in and out
+        "race_not_open_yet": _("The race opens at %(opens)s. Submit a car from then on."),
+        "race_closed": _("The race closed at %(closes)s. Its entries and cars do not change any more."),
+        "race_cancelled": _("The race was cancelled: %(reason)s"),
+        "race_needs_invitation": _("This race is by invitation. Open the link that its organiser gave you."),
+        "invitation_unknown": _(
+            "This invitation link is not valid any more. Ask the organiser of the race for the present one."
+        ),
+        "race_pro_only": _(
+            "This is a race of the pro division. The best of each month's open race are promoted to it: enter that one."
+        ),
+        "race_open_only": _(
+            "You are in the pro division this season, so this month's pro race is yours, not this one."
+        ),
+        "entry_missing": _("You have not entered this race."),
+        "entry_withdrawn": _("You have withdrawn from this race. Enter it again first."),
+        "entry_removed": _("The organiser has removed you from this race. Ask them if you take it for a mistake."),
+        # submitting
+        "sensors_not_offered": _(
+            "The model reads %(needed)s, which this race does not offer. It offers %(offered)s: choose a model that "
+            "was trained with these."
+        ),
+        "car_already_submitted": _(
+            "You have already sent this very car to this race. The same car gives the same result, so that one stands."
+        ),
+        "submission_running": _("Your last car is still being timed. Wait for its result, or stop it."),
+        "submissions_used_up": _("You have used all %(limit)s submissions that this race allows."),
+        "submission_not_failed": _("Only a run that failed or was stopped can be repeated; this one stands."),
+        # tracks that racers import
+        "track_known": _("This very track is here already, as %(name)s. Use that one."),
+        "track_limit": _(
+            "You have imported %(limit)s tracks, as many as one racer may. Race on one of those here, or ask an admin."
+        ),
+        "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
+        "track_slug": _(
+            "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
+        ),
+        "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
+    },
+)

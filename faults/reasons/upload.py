@@ -1,0 +1,62 @@
+"""What is wrong with an upload before anybody looks at the network."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+REASONS = table(
+    "user",
+    {
+        "empty": _("The file is empty. Choose the model's file again and upload it."),
+        "too_large": _(
+            "The upload is larger than %(limit_mb)s MB. A car's archive is about 22 MB; leave out checkpoints, "
+            "logs and videos."
+        ),
+        "model_too_large": _(
+            "The network is larger than %(limit_mb)s MB. Train a smaller one, or store its weights as 32-bit "
+            "floats once only."
+        ),
+        "not_a_model": _(
+            "This is not a model. Upload the car's model.tar.gz, or an .onnx file together with its "
+            "model_metadata.json."
+        ),
+        "upload_parts": _(
+            "These files do not belong together. Upload one archive, or one .onnx file and one model_metadata.json."
+        ),
+        "model_missing": _(
+            "There is no network in the upload. A car's archive holds agent/model.pb; a zip holds one .onnx file."
+        ),
+        "metadata_missing": _(
+            "model_metadata.json is missing. Add it: it says which actions the network chooses from and which "
+            "sensors it reads."
+        ),
+        "unexpected_member": _(
+            "The archive holds something that no car needs: %(member)s. Pack agent/model.pb (or one .onnx "
+            "file) and model_metadata.json only."
+        ),
+        "duplicate_member": _(
+            "The archive holds %(member)s more than once, so it is not clear which one is meant. Pack it again."
+        ),
+        "too_many_members": _(
+            "The archive holds more than %(limit)s files. Pack the network and model_metadata.json only."
+        ),
+        "archive_corrupt": _("The archive is damaged or incomplete. Download or pack it again, then upload it."),
+        "archive_unsupported": _(
+            "The archive uses a feature that is not accepted here (encryption, zip64 or a rare compression). "
+            "Pack it as an ordinary .tar.gz or .zip."
+        ),
+        "archive_overlap": _(
+            "Files in the archive lie on top of each other, as in a zip bomb. Pack it again with an ordinary tool."
+        ),
+        "expanded_size": _(
+            "The archive unpacks to far more than a car needs. Pack the network and model_metadata.json only."
+        ),
+        "garage_full": _(
+            "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."
+        ),
+        "model_name_missing": _("The model needs a name with at least one visible character."),
+        "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
+        "model_name_taken": _("You already have a model named %(name)s. Choose another name."),
+        "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
+        "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
+    },
+)
