@@ -13,15 +13,15 @@ from faults import reasons
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "racers.md"
 BEGIN, END = "<!-- reasons: begin -->", "<!-- reasons: end -->"
 SECTIONS = {
-    "Upload": reasons._UPLOAD,
-    "model_metadata.json": reasons._METADATA,
-    "Conversion of a TensorFlow graph": reasons._CONVERSION,
-    "The network": reasons._GATE,
-    "On the track": reasons._RUN_TIME,
-    "Paddock's own faults": reasons._PLATFORM,
-    "Track files": reasons._TRACKS,
-    "Races": reasons._RACE,
-    "Account": reasons._ACCOUNT,
+    "Upload": reasons.upload.reasons,
+    "model_metadata.json": reasons.metadata.reasons,
+    "Conversion of a TensorFlow graph": reasons.conversion.reasons,
+    "The network": reasons.gate.reasons,
+    "On the track": reasons.run_time.reasons,
+    "Paddock's own faults": reasons.platform.reasons,
+    "Track files": reasons.tracks.reasons,
+    "Races": reasons.race.reasons,
+    "Account": reasons.account.reasons,
 }
 
 

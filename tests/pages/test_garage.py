@@ -11,7 +11,7 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 
 from evaluation import services
-from evaluation.errors import PlatformFault, UserFault
+from faults import PlatformFault, UserFault
 from evaluation.models import TrainedModel
 from evaluation.services import UploadedModel
 from tests.factories import a_model, a_race
