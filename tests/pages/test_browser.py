@@ -1,0 +1,272 @@
+"""The whole way in a real browser, on the whole stack: site, worker, broker, sandbox, simulator."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from tests.shared import CHECKOUT, CONSOLE_CAR, needs_shared
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
+FLAGS += ["--disable-background-networking", "--disable-component-update"]
+START_S, DRIVE_MS = 90, 60_000
+PASSWORD = "a long enough passphrase"
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
+]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of ``manage.py run`` on an empty data folder."""
+    data = tmp_path_factory.mktemp("site")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    ours = ("PADDOCK_", "DJANGO_", "DATABASE_URL", "CELERY_", "CACHE_URL", "PYTEST_", "STORAGE")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    log = data / "run.log"
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "manage.py", "run", "--port", str(port)],
+            cwd=CHECKOUT,
+            env={**environment, "PADDOCK_DATA": str(data / "data")},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    try:
+        _wait_until_ready(f"http://127.0.0.1:{port}", process, log)
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def _wait_until_ready(url: str, process: subprocess.Popen, log: Path) -> None:
+    deadline = monotonic() + START_S
+    while monotonic() < deadline and process.poll() is None:
+        try:
+            with urllib.request.urlopen(f"{url}/health/ready", timeout=5):
+                return
+        except (urllib.error.URLError, OSError):
+            sleep(0.3)
+    pytest.fail(f"the site did not start:\n{log.read_text()[-3000:]}")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[playwright.Browser]:
+    with playwright.sync_playwright() as player:
+        chromium = player.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def page(browser: playwright.Browser, site: str) -> Iterator[playwright.Page]:
+    """A page that fails the test when the browser complains: a script's error, or something the policy blocked."""
+    context = browser.new_context(base_url=site, locale="en-GB", timezone_id="Europe/Berlin")
+    opened = context.new_page()
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    yield opened
+    context.close()
+    assert not [text for text in complaints if "status of 4" not in text]
+
+
+def sign_up(page: playwright.Page, alias: str) -> None:
+    page.goto("/")
+    page.get_by_role("banner").get_by_role("link", name="Sign up").click()
+    page.get_by_label("Alias").fill(alias)
+    page.get_by_label("Email").fill(f"{alias}@example.org")
+    page.get_by_label("Password", exact=True).fill(PASSWORD)
+    page.get_by_label("Password (again)").fill(PASSWORD)
+    page.get_by_role("main").get_by_role("button", name="Sign up").click()
+    playwright.expect(page.get_by_text(f"Welcome, {alias}.")).to_be_visible()
+
+
+def upload_console_car(page: playwright.Page) -> None:
+    page.goto("/models/upload/")
+    page.locator("input[type=file]").set_input_files(CONSOLE_CAR)
+    playwright.expect(page.locator("[data-chosen]")).to_contain_text("deepracer-console-15.tar.gz")
+    page.get_by_role("main").get_by_role("button", name="Upload").click()
+    playwright.expect(page.get_by_role("heading", name="deepracer-console-15", exact=True)).to_be_visible(
+        timeout=DRIVE_MS
+    )
+
+
+@needs_shared
+def test_a_newcomer_uploads_a_console_car_and_finds_it_ranked(page: playwright.Page) -> None:
+    sign_up(page, "newcomer")
+    upload_console_car(page)
+
+    # the month's race, from the first page
+    page.goto("/")
+    page.locator(".race-card", has_text="open division").get_by_role("heading").get_by_role("link").click()
+    page.get_by_role("link", name="Submit a car").click()
+    page.get_by_label("Model").select_option(label="deepracer-console-15")
+    page.locator("#send").get_by_role("button", name="Submit").click()
+
+    # the box follows the car without reloading, then the board shows it
+    playwright.expect(page.locator("#live-card .pill")).to_have_text("finished", timeout=DRIVE_MS)
+    row = page.locator("table.board tr.me")
+    playwright.expect(row).to_contain_text("newcomer", timeout=10_000)
+    playwright.expect(row.locator(".place")).to_have_text(re.compile(r"^\d+$"))
+    playwright.expect(row).to_contain_text(re.compile(r"\d:\d\d\.\d{3}"))
+
+    # the result: laps, the line, the files
+    row.get_by_role("link", name="Watch the run").click()
+    playwright.expect(page.locator("table.laps tbody tr")).to_have_count(3)
+    assert page.locator(".track-line").count() > 0
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Trace of every step").click()
+    assert Path(download.value.path()).read_text().startswith("episode,steps,X,Y,")
+
+    # a community race of one's own, on the same car
+    page.goto("/races/new/?track=oval")
+    page.get_by_label("Name").fill("Lunch break")
+    page.get_by_role("button", name="Make the race").click()
+    page.locator("#send").get_by_role("button", name="Submit").click()
+    page.locator("#live-card a").first.click()
+    playwright.expect(page.get_by_role("heading", name="Laps", exact=True)).to_be_visible(timeout=DRIVE_MS)
+    page.get_by_role("link", name="To the board").click()
+    playwright.expect(page.locator("table.board tr.me .place")).to_have_text("1")
+
+
+@needs_shared
+def test_a_replay_is_driven_from_the_keyboard(page: playwright.Page) -> None:
+    sign_up(page, "keyboarder")
+    page.goto("/races/")
+    page.locator(".race-card", has_text="Lunch break").get_by_role("heading").get_by_role("link").click()
+    page.locator("table.board").get_by_role("link", name="Watch the run").first.click()
+    play = page.get_by_role("button", name="Play")
+    play.focus()
+    page.keyboard.press("Enter")
+    playwright.expect(page.get_by_role("button", name="Pause")).to_be_focused()
+    playwright.expect(page.locator("[data-out]")).not_to_contain_text("0:00.000 ")
+    page.keyboard.press("Enter")
+    seek = page.get_by_label("Time of the run")
+    before = int(seek.input_value())
+    seek.focus()
+    page.keyboard.press("End")
+    assert int(seek.input_value()) > before
+    assert "translate(" in page.locator("[data-car]").get_attribute("transform")
+
+
+def test_a_refused_file_is_explained_and_the_page_still_works(page: playwright.Page, tmp_path: Path) -> None:
+    sign_up(page, "clumsy")
+    empty = tmp_path / "car.tar.gz"
+    empty.write_bytes(b"")
+    page.goto("/models/upload/")
+    page.locator("input[type=file]").set_input_files(empty)
+    page.get_by_role("main").get_by_role("button", name="Upload").click()
+    fault = page.locator(".fault")
+    playwright.expect(fault).to_contain_text("The file is empty")
+    playwright.expect(fault).to_be_focused()
+    assert fault.locator("[data-code]").get_attribute("data-code") == "empty"
+    playwright.expect(page.get_by_role("main").get_by_role("button", name="Upload")).to_be_enabled()
+
+
+def test_the_skip_link_and_the_menu_work_from_the_keyboard(page: playwright.Page) -> None:
+    sign_up(page, "tabber")
+    page.goto("/races/")
+    page.keyboard.press("Tab")
+    playwright.expect(page.get_by_text("Skip to the content")).to_be_focused()
+    page.keyboard.press("Enter")
+    playwright.expect(page.locator("#main")).to_be_focused()
+    menu = page.locator("details.menu summary")
+    menu.focus()
+    page.keyboard.press("Enter")
+    playwright.expect(page.get_by_role("link", name="API tokens")).to_be_visible()
+    page.keyboard.press("Escape")
+    playwright.expect(page.get_by_role("link", name="API tokens")).to_be_hidden()
+    playwright.expect(menu).to_be_focused()
+
+
+def test_the_theme_is_kept_without_a_flash(page: playwright.Page) -> None:
+    page.emulate_media(color_scheme="light")
+    page.goto("/about/")
+    page.get_by_role("button", name="Dark or light").click()
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+    body = page.request.get("/about/").text()
+    assert 'data-theme="dark"' in body, "the server paints it, so nothing flashes"
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(12, 15, 20)"
+
+
+def test_times_are_shown_in_the_readers_time_zone(page: playwright.Page) -> None:
+    page.goto("/races/")
+    page.locator(".race-card h3 a").first.click()
+    moment = page.locator(".race-side dl time").first
+    playwright.expect(moment).to_have_attribute("title", re.compile(r"UTC · Europe/Berlin$"))
+    assert page.locator("time[data-local]").count() == 0
+
+
+def test_no_page_is_wider_than_a_small_phone(page: playwright.Page) -> None:
+    sign_up(page, "W" * 64)
+    page.set_viewport_size({"width": 360, "height": 740})
+    wide = {}
+    for path in (
+        "/",
+        "/about/",
+        "/races/",
+        "/races/new/",
+        "/races/?show=closed",
+        "/tracks/",
+        "/tracks/oval/",
+        "/tracks/import/",
+        "/models/",
+        "/models/upload/",
+        "/settings/",
+        "/settings/tokens/",
+        "/accounts/email/",
+        "/accounts/password/change/",
+        f"/racers/{'W' * 64}/",
+        "/nothing/",
+    ):
+        for language in ("en", "ko"):
+            page.context.add_cookies([{"name": "django_language", "value": language, "url": page.url}])
+            page.goto(path)
+            over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            if over > 0:
+                wide[path, language] = over
+    assert not wide
+
+
+def test_without_scripts_a_racer_signs_up_and_changes_language_and_theme(
+    browser: playwright.Browser, site: str
+) -> None:
+    context = browser.new_context(base_url=site, java_script_enabled=False, locale="en-GB")
+    page = context.new_page()
+    sign_up(page, "scriptless")
+    page.get_by_role("button", name="한국어").click()
+    playwright.expect(page.get_by_role("link", name="차고").first).to_be_visible()
+    page.get_by_role("button", name="EN").click()
+    page.get_by_role("button", name="Dark or light").click()
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+    page.get_by_text("scriptless", exact=True).first.click()
+    page.get_by_role("button", name="Log out").click()
+    playwright.expect(page.get_by_role("banner").get_by_role("link", name="Log in")).to_be_visible()
+    context.close()
