@@ -13,15 +13,15 @@ from faults import reasons
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "racers.md"
 BEGIN, END = "<!-- reasons: begin -->", "<!-- reasons: end -->"
 SECTIONS = {
-    "Upload": reasons.upload.reasons,
-    "model_metadata.json": reasons.metadata.reasons,
-    "Conversion of a TensorFlow graph": reasons.conversion.reasons,
-    "The network": reasons.gate.reasons,
-    "On the track": reasons.run_time.reasons,
-    "Paddock's own faults": reasons.platform.reasons,
-    "Track files": reasons.tracks.reasons,
-    "Races": reasons.race.reasons,
-    "Account": reasons.account.reasons,
+    "Upload": reasons.upload.REASONS,
+    "model_metadata.json": reasons.metadata.REASONS,
+    "Conversion of a TensorFlow graph": reasons.conversion.REASONS,
+    "The network": reasons.gate.REASONS,
+    "On the track": reasons.run_time.REASONS,
+    "Paddock's own faults": reasons.platform.REASONS,
+    "Track files": reasons.tracks.REASONS,
+    "Races": reasons.race.REASONS,
+    "Account": reasons.account.REASONS,
 }
 
 
