@@ -12,6 +12,8 @@ from .geometry import TrackGeometry
 
 MAX_BYTES = 2 * 1024 * 1024
 MAX_ROWS = 20_000
+_MAX_SIZE = 1 << 48  # a greater number in a header is no size at all (and Python may refuse to write it down)
+_QUOTED = 80  # characters of a stranger's header in a sentence
 
 
 def read_npy(data: bytes, name: str) -> TrackGeometry:
@@ -35,8 +37,10 @@ def read_npy(data: bytes, name: str) -> TrackGeometry:
         raise UserFault("track_not_npy") from None
     if dtype.hasobject:
         raise UserFault("track_pickled")
+    if not all(type(size) is int and size < _MAX_SIZE for size in shape):
+        raise UserFault("track_not_npy")
     if dtype.kind not in "fiu" or len(shape) != 2 or shape[1] != 6:
-        raise UserFault("track_shape", shape=f"{shape} {dtype}")
+        raise UserFault("track_shape", shape=_quoted(f"{shape} {dtype}"))
     if shape[0] > MAX_ROWS:
         raise UserFault("track_too_large", points=shape[0], limit=MAX_ROWS)
     body = data[stream.tell() :]
@@ -44,6 +48,10 @@ def read_npy(data: bytes, name: str) -> TrackGeometry:
         raise UserFault("track_not_npy")
     rows = np.frombuffer(body, dtype=dtype).reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
     return TrackGeometry.from_arrays(name, rows[:, 0:2], rows[:, 2:4], rows[:, 4:6])
+
+
+def _quoted(text: str) -> str:
+    return "".join(filter(str.isprintable, text[:_QUOTED])) + ("..." if len(text) > _QUOTED else "")
 
 
 def write_npy(track: TrackGeometry) -> bytes:

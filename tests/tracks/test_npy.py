@@ -186,6 +186,24 @@ def test_a_header_that_promises_a_giant_takes_no_memory():
     assert refused(data).code == "track_too_large"
 
 
+@pytest.mark.parametrize("shape", ["(0x" + "f" * 9000 + ", 6)", "(6, 0x" + "f" * 9000 + ")", "(True, 6)"])
+def test_a_size_that_is_no_size_is_refused(shape):
+    """Python writes no number of more than 4300 digits, so such a one must not get into a sentence."""
+    assert refused(header(f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}}}") + bytes(48)).code == (
+        "track_not_npy"
+    )
+
+
+@pytest.mark.parametrize(
+    ("descr", "shape"), [(f"[('\x1b<b>{'x' * 8000}', '<f8')]", "(3, 6)"), ("'<f8'", f"({'1, ' * 3000})")]
+)
+def test_a_strangers_header_is_quoted_in_short_only(descr, shape):
+    fault = refused(header(f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}"))
+    assert fault.code == "track_shape"
+    assert len(str(fault)) < 300
+    assert str(fault).isprintable()
+
+
 def test_files_with_too_many_bytes_or_points_are_refused():
     assert refused(bytes(MAX_BYTES + 1)).code == "track_file_too_large"
     assert refused(np.zeros((MAX_ROWS + 1, 6))).code == "track_too_large"
