@@ -71,11 +71,11 @@ class PolicyProcess:
         with self._blaming_the_policy():
             write_message(self.process.stdin, header, deadline=deadline)
             answer, _ = read_message(self.process.stdout, deadline, json_limit=_MAX_ANSWER, blob_limit=0)
-        state, version = answer.get("state"), str(answer.get("version"))[:20]
+        state, version = answer.get("state"), _plain(answer.get("version"), 20)
         if state == "memory":
             raise self._memory()
         if state == "refused":
-            raise UserFault("policy_refused", detail=str(answer.get("detail"))[:200], version=version)
+            raise UserFault("policy_refused", detail=_plain(answer.get("detail"), 200), version=version)
         if state != "ready":
             raise UserFault("policy_protocol", step=0)
         self._cpu_from = self.process.cpu_seconds()
@@ -135,6 +135,11 @@ class PolicyProcess:
 
     def _memory(self) -> UserFault:
         return UserFault("policy_memory", limit_mb=self.process.limits.address_space_mb)
+
+
+def _plain(said: object, limit: int) -> str:
+    """A stranger's words, fit for databases, pages and terminals: neither NUL bytes nor halves of characters."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(said)[:limit])
 
 
 def describe(status: int | None) -> str:

@@ -189,6 +189,15 @@ def test_a_policy_that_misbehaves_while_it_loads_is_the_racers_fault(level, kind
     assert len(str(caught.value)) < 500
 
 
+def test_what_no_database_or_page_takes_does_not_come_out_of_a_policy(level):
+    """A NUL byte, half a surrogate pair, a terminal's colours, a turned direction of writing."""
+    with hostile("refuses_with_poison", level) as policy, pytest.raises(UserFault) as caught:
+        policy.load(b"", HEADER)
+    assert caught.value.params == {"detail": "???[31m?", "version": "??"}
+    with hostile("ready_with_poison", level) as policy:
+        assert policy.load(b"", HEADER) == "???"
+
+
 @pytest.mark.parametrize("module", ["never_imports", "has_a_thread"])
 def test_a_process_that_does_not_get_as_far_as_its_lock_is_ours(level, module):
     with (

@@ -183,4 +183,8 @@ BEFORE_READY = {
     "refuses_with_a_novel": lambda _in, out: write_message(
         out, {"state": "refused", "detail": "<script>" * 200, "version": "9" * 100}
     ),
+    "refuses_with_poison": lambda _in, out: write_message(
+        out, {"state": "refused", "detail": "\0\ud800\x1b[31m\u202e", "version": "\0\ud800"}
+    ),
+    "ready_with_poison": lambda _in, out: write_message(out, {"state": "ready", "version": "\0\ud800\n"}),
 }
