@@ -110,13 +110,14 @@ class TimeTrialEnv(gymnasium.Env[dict[str, np.ndarray], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Start an episode in a fresh world. ``options={"start_m": metres}`` sets the start on the centre line."""
+        """Start an episode. ``options={"start_m": metres}`` sets the start on the centre line."""
         super().reset(seed=seed)
-        self.close()
         start_m = float((options or {}).get("start_m", 0.0))
         if self._random_start and "start_m" not in (options or {}):
             start_m = float(self.np_random.uniform(0.0, self.track.length))
-        self._stage = Stage(self._ground, self.rules, self._physics)
+        if self._stage is None:
+            self._stage = Stage(self._ground, self.rules, self._physics)
+        self._stage.clear()
         self._car = self._stage.add(self.sensors, start_m)
         self._readings = self._car.observe()
         return dict(self._readings), self._info()

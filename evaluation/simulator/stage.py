@@ -54,6 +54,11 @@ class Stage:
         self.contestants.append(contestant)
         return contestant
 
+    def clear(self) -> None:
+        """Take all cars off the track for another run, which is then as one on a new stage."""
+        self.contestants.clear()
+        self.world.clear()
+
     def step(self, actions: Sequence[Action | None]) -> None:
         """One control step. ``actions``: one for each contestant, None for those that pause or are done."""
         driving = False

@@ -50,26 +50,22 @@ def draw_ground(track: TrackGeometry, theme: Theme, reductions: tuple[int, ...] 
         return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
 
     borders = [fixed(track.inner), fixed(track.outer)]
-    inside = np.zeros((rows, columns), np.uint8)
-    cv2.fillPoly(inside, borders, 255, cv2.LINE_AA, _SHIFT)
-
-    road = np.full((rows, columns), theme.road, np.uint8)
+    ground = np.full((rows, columns), theme.field, np.uint8)
+    cv2.fillPoly(ground, borders, theme.road, cv2.LINE_AA, _SHIFT)
     for dash in _dashes(track, theme):
-        cv2.fillConvexPoly(road, fixed(dash), theme.dash, cv2.LINE_AA, _SHIFT)
-    # Twice as thick as the line; the half outside the road is covered by the field.
+        cv2.fillConvexPoly(ground, fixed(dash), theme.dash, cv2.LINE_AA, _SHIFT)
+    # Twice as thick as the line; the half outside the road is covered by the field again.
     thickness = max(1, round(2 * (theme.line_width / metres - _BLEED)))
-    cv2.polylines(road, borders, True, theme.line, thickness, cv2.LINE_AA, _SHIFT)
-
-    # field + (road - field) * inside, in place: fresh arrays of this size cost more than the sums
-    cv2.multiply(road, inside, dst=road, scale=1 / 255)
-    cv2.bitwise_not(inside, dst=inside)
-    cv2.multiply(inside, theme.field, dst=inside, scale=1 / 255)
-    finest = cv2.add(road, inside, dst=road)
+    cv2.polylines(ground, borders, True, theme.line, thickness, cv2.LINE_AA, _SHIFT)
+    inner, outer = borders
+    frame = np.array([(-9, -9), (columns + 9, -9), (columns + 9, rows + 9), (-9, rows + 9)], np.int32) << _SHIFT
+    cv2.fillPoly(ground, [frame, outer], theme.field, cv2.LINE_AA, _SHIFT)
+    cv2.fillPoly(ground, [inner], theme.field, cv2.LINE_AA, _SHIFT)
     return tuple(
         Level(
-            finest
+            ground
             if reduction == 1
-            else cv2.resize(finest, (columns // reduction, rows // reduction), interpolation=cv2.INTER_AREA),
+            else cv2.resize(ground, (columns // reduction, rows // reduction), interpolation=cv2.INTER_AREA),
             metres * reduction,
             x0,
             y0,
