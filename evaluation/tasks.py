@@ -17,7 +17,7 @@ from django.utils import timezone
 
 from faults import PlatformFault
 
-from .services import note_worker, ring_bell, run_next_evaluation, sweep_queue
+from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
 
 logger = logging.getLogger(__name__)
 BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
@@ -49,6 +49,12 @@ def sweep(self) -> dict[str, int]:
     _fit(self.request.hostname or "local")
     report = sweep_queue(now=timezone.now())
     return {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
+
+
+@shared_task
+def purge() -> int:
+    """Remove deleted models that never raced. Beat sends it every few hours."""
+    return purge_garages(now=timezone.now())
 
 
 @worker_ready.connect

@@ -1,7 +1,7 @@
 """Every write to models, evaluations and results."""
 
 from .bell import ring_bell
-from .garage import UploadedModel, delete_model, describe_model, upload_model
+from .garage import UploadedModel, delete_model, describe_model, purge_garages, upload_model
 from .leases import (
     SweepReport,
     beat,
@@ -26,6 +26,7 @@ __all__ = [
     "finish_evaluation",
     "job_of",
     "note_worker",
+    "purge_garages",
     "queue_evaluation",
     "release_evaluation",
     "ring_bell",

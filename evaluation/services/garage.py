@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import datetime, timedelta
+from functools import partial
 from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.core.files.base import ContentFile
 from django.db import IntegrityError, transaction
+from django.db.models import ProtectedError
 
 from faults import UserFault
 from tracks.locks import hold
@@ -24,6 +27,7 @@ from ..packages.read import UploadPart
 if TYPE_CHECKING:
     from league.models import Racer
 
+KEEP_DELETED = timedelta(days=1)
 NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
 DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
 _ENDINGS = re.compile(r"(\.(tar|t?gz|tgz|zip|onnx|pb|json))+$", re.IGNORECASE)
@@ -49,30 +53,29 @@ def upload_model(
     if name is not None:
         name = _valid_name(name)
     description = _valid_description(description)
-    _refuse_full_garage(owner)  # before the work; counted again under the lock
+    _refuse_full_garage(owner)
     admitted = admit(files, replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE))
-    network = _stored_network(admitted, now=now)
-    with transaction.atomic():
-        hold(owner)
-        known = _garage(owner).filter(network=network).first()
-        if known is not None:
-            return UploadedModel(known, created=False)
-        _refuse_full_garage(owner)
-        if name is None:
-            name = _free_name(owner, _name_of_file(files[0].name if files else ""))
-        else:
-            _refuse_taken_name(owner, name)
-        model = TrainedModel.objects.create(
-            owner=owner,
-            name=name,
-            description=description,
-            network=network,
-            metadata=admitted.metadata.to_dict(),
-            source_kind=admitted.source_kind,
-            source_sha256=admitted.source_sha256,
-            created_at=now,
-        )
-    return UploadedModel(model, created=True)
+    # once before anything is stored, and once more under the lock
+    known = _known_model(owner, admitted.sha256, name)
+    while known is None:
+        _stored_network(admitted, now=now)
+        with transaction.atomic():
+            hold(owner)
+            known = _known_model(owner, admitted.sha256, name)
+            network = Network.objects.select_for_update().filter(pk=admitted.sha256).first()
+            if known is None and network is not None:  # else it was purged in this very moment
+                model = TrainedModel.objects.create(
+                    owner=owner,
+                    name=name or _free_name(owner, _name_of_file(files[0].name)),
+                    description=description,
+                    network=network,
+                    metadata=admitted.metadata.to_dict(),
+                    source_kind=admitted.source_kind,
+                    source_sha256=admitted.source_sha256,
+                    created_at=now,
+                )
+                return UploadedModel(model, created=True)
+    return UploadedModel(known, created=False)
 
 
 @transaction.atomic
@@ -92,11 +95,38 @@ def delete_model(*, model: TrainedModel, now: datetime) -> None:
     model.refresh_from_db(fields=["deleted_at"])
 
 
-def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> Network:
-    """The network's row, made on first sight. Two uploads at once agree on one: the loser deletes its own file."""
-    network = Network.objects.filter(pk=admitted.sha256).first()
-    if network is not None:
-        return network
+def purge_garages(*, now: datetime) -> int:
+    """Remove for good what was deleted :data:`KEEP_DELETED` ago and never raced, and networks that nobody has.
+
+    Returns how many networks were removed. What has an evaluation stays, so that its result can be verified.
+    """
+    before = now - KEEP_DELETED
+    for model in TrainedModel.objects.filter(deleted_at__lt=before, evaluations=None):
+        with suppress(ProtectedError, IntegrityError), transaction.atomic():
+            model.delete()
+    removed = 0
+    for network in Network.objects.filter(created_at__lt=before, models=None):
+        with suppress(ProtectedError, IntegrityError), transaction.atomic():  # somebody uploads it in this very moment
+            network.delete()
+            transaction.on_commit(partial(network.onnx.storage.delete, network.onnx.name), robust=True)
+            removed += 1
+    return removed
+
+
+def _known_model(owner: Racer, sha256: str, name: str | None) -> TrainedModel | None:
+    """The owner's model of this network. None when there is none, and one of this name may be added."""
+    known = _garage(owner).filter(network=sha256).first()
+    if known is None:
+        _refuse_full_garage(owner)
+        if name is not None:
+            _refuse_taken_name(owner, name)
+    return known
+
+
+def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> None:
+    """Make the network's row on first sight. Two uploads at once agree on one: the loser deletes its own file."""
+    if Network.objects.filter(pk=admitted.sha256).exists():
+        return
     network = Network(
         sha256=admitted.sha256,
         size=len(admitted.onnx),
@@ -110,11 +140,9 @@ def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> Network:
             network.save(force_insert=True)
     except IntegrityError:
         network.onnx.storage.delete(network.onnx.name)
-        return Network.objects.get(pk=admitted.sha256)
     except BaseException:
         network.onnx.storage.delete(network.onnx.name)
         raise
-    return network
 
 
 def _garage(owner: Racer):

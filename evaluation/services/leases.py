@@ -37,17 +37,20 @@ def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
     """Take the evaluation whose turn it is (:mod:`evaluation.line`) under a new lease; None when nothing waits."""
     while candidates := heads_of_line():
         for waiting in candidates:
+            lease = uuid.uuid4()
             claimed = Evaluation.objects.filter(pk=waiting.pk, state=State.QUEUED, attempt=waiting.attempt).update(
                 state=State.RUNNING,
-                lease=uuid.uuid4(),
+                lease=lease,
                 leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
                 worker=worker[:128],
                 attempt=F("attempt") + 1,
                 started_at=now,
                 progress={},
             )
-            if claimed:
-                return Evaluation.objects.select_related("model__network", "track").get(pk=waiting.pk)
+            # by its lease: if it was stopped or taken over in this very moment, it is not ours to run
+            evaluation = _held(waiting.pk, lease).select_related("model__network", "track").first() if claimed else None
+            if evaluation is not None:
+                return evaluation
     return None  # a lost race means that somebody else won it, so this loop ends
 
 

@@ -48,7 +48,8 @@ def run_next_evaluation(*, worker: str, interrupted: Callable[[], bool] = lambda
                 ended = release_evaluation(**ident, now=timezone.now())
                 how = "handed back"
             else:
-                fault, detail = _fault_of(error)
+                # a run that we stopped because the database was away for too long is no fault of its model
+                fault, detail = _fault_of(PlatformFault("lease_expired") if heart.lost else error)
                 ended = fail_evaluation(**ident, fault=fault, now=timezone.now(), detail=detail)
                 how = f"failed: {fault.code}"
     logger.info("Evaluation %s %s.", evaluation, how if ended else "was stopped or given to somebody else")

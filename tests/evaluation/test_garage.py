@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import threading
+from datetime import timedelta
 
 import pytest
 from django.contrib.auth.models import AnonymousUser
@@ -125,6 +126,31 @@ class TestUpload:
         model = upload(alice, now).model
         assert Network.objects.get() == model.network == bob.models.get().network
         assert network_files(model.network) == [model.network.onnx.name]
+
+    def test_under_a_taken_name_keeps_nothing(self, alice, now):
+        upload(alice, now, b"a", name="Bolt")
+        before = set(stored_networks())
+        with pytest.raises(UserFault):
+            upload(alice, now, b"b", name="Bolt")
+        assert Network.objects.count() == 1
+        assert set(stored_networks()) == before
+
+    def test_whose_network_is_purged_in_the_same_moment_stores_it_again(self, alice, now, monkeypatch):
+        model_row(alice, onnx=b"onnx of a", at=now - timedelta(days=9))
+        old = alice.models.get()
+        services.delete_model(model=old, now=now - timedelta(days=9))
+        Network.objects.update(created_at=now - timedelta(days=9))
+        hold = garage.hold
+
+        def purge_first(owner):
+            monkeypatch.setattr(garage, "hold", hold)
+            assert services.purge_garages(now=now) == 1
+            hold(owner)
+
+        monkeypatch.setattr(garage, "hold", purge_first)
+        model = upload(alice, now).model
+        with model.network.onnx.open() as file:
+            assert file.read() == b"onnx of a"
 
     def test_whose_row_cannot_be_written_keeps_no_file(self, alice, now, monkeypatch):
         def broken(*args, **kwargs):
@@ -300,6 +326,27 @@ class TestGarage:
         services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
         services.delete_model(model=model, now=now)
         assert Evaluation.objects.get().model == model
+
+
+class TestPurge:
+    def test_what_was_deleted_long_ago_and_never_raced_is_removed_with_its_file(
+        self, alice, bob, oval, bell, now, django_capture_on_commit_callbacks
+    ):
+        long_ago = now - timedelta(days=2)
+        gone, raced, shared, recent, kept = (
+            upload(alice, long_ago, content).model for content in (b"a", b"b", b"c", b"d", b"e")
+        )
+        services.queue_evaluation(owner=alice, model=raced, track=oval, rules=RaceRules(), now=long_ago)
+        upload(bob, long_ago, b"c")
+        for model, moment in ((gone, long_ago), (raced, long_ago), (shared, long_ago), (recent, now)):
+            services.delete_model(model=model, now=moment)
+        with django_capture_on_commit_callbacks(execute=True):
+            assert services.purge_garages(now=now) == 1
+        assert set(alice.models.all()) == {raced, recent, kept}
+        assert network_files(gone.network) == []
+        for model in (raced, shared, recent, kept):
+            assert network_files(model.network) == [model.network.onnx.name]
+        assert services.purge_garages(now=now) == 0
 
 
 def replace_year(moment):

@@ -104,6 +104,21 @@ class TestOrder:
         assert sorted(shown) == [1, 2, 3, 4, 5, 6, 7]
         assert run_order(now) == [shown[place] for place in sorted(shown)]
 
+    def test_what_is_stopped_in_the_moment_of_its_claim_is_not_run(self, alice, bob, submit, now, monkeypatch):
+        from evaluation.services import leases
+
+        stopped, following = submit(alice), submit(bob, 1)
+        held = leases._held
+
+        def stop_meanwhile(evaluation_id, lease):
+            if evaluation_id == stopped.pk:
+                services.stop_evaluation(evaluation=stopped, now=now)
+            return held(evaluation_id, lease)
+
+        monkeypatch.setattr(leases, "_held", stop_meanwhile)
+        assert claim(now) == following
+        assert claim(now) is None
+
     def test_an_empty_queue_has_nothing_to_claim(self, db, now):
         assert claim(now) is None
 

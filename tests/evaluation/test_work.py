@@ -222,6 +222,9 @@ class TestTheHeart:
         plays(play)
         run()
         assert noticed
+        queued.refresh_from_db()
+        assert (queued.state, queued.attempt) == (State.QUEUED, 1)
+        assert "lease_expired" in queued.operator_detail
         assert not Result.objects.exists()
 
     def test_writes_at_most_once_a_second_and_six_times_a_lease(self, settings):
