@@ -88,7 +88,8 @@ class PolicyProcess:
     def explain(self, fault: PaddockError) -> PaddockError:
         """Say better why a policy died or was late: the referee sees only that its pipes closed, or that none came.
 
-        One that wants the processor and hardly got it is not slow: PlatformFault("host_overloaded").
+        One that wants the processor and hardly got it is not slow, and one that got SIGKILL did not die of itself (it
+        may signal nobody; the kernel does so when the host's memory runs out): PlatformFault("host_overloaded").
         """
         if fault.code == "policy_late" and self._starved(float(fault.params.get("waited_s", 0.0))):
             return PlatformFault("host_overloaded")
@@ -97,6 +98,8 @@ class PolicyProcess:
         status = self.process.wait(1.0)
         if status == EXIT_MEMORY:
             return self._memory()
+        if status == -signal.SIGKILL:
+            return PlatformFault("host_overloaded")
         if status == -signal.SIGXCPU:
             return self._late(fault.params.get("step", 0), self.process.limits.cpu_s)
         return UserFault("policy_died", step=fault.params.get("step", 0), how=describe(status))

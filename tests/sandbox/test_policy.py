@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from dataclasses import replace
 
@@ -134,6 +136,17 @@ def test_how_a_policy_died_is_told(level, kind, how):
     with hostile(kind, level) as policy, pytest.raises(UserFault) as caught:
         drive(policy)
     assert how in caught.value.params["how"]
+
+
+def test_a_policy_that_the_host_kills_is_not_the_racers_fault(level):
+    """The kernel does so when memory runs out. No locked process can send itself that signal."""
+    with PolicyProcess(level=level) as policy:
+        drive(policy, small_network())
+        os.kill(policy.process.inner_pid, signal.SIGKILL)
+        with pytest.raises(UserFault) as caught:
+            policy.client(HEADER)(GREY)
+        fault = policy.explain(caught.value)
+    assert (fault.code, fault.fault) == ("host_overloaded", "platform")
 
 
 @pytest.mark.parametrize("kind", ["flood_stderr", "slow_once", "huge_values"])
