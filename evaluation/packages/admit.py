@@ -30,6 +30,7 @@ from .wire import printable
 MODULE = "evaluation.packages.convert_process"
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
+_GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
 _LOCKED = {"state": "locked"}
 
 
@@ -151,6 +152,6 @@ def _refusal(error: object) -> UserFault:
     for name, value in given.items() if isinstance(given, dict) else ():
         if isinstance(value, str):
             params[printable(name, 40)] = printable(value, 200)
-        elif type(value) in (int, float):
+        elif type(value) in (int, float) and abs(value) <= _GREATEST:
             params[printable(name, 40)] = value
     return UserFault(code, **params)

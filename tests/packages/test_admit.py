@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -76,6 +77,13 @@ def test_what_a_converter_says_is_cut_and_cleaned(monkeypatch: pytest.MonkeyPatc
     fault = upload_to("hides_codes_in_a_sentence", monkeypatch)
     assert fault.code == "onnx_attribute"
     assert str(fault).isprintable()
+    assert len(str(fault)) < 500
+
+
+def test_numbers_that_no_answer_of_ours_can_carry_are_not_passed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    fault = upload_to("counts_beyond_all_numbers", monkeypatch)
+    assert fault.code == "onnx_output"
+    json.dumps(fault.params, allow_nan=False)
     assert len(str(fault)) < 500
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -100,6 +101,21 @@ def test_identity_depends_on_the_order_of_the_actions() -> None:
 def test_a_real_file_is_read() -> None:
     metadata = parse_metadata((SHARED / "traces" / "a-to-z-2023-model_metadata.json").read_bytes())
     assert metadata.sensors == ("FRONT_FACING_CAMERA",)
+
+
+def test_ten_times_the_keys_take_about_ten_times_as_long() -> None:
+    """The site itself reads this file: what is twice must not be looked for again and again."""
+
+    def seconds(count: int) -> float:
+        text = "{" + ",".join(f'"{number:04x}": 1' for number in range(count)) + ', "zz": 1, "zz": 2}'
+        started = time.process_time()
+        with pytest.raises(UserFault) as fault:
+            parse_metadata(text.encode())
+        assert fault.value.code == "metadata_duplicate_key"
+        return time.process_time() - started
+
+    small, large = (min(seconds(count) for _ in range(5)) for count in (900, 9000))
+    assert large < 40 * small
 
 
 json_values = st.recursive(

@@ -38,6 +38,9 @@ def main(frames_in: int, frames_out: int) -> int:
     if deed == "hides_codes_in_a_sentence":
         params = {"operator": "\x1b[31m<script>" + "x" * 5000, "attribute": ["a", "list"]}
         write_message(frames_out, {"state": "refused", "error": {"code": "onnx_attribute", "params": params}})
+    if deed == "counts_beyond_all_numbers":
+        error = b'{"code": "onnx_output", "params": {"expected": 1e999, "found": 1%s}}' % (b"0" * 4000)
+        write_frame(frames_out, b'{"state": "refused", "error": %s}' % error)
     if deed == "answers_without_a_network":
         write_message(frames_out, {"state": "admitted", "parameters": 1, "macs": 1})
     if deed == "counts_in_words":
