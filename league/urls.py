@@ -14,6 +14,7 @@ urlpatterns = [
     path("settings/", account.settings_page, name="settings"),
     path("settings/tokens/", account.api_tokens, name="api_tokens"),
     path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
+    path("favicon.ico", site.favicon, name="favicon"),
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),
     path("health/ready", site.health_ready, name="health_ready"),

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from django import forms
-from django.utils.translation import gettext
+from django.utils.translation import gettext, gettext_noop
 from django.utils.translation import gettext_lazy as _
 
 from faults import PaddockError
 
 from .npy import MAX_BYTES
 
+# Details of faults that are words of ours (tracks.checks); any other text in a detail is somebody's own.
+WORDS = frozenset({gettext_noop("centre line"), gettext_noop("inner border"), gettext_noop("outer border")})
+
 
 def explain(fault: PaddockError) -> str:
     """The fault's sentence in the reader's language, with its details filled in."""
-    # Details that are words of ours ("inner border") have a translation; any other text is its own.
-    params = {key: gettext(value) if isinstance(value, str) and value else value for key, value in fault.params.items()}
+    params = {key: gettext(value) if value in WORDS else value for key, value in fault.params.items()}
     return fault.reason.render(params, gettext(fault.reason.sentence))
 
 

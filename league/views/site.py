@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from django.conf import settings
-from django.http import HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
+from django.http import (
+    HttpRequest,
+    HttpResponse,
+    HttpResponseRedirect,
+    JsonResponse,
+)
 from django.shortcuts import render
+from django.templatetags.static import static
 from django.utils.http import url_has_allowed_host_and_scheme
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_GET, require_POST, require_safe
@@ -19,6 +25,12 @@ A_YEAR_S = 365 * 24 * 3600
 def about(request: HttpRequest) -> HttpResponse:
     """How it works and the rules."""
     return render(request, "league/about.html", {"upload_limit_mb": settings.UPLOAD_LIMIT_MB})
+
+
+@require_safe
+def favicon(request: HttpRequest) -> HttpResponse:
+    """Where browsers look for the site's mark on pages that do not name it: the admin site, downloads."""
+    return HttpResponseRedirect(static("mark.svg"))
 
 
 @require_POST

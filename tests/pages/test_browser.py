@@ -118,6 +118,16 @@ def upload_console_car(page: playwright.Page) -> None:
     )
 
 
+def race_on_the_oval(page: playwright.Page, name: str) -> None:
+    """Hold a race, send the one car in the garage to it and watch it to its end, without reloading anything."""
+    page.goto("/races/new/?track=oval")
+    page.get_by_label("Name").fill(name)
+    page.get_by_role("button", name="Make the race").click()
+    page.locator("#send").get_by_role("button", name="Submit").click()
+    page.locator("#live-card a").first.click()
+    playwright.expect(page.get_by_role("heading", name="Laps", exact=True)).to_be_visible(timeout=DRIVE_MS)
+
+
 @needs_shared
 def test_a_newcomer_uploads_a_console_car_and_finds_it_ranked(page: playwright.Page) -> None:
     sign_up(page, "newcomer")
@@ -146,12 +156,7 @@ def test_a_newcomer_uploads_a_console_car_and_finds_it_ranked(page: playwright.P
     assert Path(download.value.path()).read_text().startswith("episode,steps,X,Y,")
 
     # a community race of one's own, on the same car
-    page.goto("/races/new/?track=oval")
-    page.get_by_label("Name").fill("Lunch break")
-    page.get_by_role("button", name="Make the race").click()
-    page.locator("#send").get_by_role("button", name="Submit").click()
-    page.locator("#live-card a").first.click()
-    playwright.expect(page.get_by_role("heading", name="Laps", exact=True)).to_be_visible(timeout=DRIVE_MS)
+    race_on_the_oval(page, "Lunch break")
     page.get_by_role("link", name="To the board").click()
     playwright.expect(page.locator("table.board tr.me .place")).to_have_text("1")
 
@@ -159,9 +164,8 @@ def test_a_newcomer_uploads_a_console_car_and_finds_it_ranked(page: playwright.P
 @needs_shared
 def test_a_replay_is_driven_from_the_keyboard(page: playwright.Page) -> None:
     sign_up(page, "keyboarder")
-    page.goto("/races/")
-    page.locator(".race-card", has_text="Lunch break").get_by_role("heading").get_by_role("link").click()
-    page.locator("table.board").get_by_role("link", name="Watch the run").first.click()
+    upload_console_car(page)
+    race_on_the_oval(page, "Keyboard race")
     play = page.get_by_role("button", name="Play")
     play.focus()
     page.keyboard.press("Enter")

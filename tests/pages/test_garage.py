@@ -6,17 +6,19 @@ import io
 import re
 import zipfile
 
+import numpy as np
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 
 from evaluation import services
-from faults import PlatformFault, UserFault
 from evaluation.models import TrainedModel
 from evaluation.services import UploadedModel
+from faults import PlatformFault, UserFault
 from tests.factories import a_model, a_race
 from tests.pages.conftest import World
 from tests.shared import SHARED, needs_shared
+from tracks.geometry import TrackGeometry
 from tracks.models import Track
 
 
@@ -177,6 +179,21 @@ def test_a_refused_track_is_explained_with_its_code(world: World, data: bytes, c
     response = world.client("bob").post("/tracks/import/", sent)
     assert response.status_code == 422
     assert f'data-code="{code}"' in response.content.decode()
+
+
+def test_the_details_of_a_refused_track_are_in_the_readers_language(world: World) -> None:
+    geometry = world.track.geometry
+    swapped = TrackGeometry.from_arrays("x", geometry.centre, geometry.inner, geometry.outer)
+    rows = np.hstack((swapped.centre, swapped.inner, swapped.outer))
+    rows[3, 4:6] = rows[40, 4:6]  # one point of the outer border far down the road
+    stream = io.BytesIO()
+    np.save(stream, np.vstack((rows, rows[:1])))
+    client = world.client("bob")
+    client.cookies["django_language"] = "ko"
+    sent = {"name": "X", "file": SimpleUploadedFile("a.npy", stream.getvalue())}
+    html = client.post("/tracks/import/", sent).content.decode()
+    assert re.search(r'data-code="track_\w+"', html)
+    assert "border" not in re.search(r'<p data-code="track_.*?</p>', html, re.S)[0]
 
 
 def test_a_track_page_lists_only_the_races_that_the_reader_may_see(world: World) -> None:
