@@ -48,14 +48,18 @@ class AdmittedPackage:
 
 
 def admit(
-    files: Sequence[UploadPart], limits: PackageLimits = DEFAULT_LIMITS, *, slots_directory: Path | None = None
+    files: Sequence[UploadPart],
+    limits: PackageLimits = DEFAULT_LIMITS,
+    *,
+    who: int | None = None,
+    slots_directory: Path | None = None,
 ) -> AdmittedPackage:
-    """Read an upload and admit its model, or say why not.
+    """Read an upload and admit its model, or say why not. ``who``: the racer's number, see :func:`.slots.upload_slot`.
 
     Takes about a second. Raises UserFault (upload, metadata, conversion, gate sections) or PlatformFault
     (``upload_busy``, ``conversion_failed``, and those of the sandbox). Leaves no file and no process behind.
     """
-    with upload_slot(limits.slots, limits.slot_wait_s, slots_directory):
+    with upload_slot(limits.slots, limits.slot_wait_s, slots_directory, waiting=limits.waiting, who=who):
         package = read_upload(files, limits)
         metadata = parse_metadata(package.metadata_json, limits)
         onnx, parameters, macs = _ask(package, limits)

@@ -39,6 +39,7 @@ class PackageLimits:
     # --- admitting
     slots: int = 2  # conversions at a time
     slot_wait_s: float = 20.0
+    waiting: int = 2  # uploads that may wait for a slot; with the slots fewer than the web server has threads
 
     def to_dict(self) -> dict:
         """JSON-able form for the sandboxed process."""

@@ -54,7 +54,8 @@ def upload_model(
         name = _valid_name(name)
     description = _valid_description(description)
     _refuse_full_garage(owner)
-    admitted = admit(files, replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE))
+    limits = replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE)
+    admitted = admit(files, limits, who=owner.pk)
     # once before anything is stored, and once more under the lock
     known = _known_model(owner, admitted.sha256, name)
     while known is None:

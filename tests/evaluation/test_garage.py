@@ -41,7 +41,7 @@ def admitted(monkeypatch):
 
     asked = []
 
-    def admit(files, limits):
+    def admit(files, limits, *, who):
         asked.append(limits)
         onnx = b"onnx of " + files[0].stream.read()
         return AdmittedPackage(
@@ -105,7 +105,7 @@ class TestUpload:
         assert second.model.network == first.network
 
     def test_that_is_refused_keeps_nothing(self, alice, now, monkeypatch):
-        def refuse(*args):
+        def refuse(*args, **options):
             raise UserFault("not_a_model")
 
         monkeypatch.setattr(garage, "admit", refuse)
@@ -189,9 +189,9 @@ class TestQuota:
         settings.MODELS_PER_RACER = 1
         admit, both = garage.admit, threading.Barrier(2)
 
-        def admit_together(*args):
+        def admit_together(*args, **options):
             both.wait()
-            return admit(*args)
+            return admit(*args, **options)
 
         monkeypatch.setattr(garage, "admit", admit_together)
         codes = []
@@ -215,9 +215,9 @@ class TestQuota:
     def test_the_same_file_uploaded_twice_at_once_is_one_model(self, alice, now, monkeypatch):
         admit, both = garage.admit, threading.Barrier(2)
 
-        def admit_together(*args):
+        def admit_together(*args, **options):
             both.wait()
-            return admit(*args)
+            return admit(*args, **options)
 
         monkeypatch.setattr(garage, "admit", admit_together)
         created = []

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import functools
 import io
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,6 +126,38 @@ def test_there_are_as_many_slots_as_the_limits_say(tmp_path: Path) -> None:
             pass
         with upload_slot(3, 0.0, tmp_path):
             pass
+
+
+def test_who_comes_when_others_wait_already_is_turned_away_at_once(tmp_path: Path) -> None:
+    """Each that waits holds a thread of the web server."""
+    started = time.monotonic()
+    with upload_slot(1, 0.0, tmp_path), (tmp_path / "waiting-0").open("wb") as another_waits:
+        fcntl.flock(another_waits, fcntl.LOCK_EX)
+        with pytest.raises(PaddockError) as fault, upload_slot(1, 60.0, tmp_path, waiting=1):
+            pass
+    assert fault.value.code == "upload_busy"
+    assert time.monotonic() - started < 30
+
+
+def test_who_waits_gets_the_next_slot(tmp_path: Path) -> None:
+    def take() -> bool:
+        with upload_slot(1, 60.0, tmp_path, waiting=1):
+            return True
+
+    with ThreadPoolExecutor(1) as threads:
+        with upload_slot(1, 0.0, tmp_path):
+            other = threads.submit(take)
+        assert other.result()
+
+
+def test_one_racer_has_one_slot_at_a_time(tmp_path: Path) -> None:
+    with upload_slot(2, 0.0, tmp_path, who=7):
+        with pytest.raises(PaddockError), upload_slot(2, 0.0, tmp_path, who=7):
+            pass
+        with upload_slot(2, 0.0, tmp_path, who=8):
+            pass
+    with upload_slot(2, 0.0, tmp_path, who=7):
+        pass
 
 
 def test_a_refused_upload_gives_its_slot_back(tmp_path: Path) -> None:
