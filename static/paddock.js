@@ -71,7 +71,11 @@
     const chosen = zoneElement.querySelector("[data-chosen]");
     const show = () => {
       const files = [...input.files].map((file) => `${file.name} (${(file.size / 1e6).toFixed(1)} MB)`);
-      chosen.textContent = files.join(" + ");
+      const size = [...input.files].reduce((sum, file) => sum + file.size, 0);
+      const tooLarge = size > Number(zoneElement.dataset.limitMb) * 1024 * 1024;
+      input.setCustomValidity(tooLarge ? zoneElement.dataset.tooLarge : "");
+      chosen.textContent = files.join(" + ") + (tooLarge ? ` – ${zoneElement.dataset.tooLarge}` : "");
+      chosen.classList.toggle("bad", tooLarge);
       chosen.hidden = !files.length;
     };
     input.addEventListener("change", show);

@@ -194,6 +194,19 @@ def test_a_refused_file_is_explained_and_the_page_still_works(page: playwright.P
     playwright.expect(page.get_by_role("main").get_by_role("button", name="Upload")).to_be_enabled()
 
 
+def test_too_large_a_file_is_told_before_it_is_sent(page: playwright.Page, tmp_path: Path) -> None:
+    sign_up(page, "heavy")
+    huge = tmp_path / "model.tar.gz"
+    with huge.open("wb") as file:
+        file.truncate(65 * 1024 * 1024)
+    page.goto("/models/upload/")
+    page.locator("input[type=file]").set_input_files(huge)
+    playwright.expect(page.locator("[data-chosen]")).to_contain_text("More than 64 MB")
+    page.get_by_role("main").get_by_role("button", name="Upload").click()
+    assert page.evaluate("document.querySelector('input[type=file]').validity.customError")
+    assert page.url.endswith("/models/upload/")
+
+
 def test_the_skip_link_and_the_menu_work_from_the_keyboard(page: playwright.Page) -> None:
     sign_up(page, "tabber")
     page.goto("/races/")
