@@ -7,7 +7,8 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from functools import partial
 
@@ -48,9 +49,11 @@ class Supervisor(honcho.Manager):
         """Print a line of our own; safe from any thread."""
         self.events.put(Message(type="line", data=text, time=datetime.now(), name="paddock", colour=None))
 
-    def run(self) -> tuple[str | None, int]:
-        """Run to the end. Returns the program that ended by itself (None: we were told to stop) and the exit status."""
+    def run(self, beside: Callable[[], None]) -> tuple[str | None, int]:
+        """Run to the end, with ``beside`` in a thread. Returns the program that ended by itself (None: we were told to
+        stop) and the exit status."""
         honcho.KILL_WAIT = GRACE_S
+        self._beside = beside
         self.loop()
         return self._ended_first, self.returncode or 0
 
@@ -60,6 +63,10 @@ class Supervisor(honcho.Manager):
             self._ending = True
             self._ended_first = next((name for name, p in self._processes.items() if "returncode" in p), None)
         self._end_what_is_due()
+
+    def _start(self) -> None:
+        super()._start()
+        threading.Thread(target=self._beside, daemon=True).start()  # only now: a process with threads must not fork
 
     def _all_started(self) -> bool:
         """Honcho asks this in every turn of its loop: the place to end what could not be ended before."""
@@ -82,20 +89,22 @@ class Supervisor(honcho.Manager):
 
 
 class _Bound(Process):
-    """A program that ends with the process that started it."""
+    """A program that ends with the process that started it: honcho's helper, which ends with the supervisor."""
 
     def __init__(self, *args, **kwargs) -> None:
         super().__init__(*args, **kwargs)
-        self._child_ctor = partial(Popen, preexec_fn=partial(end_with_parent, signal.SIGTERM))
+        self._supervisor = os.getpid()
 
     def run(self, events=None, ignore_signals: bool = False) -> None:
-        end_with_parent(signal.SIGKILL)
+        """What honcho's helper process does."""
+        end_with_parent(self._supervisor, signal.SIGKILL)
+        self._child_ctor = partial(Popen, preexec_fn=partial(end_with_parent, os.getpid(), signal.SIGTERM))
         super().run(events, ignore_signals)
 
 
-def end_with_parent(signum: int) -> None:
-    """Ask the kernel to send this process ``signum`` when the thread that started it ends (prctl(2))."""
+def end_with_parent(parent: int, signum: int) -> None:
+    """Ask the kernel to send this process ``signum`` when its parent (the thread that started it) ends (prctl(2))."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signum, 0, 0, 0)
-        if os.getppid() == 1:  # it died before we asked
+        if os.getppid() != parent:  # it ended before we asked
             os.kill(os.getpid(), signum)

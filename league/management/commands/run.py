@@ -10,6 +10,7 @@ import threading
 import urllib.error
 import urllib.request
 from argparse import ArgumentParser
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -54,8 +55,7 @@ class Command(BaseCommand):
         for name, command in _programs(host, port).items():
             supervisor.add(name, command, environment, needed_to_the_end=name == "broker")
         connections.close_all()  # the programs are forked from this process
-        threading.Thread(target=_announce, args=(supervisor, shown), daemon=True).start()
-        culprit, status = supervisor.run()
+        culprit, status = supervisor.run(beside=partial(_announce, supervisor, shown))
         lock.close()
         if culprit is not None:
             how = f"signal {-status}" if status < 0 else f"exit status {status}"
