@@ -127,7 +127,7 @@ def test_the_table_in_the_readme_names_lap_times_and_resets(tmp_path: Path) -> N
     text = readme.read_text()
     assert text.startswith("before\n<!-- lap times: begin -->\n| track | direction | X |\n")
     assert text.endswith("<!-- lap times: end -->\nafter\n")
-    assert "| Paddock Oval | ccw | 12.345 (1 resets) |\n| Paddock Oval | cw | no lap |" in text
+    assert "| Paddock Oval | ccw | 12.345 (1 reset) |\n| Paddock Oval | cw | no lap |" in text
     assert "old" not in text
 
 

@@ -74,7 +74,11 @@ def write_table(folder: Path) -> None:
     readme = folder / "README.md"
     if not readme.exists():
         return
-    cars = [json.loads(path.read_text())[KEY] for path in sorted(folder.glob("*.json"))]
+    cars = sorted(
+        (json.loads(path.read_text())[KEY] for path in folder.glob("*.json")),
+        key=lambda car: sum(found["best_lap_ms"] or 0 for ways in car["measured"].values() for found in ways.values()),
+        reverse=True,  # the slowest first, as in the table of the cars
+    )
     before, _, rest = readme.read_text().partition(_BEGIN)
     _, _, after = rest.partition(_END)
     table = "\n".join(_table_lines([car for car in cars if car["measured"]]))
@@ -93,7 +97,8 @@ def _table_lines(cars: list[dict[str, Any]]) -> Iterable[str]:
 def _cell(found: dict[str, Any]) -> str:
     if found["average_lap_ms"] is None:
         return "no lap"
-    resets = f" ({found['resets']} resets)" if found["resets"] else ""
+    count = found["resets"]
+    resets = f" ({count} reset{'s' * (count > 1)})" if count else ""
     return f"{found['average_lap_ms'] / 1000:.3f}{resets}"
 
 
