@@ -9,12 +9,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.core.files.base import ContentFile
 from django.db import IntegrityError, transaction
-from django.db.models import ProtectedError
+from django.db.models import Exists, OuterRef, ProtectedError, Sum
 
 from faults import UserFault
 from tracks.locks import hold
@@ -48,7 +49,7 @@ def upload_model(
     """Read, check and keep a model. Nothing is stored unless all of it is in order.
 
     ``name=None`` names it after its file. Raises UserFault (a code of the upload, metadata, conversion or gate section,
-    or ``garage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
+    or ``garage_full``, ``storage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
     """
     if name is not None:
         name = _valid_name(name)
@@ -99,9 +100,11 @@ def delete_model(*, model: TrainedModel, now: datetime) -> None:
 def purge_garages(*, now: datetime) -> int:
     """Remove for good what was deleted :data:`KEEP_DELETED` ago and never raced, and networks that nobody has.
 
-    Returns how many networks were removed. What has an evaluation stays, so that its result can be verified.
+    Returns how many networks were removed. What has an evaluation stays, so that its result can be verified. Uploads
+    that a killed web server left half received on this machine go too.
     """
     before = now - KEEP_DELETED
+    _remove_abandoned_uploads(before)
     for model in TrainedModel.objects.filter(deleted_at__lt=before, evaluations=None):
         with suppress(ProtectedError, IntegrityError), transaction.atomic():
             model.delete()
@@ -112,6 +115,13 @@ def purge_garages(*, now: datetime) -> int:
             transaction.on_commit(partial(network.onnx.storage.delete, network.onnx.name), robust=True)
             removed += 1
     return removed
+
+
+def _remove_abandoned_uploads(before: datetime) -> None:
+    for path in Path(settings.FILE_UPLOAD_TEMP_DIR).glob("*.upload*"):  # as Django names them
+        with suppress(OSError):
+            if path.stat().st_mtime < before.timestamp():
+                path.unlink()
 
 
 def _known_model(owner: Racer, sha256: str, name: str | None) -> TrainedModel | None:
@@ -153,6 +163,10 @@ def _garage(owner: Racer):
 def _refuse_full_garage(owner: Racer) -> None:
     if _garage(owner).count() >= settings.MODELS_PER_RACER:
         raise UserFault("garage_full", limit=settings.MODELS_PER_RACER)
+    # with the deleted ones, whose files are still there: else one racer could fill the disk by deleting
+    mine = Network.objects.filter(Exists(TrainedModel.objects.filter(network=OuterRef("pk"), owner=owner)))
+    if (mine.aggregate(size=Sum("size"))["size"] or 0) >= settings.STORAGE_PER_RACER_MB * MEGABYTE:
+        raise UserFault("storage_full", limit_mb=settings.STORAGE_PER_RACER_MB)
 
 
 def _refuse_taken_name(owner: Racer, name: str, but: TrainedModel | None = None) -> None:

@@ -53,6 +53,10 @@ REASONS = table(
         "garage_full": _(
             "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."
         ),
+        "storage_full": _(
+            "The networks you uploaded take up %(limit_mb)s MB, which is the most that one racer may store. Those of "
+            "deleted models that never raced are removed after a day; for more, ask an operator."
+        ),
         "model_name_missing": _("The model needs a name with at least one visible character."),
         "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
         "model_name_taken": _("You already have a model named %(name)s. Choose another name."),

@@ -35,7 +35,7 @@ _NOT_THERE = "invitation_unknown entry_missing"
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_has_opened race_is_over race_has_submissions race_limit "
     "entry_withdrawn car_already_submitted submission_running submissions_used_up submission_not_failed "
-    "track_known track_limit track_in_use garage_full model_name_taken too_many_tokens"
+    "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens"
 )
 STATUS_OF: dict[str, int] = {
     **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),

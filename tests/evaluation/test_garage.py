@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import threading
 from datetime import timedelta
 
@@ -184,6 +185,29 @@ class TestQuota:
         upload(alice, now, b"a")
         assert upload(bob, now, b"b").created
 
+    def test_deleting_and_uploading_again_and_again_does_not_fill_the_disk(self, alice, now, settings, admitted):
+        settings.STORAGE_PER_RACER_MB = 3
+        for content in (bytes(2 << 20), bytes(1 << 20)):
+            services.delete_model(model=upload(alice, now, content).model, now=now)
+        with pytest.raises(UserFault) as refusal:
+            upload(alice, now, b"c")
+        assert code_of(refusal) == "storage_full"
+        assert "3 MB" in str(refusal.value)
+        assert len(admitted) == 2
+        assert Network.objects.count() == 2
+
+    def test_what_is_purged_takes_no_storage(self, alice, now, settings):
+        settings.STORAGE_PER_RACER_MB = 1
+        services.delete_model(model=upload(alice, now, bytes(1 << 20)).model, now=now)
+        later = now + timedelta(days=2)
+        services.purge_garages(now=later)
+        assert upload(alice, later, b"b").created
+
+    def test_another_racers_networks_take_no_storage(self, alice, bob, now, settings):
+        settings.STORAGE_PER_RACER_MB = 1
+        upload(alice, now, bytes(1 << 20))
+        assert upload(bob, now, b"b").created
+
     @pytest.mark.django_db(transaction=True)
     def test_two_uploads_at_once_into_the_last_place_make_one_model(self, alice, now, settings, monkeypatch):
         settings.MODELS_PER_RACER = 1
@@ -347,6 +371,15 @@ class TestPurge:
         for model in (raced, shared, recent, kept):
             assert network_files(model.network) == [model.network.onnx.name]
         assert services.purge_garages(now=now) == 0
+
+    def test_uploads_that_a_killed_web_server_left_behind_are_removed(self, now, settings, tmp_path):
+        settings.FILE_UPLOAD_TEMP_DIR = tmp_path
+        left, running, other = (tmp_path / name for name in ("tmpa.upload.zip", "tmpb.upload.gz", "notes.txt"))
+        for path, hours in ((left, 48), (running, 1), (other, 48)):
+            path.touch()
+            os.utime(path, (now.timestamp() - hours * 3600,) * 2)
+        services.purge_garages(now=now)
+        assert sorted(tmp_path.iterdir()) == [other, running]
 
 
 def replace_year(moment):
