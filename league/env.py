@@ -1,4 +1,4 @@
-"""Typed readers for environment variables: a wrong value stops the start with a sentence, not later with a traceback."""
+"""Typed readers for environment variables: a wrong value stops the start with a sentence, not with a traceback."""
 
 from __future__ import annotations
 

@@ -9,14 +9,14 @@ from django.http import HttpRequest, HttpResponse, JsonResponse
 
 from faults import UserFault
 
-from .errors import handle
+from .errors import LengthRequired, handle
 
 # Form fields and boundaries beside the file itself.
 OVERHEAD_BYTES = 1024 * 1024
 
 
 class BodyLimit:
-    """Middleware: refuses API requests that announce more than PADDOCK_UPLOAD_LIMIT_MB.
+    """Middleware: refuses API requests that announce more than PADDOCK_UPLOAD_LIMIT_MB, or do not say how much.
 
     Django bounds form fields and JSON (DATA_UPLOAD_MAX_MEMORY_SIZE), but not files, and it spools them to disk as soon
     as anything asks for the form: with session authentication even the check of the CSRF token does.
@@ -26,11 +26,18 @@ class BodyLimit:
         self.get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponse:
-        limit_mb = settings.UPLOAD_LIMIT_MB
-        if request.path.startswith("/api/") and _announced(request) > limit_mb * 1024 * 1024 + OVERHEAD_BYTES:
-            refusal = handle(UserFault("too_large", limit_mb=limit_mb), {})
-            return JsonResponse(refusal.data, status=refusal.status_code)
+        if request.path.startswith("/api/"):
+            limit_mb = settings.UPLOAD_LIMIT_MB
+            if _announced(request) > limit_mb * 1024 * 1024 + OVERHEAD_BYTES:
+                return _refused(UserFault("too_large", limit_mb=limit_mb))
+            if "HTTP_TRANSFER_ENCODING" in request.META and not _announced(request):
+                return _refused(LengthRequired())
         return self.get_response(request)
+
+
+def _refused(error: Exception) -> JsonResponse:
+    refusal = handle(error, {})
+    return JsonResponse(refusal.data, status=refusal.status_code)
 
 
 def _announced(request: HttpRequest) -> int:

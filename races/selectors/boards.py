@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from django.db.models import Count, OuterRef, Q, QuerySet, Subquery
+from django.db.models.functions import Coalesce
 
 from ..models import Entry, Race
 from ..ranking import MOST_DRIVEN, NOT_CLASSIFIED, rule_for
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 PER_PAGE = 50
 PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 ORDER = ("rank_score", "rank_lap", "resets", "achieved_at", "pk")
+RANKED = {"withdrawn_at": None, "is_baseline": False}  # who may have a rank
 # A range of the index, unlike the column ``classified``, which says the same.
 CLASSIFIED = Q(rank_score__lt=NOT_CLASSIFIED - MOST_DRIVEN)
 
@@ -122,14 +124,24 @@ def board_entries(race: Race) -> QuerySet[Entry]:
 
 def rank_of(entry: Entry) -> int | None:
     """The entry's rank, from 1; None for baselines, for who is not classified and for who has left."""
-    if not entry.classified or entry.is_baseline or entry.is_withdrawn:
-        return None
-    return 1 + board_entries(entry.race).filter(ahead_of(entry), is_baseline=False).order_by().count()
+    return ranks_of([entry])[entry.pk]
 
 
-def ahead_of(entry: Entry) -> Q:
-    """Condition for the entries that stand before a classified ``entry``: a range of the index, then the ties."""
-    score, lap, resets, achieved, pk = entry.rank_key
+def ranks_of(entries: Sequence[Entry]) -> dict[int, int | None]:
+    """The rank of each entry by its id, as :func:`rank_of` says it, of any number of races: one query or none."""
+    ranks: dict[int, int | None] = {entry.pk: None for entry in entries}
+    ranked = [e.pk for e in entries if e.classified and not e.is_baseline and not e.is_withdrawn]
+    if ranked:
+        own = Entry.objects.filter(pk__in=ranked).order_by()
+        ahead = Entry.objects.filter(ahead_of(*map(OuterRef, ORDER)), race=OuterRef("race"), **RANKED).order_by()
+        count = ahead.values("race").annotate(count=Count("pk")).values("count")
+        ranks.update(own.annotate(rank=1 + Coalesce(Subquery(count), 0)).values_list("pk", "rank"))
+    return ranks
+
+
+def ahead_of(score: object, lap: object, resets: object, achieved: object, pk: object) -> Q:
+    """Condition for the entries before the one with this key (values or expressions, in the order of ``ORDER``): a
+    range of the index, then the ties."""
     return Q(rank_score__lte=score) & (
         Q(rank_score__lt=score)
         | Q(rank_lap__lt=lap)

@@ -11,7 +11,7 @@ from django.db.models.functions import Coalesce
 
 from ..models import Entry, Kind, Race, Submission
 from ..ranking import Standing, rule_for
-from .boards import rank_of
+from .boards import ranks_of
 from .visibility import races_visible_to
 
 if TYPE_CHECKING:
@@ -103,12 +103,13 @@ def submissions_of(entry: Entry) -> list[SubmissionRow]:
 
 def racer_history(racer: Racer, viewer: Reader = None, limit: int = HISTORY_LENGTH) -> list[HistoryRow]:
     """The racer's races that ``viewer`` may see, the last to close first, with the rank in each."""
-    entries = (
+    entries = list(
         Entry.objects.filter(racer=racer, withdrawn_at=None, race__in=races_visible_to(viewer).order_by().values("pk"))
         .select_related("race__track", "best__evaluation")
         .order_by("-race__closes_at", "-pk")[:limit]
     )
-    return [HistoryRow(entry, entry.race, rank_of(entry)) for entry in entries]
+    ranks = ranks_of(entries)
+    return [HistoryRow(entry, entry.race, ranks[entry.pk]) for entry in entries]
 
 
 def _counted(races: QuerySet[Race]) -> QuerySet[Race]:

@@ -26,6 +26,7 @@ PATHS = (
     "/models/{model}/",
     "/tracks/",
     "/tracks/oval/",
+    "/racers/alice/",
     "/settings/",
     "/settings/tokens/",
     "/evaluations/{finished}/",
@@ -54,7 +55,9 @@ def test_a_waiting_car_costs_the_race_page_three_queries_more(world: World) -> N
     assert len(sent) <= LIMIT + 5, "\n".join(sent)
 
 
-@pytest.mark.parametrize("path", ["/", "/races/", "/races/open-race/", "/models/", "/models/{model}/", "/tracks/oval/"])
+@pytest.mark.parametrize(
+    "path", ["/", "/races/", "/races/open-race/", "/models/", "/models/{model}/", "/racers/alice/", "/tracks/oval/"]
+)
 def test_more_to_show_needs_no_more_queries(world: World, path: str) -> None:
     client = world.client("alice")
     address_ = address(world, path)
