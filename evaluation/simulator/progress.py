@@ -45,6 +45,26 @@ class Reach:
         return self._gain[index]
 
 
+def clear_distance(track: TrackGeometry) -> float:
+    """Metres round the centre line within which every point is on the road; 0.0 where nothing is sure.
+
+    The centre line lies between the borders and crosses neither, so from one of its points nobody leaves the road by
+    going less far than to the nearest border. Taken from the waypoints, less half the longest stretch between two.
+    """
+    nearest = min(_least_distance(track.centre, border) for border in (track.inner, track.outer))
+    longest = float(np.linalg.norm(np.roll(track.centre, -1, axis=0) - track.centre, axis=1).max())
+    return max(0.0, nearest - longest / 2)
+
+
+def _least_distance(points: np.ndarray, line: np.ndarray) -> float:
+    """Least distance in metres of any of ``points`` (N, 2) to a closed polyline (M, 2)."""
+    along = np.roll(line, -1, axis=0) - line
+    square = np.maximum((along**2).sum(axis=1), 1e-12)  # borders stand still at the inside of a tight corner
+    to_x, to_y = points[:, None, 0] - line[:, 0], points[:, None, 1] - line[:, 1]
+    share = np.clip((to_x * along[:, 0] + to_y * along[:, 1]) / square, 0.0, 1.0)
+    return float(np.sqrt(((to_x - share * along[:, 0]) ** 2 + (to_y - share * along[:, 1]) ** 2).min()))
+
+
 class Odometer:
     """Unwrapped progress of one car's nose.
 

@@ -60,10 +60,15 @@ class Referee:
         physics: CarPhysics,
         reach: Reach | None = None,
         start_m: float = 0.0,
+        clear_m: float = 0.0,
     ) -> None:
+        """``clear_m``: how near to the centre line everything is road (0.0: every wheel is looked at, always)."""
         self.track = track
         self.rules = rules
         self._physics = physics
+        # No wheel is farther from the nose than the rear ones.
+        self._wheel_m = math.hypot(physics.nose_x - physics.rear_axle_x, physics.half_track)
+        self._clear_m = clear_m - self._wheel_m  # of the nose
         self.odometer = Odometer(track, reach or Reach(track))
         self._start_m = start_m
         self._off_track_steps = penalty_steps(rules.off_track_penalty_ms, physics.control_hz)
@@ -148,7 +153,8 @@ class Referee:
         self._noses = (self._noses[1], nose)
         self._standing = self._standing + 1 if moved <= STANDSTILL_M else 0
         self._reversing = self._reversing + 1 if metres < before_m else 0
-        wheels = self._wheels(pose)
+        clear = abs(self.odometer.seen.offset) < self._clear_m  # the common case, and four exact tests less
+        wheels = () if clear else self._wheels(pose)
         self.all_wheels_on_track = all(wheels)
 
         if milliseconds(self.step) >= self._time_limit:
@@ -163,7 +169,7 @@ class Referee:
             else:
                 self.status = LAP_COMPLETE
             return None
-        if not any(wheels) or self._elsewhere():
+        if not clear and (not any(wheels) or self._elsewhere()):
             return self._fault(OFF_TRACK, before_m, before)
         if self._standing >= PATIENCE_STEPS:
             return self._fault(IMMOBILIZED, before_m, before)
@@ -189,10 +195,7 @@ class Referee:
         """
         seen = self.odometer.seen
         left, right = self.track.half_widths_at(seen.distance)
-        physics = self._physics
-        # No wheel is farther from the nose than the rear ones.
-        car = math.hypot(physics.nose_x - physics.rear_axle_x, physics.half_track)
-        return not -right - car <= seen.offset <= left + car
+        return not -right - self._wheel_m <= seen.offset <= left + self._wheel_m
 
     def _cross_lines(self, before_m: float, metres: float) -> None:
         """Write down the sector and finish lines passed in this step, at the share of the step where it happened."""

@@ -13,7 +13,7 @@ from .camera.theme import OFFICIAL, Theme
 from .camera.view import Scene
 from .contestant import Contestant
 from .physics import PADDOCK_CAR, CarPhysics
-from .progress import Reach
+from .progress import Reach, clear_distance
 from .referee import Referee
 from .rules import RaceRules
 from .sensors import make_sensors
@@ -37,6 +37,11 @@ class Ground:
         """See :class:`evaluation.simulator.progress.Reach`."""
         return Reach(self.track)
 
+    @cached_property
+    def clear_m(self) -> float:
+        """See :func:`evaluation.simulator.progress.clear_distance`."""
+        return clear_distance(self.track)
+
 
 class Stage:
     """One run: a fresh world and its contestants. Use it as a context manager or call :meth:`close`."""
@@ -49,7 +54,8 @@ class Stage:
 
     def add(self, sensors: Sequence[str], start_m: float = 0.0) -> Contestant:
         """A car on the centre line, its base ``start_m`` metres after the finish (deepracer-simapp starts at 0)."""
-        referee = Referee(self.ground.track, self.rules, self.world.physics, self.ground.reach, start_m)
+        ground = self.ground
+        referee = Referee(ground.track, self.rules, self.world.physics, ground.reach, start_m, ground.clear_m)
         contestant = Contestant(self.world.add_car(), referee, make_sensors(sensors, lambda: self.ground.scene))
         self.contestants.append(contestant)
         return contestant

@@ -1,0 +1,57 @@
+"""Near the centre line nobody has to look whether a wheel is on the road, and nothing changes by not looking."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+
+from evaluation.simulator import stage
+from evaluation.simulator.policies import CentreLinePilot
+from evaluation.simulator.progress import clear_distance
+from evaluation.simulator.race import run_race
+from evaluation.simulator.rules import RaceRules
+from tests.shared import SHARED, needs_shared
+from tracks.catalogue import CATALOGUE
+from tracks.geometry import TrackGeometry
+from tracks.npy import read_npy
+
+
+def assert_clear(track: TrackGeometry) -> None:
+    """Every point within the clear distance of the centre line is on the road."""
+    clear_m = clear_distance(track)
+    draw = random.Random(4)
+    for _ in range(500):
+        x, y, _ = track.point_at(draw.uniform(0.0, track.length))
+        turn, away = draw.uniform(0.0, math.tau), 0.999 * clear_m * draw.uniform(0.8, 1.0)
+        assert track.on_road(x + away * math.cos(turn), y + away * math.sin(turn))
+
+
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+def test_everything_within_the_clear_distance_is_road(entry) -> None:
+    track = entry.geometry()
+
+    assert_clear(track)
+    assert 0.8 * track.width_at(0.0) / 2 < clear_distance(track) < track.width_at(0.0) / 2
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["caecer_loop", "AWS_track", "thunder_hill_open", "reInvent2019_wide"])
+def test_everything_within_the_clear_distance_is_road_on_tracks_of_uneven_width(name: str) -> None:
+    assert_clear(read_npy((SHARED / "tracks" / f"{name}.npy").read_bytes(), name))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.4, 0.62])
+def test_the_trace_is_the_same_with_and_without_the_shortcut(offset: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    track = next(entry for entry in CATALOGUE if entry.slug == "oval").geometry()
+
+    def trace() -> str:
+        pilot = CentreLinePilot(track, speed=1.5, offset=offset)
+        rules = RaceRules(laps=1, max_simulated_ms=30_000)
+        return run_race(track, rules, pilot.action_space, pilot.sensors, pilot).trace.sha256
+
+    quick = trace()
+    monkeypatch.setattr(stage, "clear_distance", lambda _: 0.0)
+
+    assert trace() == quick
