@@ -115,6 +115,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="paddock-bench-") as folder:
         os.environ["PADDOCK_DATA"] = folder
+        os.environ.pop("DATABASE_URL", None)
         os.environ["DJANGO_SETTINGS_MODULE"] = "league.settings"
         import django
         from django.core.management import call_command

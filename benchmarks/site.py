@@ -179,7 +179,7 @@ def _running_site(data: Path) -> Iterator[str]:
         site = subprocess.Popen(
             [sys.executable, "manage.py", "run", "--port", str(port)],
             cwd=CHECKOUT,
-            env={**os.environ, "PADDOCK_DATA": str(data / "state"), "OMP_NUM_THREADS": "1"},
+            env=_environment(data / "state"),
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
@@ -188,7 +188,7 @@ def _running_site(data: Path) -> Iterator[str]:
     try:
         _wait_until_ready(site, url)
         yield url
-    except (SiteError, OSError) as error:
+    except (SiteError, OSError, sqlite3.Error) as error:
         tail = log.read_text(errors="replace")[-4000:]
         raise SiteError(f"{error}\nThe site's log ends with:\n{tail}") from error
     finally:
@@ -198,6 +198,19 @@ def _running_site(data: Path) -> Iterator[str]:
         except subprocess.TimeoutExpired:
             site.kill()
             site.wait()
+
+
+def _environment(state: Path) -> dict[str, str]:
+    """This process's environment without a word about any other installation's database, broker or settings."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
+    for name in ("DATABASE_URL", "CELERY_BROKER_URL", "CACHE_URL", "STORAGE", "EMAIL_URL"):
+        kept.pop(name, None)
+    return {
+        **kept,
+        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "PADDOCK_DATA": str(state),
+        "OMP_NUM_THREADS": "1",
+    }
 
 
 def _wait_until_ready(site: subprocess.Popen, url: str) -> None:
