@@ -9,16 +9,16 @@ import contextlib
 import select
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from tracks.geometry import TrackGeometry
 
+from .pair import Pair
 from .sandbox.cores import one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
-from .sandbox.launch import SandboxedProcess, launch, widen_pipe
-from .sandbox.limits import RUNNER
+from .sandbox.launch import SandboxedProcess, widen_pipe
 from .sandbox.policy import PolicyProcess, describe, failed_start
 from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from .simulator.engine import cpu_model
@@ -28,7 +28,6 @@ WALL_LIMIT_S = 300.0
 _START_S = 30.0
 _MESSAGE_S = 10.0  # a runner that began to write a message ends it
 _STOP_EVERY_S = 0.25
-_RUNNER_MODULE = "evaluation.runner_process"
 
 
 @dataclass(frozen=True)
@@ -82,13 +81,15 @@ def evaluate(
     *,
     budget: PolicyBudget | None = None,
     level: int | None = None,
+    pair: Pair | None = None,
 ) -> EvaluationOutcome:
     """Run the job behind the wall. Whatever happens, no process, descriptor or file is left when it returns.
 
     ``on_progress`` gets dicts of :class:`evaluation.simulator.race.Progress`; ``should_stop`` is asked about four
     times a second, also in between; both are called in this thread, and what they raise goes through. ``wall_limit_s``
     protects the platform from its own simulator: a model's slowness is judged by ``budget``, which must be the smaller.
-    ``level``: as for :func:`evaluation.sandbox.launch.launch`.
+    ``level``: as for :func:`evaluation.sandbox.launch.launch`. ``pair``: processes that are kept ready, which are used
+    up instead of new ones; the result is the same.
 
     Raises UserFault: ``policy_late``, ``policy_died``, ``policy_memory``, ``policy_protocol``, ``policy_refused``,
     ``non_finite_action``, ``stopped``, and what the simulator says of the model. Raises PlatformFault:
@@ -96,13 +97,9 @@ def evaluate(
     ``runner_error``; notes on it (``__notes__``) carry what the processes wrote to stderr, for operators.
     """
     started = time.monotonic()
-    limits = replace(RUNNER, wall_s=wall_limit_s)
-    with contextlib.ExitStack() as stack:
-        policy = stack.enter_context(PolicyProcess(level=level))
-        pipes = (policy.process.stdout, policy.process.stdin)
-        runner = stack.enter_context(
-            launch(_RUNNER_MODULE, limits=limits, level=level, arguments=[str(fd) for fd in pipes], pass_fds=pipes)
-        )
+    with pair or Pair(level) as used:
+        policy, runner = used.policy, used.runner
+        runner.allow(wall_limit_s)
         run = _Run(policy, runner, on_progress, should_stop)
         onnxruntime = run.prepare(job, budget or PolicyBudget())
         prepared = time.monotonic()

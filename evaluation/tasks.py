@@ -8,18 +8,21 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from time import monotonic
 
 import billiard
 from celery import shared_task
-from celery.signals import worker_process_init, worker_ready, worker_shutting_down
+from celery.signals import worker_process_init, worker_process_shutdown, worker_ready, worker_shutting_down
 from django.utils import timezone
 
 from faults import PlatformFault
 
+from .pair import Spare
 from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
 
 logger = logging.getLogger(__name__)
+_spare: Spare | None = None  # of this process of a pool
 BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
 
 
@@ -35,19 +38,24 @@ def work(self) -> int:
     sweep_queue(now=timezone.now(), ring=False)
     started, count = monotonic(), 0
     with shutdown_flag() as told_to_stop:
-        while not told_to_stop.is_set() and run_next_evaluation(worker=worker, interrupted=told_to_stop.is_set):
+        turn = partial(run_next_evaluation, worker=worker, interrupted=told_to_stop.is_set, spare=_spare)
+        while not told_to_stop.is_set() and turn():
             count += 1
             if monotonic() - started > BUDGET_S:
                 ring_bell()
                 break
+        if not told_to_stop.is_set():
+            _wait_ready()
     return count
 
 
 @shared_task(bind=True)
 def sweep(self) -> dict[str, int]:
     """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
-    _fit(self.request.hostname or "local")
+    fit = _fit(self.request.hostname or "local")
     report = sweep_queue(now=timezone.now())
+    if fit and not report.waiting:
+        _wait_ready()
     return {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
 
 
@@ -67,9 +75,18 @@ def sweep_at_start(sender=None, **kwargs: object) -> None:
 
 
 @worker_process_init.connect
-def outlive_sigterm(**kwargs: object) -> None:
+def begin_process(**kwargs: object) -> None:
     """A SIGTERM to the whole group reaches the pool's processes too; Celery's main process ends idle ones itself."""
+    global _spare
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    _spare = Spare()
+
+
+@worker_process_shutdown.connect
+def end_process(**kwargs: object) -> None:
+    """What was kept ready is not needed any more. (It dies with this process in any case.)"""
+    if _spare is not None:
+        _spare.close()
 
 
 @worker_shutting_down.connect
@@ -92,6 +109,12 @@ def shutdown_flag() -> Iterator[threading.Event]:
         yield told
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _wait_ready() -> None:
+    """Start the processes of the evaluation to come while there is nothing to do. In a pool's process only."""
+    if _spare is not None:
+        _spare.prepare()
 
 
 def _fit(worker: str) -> bool:

@@ -25,6 +25,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from . import bubblewrap, seccomp, uids
@@ -83,6 +84,11 @@ class SandboxedProcess:
 
     def __exit__(self, *_exc: object) -> None:
         self.close()
+
+    def allow(self, wall_s: float) -> None:
+        """Start its wall time now, with this limit: it may have waited for its work since the launch."""
+        self.limits = replace(self.limits, wall_s=wall_s)
+        self.deadline = time.monotonic() + wall_s
 
     @property
     def inner_pid(self) -> int | None:

@@ -20,6 +20,7 @@ from ..models import Evaluation
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 
 if TYPE_CHECKING:
+    from ..pair import Spare
     from ..pipeline import EvaluationOutcome, RaceJob
 
 logger = logging.getLogger(__name__)
@@ -27,8 +28,10 @@ PROGRESS_EVERY_S = 1.0
 BEATS_PER_LEASE = 6
 
 
-def run_next_evaluation(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
-    """Run the evaluation whose turn it is to its end. False: nothing waits.
+def run_next_evaluation(
+    *, worker: str, interrupted: Callable[[], bool] = lambda: False, spare: Spare | None = None
+) -> bool:
+    """Run the evaluation whose turn it is to its end. False: nothing waits. ``spare``: where a ready pair may wait.
 
     ``interrupted`` turns true when the worker is told to shut down: the evaluation is then handed back. Call this from
     a thread that outlives the run (a worker's main thread): the sandboxed processes die with the thread that made them.
@@ -40,7 +43,7 @@ def run_next_evaluation(*, worker: str, interrupted: Callable[[], bool] = lambda
     logger.info("Evaluation %s attempt %s starts.", evaluation, evaluation.attempt)
     with Heart(evaluation.pk, evaluation.lease) as heart:
         try:
-            outcome = _run(evaluation, heart, interrupted)
+            outcome = _run(evaluation, heart, interrupted, spare)
             ended = finish_evaluation(**ident, outcome=outcome, now=timezone.now())
             how = "finished"
         except Exception as error:
@@ -127,11 +130,15 @@ class Heart(threading.Thread):
             connections.close_all()
 
 
-def _run(evaluation: Evaluation, heart: Heart, interrupted: Callable[[], bool]) -> EvaluationOutcome:
+def _run(
+    evaluation: Evaluation, heart: Heart, interrupted: Callable[[], bool], spare: Spare | None
+) -> EvaluationOutcome:
     from ..pipeline import evaluate
 
+    job = job_of(evaluation)
     return evaluate(
-        job_of(evaluation),
+        job,
+        pair=spare.take() if spare else None,
         on_progress=heart.tell,
         should_stop=lambda: heart.lost or interrupted(),
         wall_limit_s=settings.EVALUATION_WALL_SECONDS,
