@@ -6,6 +6,8 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from faults import UserFault
+
 if TYPE_CHECKING:
     from league.models import Racer
 
@@ -29,3 +31,12 @@ def check_eligible(race: Race, racer: Racer, now: datetime) -> None:
         return
     for check in _CHECKS:
         check(race, racer, now)
+
+
+def refusal(race: Race, racer: Racer, now: datetime) -> UserFault | None:
+    """What :func:`check_eligible` would raise, for a page that offers a race or says why not."""
+    try:
+        check_eligible(race, racer, now)
+    except UserFault as fault:
+        return fault
+    return None

@@ -224,6 +224,12 @@ class TrackGeometry:
         """The track that :meth:`to_dict` wrote, checked again like any other: it comes from another process."""
         return cls.from_arrays(data["name"], data["centre"], data["inner"], data["outer"])
 
+    @classmethod
+    def from_trusted_dict(cls, data: dict[str, Any]) -> TrackGeometry:
+        """As :meth:`from_dict`, without the checks (30 ms): for a dict that came from :meth:`to_dict` of a checked track
+        and that nobody else could touch on its way."""
+        return cls(data["name"], *(np.array(data[line], dtype=np.float64) for line in ("centre", "inner", "outer")))
+
     def __len__(self) -> int:
         return len(self._starts)
 

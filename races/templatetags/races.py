@@ -13,6 +13,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from evaluation.models import Evaluation, TrainedModel
+from races.eligibility import refusal
 from races.models import Race, RaceState, Submission
 from races.selectors import races_visible_to, racing_now
 from races.sensors import not_offered
@@ -58,11 +59,12 @@ def races_on(context: Context, track: Track) -> list[Race]:
 
 @register.simple_tag(takes_context=True)
 def races_for(context: Context, model: TrainedModel) -> list[RaceForModel]:
-    """Races that take cars now and offer the model's sensors."""
+    """Races that take cars of the reader now and offer the model's sensors."""
+    now, reader = timezone.now(), context["user"]
     races = [
         race
-        for race in racing_now(timezone.now(), context["user"])[: 2 * RACES_FOR_A_MODEL]
-        if not not_offered(model.sensors, race.sensors)
+        for race in racing_now(now, reader)[: 2 * RACES_FOR_A_MODEL]
+        if not not_offered(model.sensors, race.sensors) and refusal(race, reader, now) is None
     ][:RACES_FOR_A_MODEL]
     sent = Submission.objects.filter(
         entry__race__in=races, entry__racer_id=model.owner_id, network_id=model.network_id, is_void=False

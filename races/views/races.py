@@ -11,6 +11,7 @@ from django.utils import timezone
 from django.views.decorators.http import require_safe
 
 from evaluation.selectors import models_of
+from races.eligibility import refusal
 from races.models import Entry, Kind, Race, RaceState
 from races.ranking import order_rule, rule_for
 from races.selectors import (
@@ -27,6 +28,7 @@ from races.selectors import (
     upcoming,
 )
 from races.sensors import not_offered
+from tracks.forms import explain
 
 from .common import visible_race
 from .latest import LatestRun, latest_run
@@ -131,6 +133,9 @@ def _race_context(request: HttpRequest, shown: Race, entry: Entry | None = None)
         "can_organise": can_organise(request.user, shown),
         "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
     }
+    if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):
+        fault = refusal(shown, request.user, now)
+        context["not_for_me"] = fault and explain(fault)
     if state == RaceState.OPEN and request.user.is_authenticated:
         garage = list(models_of(request.user))
         fitting = [model for model in garage if not not_offered(model.sensors, shown.sensors)]

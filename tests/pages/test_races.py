@@ -291,3 +291,17 @@ def test_a_race_that_is_full_of_my_submissions_offers_no_form(world: World) -> N
     drive(race, world.alice, laps(9_000, 9_000, 9_000), world.now)
     html = world.client("alice").get("/races/one-shot/").content.decode()
     assert "You have used all your submissions" in html and 'name="model"' not in html
+
+
+@pytest.mark.parametrize("opens_in_days", [-1, 1])
+def test_a_race_of_the_other_division_says_so_and_offers_no_button(world: World, opens_in_days: int) -> None:
+    opens_at = world.now + timedelta(days=opens_in_days)
+    pro = a_race(
+        world.now, slug="pro-race", kind="league", division="pro", opens_at=opens_at, closes_at=opens_at + timedelta(9)
+    )
+    client = world.client("alice")
+    page = client.get(pro.get_absolute_url()).content.decode()
+    assert "pro division" in page
+    assert 'id="send"' not in page and "#send" not in page and "/enter/" not in page
+    assert "pro-race" not in client.get(world.model.get_absolute_url()).content.decode()
+    assert "open-race" in client.get(world.model.get_absolute_url()).content.decode()
