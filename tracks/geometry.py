@@ -226,8 +226,8 @@ class TrackGeometry:
 
     @classmethod
     def from_trusted_dict(cls, data: dict[str, Any]) -> TrackGeometry:
-        """As :meth:`from_dict`, without the checks (30 ms): for what :meth:`to_dict` of a checked track wrote and nobody
-        else could touch on its way."""
+        """As :meth:`from_dict`, without the checks (30 ms): for what :meth:`to_dict` of a checked track wrote and
+        nobody else could touch on its way."""
         return cls(data["name"], *(np.array(data[line], dtype=np.float64) for line in ("centre", "inner", "outer")))
 
     def __len__(self) -> int:
