@@ -1,4 +1,4 @@
-"""What stands or drives on a track besides the car that looks: upright blocks, as cameras, lidars and referees see them.
+"""What stands or drives on a track besides the car that looks: upright blocks for cameras, lidars and referees.
 
 Sizes: deepracer-simapp, models/box_obstacle and track_geom/constants.py.
 """
