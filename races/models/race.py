@@ -1,4 +1,4 @@
-"""A race, who is in it, and what they sent."""
+"""A race: where, how, when, and how it is ranked."""
 
 from __future__ import annotations
 
@@ -16,59 +16,15 @@ from django.utils.translation import gettext_lazy as _
 
 from tracks.models import Direction
 
-from .errors import problem
-from .ranking import LAST, MOST_DRIVEN, NO_RESULT, NOT_CLASSIFIED
-from .sensors import OFFERABLE, sensors_make_sense
+from ..errors import problem
+from ..sensors import OFFERABLE, sensors_make_sense
+from .choices import Division, Kind, RaceState, RaceType, RankingMethod, Visibility
 
 ONE_LINE = RegexValidator(r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*\Z", _("Write a name on one line."), code="one_line")
 
 
 def _are(kind: type, *values: object) -> bool:
     return all(isinstance(value, kind) for value in values)
-
-
-class Kind(models.TextChoices):
-    """Who holds a race."""
-
-    LEAGUE = "league", _("league")
-    COMMUNITY = "community", _("community")
-
-
-class Division(models.TextChoices):
-    """The league's divisions. Community races have none."""
-
-    OPEN = "open", _("open division")
-    PRO = "pro", _("pro division")
-
-
-class RaceType(models.TextChoices):
-    """What stands or drives on the track besides the car."""
-
-    TIME_TRIAL = "time_trial", _("time trial")
-
-
-class RankingMethod(models.TextChoices):
-    """What a board ranks by. The rules are the classes in races.ranking."""
-
-    AVERAGE = "average", _("average lap")
-    BEST = "best", _("best lap")
-    TOTAL = "total", _("total time")
-
-
-class Visibility(models.TextChoices):
-    """Who sees a race and may join it."""
-
-    PUBLIC = "public", _("public")
-    INVITATION = "invitation", _("by invitation link")
-
-
-class RaceState(models.TextChoices):
-    """A function of the time, never a column."""
-
-    UPCOMING = "upcoming", _("upcoming")
-    OPEN = "open", _("open")
-    CLOSED = "closed", _("closed")
-    CANCELLED = "cancelled", _("cancelled")
 
 
 def new_invitation() -> str:
@@ -218,135 +174,3 @@ class Race(models.Model):
         if now < self.opens_at:
             return RaceState.UPCOMING
         return RaceState.OPEN if now < self.closes_at else RaceState.CLOSED
-
-
-class Entry(models.Model):
-    """A racer in a race, with their standing: the best counted submission.
-
-    The standing columns are written in the transaction that records a result, by ``races.services`` alone.
-    A board is one index read in order: ``rank_score``, ``rank_lap``, ``resets``, ``achieved_at``, ``id``, smaller first
-    (see races.ranking). Who withdrew or was removed keeps the row with all that was driven, and is on no board.
-    """
-
-    # no index of its own: the unique one over race and racer begins with it
-    race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"), db_index=False)
-    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="entries", verbose_name=_("racer"))
-    entered_at = models.DateTimeField(_("entered"), default=timezone.now)
-    withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
-    removed_at = models.DateTimeField(_("removed by the organiser"), null=True, blank=True)
-    removal_reason = models.CharField(_("reason for removing"), max_length=255, blank=True)
-    is_baseline = models.BooleanField(_("house car, outside the ranking"), default=False)
-
-    submission_count = models.PositiveSmallIntegerField(
-        _("submissions"), default=0, help_text=_("Those that count: refunded ones are taken off again.")
-    )
-    last_number = models.PositiveSmallIntegerField(
-        _("last submission number"), default=0, help_text=_("Only grows: a refunded submission keeps its number.")
-    )
-    best = models.ForeignKey(
-        "races.Submission", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("best submission")
-    )
-    classified = models.BooleanField(_("classified"), default=False)
-    score_ms = models.PositiveIntegerField(_("score"), null=True, blank=True)
-    average_ms = models.PositiveIntegerField(_("average lap"), null=True, blank=True)
-    best_lap_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)
-    total_ms = models.PositiveIntegerField(_("total"), null=True, blank=True)
-    complete_laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
-    off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
-    resets = models.PositiveIntegerField(_("resets"), default=0)
-    sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
-    achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
-    rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
-    rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
-
-    # The fastest of all the racer's submissions, for the green marks of a board.
-    own_lap_ms = models.PositiveIntegerField(_("own fastest lap"), null=True, blank=True)
-    own_sector_1_ms = models.PositiveIntegerField(_("own fastest sector 1"), null=True, blank=True)
-    own_sector_2_ms = models.PositiveIntegerField(_("own fastest sector 2"), null=True, blank=True)
-    own_sector_3_ms = models.PositiveIntegerField(_("own fastest sector 3"), null=True, blank=True)
-
-    class Meta:
-        verbose_name = _("entry")
-        verbose_name_plural = _("entries")
-        constraints = [
-            models.UniqueConstraint(fields=["race", "racer"], name="entry_once_in_a_race"),
-            models.CheckConstraint(
-                condition=Q(classified=False, score_ms__isnull=True, rank_score__gte=NOT_CLASSIFIED - MOST_DRIVEN)
-                | Q(classified=True, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"), achieved_at__isnull=False),
-                name="entry_rank_follows_standing",
-            ),
-            models.CheckConstraint(
-                condition=Q(removed_at__isnull=True) | Q(withdrawn_at__isnull=False), name="entry_removed_is_withdrawn"
-            ),
-            models.CheckConstraint(
-                condition=Q(submission_count__lte=F("last_number")), name="entry_counts_numbered_submissions"
-            ),
-        ]
-        indexes = [
-            # the board, and by it every rank: a prefix of this index in order
-            models.Index(
-                fields=["race", "rank_score", "rank_lap", "resets", "achieved_at", "id", "is_baseline"],
-                condition=Q(withdrawn_at=None),
-                name="entry_board",
-            ),
-            # house cars are few: their places are looked up when a page is ranked
-            models.Index(
-                fields=["race"], condition=Q(is_baseline=True, withdrawn_at=None), name="entry_baselines_of_race"
-            ),
-        ]
-
-    def __str__(self) -> str:
-        return f"{self.racer} in {self.race}"
-
-    @property
-    def is_withdrawn(self) -> bool:
-        """Whether the racer has withdrawn or was removed."""
-        return self.withdrawn_at is not None
-
-    @property
-    def own_sectors_ms(self) -> tuple[int | None, int | None, int | None]:
-        """The racer's own best time in each sector, over all submissions that count."""
-        return self.own_sector_1_ms, self.own_sector_2_ms, self.own_sector_3_ms
-
-    @property
-    def rank_key(self) -> tuple:
-        """What the board sorts by, smaller first; only comparable between entries that have a result."""
-        return self.rank_score, self.rank_lap, self.resets, self.achieved_at, self.pk
-
-
-class Submission(models.Model):
-    """One car sent to one race by an entry, and the evaluation that measures it."""
-
-    # no index of its own: the unique one over entry and number begins with it
-    entry = models.ForeignKey(
-        Entry, models.CASCADE, related_name="submissions", verbose_name=_("entry"), db_index=False
-    )
-    number = models.PositiveSmallIntegerField(_("number"))
-    evaluation = models.OneToOneField(
-        "evaluation.Evaluation", models.PROTECT, related_name="submission", verbose_name=_("evaluation")
-    )
-    network = models.ForeignKey("evaluation.Network", models.PROTECT, related_name="+", verbose_name=_("network"))
-    submitted_at = models.DateTimeField(_("submitted"), default=timezone.now)
-    is_void = models.BooleanField(
-        _("void"), default=False, help_text=_("Ended without a verdict on the car, which may be sent again.")
-    )
-    refunded = models.BooleanField(
-        _("refunded"), default=False, help_text=_("Does not count among the submissions that the race allows.")
-    )
-
-    class Meta:
-        verbose_name = _("submission")
-        verbose_name_plural = _("submissions")
-        ordering = ["-submitted_at", "-pk"]
-        constraints = [
-            models.UniqueConstraint(fields=["entry", "number"], name="submission_number_once"),
-            # one car, one result: the same network cannot be sent twice to a race by the same racer
-            models.UniqueConstraint(
-                fields=["entry", "network"], condition=Q(is_void=False), name="submission_of_a_car_once"
-            ),
-            models.CheckConstraint(condition=Q(refunded=False) | Q(is_void=True), name="submission_refunded_is_void"),
-            models.CheckConstraint(condition=Q(number__gte=1), name="submission_number_from_one"),
-        ]
-
-    def __str__(self) -> str:
-        return f"{self.entry} #{self.number}"

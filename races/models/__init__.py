@@ -1,0 +1,21 @@
+"""A race, who is in it, and what they sent."""
+
+from .choices import Division, Kind, RaceState, RaceType, RankingMethod, Visibility
+from .entry import Entry
+from .race import ONE_LINE, Race, default_sensors, new_invitation
+from .submission import Submission
+
+__all__ = [
+    "ONE_LINE",
+    "Division",
+    "Entry",
+    "Kind",
+    "Race",
+    "RaceState",
+    "RaceType",
+    "RankingMethod",
+    "Submission",
+    "Visibility",
+    "default_sensors",
+    "new_invitation",
+]

@@ -1,0 +1,106 @@
+"""Who is in a race, and where they stand in it."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db import models
+from django.db.models import F, Q
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from ..ranking import LAST, MOST_DRIVEN, NO_RESULT, NOT_CLASSIFIED
+from .race import Race
+
+
+class Entry(models.Model):
+    """A racer in a race, with their standing: the best counted submission.
+
+    The standing columns are written in the transaction that records a result, by ``races.services`` alone.
+    A board is one index read in order: ``rank_score``, ``rank_lap``, ``resets``, ``achieved_at``, ``id``, smaller first
+    (see races.ranking). Who withdrew or was removed keeps the row with all that was driven, and is on no board.
+    """
+
+    # no index of its own: the unique one over race and racer begins with it
+    race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"), db_index=False)
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="entries", verbose_name=_("racer"))
+    entered_at = models.DateTimeField(_("entered"), default=timezone.now)
+    withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
+    removed_at = models.DateTimeField(_("removed by the organiser"), null=True, blank=True)
+    removal_reason = models.CharField(_("reason for removing"), max_length=255, blank=True)
+    is_baseline = models.BooleanField(_("house car, outside the ranking"), default=False)
+
+    submission_count = models.PositiveSmallIntegerField(
+        _("submissions"), default=0, help_text=_("Those that count: refunded ones are taken off again.")
+    )
+    last_number = models.PositiveSmallIntegerField(
+        _("last submission number"), default=0, help_text=_("Only grows: a refunded submission keeps its number.")
+    )
+    best = models.ForeignKey(
+        "races.Submission", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("best submission")
+    )
+    classified = models.BooleanField(_("classified"), default=False)
+    score_ms = models.PositiveIntegerField(_("score"), null=True, blank=True)
+    average_ms = models.PositiveIntegerField(_("average lap"), null=True, blank=True)
+    best_lap_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)
+    total_ms = models.PositiveIntegerField(_("total"), null=True, blank=True)
+    complete_laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
+    off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
+    resets = models.PositiveIntegerField(_("resets"), default=0)
+    sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
+    achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
+    rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
+    rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
+
+    # The fastest of all the racer's submissions, for the green marks of a board.
+    own_lap_ms = models.PositiveIntegerField(_("own fastest lap"), null=True, blank=True)
+    own_sector_1_ms = models.PositiveIntegerField(_("own fastest sector 1"), null=True, blank=True)
+    own_sector_2_ms = models.PositiveIntegerField(_("own fastest sector 2"), null=True, blank=True)
+    own_sector_3_ms = models.PositiveIntegerField(_("own fastest sector 3"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("entry")
+        verbose_name_plural = _("entries")
+        constraints = [
+            models.UniqueConstraint(fields=["race", "racer"], name="entry_once_in_a_race"),
+            models.CheckConstraint(
+                condition=Q(classified=False, score_ms__isnull=True, rank_score__gte=NOT_CLASSIFIED - MOST_DRIVEN)
+                | Q(classified=True, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"), achieved_at__isnull=False),
+                name="entry_rank_follows_standing",
+            ),
+            models.CheckConstraint(
+                condition=Q(removed_at__isnull=True) | Q(withdrawn_at__isnull=False), name="entry_removed_is_withdrawn"
+            ),
+            models.CheckConstraint(
+                condition=Q(submission_count__lte=F("last_number")), name="entry_counts_numbered_submissions"
+            ),
+        ]
+        indexes = [
+            # the board, and by it every rank: a prefix of this index in order
+            models.Index(
+                fields=["race", "rank_score", "rank_lap", "resets", "achieved_at", "id", "is_baseline"],
+                condition=Q(withdrawn_at=None),
+                name="entry_board",
+            ),
+            # house cars are few: their places are looked up when a page is ranked
+            models.Index(
+                fields=["race"], condition=Q(is_baseline=True, withdrawn_at=None), name="entry_baselines_of_race"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.racer} in {self.race}"
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the racer has withdrawn or was removed."""
+        return self.withdrawn_at is not None
+
+    @property
+    def own_sectors_ms(self) -> tuple[int | None, int | None, int | None]:
+        """The racer's own best time in each sector, over all submissions that count."""
+        return self.own_sector_1_ms, self.own_sector_2_ms, self.own_sector_3_ms
+
+    @property
+    def rank_key(self) -> tuple:
+        """What the board sorts by, smaller first; only comparable between entries that have a result."""
+        return self.rank_score, self.rank_lap, self.resets, self.achieved_at, self.pk
