@@ -15,6 +15,18 @@ MAX_AHEAD = timedelta(days=2 * 366)
 # A form is filled in for a while; a race that "opens now" may have opened when it is sent.
 OPENING_SLACK = timedelta(hours=1)
 
+# What stands and drives on the track.
+COURSE_FIELDS = (
+    "boxes",
+    "random_boxes",
+    "box_distance_m",
+    "opponents",
+    "bots",
+    "bot_speed_mps",
+    "bot_lane_changes",
+    "duel_format",
+    "duel_cars",
+)
 # What moves a lap time or an order: fixed from the first submission on, for everybody.
 RULE_FIELDS = (
     "track",
@@ -28,6 +40,7 @@ RULE_FIELDS = (
     "collision_penalty_ms",
     "max_resets",
     "max_simulated_ms",
+    *COURSE_FIELDS,
     "seed",
 )
 # What never changes after a race is made.

@@ -26,6 +26,31 @@ REASONS = table(
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
         "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
         "race_community_has_no_division": _("Divisions belong to league races. Leave the division empty."),
+        # what stands and drives on the track
+        "race_needs_boxes": _(
+            "Object avoidance needs boxes: give 1 to %(most)s fixed places, or how many places are drawn from the seed."
+        ),
+        "race_has_no_boxes": _("Boxes belong to object avoidance. Leave them out, or choose that type of race."),
+        "race_boxes_fixed_or_random": _(
+            "Boxes stand in fixed places or in places drawn from the seed, not both. Leave one of the two empty."
+        ),
+        "race_too_many_boxes": _("A race has at most %(most)s boxes. Take some away."),
+        "race_boxes_shape": _(
+            "Boxes are a list of places, each with a fraction (a number, the share of the lap driven there) and a "
+            "lane (%(lanes)s)."
+        ),
+        "race_box_place": _(
+            "Box %(number)s stands outside %(least)s to %(most)s of the lap, where cars start or finish. Move it."
+        ),
+        "race_needs_opponents": _("A head-to-head race is driven against bots or against models. Choose one."),
+        "race_has_no_opponents": _(
+            "Opponents, bots and duels belong to head-to-head races. Leave them out, or choose that type of race."
+        ),
+        "race_needs_bots": _("A race against bots has 1 to %(most)s of them. Say how many."),
+        "race_bot_speed": _("Bots drive %(least)s to %(most)s m/s. Choose a speed between these."),
+        "race_bots_have_no_duels": _("Duels are driven by models against models. Leave the format of duels empty."),
+        "race_duels_have_no_bots": _("Models race against models without bots. Set the number of bots to 0."),
+        "race_needs_duel_format": _("Models against models need a format. Choose round robin or bracket."),
         "race_limit": _(
             "You already hold %(limit)s races that are not over. Wait until one closes, or cancel one of them."
         ),

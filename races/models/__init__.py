@@ -1,6 +1,6 @@
 """A race, who is in it, and what they sent."""
 
-from .choices import Division, Kind, RaceState, RaceType, RankingMethod, Visibility
+from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, RaceType, RankingMethod, Visibility
 from .entry import Entry
 from .race import ONE_LINE, Race, default_sensors, new_invitation
 from .submission import Submission
@@ -8,8 +8,11 @@ from .submission import Submission
 __all__ = [
     "ONE_LINE",
     "Division",
+    "DuelFormat",
     "Entry",
     "Kind",
+    "Lane",
+    "Opponents",
     "Race",
     "RaceState",
     "RaceType",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.simulator.rules import INNER, OUTER
+
 
 class Kind(models.TextChoices):
     """Who holds a race."""
@@ -24,6 +26,29 @@ class RaceType(models.TextChoices):
     """What stands or drives on the track besides the car."""
 
     TIME_TRIAL = "time_trial", _("time trial")
+    OBJECT_AVOIDANCE = "object_avoidance", _("object avoidance")
+    HEAD_TO_HEAD = "head_to_head", _("head-to-head")
+
+
+class Opponents(models.TextChoices):
+    """Whom a head-to-head race is driven against. Other races have none."""
+
+    BOTS = "bots", _("bot cars")
+    MODELS = "models", _("the other racers' cars")
+
+
+class DuelFormat(models.TextChoices):
+    """How a race of models against models pairs its cars once it has closed. Other races have none."""
+
+    ROUND_ROBIN = "round_robin", _("round robin")
+    BRACKET = "bracket", _("bracket")
+
+
+class Lane(models.TextChoices):
+    """Of a track's two lanes: beside the inner border or beside the outer border, in either direction."""
+
+    INNER = INNER, _("inner lane")
+    OUTER = OUTER, _("outer lane")
 
 
 class RankingMethod(models.TextChoices):

@@ -45,6 +45,7 @@ class Entry(models.Model):
     total_ms = models.PositiveIntegerField(_("total"), null=True, blank=True)
     complete_laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
     off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
+    crashes = models.PositiveIntegerField(_("crashes"), default=0)
     resets = models.PositiveIntegerField(_("resets"), default=0)
     sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
     achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)

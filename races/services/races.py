@@ -14,7 +14,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
-from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.rules import BoxPlace, RaceRules
 from faults import UserFault
 from tracks.locks import hold
 from tracks.models import Track
@@ -161,6 +161,12 @@ def race_rules(race: Race) -> RaceRules:
         max_simulated_ms=race.max_simulated_ms,
         seed=race.seed,
         direction=race.direction,
+        boxes=tuple(BoxPlace(float(box["fraction"]), box["lane"]) for box in race.boxes),
+        random_boxes=race.random_boxes,
+        box_distance_m=race.box_distance_m,
+        bots=race.bots,
+        bot_speed_mps=race.bot_speed_mps,
+        bot_lane_changes=race.bot_lane_changes,
     )
 
 

@@ -32,6 +32,7 @@ _STANDING_FIELDS = (
     "total_ms",
     "complete_laps",
     "off_tracks",
+    "crashes",
     "resets",
     "sectors",
     "achieved_at",
@@ -158,6 +159,7 @@ def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
     entry.total_ms = standing.total_ms
     entry.complete_laps = standing.complete_laps
     entry.off_tracks = standing.off_tracks
+    entry.crashes = standing.crashes
     entry.resets = standing.resets
     entry.sectors = list(standing.sectors)
     entry.achieved_at = submission.submitted_at

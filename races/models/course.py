@@ -1,0 +1,134 @@
+"""What stands or drives on the track of a race: which values go together, in the database and in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.core.exceptions import ValidationError
+from django.db import models
+from django.db.models import Func, Q
+from django.db.models.lookups import LessThanOrEqual
+
+from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, LANES, MAX_BOTS, MAX_BOXES, MAX_CARS
+
+from ..errors import problem
+from .choices import DuelFormat, Opponents, RaceType
+
+if TYPE_CHECKING:
+    from .race import Race
+
+# Where a fixed box may stand, as a share of the lap: not where cars start or finish (DRoA's race form).
+BOX_FRACTIONS = (0.07, 0.90)
+BOX_DISTANCES_M = (0.5, 20.0)
+
+
+class _Length(Func):
+    """How many values a JSON list has."""
+
+    arity = 1
+    function = "JSON_ARRAY_LENGTH"
+    output_field = models.IntegerField()
+
+    def as_postgresql(self, compiler: object, connection: object, **context: object) -> tuple:
+        return super().as_sql(compiler, connection, function="JSONB_ARRAY_LENGTH", **context)
+
+
+_NO_BOXES = Q(boxes=[], random_boxes=0)
+_NO_OPPONENTS = Q(opponents="", bots=0, duel_format="")
+
+CONSTRAINTS = (
+    models.CheckConstraint(
+        condition=Q(race_type="time_trial") & _NO_BOXES & _NO_OPPONENTS
+        | Q(race_type="object_avoidance") & ~_NO_BOXES & _NO_OPPONENTS
+        | Q(race_type="head_to_head") & _NO_BOXES & ~Q(opponents=""),
+        name="race_type_has_its_own_options",
+    ),
+    models.CheckConstraint(
+        condition=Q(random_boxes__lte=MAX_BOXES, boxes=[]) | Q(random_boxes=0) & ~Q(boxes=[]),
+        name="race_boxes_are_fixed_or_drawn",
+    ),
+    models.CheckConstraint(condition=LessThanOrEqual(_Length("boxes"), MAX_BOXES), name="race_box_count"),
+    models.CheckConstraint(
+        condition=Q(box_distance_m__gte=BOX_DISTANCES_M[0], box_distance_m__lte=BOX_DISTANCES_M[1]),
+        name="race_box_distance_range",
+    ),
+    models.CheckConstraint(
+        condition=Q(opponents="", bots=0, duel_format="")
+        | Q(opponents="bots", bots__gte=1, bots__lte=MAX_BOTS, duel_format="")
+        | Q(opponents="models", bots=0) & ~Q(duel_format=""),
+        name="race_opponents_are_bots_or_models",
+    ),
+    models.CheckConstraint(
+        condition=Q(bot_speed_mps__gte=BOT_SPEED_RANGE_MPS[0], bot_speed_mps__lte=BOT_SPEED_RANGE_MPS[1]),
+        name="race_bot_speed_range",
+    ),
+    models.CheckConstraint(condition=Q(duel_cars__gte=2, duel_cars__lte=MAX_CARS), name="race_duel_cars_range"),
+)
+
+
+def problems_of(race: Race) -> dict[str, ValidationError]:
+    """What contradicts itself in a race's boxes, bots and opponents, by the field to change. Values alone: whether the
+    boxes have room on the track is for :func:`races.course.check_course`."""
+    problems = {}
+    if race.race_type == RaceType.OBJECT_AVOIDANCE:
+        problems |= _box_problems(race)
+    else:
+        if race.boxes:
+            problems["boxes"] = problem("race_has_no_boxes")
+        if race.random_boxes:
+            problems["random_boxes"] = problem("race_has_no_boxes")
+    if race.race_type == RaceType.HEAD_TO_HEAD:
+        problems |= _opponent_problems(race)
+    else:
+        for field in ("opponents", "bots", "duel_format"):
+            if getattr(race, field):
+                problems[field] = problem("race_has_no_opponents")
+    return problems
+
+
+def _box_problems(race: Race) -> dict[str, ValidationError]:
+    if not _is_list_of_places(race.boxes):
+        return {"boxes": problem("race_boxes_shape", lanes=" | ".join(LANES))}
+    if race.boxes and race.random_boxes:
+        return {"random_boxes": problem("race_boxes_fixed_or_random")}
+    if not race.boxes and not race.random_boxes:
+        return {"boxes": problem("race_needs_boxes", most=MAX_BOXES)}
+    if len(race.boxes) > MAX_BOXES:
+        return {"boxes": problem("race_too_many_boxes", most=MAX_BOXES)}
+    for number, box in enumerate(race.boxes, start=1):
+        if not BOX_FRACTIONS[0] <= box["fraction"] <= BOX_FRACTIONS[1]:
+            least, most = (f"{fraction:.0%}" for fraction in BOX_FRACTIONS)
+            return {"boxes": problem("race_box_place", number=number, least=least, most=most)}
+    return {}
+
+
+def _is_list_of_places(boxes: object) -> bool:
+    return isinstance(boxes, list) and all(
+        isinstance(box, dict)
+        and set(box) == {"fraction", "lane"}
+        and isinstance(box["fraction"], int | float)
+        and not isinstance(box["fraction"], bool)
+        and box["lane"] in LANES
+        for box in boxes
+    )
+
+
+def _opponent_problems(race: Race) -> dict[str, ValidationError]:
+    if race.opponents == Opponents.BOTS:
+        problems = {}
+        if not race.bots:
+            problems["bots"] = problem("race_needs_bots", most=MAX_BOTS)
+        least, most = BOT_SPEED_RANGE_MPS
+        if isinstance(race.bot_speed_mps, int | float) and not least <= race.bot_speed_mps <= most:
+            problems["bot_speed_mps"] = problem("race_bot_speed", least=f"{least:g}", most=f"{most:g}")
+        if race.duel_format:
+            problems["duel_format"] = problem("race_bots_have_no_duels")
+        return problems
+    if race.opponents == Opponents.MODELS:
+        problems = {}
+        if race.bots:
+            problems["bots"] = problem("race_duels_have_no_bots")
+        if race.duel_format not in DuelFormat.values:
+            problems["duel_format"] = problem("race_needs_duel_format")
+        return problems
+    return {"opponents": problem("race_needs_opponents")}
