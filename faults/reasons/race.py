@@ -42,15 +42,19 @@ REASONS = table(
         "race_box_place": _(
             "Box %(number)s stands outside %(least)s to %(most)s of the lap, where cars start or finish. Move it."
         ),
+        "race_box_distance": _(
+            "Drawn boxes stand at least %(least)s to %(most)s m apart. Choose a distance between these."
+        ),
         "race_needs_opponents": _("A head-to-head race is driven against bots or against models. Choose one."),
         "race_has_no_opponents": _(
             "Opponents, bots and duels belong to head-to-head races. Leave them out, or choose that type of race."
         ),
-        "race_needs_bots": _("A race against bots has 1 to %(most)s of them. Say how many."),
+        "race_bot_count": _("A race against bots has 1 to %(most)s of them. Say how many."),
         "race_bot_speed": _("Bots drive %(least)s to %(most)s m/s. Choose a speed between these."),
         "race_bots_have_no_duels": _("Duels are driven by models against models. Leave the format of duels empty."),
         "race_duels_have_no_bots": _("Models race against models without bots. Set the number of bots to 0."),
         "race_needs_duel_format": _("Models against models need a format. Choose round robin or bracket."),
+        "race_duel_cars": _("A duel has 2 to %(most)s cars. Choose a number between these."),
         "race_limit": _(
             "You already hold %(limit)s races that are not over. Wait until one closes, or cancel one of them."
         ),

@@ -69,7 +69,7 @@ CONSTRAINTS = (
 def problems_of(race: Race) -> dict[str, ValidationError]:
     """What contradicts itself in a race's boxes, bots and opponents, by the field to change. Values alone: whether the
     boxes have room on the track is for :func:`races.course.check_course`."""
-    problems = {}
+    problems = _range_problems(race)
     if race.race_type == RaceType.OBJECT_AVOIDANCE:
         problems |= _box_problems(race)
     else:
@@ -86,6 +86,21 @@ def problems_of(race: Race) -> dict[str, ValidationError]:
     return problems
 
 
+def _range_problems(race: Race) -> dict[str, ValidationError]:
+    """Values that no type of race may have; None, which is no value of its field, is told by the field."""
+    ranges = (
+        ("box_distance_m", "race_box_distance", BOX_DISTANCES_M),
+        ("bot_speed_mps", "race_bot_speed", BOT_SPEED_RANGE_MPS),
+        ("duel_cars", "race_duel_cars", (2, MAX_CARS)),
+    )
+    problems = {}
+    for field, code, (least, most) in ranges:
+        value = getattr(race, field)
+        if isinstance(value, int | float) and not least <= value <= most:
+            problems[field] = problem(code, least=f"{least:g}", most=f"{most:g}")
+    return problems
+
+
 def _box_problems(race: Race) -> dict[str, ValidationError]:
     if not _is_list_of_places(race.boxes):
         return {"boxes": problem("race_boxes_shape", lanes=" | ".join(LANES))}
@@ -93,7 +108,7 @@ def _box_problems(race: Race) -> dict[str, ValidationError]:
         return {"random_boxes": problem("race_boxes_fixed_or_random")}
     if not race.boxes and not race.random_boxes:
         return {"boxes": problem("race_needs_boxes", most=MAX_BOXES)}
-    if len(race.boxes) > MAX_BOXES:
+    if len(race.boxes) > MAX_BOXES or race.random_boxes > MAX_BOXES:
         return {"boxes": problem("race_too_many_boxes", most=MAX_BOXES)}
     for number, box in enumerate(race.boxes, start=1):
         if not BOX_FRACTIONS[0] <= box["fraction"] <= BOX_FRACTIONS[1]:
@@ -116,11 +131,8 @@ def _is_list_of_places(boxes: object) -> bool:
 def _opponent_problems(race: Race) -> dict[str, ValidationError]:
     if race.opponents == Opponents.BOTS:
         problems = {}
-        if not race.bots:
-            problems["bots"] = problem("race_needs_bots", most=MAX_BOTS)
-        least, most = BOT_SPEED_RANGE_MPS
-        if isinstance(race.bot_speed_mps, int | float) and not least <= race.bot_speed_mps <= most:
-            problems["bot_speed_mps"] = problem("race_bot_speed", least=f"{least:g}", most=f"{most:g}")
+        if isinstance(race.bots, int) and not 1 <= race.bots <= MAX_BOTS:
+            problems["bots"] = problem("race_bot_count", most=MAX_BOTS)
         if race.duel_format:
             problems["duel_format"] = problem("race_bots_have_no_duels")
         return problems

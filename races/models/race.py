@@ -14,14 +14,12 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import MAX_BOTS, MAX_BOXES, MAX_CARS
 from tracks.models import Direction
 
 from ..errors import problem
 from ..sensors import OFFERABLE, sensors_make_sense
 from . import course
 from .choices import Division, DuelFormat, Kind, Opponents, RaceState, RaceType, RankingMethod, Visibility
-from .course import BOX_DISTANCES_M
 
 ONE_LINE = RegexValidator(r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*\Z", _("Write a name on one line."), code="one_line")
 
@@ -98,24 +96,16 @@ class Race(models.Model):
         blank=True,
         help_text=_('A list of {"fraction": share of the lap from the finish line, "lane": "inner" or "outer"}.'),
     )
-    random_boxes = models.PositiveSmallIntegerField(
-        _("boxes in places drawn from the seed"), default=0, validators=[MaxValueValidator(MAX_BOXES)]
-    )
-    box_distance_m = models.FloatField(
-        _("least distance between drawn boxes in metres"),
-        default=2.0,
-        validators=[MinValueValidator(BOX_DISTANCES_M[0]), MaxValueValidator(BOX_DISTANCES_M[1])],
-    )
+    random_boxes = models.PositiveSmallIntegerField(_("boxes in places drawn from the seed"), default=0)
+    box_distance_m = models.FloatField(_("least distance between drawn boxes in metres"), default=2.0)
     opponents = models.CharField(_("opponents"), max_length=6, choices=Opponents.choices, blank=True)
-    bots = models.PositiveSmallIntegerField(_("bot cars"), default=0, validators=[MaxValueValidator(MAX_BOTS)])
+    bots = models.PositiveSmallIntegerField(_("bot cars"), default=0)
     bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=1.0)
     bot_lane_changes = models.BooleanField(
         _("bot cars change lanes"), default=False, help_text=_("At moments drawn from the seed.")
     )
     duel_format = models.CharField(_("duels"), max_length=11, choices=DuelFormat.choices, blank=True)
-    duel_cars = models.PositiveSmallIntegerField(
-        _("cars in a duel"), default=2, validators=[MinValueValidator(2), MaxValueValidator(MAX_CARS)]
-    )
+    duel_cars = models.PositiveSmallIntegerField(_("cars in a duel"), default=2)
     seed = models.PositiveIntegerField(_("seed"), default=0, validators=[MaxValueValidator(2**31 - 1)])
     visibility = models.CharField(_("visibility"), max_length=10, choices=Visibility.choices, default=Visibility.PUBLIC)
     invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)
