@@ -9,7 +9,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
-from .models import Evaluation, Network, Result, State, TrainedModel, WorkerNode
+from .models import Evaluation, EvaluationRival, Network, Result, RivalResult, State, TrainedModel, WorkerNode
 from .services import delete_model, stop_evaluation, sweep_queue
 
 
@@ -51,10 +51,10 @@ class TrainedModelAdmin(ReadOnlyAdmin):
         return request.user.has_perm("evaluation.delete_trainedmodel")
 
 
-class ResultInline(admin.StackedInline):
-    model = Result
+class ReadOnlyInline(admin.StackedInline):
+    """Rows that only services write, on another row's page."""
+
     can_delete = False
-    exclude = ["line"]
     extra = 0
 
     def has_add_permission(self, request: HttpRequest, obj=None) -> bool:
@@ -64,6 +64,34 @@ class ResultInline(admin.StackedInline):
         return False
 
 
+class EvaluationRivalInline(ReadOnlyInline):
+    model = EvaluationRival
+
+
+class ResultInline(ReadOnlyInline):
+    model = Result
+    show_change_link = True
+    exclude = ["line"]
+
+
+class RivalResultInline(ReadOnlyInline):
+    model = RivalResult
+    exclude = ["line"]
+
+
+@admin.register(Result)
+class ResultAdmin(ReadOnlyAdmin):
+    """Reached from an evaluation: here are the results of the other cars in it."""
+
+    list_display = ["evaluation", "end_reason", "complete_laps", "best_lap_ms", "engine", "created_at"]
+    list_filter = ["end_reason", "retired_code", "engine"]
+    search_fields = ["evaluation__public_id", "trace_sha256"]
+    list_select_related = ["evaluation"]
+    exclude = ["line"]
+    date_hierarchy = "created_at"
+    inlines = [RivalResultInline]
+
+
 @admin.register(Evaluation)
 class EvaluationAdmin(ReadOnlyAdmin):
     list_display = ["public_id", "state", "owner", "model", "track", "attempt", "reason_code", "worker", "queued_at"]
@@ -71,7 +99,7 @@ class EvaluationAdmin(ReadOnlyAdmin):
     search_fields = ["public_id", "owner__alias", "model__name", "model__public_id"]
     list_select_related = ["owner", "model", "track"]
     date_hierarchy = "queued_at"
-    inlines = [ResultInline]
+    inlines = [EvaluationRivalInline, ResultInline]
     actions = ["stop", "sweep"]
 
     @admin.action(description=_("Stop for good"), permissions=["stop"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from typing import Any
 
 from django.conf import settings
 from django.db import models
@@ -15,8 +16,22 @@ from django.utils.translation import gettext_lazy as _
 from faults.reasons import REASONS
 
 from .ids import new_public_id
+from .simulator.rules import MAX_CARS
 
 SHA256 = r"^[0-9a-f]{64}$"
+
+
+def alone() -> list[int]:
+    """The order at the end of a run with one car."""
+    return [0]
+
+
+def _sentence(code: str, params: dict[str, Any]) -> str:
+    """A reason in the reader's language; ``""`` for none."""
+    if not code:
+        return ""
+    reason = REASONS[code]
+    return reason.render(params, _now(reason.sentence))
 
 
 class Network(models.Model):
@@ -99,6 +114,7 @@ class Evaluation(models.Model):
     """One run of one network on one track under one set of rules, and its place in the queue.
 
     ``spec`` is frozen when the row is made: ``{"track": fingerprint, "rules": RaceRules.to_dict(), "metadata": ...}``.
+    Cars that race along are rows of :class:`EvaluationRival`, made with it and frozen likewise.
     A worker claims a row by a guarded UPDATE that writes its lease; every later write names that lease.
     """
 
@@ -166,10 +182,7 @@ class Evaluation(models.Model):
     @property
     def reason(self) -> str:
         """The reason's sentence in the reader's language, or ``""``."""
-        if not self.reason_code:
-            return ""
-        reason = REASONS[self.reason_code]
-        return reason.render(self.reason_params, _now(reason.sentence))
+        return _sentence(self.reason_code, self.reason_params)
 
     @property
     def is_platform_fault(self) -> bool:
@@ -177,48 +190,123 @@ class Evaluation(models.Model):
         return self.state == State.FAILED and REASONS[self.reason_code].fault == "platform"
 
 
-class Result(models.Model):
-    """What one finished evaluation measured. Written once, by the worker that held the lease; never changed.
+class EvaluationRival(models.Model):
+    """Another submitted car in the same world: car ``number``, where the evaluation's own model is car 0.
+
+    Written with the evaluation and never changed. ``metadata``: the model's, frozen as in ``Evaluation.spec``.
+    """
+
+    evaluation = models.ForeignKey(Evaluation, models.CASCADE, related_name="rivals", verbose_name=_("evaluation"))
+    number = models.PositiveSmallIntegerField(_("number"))
+    model = models.ForeignKey(TrainedModel, models.PROTECT, related_name="rival_evaluations", verbose_name=_("model"))
+    metadata = models.JSONField(_("model metadata"))
+
+    class Meta:
+        verbose_name = _("rival")
+        verbose_name_plural = _("rivals")
+        ordering = ["evaluation", "number"]
+        constraints = [
+            models.UniqueConstraint(fields=["evaluation", "number"], name="rival_number_unique"),
+            models.CheckConstraint(condition=Q(number__gte=1, number__lt=MAX_CARS), name="rival_number_in_range"),
+            models.CheckConstraint(condition=~Q(metadata={}), name="rival_has_metadata"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.evaluation} {self.number}"
+
+
+class CarResult(models.Model):
+    """What one car of an evaluation did.
 
     ``laps``: a list of LapResult dicts in order (times in whole simulated milliseconds).
     ``line``: per lap a list of [x, y, speed] points in metres and m/s, thinned for drawing.
+    ``retired_code``: why a car that was not alone on the track was taken off it; ``""`` for one that raced to the end.
     """
 
-    evaluation = models.OneToOneField(Evaluation, models.CASCADE, related_name="result", verbose_name=_("evaluation"))
-    lease = models.UUIDField(_("lease"), default=uuid.uuid4, editable=False)
     laps = models.JSONField(_("laps"))
     line = models.JSONField(_("line"), default=list)
     end_reason = models.CharField(_("ended because"), max_length=32)
+    retired_code = models.CharField(_("retired because"), max_length=40, blank=True)
+    retired_params = models.JSONField(_("details"), default=dict, blank=True)
     complete_laps = models.PositiveSmallIntegerField(_("complete laps"))
     best_lap_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)
     total_ms = models.PositiveIntegerField(_("total"))
     off_tracks = models.PositiveIntegerField(_("off tracks"), default=0)
     crashes = models.PositiveIntegerField(_("crashes"), default=0)
     resets = models.PositiveIntegerField(_("resets"), default=0)
-    simulated_ms = models.PositiveIntegerField(_("simulated"))
-    wall_s = models.FloatField(_("wall seconds"))
-    peak_mb = models.FloatField(_("peak memory"))
     trace = models.FileField(_("trace"), upload_to="traces/")
     trace_sha256 = models.CharField(_("sha-256 of the trace"), max_length=64)
     metrics = models.JSONField(_("metrics"))
+
+    class Meta:
+        abstract = True
+        constraints = [
+            models.CheckConstraint(condition=Q(trace_sha256__regex=SHA256), name="%(class)s_trace_sha256_form"),
+            models.CheckConstraint(
+                # not null by name: a comparison with null is neither true nor false, and a check lets that pass
+                condition=Q(complete_laps=0, best_lap_ms__isnull=True)
+                | Q(complete_laps__gt=0, best_lap_ms__isnull=False, best_lap_ms__gt=0),
+                name="%(class)s_best_lap_needs_a_lap",
+            ),
+            models.CheckConstraint(
+                condition=Q(end_reason="retired") & ~Q(retired_code="") | ~Q(end_reason="retired") & Q(retired_code=""),
+                name="%(class)s_retired_for_a_reason",
+            ),
+        ]
+
+    @property
+    def retired(self) -> str:
+        """Why it was taken off the track, in the reader's language, or ``""``."""
+        return _sentence(self.retired_code, self.retired_params)
+
+
+class Result(CarResult):
+    """What one finished evaluation measured. Written once, by the worker that held the lease; never changed.
+
+    Its own columns are car 0's, the evaluation's own model; other submitted cars are rows of :class:`RivalResult`.
+    ``order``: the numbers of all cars, winner first. ``course``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"},
+    ...]}``; ``bots``: the poses of bot cars, a gzipped file. :func:`evaluation.services.results.read_course` has both.
+    """
+
+    evaluation = models.OneToOneField(Evaluation, models.CASCADE, related_name="result", verbose_name=_("evaluation"))
+    lease = models.UUIDField(_("lease"), default=uuid.uuid4, editable=False)
+    order = models.JSONField(_("order"), default=alone)
+    course = models.JSONField(_("course"), default=dict, blank=True)
+    bots = models.FileField(_("bot cars"), upload_to="traces/", blank=True)
+    simulated_ms = models.PositiveIntegerField(_("simulated"))
+    wall_s = models.FloatField(_("wall seconds"))
+    peak_mb = models.FloatField(_("peak memory"))
     engine = models.CharField(_("engine"), max_length=32)
     versions = models.JSONField(_("library versions"))
     cpu_model = models.CharField(_("processor"), max_length=128, blank=True)
     created_at = models.DateTimeField(_("recorded"), default=timezone.now)
 
-    class Meta:
+    class Meta(CarResult.Meta):
         verbose_name = _("result")
         verbose_name_plural = _("results")
-        constraints = [
-            models.CheckConstraint(condition=Q(trace_sha256__regex=SHA256), name="result_trace_sha256_form"),
-            models.CheckConstraint(
-                condition=Q(complete_laps=0, best_lap_ms__isnull=True) | Q(complete_laps__gt=0, best_lap_ms__gt=0),
-                name="result_best_lap_needs_a_lap",
-            ),
-        ]
 
     def __str__(self) -> str:
         return f"{self.evaluation} {self.trace_sha256[:12]}"
+
+
+class RivalResult(CarResult):
+    """What another submitted car did in the same run; ``number`` as in :class:`EvaluationRival`."""
+
+    result = models.ForeignKey(Result, models.CASCADE, related_name="rivals", verbose_name=_("result"))
+    number = models.PositiveSmallIntegerField(_("number"))
+
+    class Meta(CarResult.Meta):
+        verbose_name = _("result of a rival")
+        verbose_name_plural = _("results of rivals")
+        ordering = ["result", "number"]
+        constraints = [
+            *CarResult.Meta.constraints,
+            models.UniqueConstraint(fields=["result", "number"], name="rivalresult_number_unique"),
+            models.CheckConstraint(condition=Q(number__gte=1, number__lt=MAX_CARS), name="rivalresult_number_in_range"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.result} {self.number}"
 
 
 class WorkerNode(models.Model):

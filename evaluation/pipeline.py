@@ -9,13 +9,14 @@ import contextlib
 import select
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from tracks.geometry import TrackGeometry
 
 from .pair import Pair
+from .rivals import check_rivals
 from .sandbox.cores import one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from .sandbox.launch import SandboxedProcess, widen_pipe
@@ -31,13 +32,28 @@ _STOP_EVERY_S = 0.25
 
 
 @dataclass(frozen=True)
+class RivalCar:
+    """Another submitted car in the same world, as in :class:`RaceJob`."""
+
+    onnx: bytes
+    metadata: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class RaceJob:
-    """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes."""
+    """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes.
+
+    ``rivals``: cars 1, 2 and 3; the model itself is car 0. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
+    """
 
     track: TrackGeometry
     rules: RaceRules
     onnx: bytes
     metadata: dict[str, Any]
+    rivals: tuple[RivalCar, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_rivals(self.rules, len(self.rivals))
 
 
 @dataclass(frozen=True)
@@ -50,12 +66,29 @@ class PolicyBudget:
 
 
 @dataclass(frozen=True)
-class EvaluationOutcome:
-    """What came of it. ``laps``: dicts of :class:`evaluation.simulator.race.LapResult`; times in simulated ms.
+class CarOutcome:
+    """What came of one car. ``laps``: dicts of :class:`evaluation.simulator.race.LapResult`; times in simulated ms.
 
-    ``trace_csv``: the official sim-trace; ``metrics``: the field's evaluation metrics. ``shares``: wall seconds in
-    ``start`` (processes, loading), ``physics``, ``camera``, ``policy`` (of which ``network`` on the model's own CPU
-    clock, the rest pipes) and ``other``. ``peak_mb``: largest resident sets of policy and runner added up.
+    ``trace_csv``: the official sim-trace; ``metrics``: the field's evaluation metrics. ``retired``: the fault that took
+    the car off the track while others drove on, ``{"code", "params"}``, or None.
+    """
+
+    laps: list[dict[str, Any]]
+    end_reason: str
+    retired: dict[str, Any] | None
+    trace_csv: bytes
+    trace_sha256: str
+    metrics: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class EvaluationOutcome:
+    """What came of an evaluation: car 0 as in :class:`CarOutcome`, and ``rivals``.
+
+    ``course``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... a row], ... a bot]}`` in
+    metres and radians. ``order``: the numbers of all cars, winner first. ``shares``: wall seconds in ``start``
+    (processes, loading), ``physics``, ``camera``, ``policy`` (of which ``network`` on the models' own CPU clocks, the
+    rest pipes) and ``other``. ``peak_mb``: largest resident sets of policies and runner added up.
     """
 
     laps: list[dict[str, Any]]
@@ -71,6 +104,10 @@ class EvaluationOutcome:
     wall_s: float
     shares: dict[str, float]
     peak_mb: float
+    retired: dict[str, Any] | None = None
+    course: dict[str, list] = field(default_factory=dict)
+    order: list[int] = field(default_factory=lambda: [0])
+    rivals: list[CarOutcome] = field(default_factory=list)
 
 
 def evaluate(

@@ -31,8 +31,15 @@ def can_use_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
 
 
 def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) -> bool:
-    """Whether the racer may stop the evaluation: its owner or an admin, while it waits or runs."""
-    return not evaluation.is_final and racer.pk is not None and (racer.pk == evaluation.owner_id or racer.is_staff)
+    """Whether the racer may stop the evaluation while it waits or runs: an admin, or its owner.
+
+    An owner who races somebody else's car may not: the duel is the other's as well.
+    """
+    if evaluation.is_final or racer.pk is None:
+        return False
+    if racer.is_staff:
+        return True
+    return racer.pk == evaluation.owner_id and not evaluation.rivals.exclude(model__owner=racer.pk).exists()
 
 
 def queue_length() -> int:

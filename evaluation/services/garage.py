@@ -105,7 +105,7 @@ def purge_garages(*, now: datetime) -> int:
     """
     before = now - KEEP_DELETED
     _remove_abandoned_uploads(before)
-    for model in TrainedModel.objects.filter(deleted_at__lt=before, evaluations=None):
+    for model in TrainedModel.objects.filter(deleted_at__lt=before, evaluations=None, rival_evaluations=None):
         with suppress(ProtectedError, IntegrityError), transaction.atomic():
             model.delete()
     removed = 0

@@ -23,7 +23,7 @@ from ..line import heads_of_line
 from ..models import Evaluation, State
 from ..signals import evaluation_ended
 from .bell import ring_bell
-from .results import delete_trace, result_of, store_trace, trace_name
+from .results import delete_files, file_names, store_files, write_result
 
 if TYPE_CHECKING:
     from ..pipeline import EvaluationOutcome
@@ -65,27 +65,26 @@ def beat(*, evaluation_id: int, lease: uuid.UUID, progress: dict | None, now: da
 def finish_evaluation(*, evaluation_id: int, lease: uuid.UUID, outcome: EvaluationOutcome, now: datetime) -> bool:
     """Write the result, once, with everything that receivers of ``evaluation_ended`` write. False: the lease is gone.
 
-    The trace's file is stored before the transaction, under a name of this lease alone, and deleted again when the
-    transaction does not go through.
+    The files of the run are stored before the transaction, under names of this lease alone, and deleted again when
+    the transaction does not go through.
     """
     evaluation = _held(evaluation_id, lease).first()
     if evaluation is None:
         return False
-    trace = store_trace(evaluation, outcome.trace_csv)
+    files = store_files(evaluation, outcome)
     try:
         with transaction.atomic():
             finished = _held(evaluation_id, lease).update(
                 state=State.FINISHED, lease=None, leased_until=None, ended_at=now, reason_code="", reason_params={}
             )
             if finished:
-                result = result_of(evaluation_id, lease, outcome, trace, now)
-                result.save(force_insert=True)
+                result = write_result(evaluation_id, lease, outcome, files, now)
                 _tell(evaluation_id, result, now)
     except BaseException:
-        delete_trace(trace)
+        files.delete()
         raise
     if not finished:
-        delete_trace(trace)
+        files.delete()
     return bool(finished)
 
 
@@ -142,7 +141,7 @@ def sweep_queue(*, now: datetime, ring: bool = True) -> SweepReport:
         except Exception:
             logger.exception("Evaluation %s cannot be ended.", evaluation)
             continue
-        delete_trace(trace_name(evaluation))  # left behind if the worker died between storing and committing
+        delete_files(file_names(evaluation))  # left behind if the worker died between storing and committing
         if _may_try_again(evaluation):
             requeued += 1
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,8 @@ from django.db import transaction
 
 from faults import UserFault
 
-from ..models import Evaluation, State, TrainedModel
+from ..models import Evaluation, EvaluationRival, State, TrainedModel
+from ..rivals import check_rivals
 from ..selectors import can_use_model
 from ..signals import evaluation_ended
 from .bell import ring_bell
@@ -23,14 +25,27 @@ if TYPE_CHECKING:
 
 @transaction.atomic
 def queue_evaluation(
-    *, owner: Racer, model: TrainedModel, track: Track, rules: RaceRules, priority: int = 0, now: datetime
+    *,
+    owner: Racer,
+    model: TrainedModel,
+    track: Track,
+    rules: RaceRules,
+    rivals: Sequence[TrainedModel] = (),
+    priority: int = 0,
+    now: datetime,
 ) -> Evaluation:
     """Freeze what is to be run and put it into the queue; a worker is woken once the transaction is committed.
 
-    Raises UserFault("model_not_yours") for somebody else's model and for a deleted one.
+    ``rivals``: models that race along as cars 1, 2 and 3, whoever owns them: that they may meet is the caller's word.
+    A run with rivals is made of models that were entered before, so one that left its garage since then still races.
+
+    Raises UserFault("model_not_yours") for somebody else's model and, alone on the track, for a deleted one;
+    ``rivals_race_type``, ``rivals_with_bots``, ``too_many_rivals``.
     """
-    if not can_use_model(owner, model):
+    mine = model.owner_id == owner.pk if rivals else can_use_model(owner, model)
+    if not mine:
         raise UserFault("model_not_yours")
+    check_rivals(rules, len(rivals))
     evaluation = Evaluation.objects.create(
         owner=owner,
         model=model,
@@ -38,6 +53,10 @@ def queue_evaluation(
         spec={"track": track.fingerprint, "rules": rules.to_dict(), "metadata": model.metadata},
         priority=priority,
         queued_at=now,
+    )
+    EvaluationRival.objects.bulk_create(
+        EvaluationRival(evaluation=evaluation, number=number, model=rival, metadata=rival.metadata)
+        for number, rival in enumerate(rivals, 1)
     )
     ring_bell()
     return evaluation

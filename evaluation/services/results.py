@@ -1,55 +1,92 @@
-"""From what the pipeline measured to the row and the file that are kept."""
+"""From what the pipeline measured to the rows and the files that are kept."""
 
 from __future__ import annotations
 
 import csv
 import gzip
 import io
+import json
 import logging
 import uuid
+from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from django.core.files.base import ContentFile
 from django.core.files.storage import Storage
+from django.db.models import Q
 
 from faults import PlatformFault
 
-from ..models import Evaluation, Result
+from ..models import CarResult, Evaluation, Result, RivalResult
+from ..simulator.rules import MAX_CARS
 
 if TYPE_CHECKING:
-    from ..pipeline import EvaluationOutcome
+    from ..pipeline import CarOutcome, EvaluationOutcome
 
 logger = logging.getLogger(__name__)
 POINTS_PER_LAP = 240
 
 
-def result_of(evaluation_id: int, lease: uuid.UUID, outcome: EvaluationOutcome, trace: str, now: datetime) -> Result:
-    """The unsaved row for an outcome whose trace is stored as ``trace``."""
-    complete = [lap["time_ms"] for lap in outcome.laps if lap["complete"]]
-    return Result(
+@dataclass(frozen=True)
+class RunFiles:
+    """Names of the stored files of a run: the traces of all cars, car 0 first, and the bot cars' poses (or ``""``)."""
+
+    traces: list[str]
+    bots: str = ""
+
+    def delete(self) -> None:
+        """:func:`delete_files` for all of them."""
+        delete_files([*self.traces, self.bots] if self.bots else self.traces)
+
+
+def write_result(
+    evaluation_id: int, lease: uuid.UUID, outcome: EvaluationOutcome, files: RunFiles, now: datetime
+) -> Result:
+    """Write the rows of an outcome whose files are stored. Call it in a transaction."""
+    result = Result(
         evaluation_id=evaluation_id,
         lease=lease,
-        laps=outcome.laps,
-        line=driven_line(outcome.trace_csv),
-        end_reason=outcome.end_reason,
-        complete_laps=len(complete),
-        best_lap_ms=min(complete, default=None),
-        total_ms=sum(lap["time_ms"] for lap in outcome.laps),
-        off_tracks=sum(lap["off_tracks"] for lap in outcome.laps),
-        crashes=sum(lap["crashes"] for lap in outcome.laps),
-        resets=sum(lap["resets"] for lap in outcome.laps),
+        order=outcome.order,
+        course={"boxes": outcome.course.get("boxes", [])},
+        bots=files.bots,
         simulated_ms=outcome.simulated_ms,
         wall_s=outcome.wall_s,
         peak_mb=outcome.peak_mb,
-        trace=trace,
-        trace_sha256=outcome.trace_sha256,
-        metrics=outcome.metrics,
         engine=outcome.engine,
         versions=outcome.versions,
         cpu_model=outcome.cpu_model[:128],
         created_at=now,
+        **_car_columns(outcome, files.traces[0]),
     )
+    result.save(force_insert=True)
+    RivalResult.objects.bulk_create(
+        RivalResult(result=result, number=number, **_car_columns(car, files.traces[number]))
+        for number, car in enumerate(outcome.rivals, 1)
+    )
+    return result
+
+
+def _car_columns(car: EvaluationOutcome | CarOutcome, trace: str) -> dict[str, Any]:
+    """The columns of :class:`evaluation.models.CarResult` for one car."""
+    complete = [lap["time_ms"] for lap in car.laps if lap["complete"]]
+    retired = car.retired or {"code": "", "params": {}}
+    return {
+        "laps": car.laps,
+        "line": driven_line(car.trace_csv),
+        "end_reason": car.end_reason,
+        "retired_code": retired["code"],
+        "retired_params": retired["params"],
+        "complete_laps": len(complete),
+        "best_lap_ms": min(complete, default=None),
+        "total_ms": sum(lap["time_ms"] for lap in car.laps),
+        "off_tracks": sum(lap["off_tracks"] for lap in car.laps),
+        "crashes": sum(lap["crashes"] for lap in car.laps),
+        "resets": sum(lap["resets"] for lap in car.laps),
+        "trace": trace,
+        "trace_sha256": car.trace_sha256,
+        "metrics": car.metrics,
+    }
 
 
 def driven_line(trace_csv: bytes) -> list[list[list[float]]]:
@@ -75,37 +112,69 @@ def _thinned(points: list[list[float]]) -> list[list[float]]:
     return chosen
 
 
-def trace_name(evaluation: Evaluation) -> str:
-    """The name of the trace's file: this evaluation's, this attempt's, this lease's alone."""
-    return f"traces/{evaluation.public_id}-{evaluation.attempt}-{evaluation.lease}.csv.gz"
+def file_names(evaluation: Evaluation) -> list[str]:
+    """The names that this evaluation's files have, with this attempt and this lease: car 0's trace, the rivals', bots.
+
+    Nobody else's, so that whoever finds a lease run out may delete what its worker left.
+    """
+    stem = f"traces/{evaluation.public_id}-{evaluation.attempt}-{evaluation.lease}"
+    rivals = [f"{stem}-{number}.csv.gz" for number in range(1, MAX_CARS)]
+    return [f"{stem}.csv.gz", *rivals, f"{stem}-bots.json.gz"]
 
 
-def store_trace(evaluation: Evaluation, trace_csv: bytes) -> str:
-    """Store a trace, gzipped. Raises PlatformFault("storage_failed")."""
-    packed = gzip.compress(trace_csv, compresslevel=6, mtime=0)
+def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
+    """Store the traces and the bot cars' poses, gzipped; all or none. Raises PlatformFault("storage_failed")."""
+    *trace_names, bots_name = file_names(evaluation)
+    traces = [outcome.trace_csv, *(car.trace_csv for car in outcome.rivals)]
+    contents = dict(zip(trace_names, traces, strict=False))
+    if bots := outcome.course.get("bots"):
+        contents[bots_name] = json.dumps(bots, separators=(",", ":")).encode()
+    stored: list[str] = []
     try:
-        return _storage().save(trace_name(evaluation), ContentFile(packed))
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
+        for name, content in contents.items():
+            packed = gzip.compress(content, compresslevel=6, mtime=0)
+            stored.append(_storage().save(name, ContentFile(packed)))
+    except BaseException as error:
+        delete_files(stored)
+        if isinstance(error, OSError):
+            raise PlatformFault("storage_failed") from error
+        raise
+    return RunFiles(stored[: len(traces)], stored[-1] if bots else "")
 
 
-def read_trace(result: Result) -> bytes:
-    """A result's sim-trace as CSV. Raises PlatformFault("storage_failed")."""
+def read_trace(result: CarResult) -> bytes:
+    """A car's sim-trace as CSV. Raises PlatformFault("storage_failed")."""
+    return _read(result.trace.name)
+
+
+def read_course(result: Result) -> dict[str, list]:
+    """What stood and drove on the track besides submitted cars.
+
+    ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... for each row of car 0's trace], ...
+    for each bot]}`` in metres and radians. Raises PlatformFault("storage_failed").
+    """
+    bots = json.loads(_read(result.bots.name)) if result.bots else []
+    return {"boxes": result.course.get("boxes", []), "bots": bots}
+
+
+def delete_files(names: list[str]) -> None:
+    """Delete those files that no result refers to. What cannot be deleted now is logged and left."""
+    for name in names:
+        try:
+            # a commit whose answer got lost may have gone through all the same
+            of_result = Result.objects.filter(Q(trace=name) | Q(bots=name)).exists()
+            if not of_result and not RivalResult.objects.filter(trace=name).exists():
+                _storage().delete(name)
+        except Exception:
+            logger.exception("The unused file %s could not be deleted.", name)
+
+
+def _read(name: str) -> bytes:
     try:
-        with _storage().open(result.trace.name) as file:
+        with _storage().open(name) as file:
             return gzip.decompress(file.read())
     except OSError as error:
         raise PlatformFault("storage_failed") from error
-
-
-def delete_trace(name: str) -> None:
-    """Delete a trace that no result refers to. One that cannot be deleted now is logged and left."""
-    try:
-        # a commit whose answer got lost may have gone through all the same
-        if not Result.objects.filter(trace=name).exists():
-            _storage().delete(name)
-    except Exception:
-        logger.exception("The unused trace %s could not be deleted.", name)
 
 
 def _storage() -> Storage:

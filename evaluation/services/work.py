@@ -16,7 +16,7 @@ from django.utils import timezone
 
 from faults import PaddockError, PlatformFault, UserFault
 
-from ..models import Evaluation
+from ..models import Evaluation, TrainedModel
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 
 if TYPE_CHECKING:
@@ -65,21 +65,31 @@ def job_of(evaluation: Evaluation) -> RaceJob:
     Raises PlatformFault("storage_failed") when the network's file cannot be read, ("internal_error") when the track is
     not the one that was frozen.
     """
-    from ..pipeline import RaceJob
+    from ..pipeline import RaceJob, RivalCar
     from ..simulator.rules import RaceRules
 
     rules = RaceRules.from_dict(evaluation.spec["rules"])
     track = evaluation.track.geometry
     if track.fingerprint != evaluation.spec["track"]:
         raise PlatformFault("internal_error")
+    return RaceJob(
+        track=track.in_direction(rules.direction),
+        rules=rules,
+        onnx=_network_of(evaluation.model),
+        metadata=evaluation.spec["metadata"],
+        rivals=tuple(
+            RivalCar(_network_of(rival.model), rival.metadata)
+            for rival in evaluation.rivals.select_related("model__network").order_by("number")
+        ),
+    )
+
+
+def _network_of(model: TrainedModel) -> bytes:
     try:
-        with evaluation.model.network.onnx.open("rb") as file:
-            onnx = file.read()
+        with model.network.onnx.open("rb") as file:
+            return file.read()
     except OSError as error:
         raise PlatformFault("storage_failed") from error
-    return RaceJob(
-        track=track.in_direction(rules.direction), rules=rules, onnx=onnx, metadata=evaluation.spec["metadata"]
-    )
 
 
 class Heart(threading.Thread):

@@ -21,6 +21,7 @@ SECTIONS = {
     "Paddock's own faults": reasons.platform.REASONS,
     "Track files": reasons.tracks.REASONS,
     "Races": reasons.race.REASONS,
+    "Several cars in a race": reasons.rivals.REASONS,
     "Account": reasons.account.REASONS,
 }
 

@@ -78,7 +78,7 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
 if "REAL_RUNS" not in os.environ:
     pipeline.evaluate = evaluate
 work.job_of = before("claimed", work.job_of)
-leases.store_trace = after("stored", leases.store_trace)
+leases.store_files = after("stored", leases.store_files)
 work.finish_evaluation = after("committed", work.finish_evaluation)
 evaluation_ended.connect(lambda **kwargs: hold("finishing"), weak=False)
 worker_ready.connect(lambda **kwargs: (FOLDER / "ready").touch(), weak=False)

@@ -55,7 +55,7 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
     return outcome_of(salt=job.rules.seed)
 
 
-def store_trace_and_perhaps_die(*args, store=leases.store_trace):
+def store_files_and_perhaps_die(*args, store=leases.store_files):
     name = store(*args)
     perhaps_die("stored")
     return name
@@ -83,7 +83,7 @@ def main() -> None:
     settings.LEASE_SECONDS = LEASE_S
     settings.EVALUATION_MAX_ATTEMPTS = 1000
     pipeline.evaluate = evaluate
-    leases.store_trace = store_trace_and_perhaps_die
+    leases.store_files = store_files_and_perhaps_die
     bell._ring = lambda times: None
     work.PROGRESS_EVERY_S = 0.1
     evaluation_ended.connect(count_the_end, weak=False)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
-from evaluation.pipeline import EvaluationOutcome, RaceJob
+from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob
 
 HEADER = (
     "episode,steps,X,Y,yaw,steer,throttle,action,reward,done,all_wheels_on_track,progress,closest_waypoint,track_len,"
@@ -24,26 +26,45 @@ def trace_csv(laps: int = 2, steps: int = 5, salt: int = 0) -> bytes:
     return "\n".join([HEADER, *rows, ""]).encode()
 
 
-def outcome_of(salt: int = 0, laps: tuple[int, ...] = (10_000, 9_500), unfinished: bool = False) -> EvaluationOutcome:
+def outcome_of(
+    salt: int = 0,
+    laps: tuple[int, ...] = (10_000, 9_500),
+    unfinished: bool = False,
+    rivals: Sequence[CarOutcome] = (),
+    **more: Any,
+) -> EvaluationOutcome:
     """An outcome with these lap times in milliseconds; with ``unfinished`` the last lap is not complete."""
-    trace = trace_csv(len(laps), salt=salt)
+    car = car_outcome(salt, laps, unfinished)
     return EvaluationOutcome(
-        laps=[
-            _lap(number, time_ms, complete=number < len(laps) or not unfinished)
-            for number, time_ms in enumerate(laps, 1)
-        ],
-        end_reason="time_up" if unfinished else "laps_done",
+        **{field.name: getattr(car, field.name) for field in fields(car)} | {"order": [*range(len(rivals) + 1)]} | more,
+        rivals=list(rivals),
         simulated_ms=sum(laps),
         steps=100,
-        trace_csv=trace,
-        trace_sha256=hashlib.sha256(trace).hexdigest(),
-        metrics={"metrics": []},
         engine="paddock-v1",
         versions={"numpy": "2.4"},
         cpu_model="test",
         wall_s=0.5,
         shares={},
         peak_mb=100.0,
+    )
+
+
+def car_outcome(
+    salt: int = 0, laps: tuple[int, ...] = (10_000, 9_500), unfinished: bool = False, retired: str = ""
+) -> CarOutcome:
+    """One car's part, as in :func:`outcome_of`. ``retired``: the code of the fault that took it off the track."""
+    trace = trace_csv(len(laps), salt=salt)
+    driven = [
+        _lap(number, time_ms, complete=number < len(laps) or not (unfinished or retired))
+        for number, time_ms in enumerate(laps, 1)
+    ]
+    return CarOutcome(
+        laps=driven,
+        end_reason="retired" if retired else "time_up" if unfinished else "laps_done",
+        retired={"code": retired, "params": {"step": 50, "how": "SIGSEGV"}} if retired else None,
+        trace_csv=trace,
+        trace_sha256=hashlib.sha256(trace).hexdigest(),
+        metrics={"metrics": []},
     )
 
 

@@ -11,7 +11,9 @@ import pytest
 from tests import servers
 from tests.shared import CHECKOUT
 
-FILES = [f"tests/evaluation/test_{name}.py" for name in ("states", "queue", "work", "garage", "storm", "processes")]
+FILES = [
+    f"tests/evaluation/test_{name}.py" for name in ("states", "queue", "rivals", "work", "garage", "storm", "processes")
+]
 QUICK_ENOUGH = "not valkey or finishing or told"  # the brokers do not care which database it is
 
 

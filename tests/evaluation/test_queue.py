@@ -13,7 +13,7 @@ from django.db import connections, transaction
 from evaluation import selectors, services
 from evaluation.models import Evaluation, Result, State
 from evaluation.services import bell as ringing
-from evaluation.services.results import trace_name
+from evaluation.services.results import file_names, store_files
 from evaluation.signals import evaluation_ended
 from evaluation.simulator.rules import RaceRules
 from faults import PlatformFault, UserFault
@@ -154,7 +154,7 @@ class TestLease:
         result = Result.objects.get()
         assert result.lease == fast.lease
         assert [name for name in default_storage.listdir("traces")[1] if slow.public_id in name] == [
-            trace_name(fast).removeprefix("traces/")
+            file_names(fast)[0].removeprefix("traces/")
         ]
 
     def test_a_result_that_loses_the_race_while_its_trace_is_stored_leaves_no_file(
@@ -164,16 +164,16 @@ class TestLease:
         evaluation = claim(now)
         from evaluation.services import leases
 
-        store = leases.store_trace
+        store = leases.store_files
 
         def stopped_meanwhile(*arguments):
             name = store(*arguments)
             services.stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
             return name
 
-        monkeypatch.setattr(leases, "store_trace", stopped_meanwhile)
+        monkeypatch.setattr(leases, "store_files", stopped_meanwhile)
         assert not finish(evaluation, now)
-        assert not default_storage.exists(trace_name(evaluation))
+        assert not default_storage.exists(file_names(evaluation)[0])
         assert not Result.objects.exists()
 
     def test_a_result_counts_once(self, alice, submit, now):
@@ -224,11 +224,9 @@ class TestLease:
             assert services.release_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, now=now)
 
     def test_the_trace_of_a_worker_that_died_before_its_commit_is_swept_away(self, alice, submit, now):
-        from evaluation.services.results import store_trace
-
         submit(alice)
         evaluation = claim(now)
-        name = store_trace(evaluation, b"x")
+        (name,) = store_files(evaluation, outcome_of()).traces
         services.sweep_queue(now=now + timedelta(seconds=100))
         assert not default_storage.exists(name)
 
@@ -249,7 +247,7 @@ class TestEnd:
             evaluation_ended.disconnect(refuse)
         assert Evaluation.objects.get().state == State.RUNNING
         assert not Result.objects.exists()
-        assert not default_storage.exists(trace_name(evaluation))
+        assert not default_storage.exists(file_names(evaluation)[0])
 
     def test_the_signal_tells_each_end_once(self, alice, submit, now, ended):
         for _ in range(3):
