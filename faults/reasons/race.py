@@ -25,6 +25,10 @@ REASONS = table(
         "race_sensors": _("A race offers one or more of these sensors, each once: %(known)s."),
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
         "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
+        "race_track_without_shape": _(
+            "Nobody here knows the shape of %(track)s: it is the name of a track in an imported season. Choose a track "
+            "that has a map."
+        ),
         "race_community_has_no_division": _("Divisions belong to league races. Leave the division empty."),
         # what stands and drives on the track
         "race_needs_boxes": _(
@@ -65,6 +69,26 @@ REASONS = table(
         ),
         "cancel_needs_a_reason": _("Say why the race is cancelled: everybody who entered will read it."),
         "race_not_yours": _("Only the organiser of this race and admins can do this."),
+        # boxes and bots that a track has no room for
+        "box_on_start_line": _(
+            "Box %(number)s stands on the start line. Move it at least %(least_m)s m away from the line."
+        ),
+        "boxes_overlap": _(
+            "Boxes %(number)s and %(other)s overlap or leave no way between them. Put at least %(least_m)s m of track "
+            "between any two."
+        ),
+        "box_off_track": _(
+            "Box %(number)s has no room on the track: the road is %(width_m)s m wide there, and a car could not pass. "
+            "Move it to a wider place."
+        ),
+        "boxes_do_not_fit": _(
+            "%(boxes)s boxes at least %(distance_m)s m apart do not fit on this track of %(length_m)s m. Ask for fewer "
+            "boxes or a smaller distance."
+        ),
+        "bots_do_not_fit": _(
+            "%(bots)s bots at least %(least_m)s m apart do not fit on this track of %(length_m)s m. Ask for fewer bots "
+            "or choose a longer track."
+        ),
         # getting in and out
         "race_not_open_yet": _("The race opens at %(opens)s. Submit a car from then on."),
         "race_closed": _("The race closed at %(closes)s. Its entries and cars do not change any more."),
@@ -101,6 +125,9 @@ REASONS = table(
         "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
         "track_slug": _(
             "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
+        ),
+        "track_shape_unknown": _(
+            "The shape of %(name)s is not known here: it came as a name with the results of an imported season."
         ),
         "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
     },
