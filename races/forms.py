@@ -125,7 +125,7 @@ class RaceForm(forms.Form):
         for name in locked:
             if name in self.fields:
                 self.fields[name].disabled = True
-        self.fields["track"].queryset = Track.objects.defer("npy")
+        self.fields["track"].queryset = Track.objects.exclude(length_m=None).defer("npy")
         self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
         for name in ("opens_at", "closes_at"):
             moment = self.initial.get(name)

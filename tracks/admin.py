@@ -94,6 +94,8 @@ class TrackAdmin(admin.ModelAdmin):
     @admin.display(description=_("map"))
     def map(self, track: Track) -> SafeString:
         """The track as a picture."""
+        if not track.has_shape:
+            return _("not known here")
         picture = draw_svg(track.geometry, width=480, standalone=True)
         data = base64.b64encode(picture.encode()).decode()
         return format_html('<img alt="" width="480" src="data:image/svg+xml;base64,{}">', data)

@@ -27,7 +27,10 @@ LINE = {
 
 @extend_schema_field(LINE)
 class LineField(serializers.Field):
-    """The waypoints of one line, read only."""
+    """The waypoints of one line, read only; null where the track's shape is not known here."""
+
+    def get_attribute(self, instance: Track) -> object:
+        return super().get_attribute(instance) if instance.has_shape else None
 
     def to_representation(self, points: object) -> list[list[float]]:
         return points.tolist()
@@ -39,8 +42,8 @@ class TrackSerializer(serializers.Serializer):
     slug = serializers.CharField()
     name = serializers.CharField()
     description = serializers.CharField(allow_blank=True)
-    length_m = serializers.FloatField(help_text="Of the centre line.")
-    width_m = serializers.FloatField(help_text="Between the borders, median.")
+    length_m = serializers.FloatField(allow_null=True, help_text="Of the centre line; null if no shape is known here.")
+    width_m = serializers.FloatField(allow_null=True, help_text="Between the borders, median; null likewise.")
     direction = serializers.ChoiceField(Direction.choices, help_text="In which the file's own points run.")
     fingerprint = serializers.CharField(help_text="sha-256 of the points.")
     is_catalogue = serializers.BooleanField(help_text="One of Paddock's own tracks.")
@@ -51,9 +54,9 @@ class TrackSerializer(serializers.Serializer):
 class TrackDetailSerializer(TrackSerializer):
     """A track with its points, in the file's own direction."""
 
-    centre = LineField(source="geometry.centre")
-    inner = LineField(source="geometry.inner")
-    outer = LineField(source="geometry.outer")
+    centre = LineField(source="geometry.centre", allow_null=True)
+    inner = LineField(source="geometry.inner", allow_null=True)
+    outer = LineField(source="geometry.outer", allow_null=True)
 
 
 class ImportSerializer(serializers.Serializer):

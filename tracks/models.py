@@ -10,6 +10,8 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from faults import UserFault
+
 from .geometry import TrackGeometry
 from .npy import read_npy
 
@@ -22,15 +24,19 @@ class Direction(models.TextChoices):
 
 
 class Track(models.Model):
-    """A track that races can be held on. Its geometry never changes: another shape is another track."""
+    """A track that races can be held on. Its geometry never changes: another shape is another track.
+
+    A track of an imported season of which only the name is known has no geometry, no length and no width
+    (:attr:`has_shape`): its races are read, and none is held on it.
+    """
 
     slug = models.SlugField(_("address"), unique=True, max_length=64)
     name = models.CharField(_("name"), max_length=64)
     description = models.TextField(_("description"), blank=True, max_length=1000)
     npy = models.BinaryField(_("geometry"), editable=False)
     fingerprint = models.CharField(_("fingerprint"), max_length=64, unique=True, editable=False)
-    length_m = models.FloatField(_("length in metres"), editable=False)
-    width_m = models.FloatField(_("width in metres"), editable=False)
+    length_m = models.FloatField(_("length in metres"), null=True, blank=True, editable=False)
+    width_m = models.FloatField(_("width in metres"), null=True, blank=True, editable=False)
     direction = models.CharField(_("the file's own direction"), max_length=3, choices=Direction.choices, editable=False)
     is_catalogue = models.BooleanField(_("from the catalogue"), default=False, editable=False)
     owner = models.ForeignKey(
@@ -50,6 +56,11 @@ class Track(models.Model):
         constraints = [
             models.CheckConstraint(condition=models.Q(length_m__gt=0), name="track_length_positive"),
             models.CheckConstraint(condition=models.Q(width_m__gt=0), name="track_width_positive"),
+            models.CheckConstraint(
+                condition=models.Q(length_m__isnull=True, width_m__isnull=True, is_catalogue=False)
+                | models.Q(length_m__isnull=False, width_m__isnull=False),
+                name="track_has_both_measures_or_no_shape",
+            ),
             models.CheckConstraint(condition=models.Q(direction__in=Direction.values), name="track_direction_known"),
         ]
 
@@ -60,8 +71,18 @@ class Track(models.Model):
         return reverse("track", args=[self.slug])
 
     @property
+    def has_shape(self) -> bool:
+        """Whether the track's geometry is known here, so that it can be drawn and driven on."""
+        return self.length_m is not None
+
+    @property
     def geometry(self) -> TrackGeometry:
-        """The track's geometry in the file's own direction (cached for each process; immutable)."""
+        """The track's geometry in the file's own direction (cached for each process; immutable).
+
+        Raises UserFault("track_shape_unknown") for a track without one.
+        """
+        if not self.has_shape:
+            raise UserFault("track_shape_unknown", name=self.name)
         return _geometry(self.fingerprint, bytes(self.npy), self.slug)
 
 

@@ -22,7 +22,7 @@ REASONS = table(
         "race_total_needs_all_laps": _(
             "For the total time every lap counts: ask for %(laps)s complete laps, as many as are driven."
         ),
-        "race_sensors": _("A race offers one or more of these sensors, each once: %(known)s."),
+        "race_sensors": _("A race offers one or more of these sensors, each once and a camera among them: %(known)s."),
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
         "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
         "race_track_without_shape": _(

@@ -224,10 +224,18 @@ def _plain_map(track: TrackGeometry, direction: str, title: str) -> str:
     return draw_svg(track.in_direction(direction), title=title)
 
 
+@register.filter
+def track_length(track: Track) -> str:
+    """The length of a track for reading, or that it is not known."""
+    return f"{track.length_m:.2f} m" if track.has_shape else _("length unknown")
+
+
 @register.simple_tag
 def track_map(track: Track, direction: str = "", lines: Iterable[DrivenLine] = (), title: str = "") -> SafeString:
     """The track's map as inline SVG, driven in ``direction`` (default: the file's own), with driven ``lines``."""
     direction, title = direction or track.direction, title or track.name
+    if not track.has_shape:
+        return format_html('<p class="muted">{}</p>', _("No map: the shape of this track is not known here."))
     if lines:
         drawing = draw_svg(track.geometry.in_direction(direction), lines=tuple(lines), title=title)
     else:

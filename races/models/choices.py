@@ -16,10 +16,11 @@ class Kind(models.TextChoices):
 
 
 class Division(models.TextChoices):
-    """The league's divisions. Community races have none."""
+    """Whose a league race is: a division's, or everybody's. Community races have none."""
 
     OPEN = "open", _("open division")
     PRO = "pro", _("pro division")
+    ALL = "all", _("all divisions")
 
 
 class RaceType(models.TextChoices):

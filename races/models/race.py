@@ -28,6 +28,14 @@ def _are(kind: type, *values: object) -> bool:
     return all(isinstance(value, kind) for value in values)
 
 
+def _unless_imported(*constraints: models.CheckConstraint) -> list[models.CheckConstraint]:
+    """The same constraints for races that are driven here; what was driven elsewhere is as it was recorded."""
+    return [
+        models.CheckConstraint(condition=Q(imported_at__isnull=False) | one.condition, name=one.name)
+        for one in constraints
+    ]
+
+
 def new_invitation() -> str:
     """A secret that joins an invitation race (32 characters, 190 bits)."""
     return get_random_string(32)
@@ -114,6 +122,13 @@ class Race(models.Model):
     cancelled_at = models.DateTimeField(_("cancelled"), null=True, blank=True, editable=False)
     cancel_reason = models.CharField(_("reason for cancelling"), max_length=255, blank=True, editable=False)
     created_at = models.DateTimeField(_("created"), default=timezone.now, editable=False)
+    imported_at = models.DateTimeField(
+        _("imported"),
+        null=True,
+        blank=True,
+        editable=False,
+        help_text=_("Driven elsewhere: its results came as a record, without submissions."),
+    )
 
     # The fastest that anybody ranked has driven, for the purple marks of a board. Written with the standings.
     fastest_lap_ms = models.PositiveIntegerField(_("fastest lap"), null=True, blank=True, editable=False)
@@ -128,27 +143,29 @@ class Race(models.Model):
         indexes = [models.Index(fields=["closes_at", "opens_at"], name="race_by_time")]
         constraints = [
             models.CheckConstraint(condition=Q(closes_at__gt=F("opens_at")), name="race_closes_after_opening"),
-            models.CheckConstraint(condition=Q(laps__gte=1, laps__lte=20), name="race_laps_range"),
             models.CheckConstraint(
                 condition=Q(minimum_laps__gte=1, minimum_laps__lte=F("laps")), name="race_minimum_laps_within_laps"
-            ),
-            models.CheckConstraint(
-                condition=~Q(ranking_method="total") | Q(minimum_laps=F("laps")), name="race_total_needs_all_laps"
             ),
             models.CheckConstraint(condition=Q(max_submissions__gte=1), name="race_allows_a_submission"),
             models.CheckConstraint(
                 condition=Q(max_simulated_ms__gte=10_000, max_simulated_ms__lte=1_200_000), name="race_time_limit_range"
             ),
-            models.CheckConstraint(
-                condition=Q(off_track_penalty_ms__lte=60_000, collision_penalty_ms__lte=60_000),
-                name="race_penalty_range",
+            *_unless_imported(
+                models.CheckConstraint(condition=Q(laps__gte=1, laps__lte=20), name="race_laps_range"),
+                models.CheckConstraint(
+                    condition=~Q(ranking_method="total") | Q(minimum_laps=F("laps")), name="race_total_needs_all_laps"
+                ),
+                models.CheckConstraint(
+                    condition=Q(off_track_penalty_ms__lte=60_000, collision_penalty_ms__lte=60_000),
+                    name="race_penalty_range",
+                ),
+                *course.CONSTRAINTS,
             ),
             models.CheckConstraint(
                 condition=Q(kind="league") & ~Q(division="") & Q(visibility="public")
                 | Q(kind="community", division=""),
                 name="race_league_has_division_and_is_public",
             ),
-            *course.CONSTRAINTS,
         ]
 
     def __str__(self) -> str:
@@ -177,6 +194,8 @@ class Race(models.Model):
             problems["division"] = problem("race_community_has_no_division")
         if not sensors_make_sense(self.sensors):
             problems["sensors"] = problem("race_sensors", known=", ".join(OFFERABLE))
+        if self.track_id is not None and not self.track.has_shape:
+            problems["track"] = problem("race_track_without_shape", track=self.track.name)
         problems |= course.problems_of(self)
         if problems:
             raise ValidationError(problems)
