@@ -21,7 +21,7 @@ from evaluation.simulator.car import Pose
 from evaluation.simulator.clock import STEP_MS
 from evaluation.simulator.policies import CentreLinePilot
 from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.sensors import POSE, SENSORS
+from evaluation.simulator.sensors import POSE, sensor_spec
 from evaluation.simulator.stage import Ground, Stage
 from tests.simulator.tiny_scene import OVERSAMPLING, TinyScene
 from tracks.geometry import TrackGeometry
@@ -76,7 +76,7 @@ def _drive(car: AdmittedCar, ground: Ground, look: Look, steps: int) -> dict[str
 
 def _network(car: AdmittedCar) -> Callable[[np.ndarray], None]:
     """The policy process's own loop body, in this process."""
-    specs = [SENSORS[name] for name in sorted(car.metadata["sensor"])]
+    specs = [sensor_spec(name) for name in sorted(car.metadata["sensor"])]
     space = ActionSpace.from_metadata(car.metadata)
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
     policy = Policy(load(car.onnx), {"inputs": inputs, "outputs": space.size})

@@ -1,26 +1,27 @@
 """The referee in its own walled-off process: simulator and rules, no secrets, no network, no file.
 
-Started by :mod:`.pipeline`. It reads a message with the job, answers ``{"header": ...}`` (what it will ask the policy,
-see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for ``{"start": true}`` before it asks the policy
-for the first time, drives, and sends ``{"progress": ...}`` messages and then one ``{"result": ...}`` with the trace,
-or one ``{"error": {"code", "fault", "params"}}``.
+Started by :mod:`.pipeline`. It reads a message with the job, answers ``{"headers": [...]}`` (what it will ask each
+policy, see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for ``{"start": true}`` before it asks a
+policy for the first time, drives, and sends ``{"progress": ...}`` messages, ``{"retired": {"car", "error"}}`` for each
+car that is taken off the track, and then one ``{"result": ...}`` with the course and the traces, or one
+``{"error": {"code", "fault", "params"}}``.
 
-``sys.argv[1:]``: the descriptors on which it reads from and writes to the policy.
+``sys.argv[1:]``: for each car the descriptors on which it reads from and writes to its policy.
 """
 
 from __future__ import annotations
 
-import os
+import json
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.random  # numpy loads it at first use, which would be after the lock
 
-from faults import PaddockError
+from faults import PaddockError, UserFault
 from tracks.geometry import TrackGeometry
 
 from .sandbox.frames import read_message, write_message
@@ -28,9 +29,9 @@ from .sandbox.policy_client import PolicyClient
 from .simulator.action import ActionSpace
 from .simulator.engine import versions
 from .simulator.metrics import metrics_json
-from .simulator.race import run_race
+from .simulator.race import CarResult, Entrant, Policy, RaceResult, run_race
 from .simulator.rules import RaceRules
-from .simulator.sensors import SENSORS
+from .simulator.sensors import sensor_spec
 
 cv2.setNumThreads(1)
 versions()  # reads package metadata from files, once
@@ -54,53 +55,98 @@ def _run(frames_in: int, frames_out: int) -> None:
     job, _ = read_message(frames_in)
     track = TrackGeometry.from_trusted_dict(job["track"])  # the worker sent it
     rules = RaceRules.from_dict(job["rules"])
-    space = ActionSpace.from_metadata(job["metadata"])
-    sensors = sorted(job["metadata"]["sensor"])
-    header = policy_header(sensors, space)
-    write_message(frames_out, {"header": header})
-    policy = PolicyClient(int(sys.argv[1]), int(sys.argv[2]), header, **job["budget"])
+    spaces = [ActionSpace.from_metadata(metadata) for metadata in job["metadata"]]
+    headers = [policy_header(metadata, space) for metadata, space in zip(job["metadata"], spaces, strict=True)]
+    write_message(frames_out, {"headers": headers})
+    pipes = [int(fd) for fd in sys.argv[1:]]
+    clients = [
+        PolicyClient(pipes[2 * number], pipes[2 * number + 1], header, **job["budget"])
+        for number, header in enumerate(headers)
+    ]
+    flag = _Start(frames_in)
+    policies = [_after(flag, client) for client in clients]
+    if len(policies) > 1:
+        policies = [_telling(policy, number, frames_out) for number, policy in enumerate(policies)]
+    first, *rivals = [
+        Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"))
+        for metadata, space, policy in zip(job["metadata"], spaces, policies, strict=True)
+    ]
     result = run_race(
         track,
         rules,
-        space,
-        sensors,
-        _after_the_start(policy, frames_in),
+        first.action_space,
+        first.sensors,
+        first.policy,
         on_progress=lambda progress: write_message(frames_out, {"progress": progress.to_dict()}),
+        rivals=rivals,
+        lidar_config=first.lidar_config,
     )
-    seconds = {**result.seconds, "policy": policy.seconds}  # without the wait for the start
-    write_message(frames_out, {"result": _outcome(result), "seconds": seconds}, [result.trace.to_csv()])
-    os.read(frames_in, 1)  # stay to be measured until the pipeline lets go
+    cars = [result, *result.rivals]
+    seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
+    course = json.dumps(result.course, allow_nan=False, separators=(",", ":")).encode()
+    blobs = [course, *(car.trace.to_csv() for car in cars)]
+    write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds}, blobs)
 
 
-def _after_the_start(policy: PolicyClient, frames_in: int) -> Callable[[dict[str, np.ndarray]], np.ndarray]:
-    """``policy``, asked for the first time when the start message has come: the network may still be loading."""
-    started = False
+class _Start:
+    """The start message: until it has come, the networks may still be loading."""
+
+    def __init__(self, frames_in: int) -> None:
+        self._frames_in = frames_in
+        self._come = False
+
+    def wait(self) -> None:
+        """Return when it has come."""
+        if not self._come:
+            read_message(self._frames_in)
+            self._come = True
+
+
+def _after(start: _Start, policy: Policy) -> Policy:
+    """``policy``, asked for the first time when the start message has come."""
 
     def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
-        nonlocal started
-        if not started:
-            read_message(frames_in)
-            started = True
+        start.wait()
         return policy(readings)
 
     return ask
 
 
-def policy_header(sensors: list[str], space: ActionSpace) -> dict[str, Any]:
+def _telling(policy: Policy, number: int, frames_out: int) -> Policy:
+    """``policy`` of car ``number``, whose faults the pipeline hears of at once: it knows how the process ended."""
+
+    def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
+        try:
+            return policy(readings)
+        except UserFault as fault:
+            write_message(frames_out, {"retired": {"car": number, "error": fault.to_dict()}})
+            raise
+
+    return ask
+
+
+def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, Any]:
     """What the policy must take and answer."""
-    specs = [SENSORS[name] for name in sensors]
+    specs = [sensor_spec(name, metadata.get("lidar_config")) for name in sorted(metadata["sensor"])]
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
     return {"inputs": inputs, "outputs": space.size}
 
 
-def _outcome(result: Any) -> dict[str, Any]:
+def _outcome(result: RaceResult, cars: Sequence[RaceResult | CarResult]) -> dict[str, Any]:
     return {
-        "laps": [lap.to_dict() for lap in result.laps],
-        "end_reason": result.end_reason,
+        "cars": [
+            {
+                "laps": [lap.to_dict() for lap in car.laps],
+                "end_reason": car.end_reason,
+                "retired": car.retired,
+                "trace_sha256": car.trace.sha256,
+                "metrics": metrics_json(car),
+            }
+            for car in cars
+        ],
+        "order": result.order,
         "simulated_ms": result.simulated_ms,
         "steps": result.steps,
-        "trace_sha256": result.trace.sha256,
-        "metrics": metrics_json(result),
         "engine": result.engine,
         "versions": result.versions,
     }

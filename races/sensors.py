@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 # What the simulator can feed (evaluation.simulator.sensors, which the site does not load: it brings the physics along).
-OFFERABLE = ("FRONT_FACING_CAMERA",)
+CAMERAS = ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS")
+OFFERABLE = (*CAMERAS, "LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")
 
 # deepracer-simapp, sensors/sensors_rollout.py: "observation" is the name of the one camera in the oldest models.
 SAME_AS = {"observation": "FRONT_FACING_CAMERA"}
 
 
 def sensors_make_sense(sensors: object) -> bool:
-    """Whether a race may offer this: a list of one or more different names of :data:`OFFERABLE`."""
+    """Whether a race may offer this: a list of different names of :data:`OFFERABLE`, a camera among them (every model
+    reads one; with several, each model still carries the one that it was trained with)."""
     return (
         isinstance(sensors, list)
-        and bool(sensors)
         and all(isinstance(name, str) and name in OFFERABLE for name in sensors)
+        and any(name in CAMERAS for name in sensors)
         and len(set(sensors)) == len(sensors)
     )
 

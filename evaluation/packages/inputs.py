@@ -15,6 +15,9 @@ CAMERAS = ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS", "observation"
 LIDARS = ("LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")
 SENSOR_NAMES = CAMERAS + LIDARS
 
+# deepracer-simapp, boto/s3/constants.py (DiscretizedSectorLidarDefaults)
+LIDAR_DEFAULTS: Mapping[str, float] = {"num_sectors": 8, "num_values_per_sector": 8, "clipping_dist": 2.0}
+
 
 @dataclass(frozen=True)
 class InputSpec:
@@ -44,9 +47,15 @@ class InputSpec:
 def input_spec(sensor: str, lidar_config: Mapping[str, float] | None = None) -> InputSpec:
     """The input that ``sensor`` (one of :data:`SENSOR_NAMES`) feeds. KeyError for another name."""
     if sensor == "DISCRETIZED_SECTOR_LIDAR":
-        config = lidar_config or {}
-        return InputSpec(sensor, (int(config.get("num_sectors", 8)) * int(config.get("num_values_per_sector", 8)),))
+        config = lidar_settings(lidar_config)
+        return InputSpec(sensor, (int(config["num_sectors"]) * int(config["num_values_per_sector"]),))
     return InputSpec(sensor, _SHAPES[sensor])
+
+
+def lidar_settings(lidar_config: Mapping[str, float] | None = None) -> dict[str, float]:
+    """All three settings of a DISCRETIZED_SECTOR_LIDAR: those of a checked ``lidar_config``, and the field's defaults
+    where it has none."""
+    return {**LIDAR_DEFAULTS, **(lidar_config or {})}
 
 
 _SHAPES: dict[str, tuple[int, ...]] = {

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from faults import UserFault
 
-from .inputs import CAMERAS, LIDAR_BEAMS, LIDARS, SENSOR_NAMES, InputSpec, input_spec
+from .inputs import CAMERAS, LIDAR_BEAMS, LIDAR_DEFAULTS, LIDARS, SENSOR_NAMES, InputSpec, input_spec, lidar_settings
 from .limits import DEFAULT_LIMITS, PackageLimits
 from .wire import printable
 
@@ -32,7 +32,6 @@ _KEYS = ("steering_angle", "speed")
 _VALUE_LIMIT = 1000.0
 _DEPTH_LIMIT = 8
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_LIDAR_DEFAULTS = {"num_sectors": 8, "num_values_per_sector": 8, "clipping_dist": 2.0}
 
 Actions = tuple[Mapping[str, float], ...] | Mapping[str, Mapping[str, float]]
 
@@ -47,7 +46,7 @@ class ModelMetadata:
     network: str = NETWORKS[0]
     algorithm: str = ALGORITHMS[0]
     version: str = "2"
-    lidar_config: Mapping[str, float] = field(default_factory=lambda: dict(_LIDAR_DEFAULTS))
+    lidar_config: Mapping[str, float] = field(default_factory=lidar_settings)
 
     @property
     def output_size(self) -> int:
@@ -248,8 +247,8 @@ def _lidar_config(raw: dict) -> dict[str, float]:
     given = raw.get("lidar_config", {})
     if not isinstance(given, dict):
         raise UserFault("metadata_lidar", key="lidar_config")
-    config: dict[str, float] = dict(_LIDAR_DEFAULTS)
-    for key in _LIDAR_DEFAULTS:
+    config = lidar_settings()
+    for key in LIDAR_DEFAULTS:
         if key not in given:
             continue
         value = _number(given[key])
@@ -257,7 +256,7 @@ def _lidar_config(raw: dict) -> dict[str, float]:
             raise UserFault("metadata_lidar", key=key)
         config[key] = value if key == "clipping_dist" else int(value)
     if not 1 <= config["num_sectors"] <= LIDAR_BEAMS or LIDAR_BEAMS % config["num_sectors"]:
-        raise UserFault("metadata_lidar", key="num_sectors")
+        raise UserFault("metadata_lidar_sectors", sectors=f"{config['num_sectors']:g}")
     if not 1 <= config["num_values_per_sector"] <= LIDAR_BEAMS:
         raise UserFault("metadata_lidar", key="num_values_per_sector")
     if not 0.15 <= config["clipping_dist"] <= 12.0:

@@ -53,5 +53,9 @@ REASONS = table(
             "lidar_config does not make sense: %(key)s. num_sectors divides 64, num_values_per_sector is 1 to "
             "64, clipping_dist is 0.15 to 12 m."
         ),
+        "metadata_lidar_sectors": _(
+            "lidar_config asks for %(sectors)s sectors, among which the 64 beams cannot be shared out evenly. "
+            "Set num_sectors to 1, 2, 4, 8, 16, 32 or 64, as the model was trained."
+        ),
     },
 )
