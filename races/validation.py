@@ -7,6 +7,7 @@ from datetime import datetime, timedelta
 
 from django.core.exceptions import ValidationError
 
+from .course import check_layout
 from .errors import RaceRefused, problem
 from .models import Kind, Race, RaceState
 
@@ -43,6 +44,8 @@ RULE_FIELDS = (
     *COURSE_FIELDS,
     "seed",
 )
+# What decides where boxes stand and whether bots have room: a change of these lays the course out and checks it anew.
+LAYOUT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")
 # What never changes after a race is made.
 FIXED_FIELDS = ("slug", "kind", "organiser", "created_at")
 # What may be written even when a race is over.
@@ -67,6 +70,8 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
     problems = ValidationError({})
     _collect(problems, race.full_clean)
     _collect(problems, lambda: check_times(race, now=now, before=before, submissions=submissions))
+    if not problems.error_dict and (before is None or set(changed_fields(before, race)) & set(LAYOUT_FIELDS)):
+        _collect(problems, lambda: check_layout(race))
     if problems.error_dict:
         raise RaceRefused(problems)
 

@@ -4,6 +4,7 @@ Rows are always locked in the order evaluation, entry, race, so that no two writ
 an entry or a race and wants an evaluation stopped does so after the commit.
 """
 
+from ..course import race_rules
 from .entries import accept_invitation, enter_race, remove_entry, restore_entry, withdraw
 from .races import (
     cancel_race,
@@ -11,7 +12,6 @@ from .races import (
     create_community_race,
     create_league_race,
     edit_race,
-    race_rules,
     reset_invitation,
 )
 from .standings import recompute_race, recompute_standing, record_ended_evaluation

@@ -14,7 +14,6 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
-from evaluation.simulator.rules import BoxPlace, RaceRules
 from faults import UserFault
 from tracks.locks import hold
 from tracks.models import Track
@@ -148,26 +147,6 @@ def add_months(time: datetime, months: int) -> datetime:
     first_of_next = datetime(year + month // 12, month % 12 + 1, 1)
     days = (first_of_next - datetime(year, month, 1)).days
     return local.replace(year=year, month=month, day=min(local.day, days), fold=0)
-
-
-def race_rules(race: Race) -> RaceRules:
-    """What the simulator is told about a race."""
-    return RaceRules(
-        race_type=race.race_type,
-        laps=race.laps,
-        off_track_penalty_ms=race.off_track_penalty_ms,
-        collision_penalty_ms=race.collision_penalty_ms,
-        max_resets=race.max_resets,
-        max_simulated_ms=race.max_simulated_ms,
-        seed=race.seed,
-        direction=race.direction,
-        boxes=tuple(BoxPlace(float(box["fraction"]), box["lane"]) for box in race.boxes),
-        random_boxes=race.random_boxes,
-        box_distance_m=race.box_distance_m,
-        bots=race.bots,
-        bot_speed_mps=race.bot_speed_mps,
-        bot_lane_changes=race.bot_lane_changes,
-    )
 
 
 def has_submissions(race: Race) -> bool:

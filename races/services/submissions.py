@@ -13,12 +13,12 @@ from evaluation.selectors import can_use_model
 from evaluation.services import queue_evaluation
 from faults import UserFault
 
+from ..course import race_rules
 from ..eligibility import check_eligible
 from ..models import Entry, Race, Submission
 from ..sensors import not_offered
 from .entries import enter_race
 from .gates import require_open
-from .races import race_rules
 
 if TYPE_CHECKING:
     from league.models import Racer

@@ -1,8 +1,9 @@
 """A track map as SVG. Colours come from the page's style sheet through classes. No Django.
 
 Classes: ``track-map`` (the picture), ``track-road``, ``track-centre``, ``track-finish``, ``track-arrow``,
-``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's own style), ``track-car``. Strokes keep
-their width in screen pixels at any size (``vector-effect``), so a style sheet sets ``stroke-width`` in px.
+``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's own style), ``track-lane`` (with ``inner``
+or ``outer``), ``track-box`` (a shape and its number), ``track-rival``, ``track-car``. Strokes keep their
+width in screen pixels at any size (``vector-effect``), so a style sheet sets ``stroke-width`` in px.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from xml.sax.saxutils import escape
 from ..checks import Points
 from ..geometry import TrackGeometry
 from .lines import DrivenLine, simplify_loop
+from .marks import BoxMark, CarMark, box_corners, car_corners, lane_line
 
 MARGIN_M = 0.3
+LANES = ("inner", "outer")
+BOX_MARKS = 0.7  # of the map's mark, that half a box's length is drawn at least
 
 _THIN = 'vector-effect="non-scaling-stroke"'
 
@@ -24,6 +28,8 @@ _STYLE = (
     "<style>"
     ".track-road{fill:#8b949e55;stroke:#8b949e}.track-centre{fill:none;stroke:#8b949e;stroke-dasharray:4 4}"
     ".track-finish,.track-arrow{fill:none;stroke:#ff3b55;stroke-width:2.5}"
+    ".track-box path{fill:#d99a3d;stroke:#7a4f10}.track-box text{fill:#1c1206;text-anchor:middle;font-weight:700}"
+    ".track-lane{stroke:#5eb0ff}.track-lane.outer{stroke-dasharray:6 4}.track-rival path{fill:#5eb0ff}"
     ".track-line{fill:none;stroke:#2fbf71;stroke-width:2}.track-car{fill:#ff3b55}"
     ".speed-0{stroke:#e5484d}.speed-1{stroke:#f2803a}.speed-2{stroke:#f2c53d}"
     ".speed-3{stroke:#9ccc3c}.speed-4{stroke:#2fbf71}.speed-5{stroke:#1fb6c9}"
@@ -39,10 +45,15 @@ def draw_svg(
     line: Sequence[Sequence[float]] | None = None,
     lines: Sequence[DrivenLine] = (),
     car: tuple[float, float] | None = None,
+    boxes: Sequence[BoxMark] = (),
+    cars: Sequence[CarMark] = (),
+    lanes: bool = False,
     title: str | None = None,
     standalone: bool = False,
 ) -> str:
-    """The map: road, centre line, finish and driving direction, then driven lines and a car's place.
+    """The map: road, centre line, finish and driving direction, then driven lines, boxes, other cars and a car's place.
+
+    ``lanes`` draws the middle of the inner and of the outer lane too.
 
     ``line`` is the short form of one :class:`DrivenLine`; ``car`` a point (x, y) in metres. ``width`` and ``height``
     are pixels, left out so that the page's layout decides. ``title`` (default: the track's name) is what a screen
@@ -60,10 +71,13 @@ def draw_svg(
         _STYLE if standalone else "",
         f'<path class="track-road" fill-rule="evenodd" {_THIN} d="{ring}"/>',
         f'<path class="track-centre" fill="none" {_THIN} d="{frame.path(simplify_loop(track.centre), closed=True)}"/>',
+        *(_lane(frame, track, lane) for lane in LANES if lanes),
         *(_stroke(frame, points, speed, one.style) for one in lines for speed, points in one.strokes()),
         f'<path class="track-finish" fill="none" {_THIN} d="{frame.path(finish_line(track))}"/>',
         f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track))}"/>',
     ]
+    parts += [_box(frame, box) for box in boxes]
+    parts += [_car(frame, other) for other in cars]
     if car is not None and math.isfinite(car[0]) and math.isfinite(car[1]):
         x, y = frame.place(car)
         parts.append(f'<circle class="track-car" cx="{x}" cy="{y}" r="{_number(0.8 * frame.mark_m)}"/>')
@@ -117,6 +131,28 @@ class _Frame:
 def _stroke(frame: _Frame, points: Points, speed: int | None, style: str) -> str:
     words = " ".join(word for word in ("track-line", "" if speed is None else f"speed-{speed}", style) if word)
     return f'<path class="{words}" fill="none" {_THIN} d="{frame.path(points)}"/>'
+
+
+def _lane(frame: _Frame, track: TrackGeometry, lane: str) -> str:
+    points = simplify_loop(lane_line(track, lane))
+    return f'<path class="track-lane {lane}" fill="none" {_THIN} d="{frame.path(points, closed=True)}"/>'
+
+
+def _box(frame: _Frame, box: BoxMark) -> str:
+    shape = frame.path(box_corners(box, BOX_MARKS * frame.mark_m), closed=True)
+    x, y = frame.place((box.x, box.y))
+    size = _number(1.1 * max(box.half_length, BOX_MARKS * frame.mark_m))
+    number = f'<text x="{x}" y="{y}" dy=".36em" font-size="{size}">{box.number}</text>' if box.number else ""
+    return f'<g class="track-box">{_title(box.title)}<path {_THIN} d="{shape}"/>{number}</g>'
+
+
+def _car(frame: _Frame, car: CarMark) -> str:
+    shape = frame.path(car_corners(car, frame.mark_m), closed=True)
+    return f'<g class="track-rival">{_title(car.title)}<path {_THIN} d="{shape}"/></g>'
+
+
+def _title(title: str) -> str:
+    return f"<title>{_text(title)}</title>" if title else ""
 
 
 def _number(value: float) -> str:

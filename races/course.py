@@ -1,0 +1,116 @@
+"""What stands on the track of a race: laid out as the simulator lays it, checked, and marked on maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from django.core.exceptions import ValidationError
+from django.utils.translation import gettext as _
+
+from evaluation.simulator.course import Course, lay_course
+from evaluation.simulator.rules import BoxPlace, RaceRules
+from evaluation.simulator.solids import Solid, box
+from faults import UserFault
+from tracks.drawing import BoxMark, CarMark
+from tracks.geometry import TrackGeometry
+
+from .errors import problem
+from .models import Lane
+
+if TYPE_CHECKING:
+    from .models import Race
+
+
+def race_rules(race: Race) -> RaceRules:
+    """What the simulator is told about a race. Raises ValueError for a race that contradicts itself."""
+    return RaceRules(
+        race_type=race.race_type,
+        laps=race.laps,
+        off_track_penalty_ms=race.off_track_penalty_ms,
+        collision_penalty_ms=race.collision_penalty_ms,
+        max_resets=race.max_resets,
+        max_simulated_ms=race.max_simulated_ms,
+        seed=race.seed,
+        direction=race.direction,
+        boxes=tuple(BoxPlace(float(place["fraction"]), place["lane"]) for place in race.boxes),
+        random_boxes=race.random_boxes,
+        box_distance_m=race.box_distance_m,
+        bots=race.bots,
+        bot_speed_mps=race.bot_speed_mps,
+        bot_lane_changes=race.bot_lane_changes,
+    )
+
+
+def laid_out(race: Race) -> Course:
+    """The course of a race, boxes in the order driven. Raises UserFault when boxes or bots have no room, with the codes
+    of :func:`evaluation.simulator.course.lay_course`."""
+    return _lay(race.track.geometry, race_rules(race))
+
+
+@lru_cache(maxsize=256)
+def _lay(geometry: TrackGeometry, rules: RaceRules) -> Course:
+    return lay_course(geometry.in_direction(rules.direction), rules)
+
+
+def check_layout(race: Race) -> None:
+    """Refuse boxes and bots that have no room on the race's track. Raises ValidationError on the field to change.
+
+    The race's values must make sense by themselves (``Race.full_clean``).
+    """
+    if not (has_boxes(race) or race.bots):
+        return
+    try:
+        laid_out(race)
+    except UserFault as fault:
+        field = "bots" if race.bots else "random_boxes" if race.random_boxes else "boxes"
+        raise ValidationError({field: problem(fault.code, **fault.params)}) from fault
+
+
+def has_boxes(race: Race) -> bool:
+    """Whether boxes stand on the track whose places are known: not those of an imported race."""
+    return bool(race.boxes or race.random_boxes)
+
+
+def box_rows(race: Race) -> list[dict[str, Any]]:
+    """Where each box of a race stands, in the order driven: ``{"fraction", "lane", "x", "y", "yaw"}`` in metres and
+    radians, drawn ones too; empty without boxes."""
+    return laid_out(race).to_dict()["boxes"] if has_boxes(race) else []
+
+
+def box_marks(race: Race, *, numbered: bool = False) -> tuple[BoxMark, ...]:
+    """The boxes of a race for its map; ``numbered`` in the order of :func:`box_rows`."""
+    if not has_boxes(race):
+        return ()
+    return tuple(
+        _mark(placed.solid, number if numbered else 0, box_title(number, placed.fraction, placed.lane))
+        for number, placed in enumerate(laid_out(race).boxes, start=1)
+    )
+
+
+def driven_marks(course: Mapping[str, Any]) -> tuple[tuple[BoxMark, ...], tuple[CarMark, ...]]:
+    """The boxes of a recorded course (``Result.course``), and its bots where they started, for the map of a run."""
+    boxes = tuple(
+        _mark(box(each["x"], each["y"], each["yaw"]), number, box_title(number, each["fraction"], each["lane"]))
+        for number, each in enumerate(course.get("boxes", ()), start=1)
+    )
+    bots = tuple(
+        CarMark(*places[0], _("Bot %(number)s at the start") % {"number": number})
+        for number, places in enumerate(course.get("bots", ()), start=1)
+        if places
+    )
+    return boxes, bots
+
+
+def box_title(number: int, fraction: float, lane: str) -> str:
+    """Where a box stands, in the reader's language."""
+    return _("Box %(number)s: %(percent)s %% of the lap, %(lane)s") % {
+        "number": number,
+        "percent": f"{100 * fraction:.4g}",
+        "lane": Lane(lane).label,
+    }
+
+
+def _mark(solid: Solid, number: int, title: str) -> BoxMark:
+    return BoxMark(solid.x, solid.y, solid.yaw, solid.half_length, solid.half_width, number, title)

@@ -1,0 +1,60 @@
+"""What is marked on a map besides the road: boxes and other cars where they stand, and the two lanes. No Django."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..checks import Points
+from ..geometry import TrackGeometry
+
+LANE_STEP_M = 0.15
+
+
+class BoxMark(NamedTuple):
+    """A box on a map: its middle (m), heading (rad), half its length along the heading and half its width across (m),
+    the number beside which it is listed (0: none is drawn), and what a pointer or a screen reader is told."""
+
+    x: float
+    y: float
+    yaw: float
+    half_length: float
+    half_width: float
+    number: int = 0
+    title: str = ""
+
+
+class CarMark(NamedTuple):
+    """Another car on a map: its place (m) and heading (rad)."""
+
+    x: float
+    y: float
+    yaw: float
+    title: str = ""
+
+
+def box_corners(box: BoxMark, least_m: float) -> list[tuple[float, float]]:
+    """The four corners of the box in metres, enlarged about its middle so that half its length is ``least_m`` at
+    least: true to scale it would vanish on the map of a long track."""
+    scale = max(1.0, least_m / box.half_length)
+    cos, sin = math.cos(box.yaw), math.sin(box.yaw)
+    reach, side = scale * box.half_length, scale * box.half_width
+    return [
+        (box.x + a * cos - b * sin, box.y + a * sin + b * cos)
+        for a, b in ((reach, side), (-reach, side), (-reach, -side), (reach, -side))
+    ]
+
+
+def car_corners(car: CarMark, size_m: float) -> list[tuple[float, float]]:
+    """An arrow head of ``size_m`` that points where the car points."""
+    cos, sin = math.cos(car.yaw), math.sin(car.yaw)
+    shape = ((1.15, 0.0), (-0.75, 0.75), (-0.35, 0.0), (-0.75, -0.75))
+    return [(car.x + size_m * (a * cos - b * sin), car.y + size_m * (a * sin + b * cos)) for a, b in shape]
+
+
+def lane_line(track: TrackGeometry, lane: str) -> Points:
+    """The middle of the ``"inner"`` or ``"outer"`` lane all round, (n, 2) in metres, the first point not repeated."""
+    count = max(8, round(track.length / LANE_STEP_M))
+    return np.array([track.lane_centre(track.length * k / count, lane)[:2] for k in range(count)])
