@@ -1,0 +1,111 @@
+"""Single elimination: who meets whom as the rounds go on.
+
+Cars are their seeds, 1 for the best. A tie is two heats, one from each starting order; whoever wins it goes on. Where a
+round has fewer cars than places, the best seeds have a bye.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from .points import Drive, points_lap_time
+
+LEGS = 2  # heats in a tie
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Two places of a bracket that meet.
+
+    ``round`` and ``number`` count from 1, from the top of the tree. ``cars``: the seeds known to be in it, the
+    better one first (two, one or none). ``bye``: nobody else will come, its one car goes on. ``winner``: None while it
+    is open.
+    """
+
+    round: int
+    number: int
+    cars: tuple[int, ...]
+    bye: bool
+    winner: int | None
+
+    @property
+    def heats(self) -> tuple[tuple[int, int], ...]:
+        """The starting orders of its two heats, the better seed in front first; none unless both cars are known."""
+        if len(self.cars) != 2:
+            return ()
+        return self.cars, self.cars[::-1]
+
+
+def round_count(entrants: int) -> int:
+    """How many rounds there are: the final is the last. None for fewer than two cars."""
+    return max(0, entrants - 1).bit_length()
+
+
+def seeding(entrants: int) -> list[int]:
+    """The seeds from the top of the tree to its bottom, byes included as seeds above ``entrants``.
+
+    The two best can only meet in the final, the four best only from the semi-finals on, and so forth.
+    """
+    order = [1]
+    while len(order) < 1 << round_count(entrants):
+        last = 2 * len(order) + 1
+        order = [seed for one in order for seed in (one, last - one)]
+    return order
+
+
+def bracket(entrants: int, winners: Mapping[tuple[int, int], int]) -> list[list[Tie]]:
+    """All rounds of a bracket; ``winners``: the seed that won the tie (round, number), for those that are decided.
+
+    Byes need no winner. Raises ValueError when a winner is not in its tie.
+    """
+    waiting: list[int | None] = [seed if seed <= entrants else None for seed in seeding(entrants)]
+    rounds = []
+    for number in range(1, round_count(entrants) + 1):
+        ties = []
+        for place in range(0, len(waiting), 2):
+            cars = tuple(sorted(car for car in waiting[place : place + 2] if car is not None))
+            bye = number == 1 and len(cars) == 1
+            tie = (number, place // 2 + 1)
+            winner = cars[0] if bye else winners.get(tie)
+            if winner is not None and (winner not in cars or (not bye and len(cars) != 2)):
+                raise ValueError(f"seed {winner} cannot win tie {tie} of {cars}")
+            ties.append(Tie(*tie, cars, bye, winner))
+        rounds.append(ties)
+        waiting = [tie.winner for tie in ties]
+    return rounds
+
+
+def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, Drive]]) -> int:
+    """Who goes on after the heats of a tie: more points, then more laps and less time for them, then the better seed.
+
+    ``heats``: what each car did in each heat, by seed.
+    """
+
+    def key(car: int) -> tuple:
+        drives = [heat[car] for heat in heats]
+        total = points_lap_time(drives)
+        return -total.points, -total.laps, total.time_ms, car
+
+    return min(cars, key=key)
+
+
+def ties_won(rounds: Sequence[Sequence[Tie]]) -> dict[int, int]:
+    """For each seed how many ties it has won, byes included."""
+    won: dict[int, int] = {}
+    for tie in (tie for ties in rounds for tie in ties):
+        for car in tie.cars:
+            won.setdefault(car, 0)
+        if tie.winner is not None:
+            won[tie.winner] += 1
+    return won
+
+
+def heat_number(tie: int, leg: int) -> int:
+    """The number within its round of heat ``leg`` (0 or 1) of tie ``tie`` (from 1)."""
+    return LEGS * (tie - 1) + leg + 1
+
+
+def tie_of(number: int) -> int:
+    """The tie that heat ``number`` of a round belongs to. Twin of :func:`heat_number`."""
+    return (number - 1) // LEGS + 1

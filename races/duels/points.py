@@ -1,0 +1,82 @@
+"""What a heat is worth, and how cars stand after many.
+
+Points of a heat, by the number of cars that were drawn for it: one for every car left behind.
+
+| cars | 1st | 2nd | 3rd | 4th |
+|------|-----|-----|-----|-----|
+| 2    | 1   | 0   |     |     |
+| 3    | 2   | 1   | 0   |     |
+| 4    | 3   | 2   | 1   | 0   |
+
+So a heat of four counts like the three duels that it is for each car. A car that retires by its own fault, or whose
+racer has left the race, has lost to every other: it stands behind them and scores nothing. In a bracket the points on
+the board are ties won (a bye counts as one), so that whoever comes further stands higher; the table decides the ties.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+POINTS: dict[int, tuple[int, ...]] = {2: (1, 0), 3: (2, 1, 0), 4: (3, 2, 1, 0)}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What one car did in one heat: its place from 1, complete laps and their total time in milliseconds."""
+
+    place: int
+    points: int
+    laps: int = 0
+    time_ms: int = 0
+
+
+@dataclass(frozen=True)
+class Total:
+    """Several heats together."""
+
+    points: int
+    laps: int
+    time_ms: int
+
+    @property
+    def lap_ms(self) -> int | None:
+        """The mean of all complete laps in whole milliseconds, rounded down; None without one."""
+        return self.time_ms // self.laps if self.laps else None
+
+
+def places(order: Sequence[int], lost: Collection[int] = ()) -> dict[int, tuple[int, int]]:
+    """For each car of a heat its place and its points.
+
+    ``order``: every car drawn for the heat, as they stood at the end; ``lost``: those that retired or never started.
+    They stand behind the others, in the same order among themselves. Raises KeyError for a number of cars that no heat
+    takes, ValueError for a car named twice.
+    """
+    if len(set(order)) != len(order):
+        raise ValueError(f"a car stands twice in {order}")
+    table = POINTS[len(order)]
+    standing = [car for car in order if car not in lost] + [car for car in order if car in lost]
+    return {
+        car: (place, 0 if car in lost else points)
+        for place, (car, points) in enumerate(zip(standing, table, strict=True), start=1)
+    }
+
+
+def points_lap_time(drives: Iterable[Drive]) -> Total:
+    """Points, complete laps and time of several heats, added up."""
+    drives = list(drives)
+    return Total(
+        sum(drive.points for drive in drives),
+        sum(drive.laps for drive in drives),
+        sum(drive.time_ms for drive in drives),
+    )
+
+
+def order(totals: dict[int, Total]) -> list[int]:
+    """Seeds in the order of the board: more points, then the lower average lap, then the better seed."""
+
+    def key(seed: int) -> tuple:
+        lap_ms = totals[seed].lap_ms
+        return -totals[seed].points, lap_ms is None, lap_ms or 0, seed
+
+    return sorted(totals, key=key)
