@@ -14,7 +14,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from evaluation.pair import Pair
+from evaluation.crew import Crew
 from evaluation.pipeline import EvaluationOutcome, RaceJob, evaluate
 from evaluation.simulator.rules import RaceRules
 from tracks.geometry import TrackGeometry
@@ -44,10 +44,10 @@ def _runs(job: RaceJob, runs: int) -> list[dict[str, Any]]:
 
 def _one(job: RaceJob) -> dict[str, Any]:
     cold = evaluate(job)
-    pair = Pair()
+    crew = Crew()
     time.sleep(READY_S)
     clock = Clock()
-    outcome = evaluate(job, on_progress=clock.look, pair=pair)  # the last progress comes at the very end
+    outcome = evaluate(job, on_progress=clock.look, crew=crew)  # the last progress comes at the very end
     return _figures(outcome, cold, clock.seconds)
 
 

@@ -1,4 +1,4 @@
-"""From a model and a race to lap times: one policy process, one runner process, and this process between them.
+"""From models and a race to lap times: a policy process a model, one runner process, and this process between them.
 
 Nothing in an :class:`EvaluationOutcome` but ``wall_s``, ``shares`` and ``peak_mb`` depends on the wall clock.
 """
@@ -6,21 +6,22 @@ Nothing in an :class:`EvaluationOutcome` but ``wall_s``, ``shares`` and ``peak_m
 from __future__ import annotations
 
 import contextlib
+import json
 import select
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from tracks.geometry import TrackGeometry
 
-from .pair import Pair
+from .crew import Crew
 from .rivals import check_rivals
 from .sandbox.cores import one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
-from .sandbox.launch import SandboxedProcess, widen_pipe
-from .sandbox.policy import PolicyProcess, describe, failed_start
+from .sandbox.launch import widen_pipe
+from .sandbox.policy import describe, failed_start
 from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from .simulator.engine import cpu_model
 from .simulator.rules import RaceRules
@@ -118,82 +119,104 @@ def evaluate(
     *,
     budget: PolicyBudget | None = None,
     level: int | None = None,
-    pair: Pair | None = None,
+    crew: Crew | None = None,
 ) -> EvaluationOutcome:
     """Run the job behind the wall. Whatever happens, no process, descriptor or file is left when it returns.
 
     ``on_progress`` gets dicts of :class:`evaluation.simulator.race.Progress`; ``should_stop`` is asked about four
     times a second, also in between; both are called in this thread, and what they raise goes through. ``wall_limit_s``
-    protects the platform from its own simulator: a model's slowness is judged by ``budget``, which must be the smaller.
-    ``level``: as for :func:`evaluation.sandbox.launch.launch`. ``pair``: processes that are kept ready, which are used
-    up instead of new ones; the result is the same.
+    protects the platform from its own simulator and is for each car: a model's slowness is judged by ``budget``, which
+    must be the smaller and which every model has for itself. ``level``: as for
+    :func:`evaluation.sandbox.launch.launch`. ``crew``: processes that are kept ready, which are used up instead of new
+    ones; the result is the same.
 
     Raises UserFault: ``policy_late``, ``policy_died``, ``policy_memory``, ``policy_protocol``, ``policy_refused``,
-    ``non_finite_action``, ``stopped``, and what the simulator says of the model. Raises PlatformFault:
-    ``sandbox_unavailable``, ``sandbox_failed``, ``runner_timeout``, ``runner_died``, ``runner_protocol``,
+    ``non_finite_action`` (these only of a car that is alone; one with rivals retires instead), ``stopped``, and what
+    the simulator says of the model or of the course. Raises PlatformFault: ``sandbox_unavailable``,
+    ``sandbox_failed``, ``host_overloaded``, ``runner_timeout``, ``runner_died``, ``runner_protocol``,
     ``runner_error``; notes on it (``__notes__``) carry what the processes wrote to stderr, for operators.
     """
     started = time.monotonic()
-    with pair or Pair(level) as used:
-        policy, runner = used.policy, used.runner
-        runner.allow(wall_limit_s)
-        run = _Run(policy, runner, on_progress, should_stop)
+    cars = 1 + len(job.rivals)
+    with crew or Crew(cars, level) as used:
+        used.enlist(cars)
+        used.runner.allow(wall_limit_s * cars)
+        run = _Run(used, on_progress, should_stop)
         onnxruntime = run.prepare(job, budget or PolicyBudget())
         prepared = time.monotonic()
-        with one_core([policy.process.inner_pid, runner.inner_pid]):
-            result, trace_csv = run.drive()
+        with one_core([process.inner_pid for process in run.processes.values()]):
+            message, blobs = run.drive()
         seconds = {"start": prepared - started, "network": run.network_s()}
         wall_s = time.monotonic() - started
         try:
-            result["result"]["versions"]["onnxruntime"] = onnxruntime
-            return EvaluationOutcome(
-                **result["result"],
-                trace_csv=trace_csv,
+            return _outcome(
+                message["result"],
+                blobs,
+                run.retired,
+                onnxruntime,
                 cpu_model=cpu_model(),
                 wall_s=wall_s,
-                shares=_shares({**seconds, **result["seconds"]}, wall_s),
-                peak_mb=policy.process.peak_mb() + runner.peak_mb(),
+                shares=_shares({**seconds, **message["seconds"]}, wall_s),
+                peak_mb=sum(process.peak_mb() for process in run.processes.values()),
             )
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError, IndexError) as error:
             raise run.noted(PlatformFault("runner_protocol")) from error
 
 
 class _Run:
-    """One evaluation in the hands of :func:`evaluate`."""
+    """One evaluation in the hands of :func:`evaluate`.
+
+    ``processes``: the runner and the policies by the names that operators read. ``retired``: the fault of each car that
+    retired, by its number.
+    """
 
     def __init__(
         self,
-        policy: PolicyProcess,
-        runner: SandboxedProcess,
+        crew: Crew,
         on_progress: Callable[[dict[str, Any]], None] | None,
         should_stop: Callable[[], bool],
     ) -> None:
-        self._policy, self._runner = policy, runner
+        self._policies, self._runner = crew.policies, crew.runner
         self._on_progress, self._should_stop = on_progress, should_stop
-        self._network_from = 0.0
+        self._network_from = [0.0] * len(crew.policies)
+        self._network_s = [0.0] * len(crew.policies)
+        self.retired: dict[int, UserFault] = {}
+        names = ["policy", *(f"policy of car {number}" for number in range(1, len(crew.policies)))]
+        self.processes = {"runner": crew.runner}
+        self.processes |= {name: policy.process for name, policy in zip(names, crew.policies, strict=True)}
 
     def prepare(self, job: RaceJob, budget: PolicyBudget) -> str:
-        """Hand out the job and the network, so that the next message starts the race. The version of onnxruntime."""
+        """Hand out the job and the networks, so that the next message starts the race. The version of onnxruntime."""
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
-        described = {"track": job.track.to_dict(), "rules": job.rules.to_dict(), "metadata": job.metadata}
+        cars = (job, *job.rivals)
+        described = {"track": job.track.to_dict(), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         try:
-            write_message(self._runner.stdin, {**described, "budget": asdict(budget)}, deadline=deadline)
-            self._policy.give(job.onnx)
-            answer, _ = read_message(self._runner.stdout, deadline)
+            write_message(
+                self._runner.stdin, {**described, "metadata": [car.metadata for car in cars]}, deadline=deadline
+            )
+            for number, car in enumerate(cars):
+                with self._retiring(number):
+                    self._policies[number].give(car.onnx)
+            answer, _ = read_message(self._runner.stdout, max(deadline, time.monotonic() + _MESSAGE_S))
         except FrameError as error:
             raise failed_start(self._runner, str(error)) from None
         self._raise_error(answer)
-        if "header" not in answer:
+        if len(answer.get("headers", ())) != len(cars):
             raise self.noted(PlatformFault("runner_protocol"))
-        self._check_stop()
-        version = self._policy.agree(answer["header"])
-        self._policy.process.close_pipes()  # from here on they are the runner's alone
-        self._network_from = self._policy.process.cpu_seconds()
-        return version
+        versions = []
+        for number, header in enumerate(answer["headers"]):
+            self._check_stop()
+            if number not in self.retired:
+                with self._retiring(number):
+                    versions.append(self._policies[number].agree(header))
+        for number, policy in enumerate(self._policies):
+            policy.process.close_pipes()  # from here on they are the runner's alone
+            self._network_from[number] = policy.process.cpu_seconds()
+        return versions[0] if versions else ""
 
-    def drive(self) -> tuple[dict[str, Any], bytes]:
-        """Start the race and wait for its result: the message and the trace."""
+    def drive(self) -> tuple[dict[str, Any], list[bytes]]:
+        """Start the race and wait for its result: the message and its blobs."""
         with contextlib.suppress(FrameError):  # a runner that is gone left a message why, or its exit status
             write_message(self._runner.stdin, {"start": True}, deadline=time.monotonic() + _MESSAGE_S)
         poller = select.poll()
@@ -207,20 +230,65 @@ class _Run:
                 continue
             message, blobs = self._hear()
             self._raise_error(message)
-            if "result" in message and len(blobs) == 1:
-                return message, blobs[0]
-            if "progress" not in message:
+            if "result" in message:
+                return message, blobs
+            if "retired" in message:
+                self._hear_of_retired(message["retired"])
+            elif "progress" not in message:
                 raise self.noted(PlatformFault("runner_protocol"))
-            if self._on_progress is not None:
+            elif self._on_progress is not None:
                 self._on_progress(message["progress"])
 
     def network_s(self) -> float:
-        """CPU seconds of the policy process since the start of the race."""
-        return self._policy.process.cpu_seconds() - self._network_from
+        """CPU seconds of the policy processes since the start of the race."""
+        for number in range(len(self._policies)):
+            self._note_network(number)
+        return sum(self._network_s)
+
+    def noted(self, fault: PaddockError) -> PaddockError:
+        """Attach what the processes said to stderr, which operators may read and racers may not."""
+        for name, process in self.processes.items():
+            if text := process.stderr_text().strip():
+                fault.add_note(f"stderr of the {name}:\n{text}")
+        return fault
 
     def _check_stop(self) -> None:
         if self._should_stop():
             raise UserFault("stopped")
+
+    @contextlib.contextmanager
+    def _retiring(self, number: int) -> Iterator[None]:
+        """Whoever races others and fails at the start retires; alone its fault goes through."""
+        try:
+            yield
+        except UserFault as fault:
+            if len(self._policies) == 1:
+                raise
+            self._retire(number, fault)
+
+    def _hear_of_retired(self, said: dict[str, Any]) -> None:
+        """The runner found a policy at fault. Whose fault it was shows now: later it might look otherwise."""
+        try:
+            number, fault = said["car"], fault_from_dict(said["error"])
+            policy = self._policies[number]
+        except (KeyError, TypeError, ValueError, IndexError):
+            raise self.noted(PlatformFault("runner_protocol")) from None
+        if number not in self.retired:
+            explained = policy.explain(fault)
+            if not isinstance(explained, UserFault):
+                raise self.noted(explained)
+            self._retire(number, explained)
+
+    def _retire(self, number: int, fault: UserFault) -> None:
+        """Write down why, and end the process: it would take the others' processor."""
+        self.retired[number] = fault
+        self._note_network(number)
+        self._policies[number].process.peak_mb()
+        self._policies[number].process.kill()
+
+    def _note_network(self, number: int) -> None:
+        used = self._policies[number].process.cpu_seconds() - self._network_from[number]
+        self._network_s[number] = max(self._network_s[number], used)
 
     def _hear(self) -> tuple[dict[str, Any], list[bytes]]:
         try:
@@ -238,14 +306,34 @@ class _Run:
             fault = fault_from_dict(message["error"])
         except (KeyError, TypeError, ValueError):
             raise self.noted(PlatformFault("runner_protocol")) from None
-        raise self.noted(self._policy.explain(fault))
+        raise self.noted(self._policies[0].explain(fault))
 
-    def noted(self, fault: PaddockError) -> PaddockError:
-        """Attach what the processes said to stderr, which operators may read and racers may not."""
-        for name, process in (("runner", self._runner), ("policy", self._policy.process)):
-            if text := process.stderr_text().strip():
-                fault.add_note(f"stderr of the {name}:\n{text}")
-        return fault
+
+def _outcome(
+    result: dict[str, Any], blobs: list[bytes], retired: dict[int, UserFault], onnxruntime: str, **measured: Any
+) -> EvaluationOutcome:
+    """What the runner's last message says. Raises KeyError, TypeError, ValueError, IndexError for one of no form."""
+    course, *traces = blobs
+    first, *rivals = [
+        CarOutcome(**{**car, "retired": _why(car["retired"], retired.get(number))}, trace_csv=trace)
+        for number, (car, trace) in enumerate(zip(result.pop("cars"), traces, strict=True))
+    ]
+    result["versions"]["onnxruntime"] = onnxruntime
+    return EvaluationOutcome(
+        **{column.name: getattr(first, column.name) for column in fields(first)},
+        **result,
+        course=json.loads(course),
+        rivals=rivals,
+        **measured,
+    )
+
+
+def _why(said: dict[str, Any] | None, known: UserFault | None) -> dict[str, Any] | None:
+    """Why a car retired, as it is kept: what the runner says, or what we found out about its process at that time."""
+    if said is None:
+        return None
+    fault = known or fault_from_dict(said)
+    return {"code": fault.code, "params": fault.params}
 
 
 def _shares(seconds: dict[str, float], wall_s: float) -> dict[str, float]:

@@ -18,7 +18,7 @@ from django.utils import timezone
 
 from faults import PlatformFault
 
-from .pair import Spare
+from .crew import Spare
 from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
 
 logger = logging.getLogger(__name__)

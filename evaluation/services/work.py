@@ -20,7 +20,7 @@ from ..models import Evaluation, TrainedModel
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 
 if TYPE_CHECKING:
-    from ..pair import Spare
+    from ..crew import Spare
     from ..pipeline import EvaluationOutcome, RaceJob
 
 logger = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ BEATS_PER_LEASE = 6
 def run_next_evaluation(
     *, worker: str, interrupted: Callable[[], bool] = lambda: False, spare: Spare | None = None
 ) -> bool:
-    """Run the evaluation whose turn it is to its end. False: nothing waits. ``spare``: where a ready pair may wait.
+    """Run the evaluation whose turn it is to its end. False: nothing waits. ``spare``: where processes may wait, ready.
 
     ``interrupted`` turns true when the worker is told to shut down: the evaluation is then handed back. Call this from
     a thread that outlives the run (a worker's main thread): the sandboxed processes die with the thread that made them.
@@ -148,7 +148,7 @@ def _run(
     job = job_of(evaluation)
     return evaluate(
         job,
-        pair=spare.take() if spare else None,
+        crew=spare.take() if spare else None,
         on_progress=heart.tell,
         should_stop=lambda: heart.lost or interrupted(),
         wall_limit_s=settings.EVALUATION_WALL_SECONDS,

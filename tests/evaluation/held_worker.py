@@ -63,10 +63,10 @@ def after(point: str, function):
     return held
 
 
-def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, pair=None):
+def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, crew=None):
     """A run that ends at once, unless it is held; then it can be stopped like a real one."""
-    if pair is not None:
-        pair.close()
+    if crew is not None:
+        crew.close()
     if wanted("running"):
         on_progress({"lap": 1})
         while not should_stop():

@@ -44,7 +44,7 @@ def perhaps_die(where: str) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, pair=None):
+def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, crew=None):
     perhaps_die("running")
     draw = luck.random()
     if draw < OUR_FAULT:

@@ -84,6 +84,6 @@ def _lap(number: int, time_ms: int, complete: bool) -> dict[str, Any]:
     }
 
 
-def finishes(job: RaceJob, on_progress=None, should_stop=None, wall_limit_s=0.0, pair=None) -> EvaluationOutcome:
+def finishes(job: RaceJob, on_progress=None, should_stop=None, wall_limit_s=0.0, crew=None) -> EvaluationOutcome:
     """A run that ends at once, with an outcome that the job's seed decides."""
     return outcome_of(salt=job.rules.seed)

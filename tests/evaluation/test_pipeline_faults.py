@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from evaluation import pair, pipeline
+from evaluation import crew, pipeline
 from evaluation.pipeline import PolicyBudget, RaceJob, evaluate
 from evaluation.sandbox import probe as probe_module
 from evaluation.sandbox.limits import RUNNER
@@ -43,7 +43,7 @@ def policy(monkeypatch):
 
     def replace_with(kind):
         hostile = functools.partial(PolicyProcess, module="policies", arguments=[kind], python_path=[PAYLOADS])
-        monkeypatch.setattr(pair, "PolicyProcess", hostile)
+        monkeypatch.setattr(crew, "PolicyProcess", hostile)
 
     return replace_with
 
@@ -51,13 +51,13 @@ def policy(monkeypatch):
 @pytest.fixture
 def runner(monkeypatch):
     """Puts a payload in the place of the runner process."""
-    launch = pair.launch
+    launch = crew.launch
 
     def replace_with(kind):
         def hostile(_module, *, arguments, **options):
             return launch("runners", arguments=[kind, *arguments], python_path=[PAYLOADS], **options)
 
-        monkeypatch.setattr(pair, "launch", hostile)
+        monkeypatch.setattr(crew, "launch", hostile)
 
     return replace_with
 
@@ -137,12 +137,13 @@ def test_how_a_policy_died_is_told(job, policy):
         ("race:error_of_no_form", "runner_protocol"),
         ("race:incomplete_result", "runner_protocol"),
         ("race:result_without_a_trace", "runner_protocol"),
+        ("race:retires_nobody", "runner_protocol"),
     ],
 )
 def test_a_runner_that_fails_is_our_fault_and_operators_see_its_last_words(job, runner, kind, code, monkeypatch):
     monkeypatch.setattr(pipeline, "_START_S", 1.5)
     monkeypatch.setattr(pipeline, "_MESSAGE_S", 0.5)
-    monkeypatch.setattr(pair, "RUNNER", replace(RUNNER, address_space_mb=400))
+    monkeypatch.setattr(crew, "RUNNER", replace(RUNNER, address_space_mb=400))
     runner(kind)
     with pytest.raises(PlatformFault) as caught:
         evaluate(job, wall_limit_s=3.0)
@@ -166,7 +167,7 @@ def test_when_the_runner_cannot_be_started_the_policy_is_ended_too(job, monkeypa
     def fail(*_args, **_options):
         raise PlatformFault("sandbox_failed", detail="no more processes")
 
-    monkeypatch.setattr(pair, "launch", fail)
+    monkeypatch.setattr(crew, "launch", fail)
     with pytest.raises(PlatformFault) as caught:
         evaluate(job)
     assert caught.value.code == "sandbox_failed"

@@ -50,7 +50,7 @@ class TestAnEvaluationThat:
     def test_finishes_has_its_result_and_its_trace(self, queued, plays, settings):
         jobs = []
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             jobs.append((job, wall_limit_s))
             return outcome_of(laps=(10_000, 9_500, 4_000), unfinished=True)
 
@@ -129,7 +129,7 @@ class TestAnEvaluationThat:
     def test_is_stopped_by_its_owner_ends_at_the_next_beat(self, queued, plays, quick_heart):
         noticed = []
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             services.stop_evaluation(evaluation=queued, now=timezone.now())
             on_progress({"lap": 1})
             wait_until(should_stop)
@@ -146,7 +146,7 @@ class TestAnEvaluationThat:
     def test_runs_when_the_worker_is_told_to_stop_goes_back_to_its_place(self, queued, plays):
         told = threading.Event()
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             assert not should_stop()
             told.set()
             assert should_stop()
@@ -162,7 +162,7 @@ class TestTheHeart:
     def test_writes_the_progress_and_prolongs_the_lease(self, queued, plays, quick_heart):
         seen = []
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             before = Evaluation.objects.get().leased_until
             on_progress({"lap": 2, "percent": 40.0})
             wait_until(lambda: Evaluation.objects.get().progress)
@@ -174,7 +174,7 @@ class TestTheHeart:
         assert seen == [({"lap": 2, "percent": 40.0}, True)]
 
     def test_beats_without_any_progress(self, queued, plays, quick_heart):
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             before = Evaluation.objects.get().leased_until
             wait_until(lambda: Evaluation.objects.get().leased_until > before)
             return outcome_of()
@@ -193,7 +193,7 @@ class TestTheHeart:
                 raise DatabaseError("away")
             return True
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             wait_until(lambda: on_progress({"lap": 1}) or len(calls) > 3)
             assert not should_stop()
             return outcome_of()
@@ -213,7 +213,7 @@ class TestTheHeart:
         def failing(**kwargs):
             raise DatabaseError("away")
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             wait_until(should_stop)
             noticed.append(True)
             raise UserFault("stopped")
@@ -281,7 +281,7 @@ class TestTheTask:
     def test_hands_back_on_sigterm_and_claims_no_more(self, queued, alice, oval, plays):
         services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
 
-        def play(job, on_progress, should_stop, wall_limit_s, pair):
+        def play(job, on_progress, should_stop, wall_limit_s, crew):
             assert not should_stop()
             os.kill(os.getpid(), signal.SIGTERM)
             assert should_stop()

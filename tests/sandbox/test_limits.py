@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from evaluation import pair, pipeline
+from evaluation import crew, pipeline
 from evaluation.sandbox.limits import POLICY, PROBE, RUNNER, Limits
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_client import TOTAL_S
@@ -30,13 +30,13 @@ def test_a_network_of_the_consoles_size_needs_less_than_half_of_a_policys_memory
 def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(monkeypatch):
     largest = max(CATALOGUE, key=lambda track: track.stated_length_m or 0.0)
     started, peaks = [], []
-    launch = pair.launch
+    launch = crew.launch
 
     def watched(*args, **options):
         started.append(launch(*args, **options))
         return started[-1]
 
-    monkeypatch.setattr(pair, "launch", watched)
+    monkeypatch.setattr(crew, "launch", watched)
     job = pipeline.RaceJob(largest.geometry(), RaceRules(max_simulated_ms=60_000), small_network(), METADATA)
     pipeline.evaluate(job, on_progress=lambda _: peaks.append(peak_address_space_mb(started[0])))
     assert peaks

@@ -58,6 +58,11 @@ def result_without_a_trace(out):
     write_message(out, {"result": {}, "seconds": {}})
 
 
+def retires_nobody(out):
+    write_message(out, {"retired": {"car": 7, "error": {"code": "policy_died", "params": {}}}})
+    hang(out)
+
+
 def grow(_out):
     held = []
     while True:
@@ -71,6 +76,6 @@ def main(frames_in, frames_out):
     read_message(frames_in)
     if when == "start":
         globals()[name](frames_out)
-    write_message(frames_out, {"header": HEADER})
+    write_message(frames_out, {"headers": [HEADER]})
     read_message(frames_in)
     globals()[name](frames_out)

@@ -1,0 +1,100 @@
+"""The walled-off processes of an evaluation: a policy for each submitted car, and the runner that asks them.
+
+Starting two interpreters takes a fifth of a second and more, as long as a short race. A worker with nothing to do
+therefore keeps a crew for one car ready (:class:`Spare`). Every crew drives one job and is then killed, however it was
+started.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+
+from faults import PlatformFault
+
+from .sandbox.launch import SandboxedProcess, launch
+from .sandbox.limits import RUNNER
+from .sandbox.policy import PolicyProcess
+
+RUNNER_MODULE = "evaluation.runner_process"
+
+logger = logging.getLogger(__name__)
+
+
+class Crew:
+    """A policy process for each of ``cars`` and a runner process that has the pipes of all of them, without a job.
+
+    Each policy is behind a wall of its own and shares nothing with the others. A context manager: leaving kills all.
+    ``level``: as for :func:`evaluation.sandbox.launch.launch`. Raises PlatformFault where they cannot be started.
+    """
+
+    def __init__(self, cars: int = 1, level: int | None = None) -> None:
+        self._level = level
+        self.policies: list[PolicyProcess] = []
+        with contextlib.ExitStack() as stack:
+            self.runner = self._start(stack, cars)
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.close()
+
+    @property
+    def alive(self) -> bool:
+        """Whether no process has ended."""
+        return all(process.poll() is None for process in (self.runner, *(policy.process for policy in self.policies)))
+
+    def enlist(self, cars: int) -> None:
+        """Start the policies that are missing, and then a runner that knows them all in place of the present one.
+
+        Raises PlatformFault; what was started before is then still to be closed.
+        """
+        if cars > len(self.policies):
+            before, self.runner = self.runner, self._start(self._stack, cars)
+            before.close()
+
+    def close(self) -> None:
+        """Kill all and give everything back. Does nothing the second time."""
+        self._stack.close()
+
+    def _start(self, stack: contextlib.ExitStack, cars: int) -> SandboxedProcess:
+        while len(self.policies) < cars:
+            self.policies.append(stack.enter_context(PolicyProcess(level=self._level)))
+        pipes = [fd for policy in self.policies for fd in (policy.process.stdout, policy.process.stdin)]
+        return stack.enter_context(
+            launch(RUNNER_MODULE, limits=RUNNER, level=self._level, arguments=[str(fd) for fd in pipes], pass_fds=pipes)
+        )
+
+
+class Spare:
+    """At most one crew for one car that waits for a job. It belongs to the thread that makes it: with that thread it
+    dies."""
+
+    def __init__(self) -> None:
+        self._crew: Crew | None = None
+
+    def prepare(self) -> None:
+        """Start a crew unless one waits already. One that cannot be started is logged: the next job will say why."""
+        if self._crew is not None and self._crew.alive:
+            return
+        self.close()
+        try:
+            self._crew = Crew()
+        except PlatformFault as fault:
+            logger.warning("No processes can be kept ready: %s", fault)
+
+    def take(self) -> Crew | None:
+        """The waiting crew, which is the caller's from now on; None when there is none, or it has died meanwhile."""
+        crew, self._crew = self._crew, None
+        if crew is not None and not crew.alive:
+            crew.close()
+            return None
+        return crew
+
+    def close(self) -> None:
+        """Kill the waiting crew, if there is one."""
+        if self._crew is not None:
+            self._crew.close()
+            self._crew = None
