@@ -130,7 +130,7 @@ def test_far_lines_do_not_sparkle(camera):
 
 def test_the_road_is_drawn_between_its_borders(scene):
     level = scene.levels[0]
-    to_pixels = level.from_car(0.0, 0.0, 1.0, 0.0)
+    to_pixels = level.from_ground()
     for distance in np.linspace(0, TRACK.length, 40, endpoint=False):
         for offset, grey in (
             (0.2, OFFICIAL.road),

@@ -1,9 +1,9 @@
-"""Where a camera sits on the car and how it maps the ground to pixels."""
+"""Where a camera sits on the car and how it maps level ground to pixels."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,18 +37,28 @@ class Optics:
         """Row (pixel centres are whole numbers) of the horizon."""
         return (self.rows - 1) / 2 - self.focal * math.tan(self.pitch)
 
-    def ground_from_pixels(self) -> np.ndarray:
-        """(3, 3): homogeneous (column, row, 1) below the horizon to homogeneous ground (x, y, 1) in the car's frame."""
+    def ground_from_pixels(self, level_m: float = 0.0) -> np.ndarray:
+        """(3, 3): homogeneous (column, row, 1) to homogeneous ground (x, y, 1) in the car's frame.
+
+        ``level_m``: of another level plane above the ground. One below the camera is seen under the horizon, one above
+        it over the horizon.
+        """
         focal, cos, sin = self.focal, math.cos(self.pitch), math.sin(self.pitch)
         centre_u, centre_v = (self.columns - 1) / 2, (self.rows - 1) / 2
         # A ray goes right by a = (u - cu)/f and down by b = (v - cv)/f for one unit along the axis.
         right = np.array([1.0, 0.0, -centre_u]) / focal
         down = np.array([0.0, 1.0, -centre_v]) / focal
         one = np.array([0.0, 0.0, 1.0])
-        fall = sin * one + cos * down  # how far the ray falls: it meets the ground after height / fall
-        forward = self.height * (cos * one - sin * down) + self.x * fall
-        left = -self.height * right + self.y * fall
+        fall = sin * one + cos * down  # how far the ray falls: it meets the plane after above / fall
+        above = self.height - level_m
+        forward = above * (cos * one - sin * down) + self.x * fall
+        left = -above * right + self.y * fall
         return np.array([forward, left, fall])
 
 
 FRONT_CAMERA = Optics()
+
+# deepracer-simapp: the pair of the stereo car sits 0.03 m to each side of where the single camera would be, and
+# LEFT_CAMERA is the left one of it.
+STEREO_LEFT = replace(FRONT_CAMERA, y=0.03)
+STEREO_RIGHT = replace(FRONT_CAMERA, y=-0.03)

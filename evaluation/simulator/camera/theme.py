@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+Faces = tuple[int, int, int, int]  # greys of a block's front, left, back and right
+
 
 @dataclass(frozen=True)
 class Theme:
@@ -16,6 +18,10 @@ class Theme:
     field: int
     wall: int
     sky: int
+    box: Faces
+    car: Faces
+    car_window: int
+    car_wheel: int
     line_width: float  # border lines, inside the road
     dash_length: float
     dash_width: float
@@ -27,7 +33,9 @@ class Theme:
 # Shapes: measured on the reInvent2019_wide mesh of deepracer-simapp; the wall's height and the size of the dashes agree
 # with three frames of its camera (dr-demo-1..3 of deepracer-utils). Greys: medians on those frames, because light
 # changes what the mesh's textures say. The walls' own colour (36, 70, 81) arrives at 3 to 40 percent of its brightness,
-# by the side the light comes from (2, 14, 21 and 24), lines and dashes at 91 to 100. Sky: Gazebo's background.
+# by the side the light comes from (2, 14, 21 and 24), lines and dashes at 91 to 100. Sky: Gazebo's background. Boxes
+# and cars are chosen, no frame of them is at hand: a box lighter than the road and darker than the field, a car darker
+# than the road, and faces that differ as the walls do, so that an edge shows.
 OFFICIAL = Theme(
     name="official",
     road=53,
@@ -36,6 +44,10 @@ OFFICIAL = Theme(
     field=134,
     wall=14,
     sky=178,
+    box=(104, 84, 96, 78),
+    car=(30, 24, 28, 20),
+    car_window=92,
+    car_wheel=6,
     line_width=0.0762,
     dash_length=0.0508,
     dash_width=0.0254,

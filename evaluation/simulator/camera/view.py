@@ -1,9 +1,15 @@
-"""The picture: ground bands by perspective warp, then walls."""
+"""The picture: ground, walls and sky by perspective warps, then the solids that stand before them.
+
+Ground and sky are pictures of level planes that end at the walls of the hall, and outside of them lies the walls' grey:
+a wall is where a ray leaves the hall before it meets the plane.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -11,146 +17,115 @@ import numpy as np
 from tracks.geometry import TrackGeometry
 
 from ..car import Pose
+from ..solids import Solid
+from .blocks import NEAR_M as NEAR_M
+from .blocks import BlockPainter
 from .optics import FRONT_CAMERA, Optics
-from .texture import Level, draw_ground
+from .texture import Bounds, Level, draw_ground
 from .theme import OFFICIAL, Theme
 
-NEAR_M = 0.02  # deepracer-simapp: near plane of the camera
-_SHIFT = 4  # fractional bits of OpenCV's drawing coordinates
-_BLEED = 0.7  # pixels by which OpenCV's smooth polygons are too large on each side
-_LIMIT = 30_000 << _SHIFT  # OpenCV counts pixels in 16 bits
-
-_Corner = tuple[float, float, float]
+_REDUCTIONS = (1, 2, 4)
+_WARP = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+_SKY_M = 0.1  # a pixel of the sky, about: its edge is smooth
 
 
 @dataclass(frozen=True)
 class Scene:
-    """All that a camera can see of a track: the ground's levels (finest first) and the hall."""
+    """All that a camera can see of an empty track: the ground's levels (finest first), the sky and the hall."""
 
     theme: Theme
     levels: tuple[Level, ...]
-    walls: tuple[float, float, float, float]  # xmin, ymin, xmax, ymax
+    sky: Level
+    walls: Bounds
 
     @classmethod
     def of(cls, track: TrackGeometry, theme: Theme = OFFICIAL) -> Scene:
-        """Draw the scene of a track; takes some tens of milliseconds."""
+        """Draw the scene of a track; takes some ten milliseconds."""
         xmin, ymin, xmax, ymax = track.bounds
         margin = theme.field_margin
-        return cls(theme, draw_ground(track, theme), (xmin - margin, ymin - margin, xmax + margin, ymax + margin))
+        hall = (xmin - margin, ymin - margin, xmax + margin, ymax + margin)
+        across, up = (max(1, round(side / _SKY_M)) for side in (hall[2] - hall[0], hall[3] - hall[1]))
+        sky = Level(np.full((up, across), theme.sky, np.uint8), hall)
+        return cls(theme, draw_ground(track, theme, hall, _REDUCTIONS), sky, hall)
 
 
 @dataclass(frozen=True)
 class _Band:
-    """Rows drawn from one level, each as ``samples`` rows that are averaged: far rows cover much ground lengthwise, and
-    one sample of it would sparkle."""
+    """Rows drawn from one picture. ``doublings``: far rows cover much ground lengthwise, and one sample of it would
+    sparkle; so 2^doublings rows are drawn for each and averaged in pairs."""
 
     first: int
     last: int  # one past
-    level: int
-    samples: int
+    level: Level
+    level_m: float
+    doublings: int
+
+    @property
+    def samples(self) -> int:
+        return 1 << self.doublings
+
+    def terms(self, optics: Optics) -> np.ndarray:
+        """(5, 9): the homography from pixels of the band's own picture to pixels of its level is the sum of these,
+        times (cosine and sine of the car's heading, its x, its y, 1)."""
+        # Row r of the band's own picture is row first + (r + 0.5) / samples - 0.5 of the frame.
+        rows = np.array([[1, 0, 0], [0, 1 / self.samples, self.first + 0.5 / self.samples - 0.5], [0, 0, 1]])
+        forward, left, one = optics.ground_from_pixels(self.level_m) @ rows
+        none = np.zeros(3)
+        ground = np.array(
+            [
+                [forward, left, none],
+                [-left, forward, none],
+                [one, none, none],
+                [none, one, none],
+                [none, none, one],
+            ]
+        )
+        return (self.level.from_ground() @ ground).reshape(5, 9)
 
 
 class Camera:
     """Draws what a camera on the car sees. The car does not roll or pitch: it has no suspension."""
 
     def __init__(self, scene: Scene, optics: Optics = FRONT_CAMERA) -> None:
-        self._scene = scene
-        self._optics = optics
-        self._cos, self._sin = math.cos(optics.pitch), math.sin(optics.pitch)
-        scale = 1 << _SHIFT
-        self._scaled = (optics.focal * scale, (optics.columns - 1) / 2 * scale, (optics.rows - 1) / 2 * scale)
-        self._bleed = _BLEED / optics.focal
-        self._horizon = math.floor(optics.horizon) + 1  # first row that shows ground
-        ground = optics.ground_from_pixels()
-        self._bands = []
-        for band in _bands(optics, self._horizon):
-            level = scene.levels[band.level]
-            # Row r of the band's own picture is row first + (r + 0.5) / samples - 0.5 of the frame.
-            rows = np.array([[1, 0, 0], [0, 1 / band.samples, band.first + 0.5 / band.samples - 0.5], [0, 0, 1]])
-            size = (optics.columns, (band.last - band.first) * band.samples)
-            self._bands.append((band, size, level, ground @ rows))
+        self._wall = scene.theme.wall
+        self._frame = np.empty((optics.rows, optics.columns), np.uint8)
+        bands = _bands(scene, optics)
+        self._terms = np.hstack([band.terms(optics) for band in bands])
+        self._bands = [self._prepared(band) for band in bands]
+        self._painter = BlockPainter(scene.theme, optics)
 
-    def render(self, pose: Pose) -> np.ndarray:
-        """The grey frame, uint8 (rows, columns), a fresh array."""
-        optics, theme = self._optics, self._scene.theme
-        frame = np.empty((optics.rows, optics.columns), np.uint8)
-        frame[: self._horizon] = theme.sky
-        cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-        for band, size, level, ground in self._bands:
-            target = frame[band.first : band.last]
-            drawn = cv2.warpPerspective(
-                level.pixels,
-                level.from_car(pose.x, pose.y, cos, sin) @ ground,
-                size,
-                dst=target if band.samples == 1 else None,
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=theme.field,
-            )
-            if band.samples > 1:
-                cv2.resize(drawn, (optics.columns, band.last - band.first), dst=target, interpolation=cv2.INTER_AREA)
-        self._draw_walls(frame, pose, cos, sin)
+    def _prepared(self, band: _Band) -> tuple:
+        """(the level's pixels, size of the band's picture, buffer for it, halvings): all that is not made anew for
+        each frame. A halving: even rows, odd rows, buffer for their mean."""
+        rows, columns = band.last - band.first, self._frame.shape[1]
+        buffers = [np.empty((rows << n, columns), np.uint8) for n in range(band.doublings, 0, -1)]
+        buffers.append(self._frame[band.first : band.last])
+        halvings = [(full[::2], full[1::2], half) for full, half in pairwise(buffers)]
+        return band.level.pixels, (columns, rows * band.samples), buffers[0], halvings
+
+    def render(self, pose: Pose, solids: Sequence[Solid] = ()) -> np.ndarray:
+        """The grey frame, uint8 (rows, columns), a fresh array. ``solids`` hide each other and the ground by distance;
+        one that the camera is inside of is not seen, as its faces look outwards."""
+        place = np.array((math.cos(pose.yaw), math.sin(pose.yaw), pose.x, pose.y, 1.0))
+        homographies = (place @ self._terms).reshape(-1, 3, 3)
+        for (pixels, size, picture, halvings), homography in zip(self._bands, homographies, strict=True):
+            cv2.warpPerspective(pixels, homography, size, picture, _WARP, cv2.BORDER_CONSTANT, self._wall)
+            for even, odd, half in halvings:
+                cv2.addWeighted(even, 0.5, odd, 0.5, 0.0, half)
+        frame = self._frame.copy()
+        if solids:
+            self._painter.paint(frame, pose.x, pose.y, pose.yaw, solids)
         return frame
 
-    def _draw_walls(self, frame: np.ndarray, pose: Pose, cos: float, sin: float) -> None:
-        optics, theme = self._optics, self._scene.theme
-        xmin, ymin, xmax, ymax = self._scene.walls
-        feet = []
-        for x, y in ((xmin, ymin), (xmax, ymin), (xmax, ymax), (xmin, ymax)):
-            dx, dy = x - pose.x, y - pose.y
-            feet.append((dx * cos + dy * sin - optics.x, dy * cos - dx * sin - optics.y))
-        low, high = -optics.height, theme.wall_height - optics.height
-        for index, (ax, ay) in enumerate(feet):
-            bx, by = feet[index - 1]
-            foot, top = -self._bleed, self._bleed
-            corners = [
-                self._seen(ax, ay, low, foot),
-                self._seen(bx, by, low, foot),
-                self._seen(bx, by, high, top),
-                self._seen(ax, ay, high, top),
-            ]
-            self._fill(frame, corners, theme.wall)
 
-    def _seen(self, forward: float, left: float, up: float, lower: float) -> _Corner:
-        """A point relative to the camera as (depth along the axis, right, down), lowered by a share of the depth."""
-        depth = forward * self._cos - up * self._sin
-        return depth, -left, lower * depth - forward * self._sin - up * self._cos
-
-    def _fill(self, frame: np.ndarray, corners: list[_Corner], grey: int) -> None:
-        """Draw a convex polygon, near-clipped."""
-        behind = sum(corner[0] < NEAR_M for corner in corners)
-        if behind == len(corners):
-            return
-        if behind:
-            corners = _clip(corners)
-        focal, centre_u, centre_v = self._scaled
-        points = []
-        for depth, right, down in corners:
-            scale = focal / depth
-            column, row = centre_u + right * scale, centre_v + down * scale
-            points.append((int(min(max(column, -_LIMIT), _LIMIT)), int(min(max(row, -_LIMIT), _LIMIT))))
-        cv2.fillConvexPoly(frame, np.array(points, np.int32), grey, cv2.LINE_AA, _SHIFT)
-
-
-def _bands(optics: Optics, horizon: int) -> list[_Band]:
-    far, middle = horizon + 10, horizon + 26
-    return [_Band(horizon, far, 2, 8), _Band(far, middle, 1, 4), _Band(middle, optics.rows, 0, 1)]
-
-
-def _clip(corners: list[_Corner]) -> list[_Corner]:
-    """The part of a polygon before the near plane (Sutherland and Hodgman)."""
-    kept = []
-    for index, corner in enumerate(corners):
-        before = corners[index - 1]
-        if (corner[0] >= NEAR_M) != (before[0] >= NEAR_M):
-            share = (NEAR_M - before[0]) / (corner[0] - before[0])
-            kept.append(
-                (
-                    NEAR_M,
-                    before[1] + share * (corner[1] - before[1]),
-                    before[2] + share * (corner[2] - before[2]),
-                )
-            )
-        if corner[0] >= NEAR_M:
-            kept.append(corner)
-    return kept
+def _bands(scene: Scene, optics: Optics) -> list[_Band]:
+    fine, middle, coarse = scene.levels
+    horizon = math.floor(optics.horizon) + 1  # first row that shows ground
+    scale = optics.rows / 120
+    far, near = horizon + round(10 * scale), horizon + round(26 * scale)
+    return [
+        _Band(0, horizon, scene.sky, scene.theme.wall_height, 0),
+        _Band(horizon, far, coarse, 0.0, 2),
+        _Band(far, near, middle, 0.0, 1),
+        _Band(near, optics.rows, fine, 0.0, 0),
+    ]
