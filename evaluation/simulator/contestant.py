@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from tracks.geometry import TrackGeometry
-
 from .action import Action
-from .car import Car
+from .car import Car, Pose
 from .clock import STEP_MS
 from .referee import PutBack, Referee
 from .sensors import Reading
+from .solids import Solid
 from .trace import LAP_COMPLETE, PAUSE, PREPARE, Row, Trace
 
 _NO_ACTION = Action(0.0, 0.0, None)
@@ -21,16 +21,25 @@ _NO_ACTION = Action(0.0, 0.0, None)
 class Contestant:
     """A car with everything that belongs to it. The stage moves the world between :meth:`command` and :meth:`judge`."""
 
-    def __init__(self, car: Car, referee: Referee, sensors: dict[str, Reading]) -> None:
+    def __init__(
+        self,
+        car: Car,
+        referee: Referee,
+        sensors: dict[str, Reading],
+        solids: Callable[[Contestant], Sequence[Solid]],
+    ) -> None:
+        """``solids``: what stands and drives on the track besides a contestant."""
         self.car = car
         self.referee = referee
         self._sensors = sensors
+        self._solids = solids
         self.rows: list[Row] = []
         self.status = PREPARE
         self.lap_steps = 1  # of the row to come, counted from 1 in each lap
         self.action = _NO_ACTION
         self.reward = 0.0  # written into the next row; a race has no reward function
         self._put_back: PutBack | None = None
+        self._starts: list[float] = referee.track.cumulative.tolist()
         car.place(referee.pose)
 
     @property
@@ -43,9 +52,15 @@ class Contestant:
         """True while it stands out a penalty; other cars then pass through it."""
         return self.referee.pause_steps > 0
 
+    @property
+    def stands_at(self) -> Pose:
+        """Where it is, or where it is about to be put."""
+        return self.referee.pose if self._put_back is None else self._put_back.pose
+
     def observe(self) -> dict[str, np.ndarray]:
         """A reading of each sensor, in sorted order of their names; fresh arrays."""
-        return {name: read(self.car) for name, read in self._sensors.items()}
+        car, solids = self.car, self._solids(self)
+        return {name: read(car, solids) for name, read in self._sensors.items()}
 
     def command(self, action: Action) -> None:
         """Write down the state and the action, and give the command to the car."""
@@ -62,8 +77,13 @@ class Contestant:
             self.referee.place(*self._put_back)
             self._put_back = None
 
-    def judge(self) -> None:
-        """A control step has passed: judge it."""
+    def move(self) -> None:
+        """A control step has passed: see where the car is now. All cars do so before any is judged."""
+        if not self.pausing:
+            self.referee.move(self.car.pose)
+
+    def judge(self, rammed: bool = False) -> None:
+        """Judge the control step; ``rammed``: the car ran into another from behind."""
         referee = self.referee
         if self.status == LAP_COMPLETE:
             self.lap_steps = 0
@@ -71,50 +91,56 @@ class Contestant:
         if self.pausing:
             self.status = referee.wait()
         else:
-            self._put_back = referee.judge(self.car.pose)
+            self._put_back = referee.verdict(rammed)
             self.status = referee.status
         if self.done:
             self._record()
 
+    def retire(self) -> None:
+        """End the run here; what was driven stands."""
+        self.referee.retire()
+        self.status = self.referee.status
+        self.action = _NO_ACTION
+        self._record()
+
     def _record(self) -> None:
         """Append the row of the present state."""
-        referee = self.referee
-        track = referee.track
+        referee, action = self.referee, self.action
         place = referee.odometer.place
         pose = referee.pose
-        x, y = pose.ahead(self.car.physics.nose_x)
+        x, y = referee.nose
         seconds = referee.step * STEP_MS / 1000.0
         self.rows.append(
             Row(
-                episode=referee.lap.number - 1,
-                steps=float(self.lap_steps),
-                X=x,
-                Y=y,
-                yaw=math.degrees(pose.yaw),
-                steer=self.action.steering_deg,
-                throttle=self.action.speed_mps,
-                action=-1 if self.action.index is None else self.action.index,
-                reward=self.reward,
-                done=self.status == LAP_COMPLETE or self.done,
-                all_wheels_on_track=referee.all_wheels_on_track,
-                progress=referee.percent,
-                closest_waypoint=closest_waypoint(track, place.distance, place.index),
-                track_len=track.length,
-                tstamp=seconds,
-                episode_status=self.status,
-                pause_duration=referee.pause_steps * STEP_MS / 1000.0 if self.status == PAUSE else 0.0,
-                obstacle_crash_counter=0,
-                wall_clock=seconds,
+                referee.lap.number - 1,
+                float(self.lap_steps),
+                x,
+                y,
+                math.degrees(pose.yaw),
+                action.steering_deg,
+                action.speed_mps,
+                -1 if action.index is None else action.index,
+                self.reward,
+                self.status == LAP_COMPLETE or referee.end_reason is not None,
+                referee.all_wheels_on_track,
+                referee.percent,
+                self._closest_waypoint(place.distance, place.index),
+                referee.track.length,
+                seconds,
+                self.status,
+                referee.pause_steps * STEP_MS / 1000.0 if self.status == PAUSE else 0.0,
+                referee.crashes,
+                seconds,
             )
         )
+
+    def _closest_waypoint(self, distance: float, index: int) -> int:
+        """The nearer end of segment ``index`` for a point at ``distance``."""
+        starts = self._starts
+        after = index + 1 if index + 1 < len(starts) else 0
+        end = starts[after] if after else self.referee.track.length
+        return after if end - distance < distance - starts[index] else index
 
     def trace(self) -> Trace:
         """All rows so far."""
         return Trace.of(self.rows)
-
-
-def closest_waypoint(track: TrackGeometry, distance: float, index: int) -> int:
-    """The nearer end of segment ``index`` for a point at ``distance``."""
-    after = index + 1 if index + 1 < len(track) else 0
-    end = float(track.cumulative[after]) if after else track.length
-    return after if end - distance < distance - float(track.cumulative[index]) else index

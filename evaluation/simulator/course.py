@@ -65,6 +65,9 @@ class Course(NamedTuple):
         }
 
 
+EMPTY = Course()
+
+
 def lay_course(track: TrackGeometry, rules: RaceRules) -> Course:
     """The course of a race on ``track``, which is already in the driven direction; the same for every entrant.
 
@@ -80,7 +83,7 @@ def lay_course(track: TrackGeometry, rules: RaceRules) -> Course:
     elif rules.random_boxes:
         boxes = _draw_boxes(track, rules)
     else:
-        return Course()
+        return EMPTY
     return Course(tuple(sorted(boxes, key=lambda box: box.metres)))
 
 

@@ -47,9 +47,13 @@ class RaceRules:
     control steps (1/15 s, rounded up). Defaults: deepracer-simapp, evaluation_worker.py.
 
     Object avoidance: ``boxes`` (fixed places) or ``random_boxes`` (so many, drawn from the seed at least
-    ``box_distance_m`` apart along the track), 1 to 10. Head-to-head: ``bots`` cars of ``bot_speed_mps``, 1 to 6, which
-    change lanes every ``bot_lane_change_ms`` (least, most; drawn from the seed) if ``bot_lane_changes``, and pause for
-    ``bot_pause_ms`` when a crash is their fault; or 0 bots, and submitted cars race each other.
+    ``box_distance_m`` apart along the track), 1 to 10; at the ``mercy_resets``-th reset near one box the car is put
+    behind it (0: never), because the same car in the same place would do the same for ever. Simapp has this rule
+    (ENABLE_MERCY_RESET, with 3) but off: its runs differ.
+
+    Head-to-head: ``bots`` cars of ``bot_speed_mps``, 1 to 6, which change lanes every ``bot_lane_change_ms`` (least,
+    most; drawn from the seed) if ``bot_lane_changes``, and pause for ``bot_pause_ms`` when they are hit or a crash is
+    their fault; or 0 bots, and submitted cars race each other.
     """
 
     race_type: str = TIME_TRIAL
@@ -63,6 +67,7 @@ class RaceRules:
     boxes: tuple[BoxPlace, ...] = ()
     random_boxes: int = 0
     box_distance_m: float = 2.0
+    mercy_resets: int = 3
     bots: int = 0
     bot_speed_mps: float = 1.0
     bot_lane_changes: bool = False
@@ -82,6 +87,7 @@ class RaceRules:
             ("max_simulated_ms", 1),
             ("seed", 0),
             ("random_boxes", 0),
+            ("mercy_resets", 0),
             ("bots", 0),
             ("bot_pause_ms", 0),
         ):

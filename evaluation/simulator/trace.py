@@ -11,8 +11,8 @@ import numpy as np
 # deepracer-simapp 6, metrics: episode_status labels of the trace.
 IN_PROGRESS, PREPARE, PAUSE = "in_progress", "prepare", "pause"
 LAP_COMPLETE, OFF_TRACK, CRASHED = "lap_complete", "off_track", "crashed"
-IMMOBILIZED, REVERSED, TIME_UP = "immobilized", "reversed", "time_up"
-STATUSES = (IN_PROGRESS, PREPARE, PAUSE, LAP_COMPLETE, OFF_TRACK, CRASHED, IMMOBILIZED, REVERSED, TIME_UP)
+IMMOBILIZED, REVERSED, TIME_UP, PARK = "immobilized", "reversed", "time_up", "park"
+STATUSES = (IN_PROGRESS, PREPARE, PAUSE, LAP_COMPLETE, OFF_TRACK, CRASHED, IMMOBILIZED, REVERSED, TIME_UP, PARK)
 
 
 class Row(NamedTuple):

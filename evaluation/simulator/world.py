@@ -65,6 +65,11 @@ class World:
         self.cars.append(car)
         return car
 
+    def remove_car(self, car: Car) -> None:
+        """Take a car out of the world."""
+        self.cars.remove(car)
+        bullet.removeBody(car.body, physicsClientId=self.client)
+
     def step(self) -> None:
         """Advance one control step (1/15 s)."""
         before = perf_counter()

@@ -1,0 +1,104 @@
+"""Several cars on one track, submitted ones and bots: who may stand where, and whose fault it is when two touch.
+
+Of two cars that touch, the one behind is at fault: the one that has come less far along the track, looked at the
+shorter way round it (deepracer-simapp compares the normalised progress, which goes wrong at the finish line). Cars do
+not push each other in the physical world: a crash stops the one at fault on the spot, and whoever stands out a penalty
+is passed through, until the two are clear of each other again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from .bots import Bots
+from .car import Pose
+from .contact import cars_touch
+from .contestant import Contestant
+
+_GAP_M = 0.1  # left free round a car that is put back
+
+
+class Traffic:
+    """Judges the contacts of a stage's ``contestants`` (the stage's own list) with each other and with its bots."""
+
+    def __init__(self, length: float, contestants: list[Contestant], bots: Bots | None) -> None:
+        self._length = length
+        self._contestants = contestants
+        self._bots = bots
+        self._touching: set[tuple[int, int]] = set()  # pairs whose contact is judged already; bots count from -1 down
+
+    def step(self) -> None:
+        """The bots drive one control step; they see the cars where these were before it."""
+        if self._bots is not None:
+            length = self._length
+            cars = []
+            for contestant in self._contestants:
+                if not (contestant.done or contestant.pausing):
+                    referee = contestant.referee
+                    middle = referee.odometer.metres - contestant.car.physics.nose_x
+                    cars.append((middle % length, referee.odometer.place.offset))
+            self._bots.step(cars)
+
+    def rammed(self) -> Sequence[bool]:
+        """For each contestant whether it ran into another car or a bot in this step, from behind. Bots that were hit or
+        are at fault begin their pause."""
+        contestants = self._contestants
+        faults = [False] * len(contestants)
+        for number, contestant in enumerate(contestants):
+            if contestant.done:
+                continue
+            if self._bots is not None:
+                faults[number] = self._meets_bots(number, contestant)
+            for other in range(number + 1, len(contestants)):
+                self._meets(number, other, faults)
+        return faults
+
+    def free_for(self, contestant: Callable[[], Contestant | None]) -> Callable[[Pose], bool]:
+        """Whether ``contestant()`` (None: one that is about to be added) may be put at a pose without touching another
+        car or a bot, wherever those stand or are about to be put."""
+
+        def free(pose: Pose) -> bool:
+            mine = contestant()
+            others = [other.stands_at for other in self._contestants if other is not mine and not other.done]
+            if self._bots is not None:
+                others.extend(self._bots.poses)
+            return not any(cars_touch(pose, other, _GAP_M) for other in others)
+
+        return free
+
+    def _meets_bots(self, number: int, contestant: Contestant) -> bool:
+        """True where the contestant ran into a bot."""
+        bots, fault = self._bots, False
+        assert bots is not None
+        pose = contestant.referee.pose
+        for index, bot in enumerate(bots.bots):
+            if not self._new_contact(number, -1 - index, pose, bot.pose) or contestant.pausing:
+                continue
+            # Noses against noses.
+            ahead = bot.metres + contestant.car.physics.nose_x - contestant.referee.odometer.metres
+            if self._wrap(ahead) >= 0.0:
+                fault = True
+            bots.pause(bot)
+        return fault
+
+    def _meets(self, number: int, other: int, faults: list[bool]) -> None:
+        a, b = self._contestants[number], self._contestants[other]
+        if b.done or not self._new_contact(number, other, a.referee.pose, b.referee.pose):
+            return
+        if a.pausing or b.pausing:
+            return
+        ahead = self._wrap(b.referee.odometer.metres - a.referee.odometer.metres)
+        faults[number if ahead > 0.0 else other] = True
+
+    def _new_contact(self, number: int, other: int, pose: Pose, other_pose: Pose) -> bool:
+        pair = (number, other)
+        if not cars_touch(pose, other_pose):
+            self._touching.discard(pair)
+            return False
+        if pair in self._touching:
+            return False
+        self._touching.add(pair)
+        return True
+
+    def _wrap(self, metres: float) -> float:
+        return (metres + self._length / 2) % self._length - self._length / 2
