@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
 import time
@@ -15,9 +16,11 @@ from django.core.management.base import BaseCommand, CommandError
 
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
-from evaluation.pipeline import EvaluationOutcome, RaceJob, evaluate
-from evaluation.simulator.rules import DIRECTIONS, RaceRules
-from faults import PaddockError, UserFault
+from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
+from evaluation.rivals import check_rivals
+from evaluation.simulator.rules import MAX_CARS
+from faults import PaddockError, UserFault, fault_from_dict
+from league.management.race_options import add_race_options, rules_of
 from league.templatetags.paddock import lap_time
 from tracks.catalogue import CATALOGUE
 from tracks.geometry import TrackGeometry
@@ -31,57 +34,42 @@ class Command(BaseCommand):
 
     help = (
         "Time a model on a track without the site: the same reading, wall and simulator. "
-        f"Exit status {REFUSED}: the model or the track is refused; {OUR_FAULT}: Paddock itself failed."
+        f"Exit status {REFUSED}: the model, the track or the race is refused; {OUR_FAULT}: Paddock itself failed."
     )
     requires_system_checks = []
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        rules = RaceRules()
         parser.add_argument("package", type=Path, help="a car's archive (.tar.gz, .zip) or an .onnx file")
         parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
         parser.add_argument("--track", required=True, help="a track of the catalogue by its address, or an .npy file")
-        parser.add_argument("--direction", choices=DIRECTIONS, default=rules.direction, help="default: %(default)s")
-        parser.add_argument("--laps", type=int, default=rules.laps, help="default: %(default)s")
-        parser.add_argument("--seed", type=int, default=rules.seed, help="default: %(default)s")
+        add_race_options(parser)
         parser.add_argument(
-            "--off-track-penalty",
-            type=float,
-            default=rules.off_track_penalty_ms / 1000,
-            metavar="SECONDS",
-            help="default: %(default)s",
+            "--rival",
+            action="append",
+            default=[],
+            metavar="PACKAGE",
+            help=f"another car in the same race: an archive, or ONNX,METADATA; repeat it, at most {MAX_CARS - 1} times",
         )
         parser.add_argument(
-            "--collision-penalty",
-            type=float,
-            default=rules.collision_penalty_ms / 1000,
-            metavar="SECONDS",
-            help="default: %(default)s",
+            "--trace",
+            type=Path,
+            metavar="FILE",
+            help="write the run's sim-trace (CSV) there, those of rivals beside it (FILE-car1 and so on)",
         )
-        parser.add_argument(
-            "--max-resets",
-            type=int,
-            default=rules.max_resets,
-            help="0: the first fault ends the run; default: %(default)s",
-        )
-        parser.add_argument(
-            "--time-limit",
-            type=float,
-            default=rules.max_simulated_ms / 1000,
-            metavar="SECONDS",
-            help="of simulated time; default: %(default)s",
-        )
-        parser.add_argument("--trace", type=Path, metavar="FILE", help="write the run's sim-trace (CSV) there")
         parser.add_argument("--json", action="store_true", help="print the field's metrics JSON and what we measured")
 
     def handle(self, *, package: Path, metadata: Path | None, track: str, **options: Any) -> None:
         as_json = options["json"]
         try:
-            rules = _rules(options)
+            rules = rules_of(options)
+            check_rivals(rules, len(options["rival"]))
             geometry = find_track(track).in_direction(rules.direction)
             started = time.monotonic()
-            admitted = _admit([package] if metadata is None else [package, metadata])
+            cars = [_admit([package] if metadata is None else [package, metadata])]
+            cars += [_admit(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
-            job = RaceJob(geometry, rules, admitted.onnx, admitted.metadata.to_dict())
+            first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict()) for car in cars]
+            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals))
             outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
         except PaddockError as fault:
             if as_json:
@@ -93,22 +81,18 @@ class Command(BaseCommand):
         except KeyboardInterrupt:
             sys.exit(130)
         if options["trace"] is not None:
-            _write(options["trace"], outcome.trace_csv)
+            _write_traces(options["trace"], outcome)
         if as_json:
-            self.stdout.write(json.dumps(report(outcome, admitted, admission_s), indent=2))
+            self.stdout.write(json.dumps(report(outcome, cars, admission_s), indent=2))
         else:
             self._table(outcome, geometry, admission_s)
 
     def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
-        figures = report_times(outcome)
-        self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n\n")
-        self.stdout.write("lap       time  off track  resets  status")
-        for lap in outcome.laps:
-            row = f"{lap['number']:>3} {lap_time(lap['time_ms']):>10} {lap['off_tracks']:>10} {lap['resets']:>7}"
-            self.stdout.write(f"{row}  {lap['status']}")
-        self.stdout.write("")
-        for name in ("average", "best", "total"):
-            self.stdout.write(f"{name:<8}{lap_time(figures[f'{name}_lap_ms' if name != 'total' else 'total_ms']):>11}")
+        self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")
+        for number, car in enumerate((outcome, *outcome.rivals)):
+            if outcome.rivals:
+                self.stdout.write(f"\ncar {number}, place {outcome.order.index(number) + 1}")
+            self._laps(car)
         simulated_s = outcome.simulated_ms / 1000
         self.stdout.write(
             f"\nended: {outcome.end_reason}; {simulated_s:.1f} s simulated in {outcome.wall_s:.1f} s "
@@ -116,29 +100,43 @@ class Command(BaseCommand):
         )
         self.stdout.write(f"engine {outcome.engine}, trace {outcome.trace_sha256}")
 
+    def _laps(self, car: EvaluationOutcome | CarOutcome) -> None:
+        self.stdout.write("\nlap       time  off track  crashes  resets  status")
+        for lap in car.laps:
+            faults = f"{lap['off_tracks']:>10} {lap['crashes']:>8} {lap['resets']:>7}"
+            self.stdout.write(f"{lap['number']:>3} {lap_time(lap['time_ms']):>10} {faults}  {lap['status']}")
+        self.stdout.write("")
+        figures = car_times(car)
+        for name in ("average", "best", "total"):
+            self.stdout.write(f"{name:<8}{lap_time(figures[f'{name}_lap_ms' if name != 'total' else 'total_ms']):>11}")
+        if car.retired:
+            self.stdout.write(f"retired: {car.retired['code']}: {_said(car.retired)['message']}")
 
-def report_times(outcome: EvaluationOutcome) -> dict[str, int | None]:
+
+def car_times(car: EvaluationOutcome | CarOutcome) -> dict[str, int | None]:
     """Average and best over the complete laps (None without one, the average rounded down) and the time of all laps."""
-    complete = [lap["time_ms"] for lap in outcome.laps if lap["complete"]]
+    complete = [lap["time_ms"] for lap in car.laps if lap["complete"]]
     return {
         "average_lap_ms": sum(complete) // len(complete) if complete else None,
         "best_lap_ms": min(complete, default=None),
-        "total_ms": sum(lap["time_ms"] for lap in outcome.laps),
+        "total_ms": sum(lap["time_ms"] for lap in car.laps),
     }
 
 
-def report(outcome: EvaluationOutcome, admitted: AdmittedPackage, admission_s: float) -> dict[str, Any]:
+def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s: float) -> dict[str, Any]:
     """The field's metrics JSON with our figures beside it.
 
-    ``wall_seconds``: of the whole evaluation, its processes' start included; reading and checking the model before it
-    took ``admission_seconds``.
+    ``wall_seconds``: of the whole evaluation, its processes' start included; reading and checking the models before it
+    took ``admission_seconds``. ``course_sha256``: of all boxes and of every pose of every bot car. ``order``: the
+    numbers of the cars, winner first; car 0 is the one whose figures stand outside of ``rivals``.
     """
+    course = json.dumps(outcome.course, sort_keys=True, separators=(",", ":")).encode()
     return {
-        **outcome.metrics,
-        **report_times(outcome),
-        "complete_laps": sum(lap["complete"] for lap in outcome.laps),
-        "end_reason": outcome.end_reason,
-        "trace_sha256": outcome.trace_sha256,
+        **_car_report(outcome, cars[0]),
+        "order": outcome.order,
+        "rivals": [_car_report(car, package) for car, package in zip(outcome.rivals, cars[1:], strict=True)],
+        "course": {"boxes": outcome.course.get("boxes", []), "bots": len(outcome.course.get("bots", []))},
+        "course_sha256": hashlib.sha256(course).hexdigest(),
         "engine": outcome.engine,
         "versions": outcome.versions,
         "cpu_model": outcome.cpu_model,
@@ -148,8 +146,28 @@ def report(outcome: EvaluationOutcome, admitted: AdmittedPackage, admission_s: f
         "shares": {name: round(seconds, 4) for name, seconds in outcome.shares.items()},
         "peak_mb": round(outcome.peak_mb, 1),
         "steps": outcome.steps,
-        "model_sha256": admitted.sha256,
     }
+
+
+def _car_report(car: EvaluationOutcome | CarOutcome, package: AdmittedPackage) -> dict[str, Any]:
+    """One car's part of :func:`report`."""
+    return {
+        **car.metrics,
+        **car_times(car),
+        "complete_laps": sum(lap["complete"] for lap in car.laps),
+        "off_tracks": sum(lap["off_tracks"] for lap in car.laps),
+        "crashes": sum(lap["crashes"] for lap in car.laps),
+        "resets": sum(lap["resets"] for lap in car.laps),
+        "end_reason": car.end_reason,
+        "retired": _said(car.retired) if car.retired else None,
+        "trace_sha256": car.trace_sha256,
+        "model_sha256": package.sha256,
+    }
+
+
+def _said(retired: dict[str, Any]) -> dict[str, Any]:
+    """Why a car retired, with the sentence."""
+    return {**retired, "message": str(fault_from_dict(retired))}
 
 
 def find_track(name: str) -> TrackGeometry:
@@ -177,19 +195,18 @@ def _admit(paths: list[Path]) -> AdmittedPackage:
         return admit(parts)
 
 
-def _rules(options: dict[str, Any]) -> RaceRules:
-    try:
-        return RaceRules(
-            laps=options["laps"],
-            seed=options["seed"],
-            direction=options["direction"],
-            max_resets=options["max_resets"],
-            off_track_penalty_ms=round(options["off_track_penalty"] * 1000),
-            collision_penalty_ms=round(options["collision_penalty"] * 1000),
-            max_simulated_ms=round(options["time_limit"] * 1000),
-        )
-    except (ValueError, OverflowError) as error:
-        raise CommandError(f"These rules make no sense: {error}.") from error
+def _files_of(rival: str) -> list[Path]:
+    """The files that ``--rival`` names: one package, or an ONNX file and its metadata with a comma between."""
+    whole = Path(rival)
+    if whole.exists():
+        return [whole]
+    return [Path(part) for part in rival.split(",", 1)]
+
+
+def _write_traces(path: Path, outcome: EvaluationOutcome) -> None:
+    _write(path, outcome.trace_csv)
+    for number, car in enumerate(outcome.rivals, 1):
+        _write(path.with_name(f"{path.stem}-car{number}{path.suffix}"), car.trace_csv)
 
 
 def _write(path: Path, data: bytes) -> None:

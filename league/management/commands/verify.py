@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from argparse import ArgumentParser
 from typing import Any
 
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from evaluation.models import Evaluation, Result
-from evaluation.pipeline import EvaluationOutcome, evaluate
+from evaluation.models import CarResult, Evaluation, Result
+from evaluation.pipeline import CarOutcome, EvaluationOutcome, evaluate
 from evaluation.services import job_of
+from evaluation.services.results import read_course
 from faults import PlatformFault, UserFault
 
 DIFFERENT, OUR_FAULT = 1, 3
@@ -34,6 +37,7 @@ class Command(BaseCommand):
             raise CommandError(f"Evaluation {evaluation} has no result: it is {row.state}.", returncode=OUR_FAULT)
         try:
             outcome = evaluate(job_of(row), wall_limit_s=settings.EVALUATION_WALL_SECONDS)
+            differences = differing(row.result, outcome)
         except PlatformFault as fault:
             for note in getattr(fault, "__notes__", ()):
                 self.stderr.write(note)
@@ -42,7 +46,6 @@ class Command(BaseCommand):
             raise CommandError(
                 f"Different: it finished then, and now ends with {fault.code}: {fault}", returncode=DIFFERENT
             ) from fault
-        differences = differing(row.result, outcome)
         for name, (stored, measured) in differences.items():
             self.stdout.write(f"{name}: was {stored}, is {measured}")
         if row.result.cpu_model != outcome.cpu_model:
@@ -53,13 +56,32 @@ class Command(BaseCommand):
 
 
 def differing(result: Result, outcome: EvaluationOutcome) -> dict[str, tuple[Any, Any]]:
-    """What is not as it was, by name: the stored value and the measured one."""
-    pairs: dict[str, tuple[Any, Any]] = {
-        "engine": (result.engine, outcome.engine),
-        "trace_sha256": (result.trace_sha256, outcome.trace_sha256),
-        "lap times (ms)": ([lap["time_ms"] for lap in result.laps], [lap["time_ms"] for lap in outcome.laps]),
-        "ended because": (result.end_reason, outcome.end_reason),
-    }
+    """What is not as it was, by name: the stored value and the measured one. Raises PlatformFault("storage_failed")."""
+    pairs: dict[str, tuple[Any, Any]] = {"engine": (result.engine, outcome.engine)}
+    rivals = {rival.number: rival for rival in result.rivals.all()}
+    pairs |= _car_pairs("", result, outcome)
+    for number, car in enumerate(outcome.rivals, 1):
+        pairs |= _car_pairs(f"car {number}: ", rivals[number], car)
+    if rivals:
+        pairs["order of the cars"] = (result.order, outcome.order)
+    course, driven = read_course(result), {"boxes": [], "bots": []} | outcome.course
+    pairs["boxes"] = (course["boxes"], driven["boxes"])
+    pairs["bot cars"] = (_digest(course["bots"]), _digest(driven["bots"]))
     for library in sorted({*result.versions, *outcome.versions}):
         pairs[f"version of {library}"] = (result.versions.get(library), outcome.versions.get(library))
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def _car_pairs(prefix: str, stored: CarResult, car: EvaluationOutcome | CarOutcome) -> dict[str, tuple[Any, Any]]:
+    """The stored and the measured values of one car."""
+    return {
+        f"{prefix}trace_sha256": (stored.trace_sha256, car.trace_sha256),
+        f"{prefix}lap times (ms)": ([lap["time_ms"] for lap in stored.laps], [lap["time_ms"] for lap in car.laps]),
+        f"{prefix}ended because": (stored.end_reason, car.end_reason),
+        f"{prefix}retired because": (stored.retired_code, car.retired["code"] if car.retired else ""),
+    }
+
+
+def _digest(bots: list) -> str:
+    """A short name for where all bot cars were at every step; a reader could not compare the poses themselves."""
+    return hashlib.sha256(json.dumps(bots, separators=(",", ":")).encode()).hexdigest()[:12] if bots else "none"

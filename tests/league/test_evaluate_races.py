@@ -1,0 +1,149 @@
+"""``manage.py evaluate`` and ``verify``: boxes, bots and other cars."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from django.core.management import CommandError
+
+from evaluation.simulator.rules import BoxPlace, RaceRules
+from league.management.commands import evaluate as command
+from league.services import house_cars
+from tests.evaluation.stubs import car_outcome, outcome_of
+from tests.league.test_evaluate import CAR_FILES, evaluate
+
+OTHER = house_cars()[1]
+RIVAL = f"{OTHER.onnx},{OTHER.metadata}"
+AVOID = ("--race-type", "object_avoidance")
+DUEL = ("--race-type", "head_to_head")
+BOX = {"fraction": 0.5, "lane": "inner", "x": 1.0, "y": 2.0, "yaw": 0.25}
+
+
+@pytest.fixture
+def jobs(monkeypatch):
+    """The jobs that the command hands to a pipeline that only plays."""
+    seen = []
+
+    def play(job, **kwargs):
+        seen.append(job)
+        rivals = [car_outcome(salt=number, retired="policy_died") for number, _ in enumerate(job.rivals, 1)]
+        course = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]] * job.rules.bots}
+        return outcome_of(rivals=rivals, course=course, order=[*range(len(rivals), -1, -1)])
+
+    monkeypatch.setattr(command, "evaluate", play)
+    return seen
+
+
+def drive(*arguments, json_=True):
+    status, out, err = evaluate(*CAR_FILES, "--track", "oval", *arguments, *(["--json"] if json_ else []))
+    assert (status, err) == (0, "")
+    return json.loads(out) if json_ else out
+
+
+class TestOptions:
+    def test_boxes_are_drawn_from_the_seed(self, jobs):
+        drive(*AVOID, "--obstacles", "6", "--obstacle-distance", "1.5", "--seed", "7")
+        assert jobs[0].rules == RaceRules(race_type="object_avoidance", random_boxes=6, box_distance_m=1.5, seed=7)
+
+    def test_boxes_stand_where_they_are_put(self, jobs):
+        drive(*AVOID, "--box", "0.25:inner", "--box", "0.5:outer")
+        boxes = (BoxPlace(0.25, "inner"), BoxPlace(0.5, "outer"))
+        assert jobs[0].rules == RaceRules(race_type="object_avoidance", boxes=boxes)
+
+    def test_bots_drive_as_they_are_told(self, jobs):
+        drive(*DUEL, "--bots", "4", "--bot-speed", "1.5", "--lane-changes")
+        assert jobs[0].rules == RaceRules(race_type="head_to_head", bots=4, bot_speed_mps=1.5, bot_lane_changes=True)
+
+    def test_rivals_are_read_like_the_car_itself(self, jobs):
+        drive(*DUEL, "--rival", RIVAL, "--rival", ",".join(CAR_FILES))
+        (job,) = jobs
+        assert [rival.onnx == job.onnx for rival in job.rivals] == [False, True]
+        assert job.rivals[1].metadata == job.metadata
+
+    def test_a_car_of_head_to_head_may_drive_alone(self, jobs):
+        drive(*DUEL)
+        assert jobs[0].rules == RaceRules(race_type="head_to_head")
+
+
+class TestReport:
+    def test_every_car_has_its_figures_and_its_number(self, jobs, tmp_path):
+        report = drive(*DUEL, "--rival", RIVAL, "--trace", str(tmp_path / "run.csv"))
+        assert report["order"] == [1, 0]
+        assert report["crashes"] == 0 and report["retired"] is None
+        (rival,) = report["rivals"]
+        assert rival["retired"]["code"] == "policy_died"
+        assert "step 50 (SIGSEGV)" in rival["retired"]["message"]
+        assert rival["end_reason"] == "retired"
+        assert rival["trace_sha256"] != report["trace_sha256"]
+        assert rival["model_sha256"] != report["model_sha256"]
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["run-car1.csv", "run.csv"]
+
+    def test_the_course_is_told_with_a_number_for_all_of_it(self, jobs):
+        first = drive(*DUEL, "--bots", "2")
+        assert first["course"] == {"boxes": [BOX], "bots": 2}
+        assert first["rivals"] == [] and first["order"] == [0]
+        assert first["course_sha256"] == drive(*DUEL, "--bots", "2")["course_sha256"]
+        assert first["course_sha256"] != drive(*DUEL, "--bots", "3")["course_sha256"]
+
+    def test_a_table_names_each_car_and_its_place(self, jobs):
+        out = drive(*DUEL, "--rival", RIVAL, json_=False)
+        assert "car 0, place 2" in out and "car 1, place 1" in out
+        assert "retired: policy_died: " in out
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(
+        ("arguments", "code"),
+        [
+            (AVOID, "race_needs_boxes"),
+            ((*AVOID, "--obstacles", "11"), "race_too_many_boxes"),
+            ((*AVOID, "--obstacles", "-1"), "race_needs_boxes"),
+            ((*AVOID, "--obstacles", "2", "--box", "0.5:inner"), "race_boxes_fixed_or_random"),
+            ((*AVOID, "--box", "0.5:middle"), "race_boxes_shape"),
+            ((*AVOID, "--box", "0.5"), "race_boxes_shape"),
+            ((*AVOID, "--box", "half:inner"), "race_boxes_shape"),
+            ((*AVOID, "--box", "nan:inner"), "race_boxes_shape"),
+            ((*AVOID, "--box", "1:inner"), "race_boxes_shape"),
+            ((*AVOID, "--box=-0.1:inner"), "race_boxes_shape"),
+            (("--obstacles", "6"), "race_has_no_boxes"),
+            ((*DUEL, "--box", "0.5:inner"), "race_has_no_boxes"),
+            ((*AVOID, "--obstacles", "6", "--bots", "1"), "race_has_no_opponents"),
+            (("--bot-speed", "1"), "race_has_no_opponents"),
+            (("--lane-changes",), "race_has_no_opponents"),
+            ((*DUEL, "--lane-changes"), "race_bot_count"),
+            ((*DUEL, "--bots", "7"), "race_bot_count"),
+            ((*DUEL, "--bots", "-1"), "race_bot_count"),
+            ((*DUEL, "--bots", "1", "--bot-speed", "4.1"), "race_bot_speed"),
+            ((*DUEL, "--bots", "1", "--bot-speed", "0.1"), "race_bot_speed"),
+            ((*DUEL, "--bots", "1", "--bot-speed", "nan"), "race_bot_speed"),
+            (("--rival", RIVAL), "rivals_race_type"),
+            ((*DUEL, "--bots", "1", "--rival", RIVAL), "rivals_with_bots"),
+            ((*DUEL, *["--rival", RIVAL] * 4), "too_many_rivals"),
+        ],
+        ids=str,
+    )
+    def test_what_cannot_be_is_refused_with_its_code(self, jobs, arguments, code):
+        status, out, err = evaluate(*CAR_FILES, "--track", "oval", *arguments, "--json")
+        assert status == 2
+        assert json.loads(out)["error"]["code"] == code
+        assert err.startswith(f"{code}: ") and "?" not in err
+        assert not jobs
+
+    @pytest.mark.parametrize(
+        ("arguments", "says"),
+        [
+            ((*DUEL, "--rival", "missing.tar.gz"), "missing.tar.gz cannot be read"),
+            ((*DUEL, "--rival", "missing.onnx,missing.json"), "missing.onnx cannot be read"),
+            ((*AVOID, "--obstacles", "6", "--obstacle-distance", "-1"), "box_distance_m must be a number"),
+        ],
+    )
+    def test_a_mistaken_call_says_what_is_wrong(self, jobs, arguments, says):
+        with pytest.raises(CommandError, match=says):
+            evaluate(*CAR_FILES, "--track", "oval", *arguments)
+
+    def test_a_rival_that_is_no_model_is_refused_like_any_upload(self, jobs, tmp_path):
+        package = tmp_path / "rival.tar.gz"
+        package.write_bytes(b"<html>")
+        status, out, _ = evaluate(*CAR_FILES, "--track", "oval", *DUEL, "--rival", str(package), "--json")
+        assert (status, json.loads(out)["error"]["code"]) == (2, "not_a_model")
