@@ -13,7 +13,7 @@ from evaluation.packages.inputs import SENSOR_NAMES
 from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from evaluation.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
 from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
-from evaluation.simulator.camera.optics import FRONT_CAMERA
+from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
 from evaluation.simulator.camera.theme import OFFICIAL
 from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.envs import TimeTrialEnv
@@ -89,6 +89,9 @@ def test_the_numbers_of_the_simulator_page():
         f"{theme.field_margin} m around it | {theme.field} |",
         f"{theme.wall_height} m high | {theme.wall} |",
         f"| sky | {theme.sky} |",
+        "| a box: front, left, back and right | {}, {}, {} and {} |".format(*theme.box),
+        "| {}, {}, {} and {}; {}; {} |".format(*theme.car, theme.car_window, theme.car_wheel),
+        f"sit {STEREO_LEFT.y} m to the left",
         f"physics ticks at a fixed {car.tick_hz} Hz ({car.ticks_per_step} ticks a step)",
         f"tan(a) / ({car.effective_wheelbase} m + {car.understeer} m",
         f"steering {car.steering_lag_s} s, speed {car.speed_lag_s} s, and {car.dead_time_ticks} ticks",

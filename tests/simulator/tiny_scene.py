@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pybullet as bullet
@@ -10,6 +11,7 @@ import pybullet as bullet
 from evaluation.simulator.camera.optics import FRONT_CAMERA, Optics
 from evaluation.simulator.camera.theme import Theme
 from evaluation.simulator.car import Pose
+from evaluation.simulator.solids import Solid
 from tracks.geometry import TrackGeometry
 
 OVERSAMPLING = 4  # the official camera draws 640x480 and shrinks it
@@ -18,7 +20,7 @@ OVERSAMPLING = 4  # the official camera draws 640x480 and shrinks it
 class TinyScene:
     """A Bullet client that holds only what can be seen."""
 
-    def __init__(self, track: TrackGeometry, theme: Theme) -> None:
+    def __init__(self, track: TrackGeometry, theme: Theme, solids: Sequence[Solid] = ()) -> None:
         self.client = bullet.connect(bullet.DIRECT)
         self._theme = theme
         xmin, ymin, xmax, ymax = track.bounds
@@ -62,6 +64,20 @@ class TinyScene:
             self._add(
                 [[(*start, 0.0), (*end, 0.0), (*end, theme.wall_height), (*start, theme.wall_height)]], theme.wall
             )
+
+        for solid in solids:
+            self._add_box(solid)
+
+    def _add_box(self, solid: Solid) -> None:
+        """An upright block with a grey for each face, and a lid."""
+        pose = Pose(solid.x, solid.y, solid.yaw)
+        ring = [
+            pose.ahead(a * solid.half_length, b * solid.half_width) for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))
+        ]
+        for face, grey in enumerate(self._theme.box):
+            start, end = ring[face], ring[(face + 1) % 4]
+            self._add([[(*start, 0.0), (*end, 0.0), (*end, solid.height), (*start, solid.height)]], grey)
+        self._add([[(*corner, solid.height) for corner in ring]], self._theme.box[0])
 
     def _add(self, quads: list[list[tuple[float, float, float]]], grey: int) -> None:
         for first in range(0, len(quads), 60):
