@@ -108,7 +108,7 @@ class RacerAdmin(UserAdmin):
 
     def _set_active(self, request: HttpRequest, queryset: QuerySet[Racer], active: bool) -> None:
         done = 0
-        for racer in queryset.exclude(is_active=active):
+        for racer in queryset.exclude(is_active=active).filter(record_id=None):
             if self.has_change_permission(request, racer):
                 racer.is_active = active
                 racer.save(update_fields=["is_active"])

@@ -7,8 +7,13 @@ class LeagueConfig(AppConfig):
     verbose_name = _("League")
 
     def ready(self) -> None:
+        from evaluation.signals import evaluation_ended
         from races.eligibility import register
+        from races.signals import board_changed
 
         from .eligibility import check_division
+        from .receivers import follow_board, follow_late_result
 
         register(check_division)
+        board_changed.connect(follow_board, dispatch_uid="league.follow_board")
+        evaluation_ended.connect(follow_late_result, dispatch_uid="league.follow_late_result")

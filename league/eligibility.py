@@ -7,18 +7,28 @@ from datetime import datetime
 from faults import UserFault
 from races.models import Division, Kind, Race
 
-from .models import Racer
-from .selectors import division_of, season_of
+from .models import Racer, Round
+from .models.season import WITH_FIELD
+from .selectors import division_of, field_of
+from .services.closing import close_what_is_due
 
 
 def check_division(race: Race, racer: Racer, now: datetime) -> None:
-    """Refuse a league race of the division that the racer is not in. Community races are everybody's.
+    """Refuse a league race of the division that the racer is not in, and a given field to everybody outside it.
 
-    Raises UserFault("race_pro_only" | "race_open_only").
+    Community races and races of all divisions are everybody's. What is due becomes official first, so that nobody
+    depends on a scheduler. Raises UserFault("race_pro_only" | "race_open_only" | "race_not_in_field").
     """
-    if race.kind != Kind.LEAGUE:
+    if race.kind != Kind.LEAGUE or race.division == Division.ALL:
         return
-    division = division_of(season_of(race), racer)
+    round_ = Round.objects.filter(race=race).select_related("season").first()
+    if round_ is not None:
+        close_what_is_due(round_.season, now=now)
+        if round_.stage in WITH_FIELD:
+            if racer.pk not in (field_of(round_) or []):
+                raise UserFault("race_not_in_field")
+            return
+    division = division_of(None if round_ is None else round_.season, racer)
     if race.division == division:
         return
     raise UserFault("race_pro_only" if race.division == Division.PRO else "race_open_only")

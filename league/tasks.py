@@ -8,7 +8,7 @@ from celery import shared_task
 from celery.signals import worker_ready
 from django.utils import timezone
 
-from .services import enter_house_cars
+from .services import close_due_rounds, enter_house_cars
 
 logger = logging.getLogger(__name__)
 
@@ -17,6 +17,12 @@ logger = logging.getLogger(__name__)
 def house_cars() -> int:
     """Send the house cars to races that have opened. Returns how many submissions were made."""
     return enter_house_cars(now=timezone.now()).submitted
+
+
+@shared_task
+def close_rounds() -> int:
+    """Make the results of rounds official that have closed. Returns how many. Who needs them earlier does it too."""
+    return len(close_due_rounds(now=timezone.now()))
 
 
 @worker_ready.connect

@@ -1,6 +1,6 @@
 """Every reason code: one file for each place where something can be refused or fail."""
 
-from . import account, conversion, gate, metadata, platform, race, rivals, run_time, tracks, upload
+from . import account, conversion, duels, gate, league, metadata, platform, race, rivals, run_time, tracks, upload
 from .reason import Reason, gettext_noop
 
 REASONS: dict[str, Reason] = {
@@ -12,7 +12,9 @@ REASONS: dict[str, Reason] = {
     **platform.REASONS,
     **tracks.REASONS,
     **race.REASONS,
+    **league.REASONS,
     **rivals.REASONS,
+    **duels.REASONS,
     **account.REASONS,
 }
 

@@ -5,31 +5,75 @@ from __future__ import annotations
 from datetime import date, datetime
 from typing import Any
 
+from django.core.exceptions import ValidationError
 from django.db import transaction
 
+from races.errors import problem
 from races.services import create_league_race
+from races.services.gates import moment
 
-from ..models import Membership, Racer, Round, Season
+from ..models import Membership, Racer, Round, Season, Stage, StageRules
+from ..models.season import DIVISION_OF, WITH_FIELD
+from .fields import give_round_its_field
 
 
 @transaction.atomic
-def create_season(*, slug: str, name: str, starts_on: date, ends_on: date) -> Season:
-    """Make a season that lasts from ``starts_on`` to ``ends_on``, both included. Raises ValidationError."""
-    season = Season(slug=slug, name=name, starts_on=starts_on, ends_on=ends_on)
+def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **settings: Any) -> Season:
+    """Make a season that lasts from ``starts_on`` to ``ends_on``, both included.
+
+    ``settings``: any other field of a season. Raises ValidationError by field, with reason codes for contradictions.
+    """
+    season = Season(slug=slug, name=name, starts_on=starts_on, ends_on=ends_on, **settings)
     season.full_clean()
     season.save(force_insert=True)
     return season
 
 
 @transaction.atomic
-def schedule_round(*, season: Season, number: int, now: datetime, division: str, **race: Any) -> Round:
-    """Make a league race and the round that it is: one race for each division and number of a season.
+def set_stage_rules(*, season: Season, stage: str, **rules: Any) -> StageRules:
+    """Say how the races of a stage are ranked and limited from now on; races that are made already stay as they are.
 
-    ``race``: as for :func:`races.services.create_league_race`. Raises RaceRefused, ValidationError.
+    Raises ValidationError.
     """
-    round_ = Round(season=season, number=number, race=create_league_race(now=now, division=division, **race))
+    row = StageRules.objects.filter(season=season, stage=stage).first() or StageRules(season=season, stage=stage)
+    for name, value in rules.items():
+        if name not in StageRules.FOR_A_RACE:
+            raise TypeError(f"not a rule of a stage: {name}")
+        setattr(row, name, value)
+    row.full_clean()
+    row.save()
+    return row
+
+
+@transaction.atomic
+def schedule_round(
+    *,
+    season: Season,
+    number: int,
+    now: datetime,
+    division: str = "",
+    stage: str = "",
+    month: str = "",
+    **race: Any,
+) -> Round:
+    """Make a league race and the round that it is: one race for each stage and number of a season.
+
+    ``stage``, or ``division`` for the open or the pro race of the month; ``month``: its name, which the races of one
+    number share; ``race``: as for :func:`races.services.create_league_race`, before which the season's rules of the
+    stage come. The field of a finale whose pro race is official already is entered at once. Raises RaceRefused,
+    ValidationError.
+    """
+    if not stage:
+        stage = {"open": Stage.OPEN, "pro": Stage.PRO}.get(division, Stage.SINGLE)
+    rules = StageRules.objects.filter(season=season, stage=stage).first()
+    fields = ({} if rules is None else rules.for_a_race()) | race
+    made = create_league_race(now=now, division=division or DIVISION_OF[Stage(stage)], **fields)
+    round_ = Round(season=season, number=number, stage=stage, name=month, race=made)
     round_.full_clean()
+    _refuse_early_finale(round_)
     round_.save(force_insert=True)
+    if stage in WITH_FIELD:
+        give_round_its_field(round_, now=now)
     return round_
 
 
@@ -41,6 +85,16 @@ def put_in_division(*, season: Season, racer: Racer, division: str, now: datetim
         return membership
     membership = membership or Membership(season=season, racer=racer)
     membership.division, membership.since = division, now
+    membership.promoted_in = membership.place = None
     membership.full_clean()
     membership.save()
     return membership
+
+
+def _refuse_early_finale(round_: Round) -> None:
+    if round_.stage != Stage.FINALE:
+        return
+    qualifier = Round.objects.filter(season=round_.season, number=round_.number, stage=Stage.PRO)
+    late = qualifier.filter(race__closes_at__gt=round_.race.opens_at).select_related("race").first()
+    if late is not None:
+        raise ValidationError({"race": problem("finale_before_qualifier", closes=moment(late.race.closes_at))})

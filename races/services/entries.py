@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.db import transaction
+from django.utils import timezone
 
 from faults import UserFault
 
 from ..eligibility import check_eligible
-from ..models import Entry, Race, Visibility
+from ..models import Entry, Race, RaceState, Visibility
 from ..selectors.visibility import can_organise
+from ..signals import board_changed
 from .gates import require_not_over
 from .standings import forget_fastest, note_fastest
-from .stopping import stop_after_commit
+from .stopping import stop_after_commit, stop_duels_after_commit
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -72,11 +75,12 @@ def remove_entry(*, entry: Entry, by: Racer, now: datetime, reason: str = "") ->
         entry.removal_reason = " ".join(reason.split())[:limit]
         entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
         _left(entry, now)
+        board_changed.send(sender=Race, race=entry.race, now=now)
     return entry
 
 
 @transaction.atomic
-def restore_entry(*, entry: Entry, by: Racer) -> Entry:
+def restore_entry(*, entry: Entry, by: Racer, now: datetime | None = None) -> Entry:
     """Put a removed racer back on the board. Raises UserFault("race_not_yours") unless ``by`` organises the race."""
     if not can_organise(by, entry.race):
         raise UserFault("race_not_yours")
@@ -86,7 +90,43 @@ def restore_entry(*, entry: Entry, by: Racer) -> Entry:
         entry.removal_reason = ""
         entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
         note_fastest(entry)
+        board_changed.send(sender=Race, race=entry.race, now=now or timezone.now())
     return entry
+
+
+@transaction.atomic
+def give_field(*, race: Race, racers: Collection[int], now: datetime, reason: str) -> None:
+    """Enter exactly the racers with these ids in a race, as far as a field given from outside goes.
+
+    Who is not in gets an entry, who was taken out for this ``reason`` comes back, and everybody else in the race but
+    house cars is taken out for it. A racer who withdrew on their own stays so. Does nothing once the race is over.
+    """
+    if race.state_at(now) not in (RaceState.UPCOMING, RaceState.OPEN):
+        return
+    wanted = set(racers)
+    entries = {one.racer_id: one for one in Entry.objects.filter(race=race, is_baseline=False)}
+    Entry.objects.bulk_create(
+        [Entry(race=race, racer_id=racer, entered_at=now) for racer in sorted(wanted - entries.keys())],
+        ignore_conflicts=True,
+    )
+    take_out([one for racer, one in entries.items() if racer not in wanted], now=now, reason=reason)
+    for racer, entry in entries.items():
+        if racer in wanted and entry.removed_at is not None and entry.removal_reason == reason:
+            entry.removed_at = entry.withdrawn_at = None
+            entry.removal_reason = ""
+            entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
+            note_fastest(entry)
+
+
+@transaction.atomic
+def take_out(entries: Iterable[Entry], *, now: datetime, reason: str) -> None:
+    """Take these entries out of races that are not over; those that have left already stay as they are."""
+    for entry in entries:
+        if entry.removed_at is None:
+            entry.removed_at, entry.withdrawn_at = now, entry.withdrawn_at or now
+            entry.removal_reason = reason
+            entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
+            _left(entry, now)
 
 
 def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
@@ -112,3 +152,4 @@ def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
 def _left(entry: Entry, now: datetime) -> None:
     forget_fastest(entry)
     stop_after_commit(entry.submissions.all(), now=now)
+    stop_duels_after_commit(entry, now=now)

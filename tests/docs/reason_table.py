@@ -21,7 +21,9 @@ SECTIONS = {
     "Paddock's own faults": reasons.platform.REASONS,
     "Track files": reasons.tracks.REASONS,
     "Races": reasons.race.REASONS,
+    "The league": reasons.league.REASONS,
     "Several cars in a race": reasons.rivals.REASONS,
+    "Duels": reasons.duels.REASONS,
     "Account": reasons.account.REASONS,
 }
 

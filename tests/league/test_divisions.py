@@ -88,7 +88,7 @@ def test_putting_a_racer_where_they_are_changes_nothing(season, alice, now):
 def test_a_division_has_one_race_in_a_round(season, now):
     november(season, "open", now)
     november(season, "pro", now)
-    november(season, "open", now, number=2)
+    november(season, "open", now, number=2, opens_at=now + timedelta(days=10), closes_at=now + timedelta(days=20))
     with pytest.raises(ValidationError) as caught:
         november(season, "open", now)
     assert "number" in caught.value.message_dict

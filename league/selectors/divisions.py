@@ -1,4 +1,4 @@
-"""What pages and checks ask of the league."""
+"""Who is in which division."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from races.models import Division, Race
 
-from .models import Membership, Racer, Round, Season
+from ..models import Membership, Racer, Round, Season
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser

@@ -1,0 +1,78 @@
+"""Why something about a season, its rounds or its record is refused."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+REASONS = table(
+    "user",
+    {
+        # the settings of a season
+        "season_cut": _("%(percent)s %% cannot be promoted: choose more than 0 and less than 100 per cent."),
+        "season_points_shape": _(
+            "The points are a list of 1 to %(places)s whole numbers from 0 to %(most)s, the winner's first."
+        ),
+        "season_points_rise": _(
+            "Place %(place)s would get %(points)s points, more than the place before it. A table of points never rises."
+        ),
+        "season_more_places_than_cars": _(
+            "A finale of %(size)s cars cannot qualify more than all of them. Choose fewer places or a larger finale."
+        ),
+        # the rounds of a season
+        "rounds_overlap": _(
+            "%(race)s and %(other)s overlap: a division has one race at a time. Choose times that follow each other."
+        ),
+        "round_of_another_division": _(
+            "A race of this stage belongs to the %(division)s. Change the race or the stage."
+        ),
+        "finale_before_qualifier": _(
+            "The finale opens before its qualifier closes at %(closes)s, when its field is still unknown. Open it later."
+        ),
+        "race_not_in_field": _("The field of this race is given: it is raced by those who qualified for it."),
+        # results that become official
+        "round_not_over": _("The race goes on until %(closes)s. Its results become official after that."),
+        "round_still_driving": _(
+            "%(waiting)s cars that were sent in time are still being timed. The results become official after the last."
+        ),
+        "round_cancelled": _("The race was cancelled, so nothing comes of it."),
+        "round_out_of_order": _("%(race)s closed earlier and is not official yet. Rounds become official in turn."),
+        "round_not_official": _("The results are not official yet, so there is nothing to correct."),
+        "steward_window_over": _("The steward window ended at %(ended)s. The results of this round are final."),
+        "steward_needs_a_reason": _("Say why: everybody in the race will read it."),
+        "steward_is_no_admin": _("Only admins decide about official results."),
+        "not_in_the_race": _("%(racer)s has no entry in %(race)s."),
+        "reopen_later_first": _(
+            "%(race)s became official after this round and may follow from it. Take that one back first."
+        ),
+        "reopen_field_drives": _("%(race)s has opened with the field that came of this round, so the round stands."),
+        # a season that is imported
+        "import_no_folder": _("There is no readable %(file)s. Name a folder with races.csv and the files it names."),
+        "import_not_text": _("%(file)s is not a CSV file in UTF-8: %(problem)s."),
+        "import_columns": _("%(file)s has no column %(columns)s. Export it again with all columns."),
+        "import_cells": _("%(file)s, row %(row)s: there are %(found)s cells for %(columns)s columns."),
+        "import_no_season": _("races.csv has no race of the season %(season)s. It has: %(seasons)s."),
+        "import_empty": _("races.csv has no races."),
+        "import_path": _("races.csv, row %(row)s: %(file)s lies outside the folder. Name files inside it."),
+        "import_file_twice": _("races.csv, row %(row)s: %(file)s was named before. Each race has a file of its own."),
+        "import_value": _("%(file)s, row %(row)s: %(column)s cannot be “%(value)s”. It is %(expected)s."),
+        "import_times": _("races.csv, row %(row)s: the race closes before it opens. Correct its times."),
+        "import_overlap": _(
+            "races.csv, row %(row)s: %(race)s overlaps with the %(stage)s of row %(other)s. A division has one race "
+            "at a time."
+        ),
+        "import_stage_twice": _(
+            "races.csv, row %(row)s: %(race)s has a %(stage)s already, in row %(other)s. Give each its own name."
+        ),
+        "import_row_count": _("%(file)s has %(found)s results, and races.csv says %(said)s. The file is not whole."),
+        "import_duplicate_racer": _("%(file)s, row %(row)s: %(racer)s was in row %(other)s already."),
+        "import_rank": _(
+            "%(file)s, row %(row)s: rank %(rank)s with the score %(score)s contradicts rank %(other_rank)s with "
+            "%(other_score)s."
+        ),
+        "import_season_differs": _(
+            "The season %(season)s was imported before from other files. A season is imported once; delete it to "
+            "import it anew."
+        ),
+        "import_season_exists": _("There is a season %(season)s here that was not imported. It stays as it is."),
+        "export_folder_used": _("%(folder)s is not empty. Name a folder that is new or empty."),
+    },
+)

@@ -1,0 +1,27 @@
+"""Racers, seasons with their rounds, what came of the rounds, and what was recorded elsewhere."""
+
+from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
+from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
+from .record import RecordedRace, RecordedResult, RecordedSeason
+from .season import Round, Season, Stage, StageRules, default_points
+
+__all__ = [
+    "ALIAS_PATTERN",
+    "ALIAS_VALIDATORS",
+    "ChampionshipPlace",
+    "Decision",
+    "FinalePlace",
+    "Membership",
+    "Racer",
+    "RacerManager",
+    "RecordedRace",
+    "RecordedResult",
+    "RecordedSeason",
+    "Round",
+    "RoundPoints",
+    "Season",
+    "Stage",
+    "StageRules",
+    "StewardDecision",
+    "default_points",
+]

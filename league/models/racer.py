@@ -1,0 +1,83 @@
+"""Racers."""
+
+from __future__ import annotations
+
+from django.contrib.auth.models import AbstractBaseUser, BaseUserManager, PermissionsMixin
+from django.core.validators import RegexValidator
+from django.db import models
+from django.db.models.functions import Lower
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from races.models import ONE_LINE
+
+ALIAS_PATTERN = r"^[A-Za-z0-9_-]{2,64}$"
+ALIAS_VALIDATORS = [
+    RegexValidator(ALIAS_PATTERN, _("Use 2 to 64 letters, digits, hyphens and underscores."), code="alias"),
+]
+
+
+class RacerManager(BaseUserManager["Racer"]):
+    """Makes racers; e-mail addresses are stored in lower case, so that one address is one account."""
+
+    def create_user(self, alias: str, email: str, password: str | None = None, **fields) -> Racer:
+        """A racer who may log in. Without ``password`` the account cannot be logged in to."""
+        racer = self.model(alias=alias, email=email.lower(), **fields)
+        racer.set_password(password)
+        racer.save(using=self._db)
+        return racer
+
+    def create_superuser(self, alias: str, email: str, password: str | None = None, **fields) -> Racer:
+        """An admin with every permission."""
+        return self.create_user(alias, email, password, is_staff=True, is_superuser=True, **fields)
+
+    def get_by_natural_key(self, alias: str | None) -> Racer:
+        return self.get(alias__iexact=alias)
+
+
+class Racer(AbstractBaseUser, PermissionsMixin):
+    """Somebody who races. The alias is what everybody sees; the e-mail address is seen by its owner and admins only.
+
+    House cars belong to racers with ``is_house``: they cannot log in and are never ranked. Who is known only from an
+    imported season has a ``record_id``, the id in that record; they cannot log in either.
+    """
+
+    alias = models.CharField(_("alias"), max_length=64, unique=True, validators=ALIAS_VALIDATORS)
+    email = models.EmailField(_("e-mail address"), unique=True)
+    country = models.CharField(_("country"), max_length=2, blank=True, help_text=_("Two-letter code, such as KR."))
+    team = models.CharField(_("team"), max_length=64, blank=True, validators=[ONE_LINE])
+    record_id = models.CharField(_("id in imported seasons"), max_length=64, unique=True, null=True, editable=False)
+    is_house = models.BooleanField(_("house car"), default=False)
+    is_staff = models.BooleanField(_("admin"), default=False)
+    is_active = models.BooleanField(_("active"), default=True)
+    joined_at = models.DateTimeField(_("joined"), default=timezone.now)
+
+    objects = RacerManager()
+
+    USERNAME_FIELD = "alias"
+    EMAIL_FIELD = "email"
+    REQUIRED_FIELDS = ["email"]
+
+    class Meta:
+        verbose_name = _("racer")
+        verbose_name_plural = _("racers")
+        constraints = [
+            models.UniqueConstraint(Lower("alias"), name="racer_alias_unique_in_any_case"),
+            models.CheckConstraint(condition=models.Q(alias__regex=ALIAS_PATTERN), name="racer_alias_form"),
+            models.CheckConstraint(condition=models.Q(country__regex=r"^([A-Z]{2})?$"), name="racer_country_form"),
+            models.CheckConstraint(
+                condition=models.Q(is_house=False) | models.Q(is_staff=False), name="racer_house_is_no_admin"
+            ),
+            models.CheckConstraint(
+                condition=models.Q(record_id=None)
+                | models.Q(is_active=False, is_house=False, is_staff=False) & ~models.Q(record_id=""),
+                name="racer_of_a_record_has_no_log_in",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return self.alias
+
+    def get_absolute_url(self) -> str:
+        return reverse("racer", args=[self.alias])

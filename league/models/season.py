@@ -1,0 +1,304 @@
+"""A season: its settings, its rounds, and what each stage of it is driven by."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from decimal import Decimal
+
+from django.core.exceptions import ValidationError
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.db.models import F, Q
+from django.utils.translation import gettext_lazy as _
+
+from races.errors import problem
+from races.models import ONE_LINE, Division, Kind, RankingMethod
+
+# The table of a round that many championships use. Nobody is bound to it.
+DEFAULT_POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
+# The standings are worked out from all places with points whenever a page shows them.
+MOST_PLACES, MOST_POINTS = 200, 10_000
+
+
+def default_points() -> list[int]:
+    """Points by place, the winner's first."""
+    return list(DEFAULT_POINTS)
+
+
+class Stage(models.TextChoices):
+    """What a race is in its round. The values are the words of the league's own record."""
+
+    OPEN = "open-qualifier", _("open race")
+    PRO = "pro-qualifier", _("pro race")
+    FINALE = "pro-finale", _("finale")
+    CHAMPIONSHIP = "championship", _("championship")
+    SINGLE = "single", _("race of its own")
+
+
+# Whose the race of a stage is. A finale's and the championship's field is given besides.
+DIVISION_OF = {
+    Stage.OPEN: Division.OPEN,
+    Stage.PRO: Division.PRO,
+    Stage.FINALE: Division.PRO,
+    Stage.CHAMPIONSHIP: Division.PRO,
+    Stage.SINGLE: Division.ALL,
+}
+WITH_POINTS = (Stage.OPEN, Stage.PRO, Stage.SINGLE)
+WITH_FIELD = (Stage.FINALE, Stage.CHAMPIONSHIP)
+
+
+class Season(models.Model):
+    """A year of monthly rounds and the numbers that decide it. ``ends_on`` is its last day.
+
+    The rules that these numbers belong to, and their sentences, are in :mod:`league.rules`.
+    """
+
+    slug = models.SlugField(_("address"), unique=True)
+    name = models.CharField(_("name"), max_length=64)
+    starts_on = models.DateField(_("starts"))
+    ends_on = models.DateField(_("ends"))
+    promotion_percent = models.DecimalField(
+        _("promoted, per cent"),
+        max_digits=4,
+        decimal_places=1,
+        default=Decimal(10),
+        help_text=_("Of the classified racers of a month's open race; at least one is promoted."),
+    )
+    finale_size = models.PositiveSmallIntegerField(
+        _("cars in a finale"), default=16, validators=[MinValueValidator(1), MaxValueValidator(1000)]
+    )
+    championship_places = models.PositiveSmallIntegerField(
+        _("places in the championship from each finale"),
+        default=3,
+        validators=[MinValueValidator(1), MaxValueValidator(1000)],
+    )
+    points = models.JSONField(
+        _("points by place"), default=default_points, help_text=_("A list that never rises, the winner's points first.")
+    )
+    drop_worst = models.PositiveSmallIntegerField(
+        _("worst results dropped"), default=0, help_text=_("A round that a racer missed is a result of no points.")
+    )
+    steward_hours = models.PositiveSmallIntegerField(
+        _("steward window in hours"),
+        default=48,
+        validators=[MaxValueValidator(24 * 60)],
+        help_text=_("For so long after a round has closed its results can be corrected."),
+    )
+    prizes = models.TextField(_("prizes"), blank=True, max_length=4000)
+
+    class Meta:
+        verbose_name = _("season")
+        verbose_name_plural = _("seasons")
+        ordering = ["-starts_on"]
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(ends_on__gt=F("starts_on")),
+                name="season_ends_after_start",
+                violation_error_message=_("The season ends before it starts. Choose a later last day."),
+            ),
+            models.CheckConstraint(
+                condition=Q(promotion_percent__gt=0, promotion_percent__lt=100), name="season_promotes_some_not_all"
+            ),
+            models.CheckConstraint(
+                condition=Q(championship_places__gte=1, championship_places__lte=F("finale_size")),
+                name="season_finale_holds_its_championship_places",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def steward_window(self) -> timedelta:
+        """How long after its closing a round can be corrected."""
+        return timedelta(hours=self.steward_hours)
+
+    def clean(self) -> None:
+        """Refuse numbers that make no season, each on its field. Raises ValidationError of reason codes."""
+        problems: dict[str, ValidationError] = {}
+        percent = self.promotion_percent
+        if isinstance(percent, int | float | Decimal) and not 0 < percent < 100:
+            problems["promotion_percent"] = problem("season_cut", percent=str(percent))
+        if not _is_table(self.points):
+            problems["points"] = problem("season_points_shape", most=MOST_POINTS, places=MOST_PLACES)
+        else:
+            steps = enumerate(zip(self.points, self.points[1:], strict=False), start=2)
+            rise = next((place for place, (before, after) in steps if after > before), None)
+            if rise is not None:
+                problems["points"] = problem("season_points_rise", place=rise, points=self.points[rise - 1])
+        places, size = self.championship_places, self.finale_size
+        if isinstance(places, int) and isinstance(size, int) and places > size >= 1:
+            problems["championship_places"] = problem("season_more_places_than_cars", size=size)
+        if problems:
+            raise ValidationError(problems)
+
+
+def _is_table(points: object) -> bool:
+    return (
+        isinstance(points, list)
+        and 1 <= len(points) <= MOST_PLACES
+        and all(isinstance(one, int) and not isinstance(one, bool) and 0 <= one <= MOST_POINTS for one in points)
+    )
+
+
+class StageRules(models.Model):
+    """How the races of one stage of a season are ranked and limited, unless a race says otherwise when it is made."""
+
+    season = models.ForeignKey(Season, models.CASCADE, related_name="stage_rules", verbose_name=_("season"))
+    stage = models.CharField(_("stage"), max_length=16, choices=Stage.choices)
+    ranking_method = models.CharField(
+        _("ranking"), max_length=8, choices=RankingMethod.choices, default=RankingMethod.AVERAGE
+    )
+    laps = models.PositiveSmallIntegerField(
+        _("laps driven"), default=3, validators=[MinValueValidator(1), MaxValueValidator(20)]
+    )
+    minimum_laps = models.PositiveSmallIntegerField(
+        _("consecutive complete laps needed"), default=3, validators=[MinValueValidator(1), MaxValueValidator(20)]
+    )
+    off_track_penalty_ms = models.PositiveIntegerField(
+        _("off-track penalty in milliseconds"), default=3000, validators=[MaxValueValidator(60_000)]
+    )
+    collision_penalty_ms = models.PositiveIntegerField(
+        _("collision penalty in milliseconds"), default=5000, validators=[MaxValueValidator(60_000)]
+    )
+    max_submissions = models.PositiveSmallIntegerField(
+        _("submissions for each racer"), default=50, validators=[MinValueValidator(1), MaxValueValidator(1000)]
+    )
+    max_resets = models.PositiveIntegerField(
+        _("resets allowed"), default=10_000, validators=[MaxValueValidator(10_000)]
+    )
+    max_simulated_ms = models.PositiveIntegerField(
+        _("time limit in simulated milliseconds"),
+        default=360_000,
+        validators=[MinValueValidator(10_000), MaxValueValidator(1_200_000)],
+    )
+
+    # what a race takes over
+    FOR_A_RACE = (
+        *("ranking_method", "laps", "minimum_laps", "off_track_penalty_ms", "collision_penalty_ms"),
+        *("max_submissions", "max_resets", "max_simulated_ms"),
+    )
+
+    class Meta:
+        verbose_name = _("rules of a stage")
+        verbose_name_plural = _("rules of stages")
+        ordering = ["season", "stage"]
+        constraints = [
+            models.UniqueConstraint(fields=["season", "stage"], name="stage_rules_once_a_season"),
+            models.CheckConstraint(condition=Q(stage__in=Stage.values), name="stage_rules_stage_known"),
+            models.CheckConstraint(
+                condition=Q(laps__gte=1, laps__lte=20, minimum_laps__gte=1, minimum_laps__lte=F("laps")),
+                name="stage_rules_laps",
+            ),
+            models.CheckConstraint(
+                condition=~Q(ranking_method="total") | Q(minimum_laps=F("laps")), name="stage_rules_total_needs_all"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.season} · {self.get_stage_display()}"
+
+    def for_a_race(self) -> dict:
+        """The fields of a race that these rules set."""
+        return {name: getattr(self, name) for name in self.FOR_A_RACE}
+
+
+class Round(models.Model):
+    """One race of one month of a season. The races of a month share ``number`` and differ in ``stage``.
+
+    ``closed_at``: when its results became official, None before. That is done once, by
+    :func:`league.services.close_round`; the race itself closes as a function of the time.
+    """
+
+    season = models.ForeignKey(Season, models.CASCADE, related_name="rounds", verbose_name=_("season"))
+    number = models.PositiveSmallIntegerField(_("number"))
+    stage = models.CharField(
+        _("stage"),
+        max_length=16,
+        choices=Stage.choices,
+        blank=True,
+        help_text=_("Empty: the open or the pro race of the month, whichever division the race has."),
+    )
+    name = models.CharField(
+        _("name of the month"),
+        max_length=64,
+        blank=True,
+        validators=[ONE_LINE],
+        help_text=_("The races of a month have the same one; a finale belongs to the qualifier of the same name."),
+    )
+    race = models.OneToOneField("races.Race", models.PROTECT, related_name="round", verbose_name=_("race"))
+    closed_at = models.DateTimeField(_("official since"), null=True, blank=True, editable=False)
+    held_at = models.DateTimeField(
+        _("held back since"),
+        null=True,
+        blank=True,
+        editable=False,
+        help_text=_("A steward took the results back: they become official again when an admin says so."),
+    )
+
+    class Meta:
+        verbose_name = _("round")
+        verbose_name_plural = _("rounds")
+        ordering = ["season", "number"]
+        constraints = [
+            models.CheckConstraint(condition=Q(number__gte=1), name="round_number_from_one"),
+            models.CheckConstraint(condition=Q(closed_at=None) | Q(held_at=None), name="round_official_or_held_back"),
+            models.CheckConstraint(condition=Q(stage__in=Stage.values), name="round_stage_known"),
+            models.UniqueConstraint(
+                fields=["season", "number", "stage"],
+                name="round_one_race_of_a_stage",
+                violation_error_message=_("This division already has a race in this round of the season."),
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.season} · {self.number}"
+
+    def save(self, *args: object, **kwargs: object) -> None:
+        self.stage = self.stage or self._usual_stage()
+        super().save(*args, **kwargs)
+
+    def clean(self) -> None:
+        """A round is a race of the league, of the division that its stage is for; races of one stage follow each other.
+
+        Raises ValidationError by field.
+        """
+        if self.race_id is None:
+            return
+        if self.race.kind != Kind.LEAGUE:
+            raise ValidationError({"race": _("Only a league race can be a round. This is a community race.")})
+        self.stage = self.stage or self._usual_stage()
+        if self.stage in DIVISION_OF and self.race.division != DIVISION_OF[Stage(self.stage)]:
+            division = Division(DIVISION_OF[Stage(self.stage)]).label
+            raise ValidationError({"stage": problem("round_of_another_division", division=str(division))})
+        if self.season_id is None:  # a season that is made together with its rounds
+            return
+        others = Round.objects.filter(season=self.season, stage=self.stage).exclude(pk=self.pk)
+        if others.filter(number=self.number).exists():
+            raise ValidationError({"number": _("This division already has a race in this round of the season.")})
+        if self.stage == Stage.SINGLE:
+            return
+        overlap = others.filter(
+            race__cancelled_at=None, race__opens_at__lt=self.race.closes_at, race__closes_at__gt=self.race.opens_at
+        )
+        other = overlap.select_related("race").first()
+        if other is not None:
+            raise ValidationError({"race": problem("rounds_overlap", race=self.race.name, other=other.race.name)})
+
+    def _usual_stage(self) -> str:
+        stages = {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO}
+        return stages.get(self.race.division, Stage.SINGLE) if self.race_id else ""
+
+    @property
+    def division(self) -> str:
+        """Whose race it is."""
+        return DIVISION_OF[Stage(self.stage)]
+
+    @property
+    def settled_at(self) -> datetime | None:
+        """When the steward window ends and nothing changes any more; None while nothing is official."""
+        return None if self.closed_at is None else self.closed_at + self.season.steward_window
+
+    def is_under_review(self, now: datetime) -> bool:
+        """Whether the results are official and stewards may still correct them."""
+        return self.closed_at is not None and now < self.settled_at

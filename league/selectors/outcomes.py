@@ -1,0 +1,133 @@
+"""What comes of a round: as it stands while it is driven, and as it becomes official at close."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import islice
+
+from races.models import Entry, Race
+from races.selectors.boards import CLASSIFIED, board_entries
+
+from ..models import ChampionshipPlace, Membership, Round, Season, Stage
+from ..models.season import WITH_POINTS
+from ..rules import ChampionshipField, FinaleField, PointsTable, Promotion, Standings
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the board of a round means by the season's rules. Racers by id.
+
+    ``promoted``: place in the race and racer; ``finale``: the field, the best first; ``qualified``: for the
+    championship, the winner first; ``points``: rank, racer and points of every place that has points.
+    """
+
+    promoted: list[tuple[int, int]] = field(default_factory=list)
+    finale: list[int] = field(default_factory=list)
+    qualified: list[int] = field(default_factory=list)
+    points: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Where a board is divided. ``last_rank``: the last rank above the line, 0 while nobody is classified.
+
+    ``racers``: ids of those whom it moves: promoted, in the finale, qualified. ``official``: whether it is so, or would
+    be so if the race closed now. ``sentence``: the rule.
+    """
+
+    last_rank: int
+    racers: list[int]
+    official: bool
+    sentence: str
+
+
+def classified_order(race: Race, limit: int | None = None) -> list[int]:
+    """Ids of the ranked racers of a race in its order, at most ``limit``."""
+    ranked = board_entries(race).filter(CLASSIFIED, is_baseline=False).values_list("racer_id", flat=True)
+    return list(ranked if limit is None else ranked[:limit])
+
+
+def classified_count(race: Race) -> int:
+    """How many racers of a race have a rank."""
+    return board_entries(race).filter(CLASSIFIED, is_baseline=False).order_by().count()
+
+
+def outcome_of(round_: Round) -> Outcome:
+    """What would be official if the round became so now. Nothing is written.
+
+    Its own results are not taken for earlier ones: an official round's outcome is the same again.
+    """
+    season, race = round_.season, round_.race
+    outcome = Outcome()
+    if round_.stage in WITH_POINTS:
+        table = PointsTable(tuple(season.points))
+        order = classified_order(race, len(table))
+        outcome.points.extend((rank, racer, table.of(rank)) for rank, racer in enumerate(order, start=1))
+    if round_.stage == Stage.OPEN:
+        rule, count = Promotion(season.promotion_percent), classified_count(race)
+        order = classified_order(race, rule.places(count))
+        outcome.promoted.extend(rule.promoted(order, count, _held_divisions(round_, order)))
+    elif round_.stage == Stage.PRO:
+        qualified = _qualified_before(round_)
+        order = classified_order(race, season.finale_size + len(qualified))
+        outcome.finale.extend(FinaleField(season.finale_size).field(order, qualified))
+    elif round_.stage == Stage.FINALE:
+        qualified = _qualified_before(round_)
+        order = classified_order(race, season.championship_places + len(qualified))
+        outcome.qualified.extend(ChampionshipField(season.championship_places).qualified(order, qualified))
+    return outcome
+
+
+def cut_of(round_: Round) -> Cut | None:
+    """The line through the board of a round, official or as it would be; None where no rule draws one."""
+    season = round_.season
+    official = round_.closed_at is not None
+    outcome = outcome_of(round_)
+    if round_.stage == Stage.OPEN:
+        rule = Promotion(season.promotion_percent)
+        moved = [racer for _place, racer in outcome.promoted]
+        return Cut(rule.places(classified_count(round_.race)), moved, official, rule.sentence())
+    if round_.stage == Stage.PRO:
+        last = _rank_of_last(round_, outcome.finale)
+        return Cut(last, outcome.finale, official, FinaleField(season.finale_size).sentence())
+    if round_.stage == Stage.FINALE:
+        last = _rank_of_last(round_, outcome.qualified)
+        return Cut(last, outcome.qualified, official, ChampionshipField(season.championship_places).sentence())
+    return None
+
+
+def rules_of(season: Season) -> list[str]:
+    """The rules of a season in sentences of the reader's language, in the order of a racer's way through it."""
+    return [
+        Promotion(season.promotion_percent).sentence(),
+        FinaleField(season.finale_size).sentence(),
+        ChampionshipField(season.championship_places).sentence(),
+        PointsTable(tuple(season.points)).sentence(),
+        Standings(season.drop_worst).sentence(),
+    ]
+
+
+def _held_divisions(round_: Round, racers: list[int]) -> set[int]:
+    """Who of ``racers`` was in a division for another reason than this round."""
+    members = Membership.objects.filter(season=round_.season_id).exclude(promoted_in=round_.pk)
+    return set(members.values_list("racer_id", flat=True)).intersection(racers)
+
+
+def _qualified_before(round_: Round) -> set[int]:
+    """Who had qualified for the championship when the round's race closed."""
+    places = ChampionshipPlace.objects.filter(season=round_.season_id).exclude(round=round_.pk)
+    earlier = places.filter(round__race__closes_at__lte=round_.race.closes_at)
+    return set(earlier.values_list("racer_id", flat=True))
+
+
+def _rank_of_last(round_: Round, chosen: list[int]) -> int:
+    if not chosen:
+        return 0
+    last = chosen[-1]
+    ranked = board_entries(round_.race).filter(CLASSIFIED, is_baseline=False).values_list("racer_id", flat=True)
+    return next((rank for rank, racer in enumerate(islice(ranked.iterator(), 10_000), start=1) if racer == last), 0)
+
+
+def entries_of(race: Race) -> dict[int, Entry]:
+    """The entries of a race by racer."""
+    return {entry.racer_id: entry for entry in Entry.objects.filter(race=race)}

@@ -1,0 +1,133 @@
+"""Seasons for reading: months, a racer's way through one, the hall of fame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from django.db.models import QuerySet
+
+from races.models import Division, Entry
+from races.selectors import podiums
+from races.selectors.boards import ranks_of
+
+from ..models import (
+    ChampionshipPlace,
+    FinalePlace,
+    Membership,
+    Racer,
+    Round,
+    RoundPoints,
+    Season,
+    Stage,
+    StewardDecision,
+)
+from .standings import season_standings
+
+
+@dataclass(frozen=True)
+class Month:
+    """The races of one month of a season; None where there is none of a stage. ``others``: of a stage of its own."""
+
+    number: int
+    name: str
+    open: Round | None = None
+    pro: Round | None = None
+    finale: Round | None = None
+    others: tuple[Round, ...] = ()
+
+    def __iter__(self) -> Iterator[Round]:
+        return (one for one in (self.open, self.pro, self.finale, *self.others) if one is not None)
+
+
+@dataclass(frozen=True)
+class RacerRound:
+    """One round of a racer's season. ``rank``: None for who is not classified; ``points``: 0 while not official.
+
+    ``promoted``, ``in_finale``, ``qualified``: what came of it for them.
+    """
+
+    round: Round
+    entry: Entry
+    rank: int | None
+    points: int
+    promoted: bool = False
+    in_finale: bool = False
+    qualified: bool = False
+
+
+@dataclass(frozen=True)
+class Champion:
+    """Who won something, and in which round; None for a division's standings."""
+
+    racer: Racer
+    round: Round | None
+
+
+@dataclass(frozen=True)
+class HallOfFame:
+    """The winners of one season. ``divisions``: who leads the standings of each division; empty before any round."""
+
+    season: Season
+    champion: Champion | None
+    finales: list[Champion] = field(default_factory=list)
+    divisions: dict[str, Racer] = field(default_factory=dict)
+
+
+def months_of(season: Season) -> list[Month]:
+    """The months of a season in their order, each with its rounds and their races and tracks: one query."""
+    months: dict[int, list[Round]] = {}
+    for one in season.rounds.select_related("race__track").order_by("number", "race__opens_at", "pk"):
+        one.season = season
+        months.setdefault(one.number, []).append(one)
+    made = []
+    for number, rounds in months.items():
+        by = {one.stage: one for one in rounds}
+        main = (by.get(Stage.OPEN), by.get(Stage.PRO), by.get(Stage.FINALE))
+        others = tuple(one for one in rounds if one not in main)
+        made.append(Month(number, next((one.name for one in rounds if one.name), ""), *main, others))
+    return made
+
+
+def racer_season(season: Season, racer: Racer) -> list[RacerRound]:
+    """Every round of a season that the racer is in, in the order of closing: seven queries."""
+    entries = list(
+        Entry.objects.filter(racer=racer, withdrawn_at=None, race__round__season=season)
+        .select_related("race__round", "race__track")
+        .order_by("race__closes_at", "race__pk")
+    )
+    ranks = ranks_of(entries)
+    rounds = [entry.race.round for entry in entries]
+    points = dict(RoundPoints.objects.filter(round__in=rounds, racer=racer).values_list("round", "points"))
+    promoted = set(Membership.objects.filter(season=season, racer=racer).values_list("promoted_in", flat=True))
+    finales = set(FinalePlace.objects.filter(round__season=season, racer=racer).values_list("round", flat=True))
+    qualified = set(ChampionshipPlace.objects.filter(season=season, racer=racer).values_list("round", flat=True))
+    rows = []
+    for entry, one in zip(entries, rounds, strict=True):
+        one.season, one.race = season, entry.race
+        came = one.pk in promoted, one.pk in finales, one.pk in qualified
+        rows.append(RacerRound(one, entry, ranks[entry.pk], points.get(one.pk, 0), *came))
+    return rows
+
+
+def hall_of_fame() -> list[HallOfFame]:
+    """Every season with an official round, the latest first, and who won what in it."""
+    halls = []
+    official = Round.objects.filter(closed_at__isnull=False)
+    for season in Season.objects.filter(pk__in=official.values("season")).order_by("-starts_on", "-pk"):
+        finals = official.filter(season=season, stage__in=[Stage.FINALE, Stage.CHAMPIONSHIP])
+        rounds = {one.race_id: one for one in finals.select_related("race").order_by("race__closes_at", "pk")}
+        winners = podiums([one.race for one in rounds.values()], size=1)
+        won = {pk: Champion(rows[0].racer, rounds[pk]) for pk, rows in winners.items() if rows}
+        champion = next((won[pk] for pk, one in rounds.items() if pk in won and one.stage == Stage.CHAMPIONSHIP), None)
+        finales = [won[pk] for pk, one in rounds.items() if pk in won and one.stage == Stage.FINALE]
+        leaders = {division: season_standings(season, division) for division in Division.values}
+        first = {division: lines[0].who for division, lines in leaders.items() if lines}
+        racers = Racer.objects.in_bulk(first.values())
+        halls.append(HallOfFame(season, champion, finales, {name: racers[pk] for name, pk in first.items()}))
+    return halls
+
+
+def decisions_of(round_: Round) -> QuerySet[StewardDecision]:
+    """What stewards decided about a round, the latest first."""
+    return round_.decisions.select_related("racer", "by")

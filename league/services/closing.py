@@ -1,0 +1,175 @@
+"""Rounds become official: once, in one transaction, whoever is asked how often.
+
+What comes of a round follows from its board and from the rounds that closed before it, so a correction works out the
+round and all official ones after it anew, and the same boards always give the same season.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from datetime import datetime
+
+from django.db import transaction
+from django.db.models import Q
+
+from evaluation.models import Evaluation, State
+from faults import UserFault
+from races.models import Opponents, Race, RaceState
+from races.services.gates import moment
+
+from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season
+from ..selectors.outcomes import Outcome, outcome_of
+from .fields import give_fields
+
+logger = logging.getLogger(__name__)
+BATCH = 1000
+
+
+@transaction.atomic
+def close_round(*, round: Round, now: datetime) -> Round:
+    """Make the results of a round official: promotions, the finale's field, qualifications and points.
+
+    Closing one that is official changes nothing. Raises UserFault("round_not_over" | "round_cancelled"),
+    "round_out_of_order" while an earlier one of the season is open or unofficial, "round_still_driving" while a car
+    that was sent in time has no result, or duels go on.
+    """
+    season = Season.objects.select_for_update().get(pk=round.season_id)
+    round_ = _fresh(round, season)
+    if round_.closed_at is not None:
+        return round_
+    _require_ready(round_, now)
+    Round.objects.filter(pk=round_.pk).update(closed_at=now, held_at=None)
+    round_.closed_at, round_.held_at = now, None
+    _write(round_, outcome_of(round_))
+    give_fields(season, now=now)
+    return round_
+
+
+def close_due_rounds(*, now: datetime, season: Season | None = None) -> list[Round]:
+    """Close every round that is due, of one season or of all, in turn; returns those that became official.
+
+    What cannot be closed yet is left for the next call, and so are the later rounds of its season.
+    """
+    closed, stuck = [], set()
+    for round_ in _due(now, season):
+        if round_.season_id in stuck:
+            continue
+        try:
+            closed.append(close_round(round=round_, now=now))
+        except UserFault as fault:
+            stuck.add(round_.season_id)
+            logger.info("%s stays unofficial: %s", round_.race.slug, fault)
+    return closed
+
+
+def close_what_is_due(season: Season, *, now: datetime) -> None:
+    """:func:`close_due_rounds` at the cost of one query when nothing is due: for who needs to know divisions now."""
+    if _due(now, season).exists():
+        close_due_rounds(now=now, season=season)
+
+
+@transaction.atomic
+def rework(*, round: Round, now: datetime) -> None:
+    """Work out an official round anew, and every official one of the season that closed after it."""
+    season = Season.objects.select_for_update().get(pk=round.season_id)
+    round_ = _fresh(round, season)
+    if round_.closed_at is None:
+        return
+    forget_outcomes(affected := list(_official_from(round_)))
+    for one in affected:
+        one.season = season
+        _write(one, outcome_of(one))
+    give_fields(season, now=now)
+
+
+def forget_outcomes(rounds: Iterable[Round]) -> None:
+    """Delete what came of these rounds; divisions that an admin gave stay."""
+    rounds = [one.pk for one in rounds]
+    Membership.objects.filter(promoted_in__in=rounds).delete()
+    for model in (FinalePlace, ChampionshipPlace, RoundPoints):
+        model.objects.filter(round__in=rounds).delete()
+
+
+def _fresh(round_: Round, season: Season) -> Round:
+    """The round as it is now that the season is locked."""
+    fresh = Round.objects.select_related("race").get(pk=round_.pk)
+    fresh.season = season
+    return fresh
+
+
+def _due(now: datetime, season: Season | None):
+    due = Round.objects.filter(closed_at=None, held_at=None, race__cancelled_at=None, race__closes_at__lte=now)
+    if season is not None:
+        due = due.filter(season=season)
+    return due.select_related("race", "season").order_by("race__closes_at", "pk")
+
+
+def _official_from(round_: Round):
+    later = Q(race__closes_at__gt=round_.race.closes_at) | Q(race__closes_at=round_.race.closes_at, pk__gte=round_.pk)
+    rounds = Round.objects.filter(later, season=round_.season_id, closed_at__isnull=False)
+    return rounds.select_related("race").order_by("race__closes_at", "pk")
+
+
+def _require_ready(round_: Round, now: datetime) -> None:
+    race = round_.race
+    if race.state_at(now) == RaceState.CANCELLED:
+        raise UserFault("round_cancelled")
+    if race.state_at(now) != RaceState.CLOSED:
+        raise UserFault("round_not_over", closes=moment(race.closes_at))
+    earlier = Q(race__closes_at__lt=race.closes_at) | Q(race__closes_at=race.closes_at, pk__lt=round_.pk)
+    waits = Round.objects.filter(earlier, season=round_.season_id, closed_at=None, race__cancelled_at=None)
+    first = waits.select_related("race").order_by("race__closes_at", "pk").first()
+    if first is not None:
+        raise UserFault("round_out_of_order", race=first.race.name)
+    waiting = cars_on_the_way(race)
+    if waiting:
+        raise UserFault("round_still_driving", waiting=waiting)
+
+
+def cars_on_the_way(race: Race) -> int:
+    """How many cars of a race still wait or drive; duels that are not over count as one."""
+    active = Evaluation.objects.filter(
+        submission__entry__race=race,
+        submission__entry__withdrawn_at=None,
+        state__in=(State.QUEUED, State.RUNNING),
+    ).count()
+    if race.opponents != Opponents.MODELS or race.imported_at is not None:
+        return active
+    draw = getattr(race, "draw", None)
+    return max(active, int(draw is None or draw.over_at is None))
+
+
+def _write(round_: Round, outcome: Outcome) -> None:
+    closed = round_.race.closes_at
+    season = round_.season_id
+    Membership.objects.bulk_create(
+        [
+            Membership(season_id=season, racer_id=racer, division="pro", since=closed, promoted_in=round_, place=place)
+            for place, racer in outcome.promoted
+        ],
+        batch_size=BATCH,
+    )
+    FinalePlace.objects.bulk_create(
+        [FinalePlace(round=round_, racer_id=racer, place=place) for place, racer in enumerate(outcome.finale, start=1)]
+    )
+    ChampionshipPlace.objects.bulk_create(
+        [
+            ChampionshipPlace(season_id=season, round=round_, racer_id=racer, place=place)
+            for place, racer in enumerate(outcome.qualified, start=1)
+        ]
+    )
+    racers = Racer.objects.only("country", "team").in_bulk([racer for _rank, racer, _points in outcome.points])
+    RoundPoints.objects.bulk_create(
+        [
+            RoundPoints(
+                round=round_,
+                racer_id=racer,
+                rank=rank,
+                points=points,
+                country=racers[racer].country,
+                team=racers[racer].team,
+            )
+            for rank, racer, points in outcome.points
+        ]
+    )

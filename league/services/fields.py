@@ -1,0 +1,46 @@
+"""Entering those, and only those, who may drive where the rules say who does."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from races.models import Entry, RaceState
+from races.services.entries import give_field, take_out
+
+from ..models import Membership, Round, Season, Stage
+from ..models.season import WITH_FIELD
+from ..selectors.fields import field_of
+
+NOT_IN_FIELD = "Not in the field after the results were corrected."
+NOT_PRO = "Not in the pro division after the results were corrected."
+
+
+def give_round_its_field(round_: Round, *, now: datetime) -> None:
+    """Enter the field of a finale or championship; nothing for other races, and for those driven elsewhere.
+
+    A race that is over keeps its entries, and so does one whose field is not official yet.
+    """
+    if round_.stage not in WITH_FIELD or round_.race.imported_at is not None:
+        return
+    give_field(race=round_.race, racers=field_of(round_) or [], now=now, reason=NOT_IN_FIELD)
+
+
+def give_fields(season: Season, *, now: datetime) -> None:
+    """Enter the fields of a season's races that are not over, and see that nobody but pros is in its pro races."""
+    ahead = season.rounds.filter(race__closes_at__gt=now, race__cancelled_at=None, race__imported_at=None)
+    for round_ in ahead.filter(stage__in=[Stage.PRO, *WITH_FIELD]).select_related("race"):
+        round_.season = season
+        if round_.race.state_at(now) not in (RaceState.UPCOMING, RaceState.OPEN):
+            continue
+        if round_.stage in WITH_FIELD:
+            give_round_its_field(round_, now=now)
+        else:
+            _only_pros(round_, now)
+
+
+def _only_pros(round_: Round, now: datetime) -> None:
+    pros = Membership.objects.filter(season=round_.season_id, division="pro").values("racer")
+    inside = Entry.objects.filter(race=round_.race, is_baseline=False).select_related("race")
+    take_out(inside.filter(removed_at=None).exclude(racer__in=pros), now=now, reason=NOT_PRO)
+    back = inside.filter(racer__in=pros, removed_at__isnull=False, removal_reason=NOT_PRO)
+    back.update(removed_at=None, withdrawn_at=None, removal_reason="")

@@ -1,0 +1,12 @@
+"""What this room tells the rooms above it."""
+
+from __future__ import annotations
+
+from django.dispatch import Signal
+
+# Sent inside the transaction that changed who or what stands on the board of a race, other than by racing in it while it
+# is open: an entry removed or restored. Arguments: ``race``, ``now``.
+board_changed = Signal()
+
+# Sent inside the transaction that ends the last duel of a race, when its board stands. Arguments: ``race``, ``now``.
+duels_over = Signal()
