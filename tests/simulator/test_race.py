@@ -110,8 +110,11 @@ def test_progress_is_told_every_so_many_steps_and_at_the_end():
         "x",
         "y",
         "off_tracks",
+        "crashes",
         "resets",
         "last_lap_ms",
+        "bots",
+        "rivals",
     }
 
 
