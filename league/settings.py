@@ -142,6 +142,8 @@ CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
+    "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 
@@ -154,6 +156,8 @@ UPLOAD_LIMIT_MB = env_int("PADDOCK_UPLOAD_LIMIT_MB", 64, minimum=1)
 MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
 STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
+DUELS_IN_ROUND_ROBIN = env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
+DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=127)
 TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
 
 # --- files ---------------------------------------------------------------------------------------------------------

@@ -5,6 +5,9 @@ milliseconds); no database. The average is the old service's (DRoA, ModelPerform
 floor(mean) over every window of ``minimum_laps`` consecutive complete laps. Unlike there, an unfinished lap is never a
 best lap.
 
+A race of duels (``Points``) ranks by its method until they are drawn: that is the qualifying. Then it ranks by what the
+duels gave (races.duels.points).
+
 Order on a board, the same for every method: classified cars by score, then best lap, then fewer resets, then the
 earlier submission; below them the others, who drove farther first; last who has no result yet.
 """
@@ -16,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from django.conf import settings
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
@@ -29,6 +33,10 @@ MOST_DRIVEN = 1_000_000  # more than any race's laps in percent
 NOT_CLASSIFIED = 10**12
 NO_RESULT = 2 * 10**12
 LAST = 2**31 - 1
+
+# The rank columns of an entry that was drawn for duels: see drawn_rank.
+SEEDS = 128  # more than any field has cars
+NO_LAP_MS = 2_000_000  # more than any lap lasts
 
 
 @dataclass(frozen=True)
@@ -174,12 +182,49 @@ class Total(RankingRule):
         ) % {"laps": race.laps}
 
 
+class Points(RankingRule):
+    """Duels: points, then the average lap of all duels. Until they are drawn, ``qualifying`` is the rule."""
+
+    column = gettext_lazy("Points")
+
+    def __init__(self, qualifying: RankingRule) -> None:
+        self.qualifying = qualifying
+        self.code = qualifying.code
+
+    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
+        return self.qualifying._score(average_ms, best_ms, total_ms)
+
+    def rule(self, race: Race) -> str:
+        qualifying = _("Qualifying: %(rule)s") % {"rule": self.qualifying.rule(race)}
+        if race.duel_format == "bracket":
+            duels = _(
+                "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
+                "qualifying. A tie is two heats, one from each starting order: more points win it, then more laps, "
+                "then less time for them, then the better qualifier. Ranked by ties won, of which a bye is one, then "
+                "by the average lap in all heats."
+            ) % {"limit": settings.DUELS_IN_BRACKET}
+        else:
+            duels = _(
+                "When the race has closed, the best %(limit)s classified cars meet in a round robin, %(cars)s in a "
+                "heat: every pair from both starting orders. Each heat gives a point for every car left behind. Ranked "
+                "by points, then by the average lap in all heats."
+            ) % {"limit": settings.DUELS_IN_ROUND_ROBIN, "cars": race.duel_cars}
+        return f"{qualifying} {duels}"
+
+
 RULES: dict[str, RankingRule] = {rule.code: rule for rule in (Average(), Best(), Total())}
+DUELS: dict[str, RankingRule] = {code: Points(rule) for code, rule in RULES.items()}
 
 
 def rule_for(race: Race) -> RankingRule:
     """The ranking method of ``race``."""
-    return RULES[race.ranking_method]
+    return (DUELS if race.opponents == "models" else RULES)[race.ranking_method]
+
+
+def drawn_rank(points: int, lap_ms: int | None, seed: int) -> tuple[int, int]:
+    """``rank_score`` and ``rank_lap`` of an entry in duels: more points first, then the lower average lap, then the
+    better seed. All of them stand before anybody's qualifying, whose scores are not negative."""
+    return -1 - points, (NO_LAP_MS if lap_ms is None else lap_ms) * SEEDS + seed
 
 
 def order_rule() -> str:

@@ -6,11 +6,12 @@ from datetime import datetime
 
 from evaluation.models import Evaluation, Result
 
-from .services import record_ended_evaluation
+from .services import record_ended_duel, record_ended_evaluation
 
 
 def take_ended_evaluation(
     sender: object, *, evaluation: Evaluation, result: Result | None, now: datetime, **kwargs: object
 ) -> None:
-    """Write the standing in the transaction that ends the evaluation."""
+    """Write the standing, or what a duel gave, in the transaction that ends the evaluation."""
     record_ended_evaluation(evaluation=evaluation, result=result, now=now)
+    record_ended_duel(evaluation=evaluation, result=result, now=now)

@@ -1,6 +1,7 @@
 """A race, who is in it, and what they sent."""
 
 from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, RaceType, RankingMethod, Visibility
+from .duel import Draw, Duel, DuelCar, DuelState
 from .entry import Entry
 from .race import ONE_LINE, Race, default_sensors, new_invitation
 from .submission import Submission
@@ -8,7 +9,11 @@ from .submission import Submission
 __all__ = [
     "ONE_LINE",
     "Division",
+    "Draw",
+    "Duel",
+    "DuelCar",
     "DuelFormat",
+    "DuelState",
     "Entry",
     "Kind",
     "Lane",

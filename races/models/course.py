@@ -55,7 +55,8 @@ CONSTRAINTS = (
     models.CheckConstraint(
         condition=Q(opponents="", bots=0, duel_format="")
         | Q(opponents="bots", bots__gte=1, bots__lte=MAX_BOTS, duel_format="")
-        | Q(opponents="models", bots=0) & ~Q(duel_format=""),
+        | Q(opponents="models", bots=0, duel_format="round_robin")
+        | Q(opponents="models", bots=0, duel_format="bracket", duel_cars=2),
         name="race_opponents_are_bots_or_models",
     ),
     models.CheckConstraint(
@@ -142,5 +143,7 @@ def _opponent_problems(race: Race) -> dict[str, ValidationError]:
             problems["bots"] = problem("race_duels_have_no_bots")
         if race.duel_format not in DuelFormat.values:
             problems["duel_format"] = problem("race_needs_duel_format")
+        elif race.duel_format == DuelFormat.BRACKET and race.duel_cars != 2:
+            problems["duel_cars"] = problem("race_bracket_of_pairs")
         return problems
     return {"opponents": problem("race_needs_opponents")}

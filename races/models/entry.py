@@ -5,15 +5,16 @@ from __future__ import annotations
 from django.conf import settings
 from django.db import models
 from django.db.models import F, Q
+from django.db.models.functions import Coalesce
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from ..ranking import LAST, MOST_DRIVEN, NO_RESULT, NOT_CLASSIFIED
+from ..ranking import LAST, MOST_DRIVEN, NO_LAP_MS, NO_RESULT, NOT_CLASSIFIED, SEEDS
 from .race import Race
 
 
 class Entry(models.Model):
-    """A racer in a race, with their standing: the best counted submission.
+    """A racer in a race, with their standing: the best counted submission, and once duels are drawn what these gave.
 
     The standing columns are written in the transaction that records a result, by ``races.services`` alone.
     A board is one index read in order: ``rank_score``, ``rank_lap``, ``resets``, ``achieved_at``, ``id``, smaller first
@@ -52,6 +53,14 @@ class Entry(models.Model):
     rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
     rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
 
+    # In a race of duels, from the draw on; what stands above is then how the car qualified.
+    seed = models.PositiveSmallIntegerField(
+        _("seed"), null=True, blank=True, help_text=_("The place in qualifying when the duels were drawn.")
+    )
+    points = models.PositiveSmallIntegerField(_("points"), default=0)
+    duels = models.PositiveSmallIntegerField(_("duels"), default=0)
+    duel_lap_ms = models.PositiveIntegerField(_("average lap in duels"), null=True, blank=True)
+
     # The fastest of all the racer's submissions, for the green marks of a board.
     own_lap_ms = models.PositiveIntegerField(_("own fastest lap"), null=True, blank=True)
     own_sector_1_ms = models.PositiveIntegerField(_("own fastest sector 1"), null=True, blank=True)
@@ -65,9 +74,26 @@ class Entry(models.Model):
             models.UniqueConstraint(fields=["race", "racer"], name="entry_once_in_a_race"),
             models.CheckConstraint(
                 condition=Q(classified=False, score_ms__isnull=True, rank_score__gte=NOT_CLASSIFIED - MOST_DRIVEN)
-                | Q(classified=True, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"), achieved_at__isnull=False),
+                | Q(classified=True, seed=None, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"))
+                | Q(
+                    classified=True,
+                    seed__isnull=False,
+                    rank_score=-1 - F("points"),
+                    rank_lap=Coalesce("duel_lap_ms", NO_LAP_MS) * SEEDS + F("seed"),
+                ),
                 name="entry_rank_follows_standing",
             ),
+            models.CheckConstraint(
+                condition=Q(classified=False, seed=None)
+                | Q(classified=True, score_ms__isnull=False, achieved_at__isnull=False),
+                name="entry_classified_has_a_score",
+            ),
+            models.CheckConstraint(
+                condition=Q(seed=None, points=0, duels=0, duel_lap_ms=None)
+                | Q(seed__gte=1, seed__lt=SEEDS) & (Q(duel_lap_ms=None) | Q(duel_lap_ms__lt=NO_LAP_MS)),
+                name="entry_seed_range",
+            ),
+            models.UniqueConstraint(fields=["race", "seed"], condition=~Q(seed=None), name="entry_seed_once_in_a_race"),
             models.CheckConstraint(
                 condition=Q(removed_at__isnull=True) | Q(withdrawn_at__isnull=False), name="entry_removed_is_withdrawn"
             ),

@@ -5,7 +5,8 @@ an entry or a race and wants an evaluation stopped does so after the commit.
 """
 
 from ..course import race_rules
-from .entries import accept_invitation, enter_race, remove_entry, restore_entry, withdraw
+from .duels import draw_duels, drive_all_on, drive_on, record_ended_duel
+from .entries import accept_invitation, enter_race, give_field, remove_entry, restore_entry, take_out, withdraw
 from .races import (
     cancel_race,
     clone_race,
@@ -23,16 +24,22 @@ __all__ = [
     "clone_race",
     "create_community_race",
     "create_league_race",
+    "draw_duels",
+    "drive_all_on",
+    "drive_on",
     "edit_race",
     "enter_race",
+    "give_field",
     "race_rules",
     "recompute_race",
     "recompute_standing",
+    "record_ended_duel",
     "record_ended_evaluation",
     "remove_entry",
     "repeat_submission",
     "reset_invitation",
     "restore_entry",
     "submit_model",
+    "take_out",
     "withdraw",
 ]

@@ -16,6 +16,7 @@ from evaluation.models import Evaluation, Result, State
 
 from ..models import Entry, Race, Submission
 from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, rule_for
+from .duels import recount
 
 FASTEST = {
     "fastest_lap_ms": "own_lap_ms",
@@ -64,8 +65,14 @@ def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, no
 
 @transaction.atomic
 def recompute_standing(*, entry: Entry) -> Entry:
-    """Work out an entry's standing anew from all its submissions that count."""
+    """Work out an entry's standing anew from all its submissions that count, or once drawn from its duels.
+
+    How it qualified does not change any more then: its seed and its car came from that.
+    """
     entry = _locked(entry)
+    if entry.seed is not None:
+        recount(entry.race, [entry])
+        return entry
     _clear(entry)
     submissions = entry.submissions.filter(is_void=False, evaluation__result__isnull=False)
     for submission in submissions.select_related("evaluation__result").order_by("pk"):
@@ -125,7 +132,7 @@ def _standing(race: Race, result: Result) -> Standing:
 
 
 def _take_result(entry: Entry, submission: Submission, result: Result) -> None:
-    if submission.is_void:
+    if submission.is_void or entry.seed is not None:
         return
     _improve(entry, submission, _standing(entry.race, result))
     entry.save(update_fields=_STANDING_FIELDS)

@@ -10,7 +10,7 @@ from django.db.models import QuerySet
 from evaluation.models import Evaluation, State
 from evaluation.services import stop_evaluation
 
-from ..models import Submission
+from ..models import Duel, Entry, Submission
 
 
 def stop_after_commit(submissions: QuerySet[Submission], *, now: datetime) -> None:
@@ -18,6 +18,14 @@ def stop_after_commit(submissions: QuerySet[Submission], *, now: datetime) -> No
 
     Not before: the lock order is evaluation, entry, race. One that cannot be stopped is logged and simply runs.
     """
-    active = Evaluation.objects.filter(submission__in=submissions, state__in=(State.QUEUED, State.RUNNING))
-    for evaluation in active:
+    _stop(Evaluation.objects.filter(submission__in=submissions), now)
+
+
+def stop_duels_after_commit(entry: Entry, *, now: datetime) -> None:
+    """Stop the duels that wait or drive with an entry that has left, likewise: they are then driven without it."""
+    _stop(Evaluation.objects.filter(duel__in=Duel.objects.filter(cars__entry=entry)), now)
+
+
+def _stop(evaluations: QuerySet[Evaluation], now: datetime) -> None:
+    for evaluation in evaluations.filter(state__in=(State.QUEUED, State.RUNNING)):
         transaction.on_commit(lambda one=evaluation: stop_evaluation(evaluation=one, now=now), robust=True)

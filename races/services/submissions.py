@@ -15,7 +15,7 @@ from faults import UserFault
 
 from ..course import race_rules
 from ..eligibility import check_eligible
-from ..models import Entry, Race, Submission
+from ..models import Draw, Entry, Race, Submission
 from ..sensors import not_offered
 from .entries import enter_race
 from .gates import require_open
@@ -65,9 +65,11 @@ def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
     The new submission keeps the time of the old one, so ties fall as they would have fallen; the old one is void. It
     counts if the old one did. Raises UserFault("submission_not_failed") for a run that finished or goes on,
     "model_not_yours" when the racer has deleted the model, "car_already_submitted" or "submission_running" when the
-    racer has sent the car again.
+    racer has sent the car again, "duels_drawn" when the result could not change anything any more.
     """
     entry, race = _locked(submission.entry)
+    if Draw.objects.filter(race=race).exists():
+        raise UserFault("duels_drawn")
     old = Submission.objects.select_related("evaluation__model").get(pk=submission.pk)
     if old.evaluation.state not in (State.FAILED, State.STOPPED):
         raise UserFault("submission_not_failed")

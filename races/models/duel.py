@@ -1,0 +1,141 @@
+"""Models against models: the draw of a race, its heats, and the cars in them."""
+
+from __future__ import annotations
+
+from django.db import models
+from django.db.models import Q
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.simulator.rules import MAX_CARS
+
+from .entry import Entry
+from .race import Race
+
+
+class Draw(models.Model):
+    """That a race's qualifying is over and its heats are scheduled. ``entrants``: how many cars have a seed."""
+
+    race = models.OneToOneField(Race, models.CASCADE, primary_key=True, related_name="draw", verbose_name=_("race"))
+    entrants = models.PositiveSmallIntegerField(_("cars drawn"))
+    drawn_at = models.DateTimeField(_("drawn"))
+    over_at = models.DateTimeField(_("last duel decided"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("draw")
+        verbose_name_plural = _("draws")
+
+    def __str__(self) -> str:
+        return f"{self.race}: {self.entrants}"
+
+
+class DuelState(models.TextChoices):
+    """The states of a heat. DECIDED and VOID are final."""
+
+    WAITING = "waiting", _("scheduled")
+    DRIVING = "driving", _("in the queue or on track")
+    DECIDED = "decided", _("decided")
+    VOID = "void", _("not driven: Paddock failed")
+
+
+class Duel(models.Model):
+    """One heat: two to four cars in one world, or in none when all but one have left the race (a walkover).
+
+    In a bracket, heats 2n - 1 and 2n of a round are tie n. ``evaluation``: its last run; ``tries``: how many there
+    were.
+    """
+
+    # no index of its own: the unique one over race, round and number begins with it
+    race = models.ForeignKey(Race, models.CASCADE, related_name="duels", verbose_name=_("race"), db_index=False)
+    round = models.PositiveSmallIntegerField(_("round"))
+    number = models.PositiveSmallIntegerField(_("number"))
+    state = models.CharField(_("state"), max_length=8, choices=DuelState.choices, default=DuelState.WAITING)
+    evaluation = models.OneToOneField(
+        "evaluation.Evaluation",
+        models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="duel",
+        verbose_name=_("evaluation"),
+    )
+    tries = models.PositiveSmallIntegerField(_("runs"), default=0)
+    decided_at = models.DateTimeField(_("decided"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("duel")
+        verbose_name_plural = _("duels")
+        ordering = ["race", "round", "number"]
+        constraints = [
+            models.UniqueConstraint(fields=["race", "round", "number"], name="duel_once_in_a_round"),
+            models.CheckConstraint(condition=Q(round__gte=1, number__gte=1), name="duel_numbered_from_one"),
+            models.CheckConstraint(condition=Q(state__in=DuelState.values), name="duel_state_known"),
+            models.CheckConstraint(
+                condition=Q(state__in=["decided", "void"], decided_at__isnull=False)
+                | Q(state__in=["waiting", "driving"], decided_at=None),
+                name="duel_decided_when_final",
+            ),
+            models.CheckConstraint(
+                condition=~Q(state__in=["driving", "void"]) | Q(evaluation__isnull=False, tries__gte=1),
+                name="duel_drives_an_evaluation",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.race} {self.round}.{self.number}"
+
+    @property
+    def is_final(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in (DuelState.DECIDED, DuelState.VOID)
+
+    @property
+    def is_walkover(self) -> bool:
+        """Whether it was decided without anybody driving."""
+        return self.state == DuelState.DECIDED and self.evaluation_id is None
+
+
+class DuelCar(models.Model):
+    """A car in a heat. ``grid``: its starting place, 1 in front. ``place``, ``points``: once the heat is decided.
+
+    ``laps`` and ``time_ms`` are of complete laps alone. ``forfeited``: its racer had left the race when the heat was
+    queued, so it did not start. ``retired_code``: the reason that took it off the track.
+    """
+
+    # no index of its own: the unique one over duel and entry begins with it
+    duel = models.ForeignKey(Duel, models.CASCADE, related_name="cars", verbose_name=_("duel"), db_index=False)
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="duel_cars", verbose_name=_("entry"))
+    grid = models.PositiveSmallIntegerField(_("starting place"))
+    forfeited = models.BooleanField(_("did not start"), default=False)
+    place = models.PositiveSmallIntegerField(_("place"), null=True, blank=True)
+    points = models.PositiveSmallIntegerField(_("points"), null=True, blank=True)
+    laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
+    time_ms = models.PositiveIntegerField(_("their time"), default=0)
+    retired_code = models.CharField(_("retired because"), max_length=40, blank=True)
+
+    class Meta:
+        verbose_name = _("car in a duel")
+        verbose_name_plural = _("cars in duels")
+        ordering = ["duel", "grid"]
+        constraints = [
+            models.UniqueConstraint(fields=["duel", "entry"], name="duelcar_once_in_a_duel"),
+            models.UniqueConstraint(fields=["duel", "grid"], name="duelcar_grid_once"),
+            models.UniqueConstraint(fields=["duel", "place"], condition=~Q(place=None), name="duelcar_place_once"),
+            models.CheckConstraint(condition=Q(grid__gte=1, grid__lte=MAX_CARS), name="duelcar_grid_range"),
+            models.CheckConstraint(
+                condition=Q(place=None, points=None, laps=0, time_ms=0, retired_code="")
+                | Q(place__isnull=False, points__isnull=False)
+                & Q(place__gte=1, place__lte=MAX_CARS, points__lte=MAX_CARS - models.F("place")),
+                name="duelcar_points_with_a_place",
+            ),
+            models.CheckConstraint(
+                condition=Q(forfeited=False, retired_code="") | Q(points=None) | Q(points=0),
+                name="duelcar_lost_without_points",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.duel} {self.entry.racer}"
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it lost by not driving to the end."""
+        return self.forfeited or bool(self.retired_code)

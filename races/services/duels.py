@@ -1,0 +1,311 @@
+"""Duels: drawing them, driving them on, and what a heat changes in the standings.
+
+The draw freezes the seeds and writes a round robin's heats; :func:`drive_on` queues round after round, and writes those
+of a bracket as they become known. Both may be called as often as wanted: they do what is due and nothing twice. Locks
+are taken in the order evaluation, entries by their id, race, as everywhere in this room.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from datetime import datetime
+from functools import partial
+
+from django.conf import settings
+from django.db import transaction
+from django.db.models import Min, QuerySet
+
+from evaluation.models import Evaluation, Result, State
+from evaluation.services import queue_evaluation
+from faults import UserFault
+
+from ..course import race_rules
+from ..duels.bracket import LEGS, Tie, bracket, heat_number, tie_of, tie_winner, ties_won
+from ..duels.points import Drive, places, points_lap_time
+from ..duels.schedule import Heat, round_robin
+from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
+from ..ranking import drawn_rank
+from ..signals import duels_over
+from .gates import moment
+
+logger = logging.getLogger(__name__)
+MAX_TRIES = 3  # runs of one heat that fail through our fault; each is itself tried EVALUATION_MAX_ATTEMPTS times
+DUEL_PRIORITY = -1  # somebody who waits for a lap time comes first, house cars last
+_STANDING = ("seed", "points", "duels", "duel_lap_ms", "rank_score", "rank_lap")
+
+
+@transaction.atomic
+def draw_duels(*, race: Race, now: datetime) -> Draw:
+    """End a race's qualifying: seed the classified cars and write the heats. What was drawn before stays as it is.
+
+    Raises UserFault("race_has_no_duels"), "race_cancelled", "duels_before_closing", "duels_wait_for_qualifying" while a
+    car that was sent in time is still waiting or driving.
+    """
+    if race.opponents != Opponents.MODELS or race.imported_at is not None:
+        raise UserFault("race_has_no_duels")
+    if race.cancelled_at is not None:
+        raise UserFault("race_cancelled", reason=race.cancel_reason)
+    if race.state_at(now) != RaceState.CLOSED:
+        raise UserFault("duels_before_closing", closes=moment(race.closes_at))
+    qualified = Entry.objects.filter(race=race, classified=True, withdrawn_at=None, is_baseline=False)
+    entries = list(qualified.select_for_update(of=("self",)).order_by("pk"))
+    Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    drawn = Draw.objects.filter(race=race).first()
+    if drawn is not None:
+        return drawn
+    active = Submission.objects.filter(
+        entry__race=race, entry__withdrawn_at=None, evaluation__state__in=(State.QUEUED, State.RUNNING)
+    )
+    if count := active.count():
+        raise UserFault("duels_wait_for_qualifying", count=count)
+    seeded = sorted(entries, key=lambda entry: entry.rank_key)[: field_limit(race)]
+    for seed, entry in enumerate(seeded, start=1):
+        entry.seed = seed
+        entry.rank_score, entry.rank_lap = drawn_rank(0, None, seed)
+    Entry.objects.bulk_update(seeded, _STANDING)
+    drawn = Draw.objects.create(race=race, entrants=len(seeded), drawn_at=now)
+    if race.duel_format == DuelFormat.ROUND_ROBIN:
+        by_seed = {entry.seed: entry for entry in seeded}
+        for number, heats in enumerate(round_robin(len(seeded), race.duel_cars), start=1):
+            _write_heats(race, number, dict(enumerate(heats, start=1)), by_seed)
+    return drawn
+
+
+@transaction.atomic
+def drive_on(*, race: Race, now: datetime) -> int:
+    """Queue the heats that are due: those of the next round once the last is decided, and those to be repeated.
+
+    Returns how many were queued. Once nothing is left, the duels are over and ``duels_over`` is sent.
+    """
+    if _nothing_due(race):
+        return 0
+    entries = Entry.objects.filter(race=race, seed__isnull=False).select_related("racer", "best__evaluation__model")
+    by_seed = {entry.seed: entry for entry in entries.select_for_update(of=("self",)).order_by("pk")}
+    race = Race.objects.select_for_update(no_key=True, of=("self",)).select_related("track").get(pk=race.pk)
+    draw = Draw.objects.get(race=race)
+    if draw.over_at is not None:
+        return 0
+    queued = 0
+    while not _driving(race).exists():
+        number = _first_open(race) or _next_round(race, by_seed)
+        if number is None:
+            recount(race, list(by_seed.values()))
+            Draw.objects.filter(race=race).update(over_at=now)
+            duels_over.send(sender=Race, race=race, now=now)
+            return queued
+        queued += _queue_round(race, number, now)  # none if all of them are walkovers
+    queued += _queue_round(race, _first_open(race), now)  # what stopped or failed in the round that is on
+    recount(race, list(by_seed.values()))
+    return queued
+
+
+def drive_on_after_commit(race: Race, now: datetime) -> None:
+    """:func:`drive_on` once the present transaction is through. If that fails, the periodic task does it again."""
+    transaction.on_commit(partial(_drive_on_safely, race, now), robust=True)
+
+
+def due_races(now: datetime) -> list[Race]:
+    """Races whose duels are to be drawn or are under way."""
+    closed = Race.objects.filter(opponents=Opponents.MODELS, cancelled_at=None, imported_at=None, closes_at__lte=now)
+    return list(closed.filter(draw__over_at=None).order_by("closes_at", "pk"))
+
+
+def drive_all_on(*, now: datetime) -> int:
+    """Draw what has closed and drive on what is drawn. One race that fails does not keep the others waiting.
+
+    Returns how many heats were queued.
+    """
+    queued = 0
+    for race in due_races(now):
+        try:
+            draw_duels(race=race, now=now)
+            queued += drive_on(race=race, now=now)
+        except UserFault as fault:
+            logger.info("The duels of %s are not drawn yet: %s", race.slug, fault.code)
+        except Exception:
+            logger.exception("The duels of %s cannot go on.", race.slug)
+    return queued
+
+
+@transaction.atomic
+def record_ended_duel(*, evaluation: Evaluation, result: Result | None, now: datetime) -> Duel | None:
+    """Write what an evaluation that has just ended means for its heat; None when it drove none.
+
+    Counted once: only the heat's present evaluation decides it, and only while the heat is driving. Without a result
+    the heat is driven again, at most :data:`MAX_TRIES` times; then it is void and nobody scores.
+    """
+    duel = Duel.objects.filter(evaluation=evaluation, state=DuelState.DRIVING).select_related("race").first()
+    if duel is None:
+        return None
+    cars = list(duel.cars.select_related("entry").order_by("entry_id"))
+    entries = list(
+        Entry.objects.select_for_update(of=("self",)).filter(pk__in=[car.entry_id for car in cars]).order_by("pk")
+    )
+    if not Duel.objects.filter(pk=duel.pk, evaluation=evaluation, state=DuelState.DRIVING).exists():
+        return None
+    if result is not None:
+        _decide(duel, cars, result, now)
+    else:
+        _try_again(duel, entries, now)
+    recount(duel.race, entries)
+    duel.refresh_from_db()
+    drive_on_after_commit(duel.race, now)
+    return duel
+
+
+def recount(race: Race, entries: Sequence[Entry]) -> None:
+    """Work out anew what the decided heats gave these drawn entries, which the caller has locked."""
+    rows = DuelCar.objects.filter(duel__race=race, duel__state=DuelState.DECIDED).select_related("duel")
+    mine: dict[int, list[Drive]] = {entry.pk: [] for entry in entries}
+    for car in rows.filter(entry__in=[entry.pk for entry in entries]):
+        mine[car.entry_id].append(drive_of(car))
+    won = ties_won(bracket_of(race)) if race.duel_format == DuelFormat.BRACKET else None
+    changed = []
+    for entry in entries:
+        if entry.seed is None:
+            continue
+        before = [getattr(entry, name) for name in _STANDING]
+        total = points_lap_time(mine[entry.pk])
+        entry.points = total.points if won is None else won.get(entry.seed, 0)
+        entry.duels, entry.duel_lap_ms = len(mine[entry.pk]), total.lap_ms
+        entry.rank_score, entry.rank_lap = drawn_rank(entry.points, entry.duel_lap_ms, entry.seed)
+        if before != [getattr(entry, name) for name in _STANDING]:
+            changed.append(entry)
+    Entry.objects.bulk_update(changed, _STANDING)
+
+
+def field_limit(race: Race) -> int:
+    """How many cars are drawn at most."""
+    return settings.DUELS_IN_BRACKET if race.duel_format == DuelFormat.BRACKET else settings.DUELS_IN_ROUND_ROBIN
+
+
+def drive_of(car: DuelCar) -> Drive:
+    """A decided car as the pure functions know it."""
+    return Drive(car.place, car.points, car.laps, car.time_ms)
+
+
+def bracket_of(race: Race) -> list[list[Tie]]:
+    """The tree of a drawn bracket as it stands, by round. In a void heat nobody has done anything."""
+    heats: dict[tuple[int, int], dict[int, dict[int, Drive]]] = {}
+    final = DuelCar.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related("duel", "entry")
+    for car in final.order_by("duel__round", "duel__number"):
+        tie = heats.setdefault((car.duel.round, tie_of(car.duel.number)), {})
+        drive = drive_of(car) if car.duel.state == DuelState.DECIDED else Drive(0, 0)
+        tie.setdefault(car.duel.number, {})[car.entry.seed] = drive
+    winners = {
+        tie: tie_winner(list(next(iter(legs.values()))), list(legs.values()))
+        for tie, legs in heats.items()
+        if len(legs) == LEGS
+    }
+    return bracket(Draw.objects.get(race=race).entrants, winners)
+
+
+def _nothing_due(race: Race) -> bool:
+    """Whether a look without locks shows that there is nothing to do: most results end here."""
+    draw = Draw.objects.filter(race=race).first()
+    if draw is None or draw.over_at is not None:
+        return True
+    due = Duel.objects.filter(race=race, round=_first_open(race), state=DuelState.WAITING)
+    return _driving(race).exists() and not due.exists()
+
+
+def _first_open(race: Race) -> int | None:
+    """The round that is on: the first with a heat that is not decided."""
+    open_ = Duel.objects.filter(race=race, state__in=(DuelState.WAITING, DuelState.DRIVING))
+    return open_.aggregate(first=Min("round"))["first"]
+
+
+def _driving(race: Race) -> QuerySet[Duel]:
+    return Duel.objects.filter(race=race, state=DuelState.DRIVING)
+
+
+def _next_round(race: Race, by_seed: dict[int, Entry]) -> int | None:
+    """Write the next round of a bracket whose heats are all decided; None when there is none."""
+    if race.duel_format != DuelFormat.BRACKET:
+        return None
+    written = set(Duel.objects.filter(race=race).values_list("round", flat=True))
+    for number, ties in enumerate(bracket_of(race), start=1):
+        if number not in written:
+            heats = {heat_number(tie.number, leg): heat for tie in ties for leg, heat in enumerate(tie.heats)}
+            _write_heats(race, number, heats, by_seed)
+            return number
+    return None
+
+
+def _write_heats(race: Race, round_: int, heats: dict[int, Heat], by_seed: dict[int, Entry]) -> None:
+    duels = Duel.objects.bulk_create(Duel(race=race, round=round_, number=number) for number in heats)
+    DuelCar.objects.bulk_create(
+        DuelCar(duel=duel, entry=by_seed[seed], grid=grid)
+        for duel, heat in zip(duels, heats.values(), strict=True)
+        for grid, seed in enumerate(heat, start=1)
+    )
+
+
+def _queue_round(race: Race, round_: int, now: datetime) -> int:
+    """Queue the heats of a round that wait; those with fewer than two cars left are decided at once."""
+    duels = Duel.objects.filter(race=race, round=round_, state=DuelState.WAITING).order_by("number")
+    return sum(_queue(race, duel, now) for duel in duels)
+
+
+def _queue(race: Race, duel: Duel, now: datetime) -> bool:
+    cars = list(duel.cars.select_related("entry__racer", "entry__best__evaluation__model__owner").order_by("grid"))
+    for car in cars:
+        car.forfeited = car.entry.is_withdrawn
+    DuelCar.objects.bulk_update(cars, ["forfeited"])
+    starting = [car for car in cars if not car.forfeited]
+    if len(starting) < 2:
+        _place(cars, starting + [car for car in cars if car.forfeited])
+        Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now, evaluation=None)
+        return False
+    front, *others = (car.entry.best.evaluation.model for car in starting)
+    evaluation = queue_evaluation(
+        owner=front.owner,
+        model=front,
+        track=race.track,
+        rules=race_rules(race),
+        rivals=others,
+        priority=DUEL_PRIORITY,
+        now=now,
+    )
+    Duel.objects.filter(pk=duel.pk).update(state=DuelState.DRIVING, evaluation=evaluation, tries=duel.tries + 1)
+    return True
+
+
+def _decide(duel: Duel, cars: list[DuelCar], result: Result, now: datetime) -> None:
+    """Write places and points from the result: car 0 of the run stood in front of those that started."""
+    grid = sorted(cars, key=lambda car: car.grid)
+    starting = [car for car in grid if not car.forfeited]
+    driven = {0: result, **{rival.number: rival for rival in result.rivals.all()}}
+    for number, car in enumerate(starting):
+        complete = [lap["time_ms"] for lap in driven[number].laps if lap["complete"]]
+        car.laps, car.time_ms = len(complete), sum(complete)
+        car.retired_code = driven[number].retired_code
+    _place(cars, [starting[number] for number in result.order] + [car for car in grid if car.forfeited])
+    Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now)
+
+
+def _place(cars: list[DuelCar], order: list[DuelCar]) -> None:
+    """Write places and points for the cars of a heat as they stand in ``order``."""
+    given = places([car.pk for car in order], lost=[car.pk for car in order if car.is_lost])
+    for car in cars:
+        car.place, car.points = given[car.pk]
+    DuelCar.objects.bulk_update(cars, ["place", "points", "laps", "time_ms", "retired_code"])
+
+
+def _try_again(duel: Duel, entries: list[Entry], now: datetime) -> None:
+    """A run without a result: once more, or never again. One stopped because a racer left costs no try."""
+    left = any(entry.is_withdrawn for entry in entries)
+    tries = duel.tries - 1 if left and duel.evaluation.state == State.STOPPED else duel.tries
+    if tries < MAX_TRIES:
+        Duel.objects.filter(pk=duel.pk).update(state=DuelState.WAITING, tries=tries)
+        return
+    logger.error("Duel %s is void: %s runs ended without a result.", duel, duel.tries)
+    Duel.objects.filter(pk=duel.pk).update(state=DuelState.VOID, decided_at=now)
+
+
+def _drive_on_safely(race: Race, now: datetime) -> None:
+    try:
+        drive_on(race=race, now=now)
+    except Exception:
+        logger.exception("The duels of %s cannot go on.", race.slug)
