@@ -9,11 +9,14 @@ import numpy as np
 from tracks.geometry import TrackGeometry
 
 from .action import ActionSpace
+from .course import EMPTY, Course
 from .physics import PADDOCK_CAR
+from .rules import INNER
 from .sensors import POSE
 
 _AHEAD_M, _AHEAD_S = 0.25, 0.2  # look-ahead: metres at rest, and seconds of driving on top
 _CORNERING = 2.5  # m/s^2 sideways
+_BEFORE_BOX_M, _AFTER_BOX_M = 2.0, 0.45  # from its base to a box's middle: there it drives in the other lane
 
 
 class CentreLinePilot:
@@ -39,12 +42,14 @@ class CentreLinePilot:
         direction: str = "ccw",
         speed: float = 1.5,
         offset: float = 0.0,
+        course: Course = EMPTY,
     ) -> None:
         """``speed`` in m/s on straights (it slows down before bends), ``offset`` in metres to the left of the centre
-        line."""
+        line. Past the boxes of ``course`` it drives in the other lane."""
         self._track = track.in_direction(direction)
         self._speed = speed
         self._offset = offset
+        self._boxes = course.boxes
         self._index: int | None = None
 
     def __call__(self, readings: dict[str, np.ndarray]) -> np.ndarray:
@@ -57,7 +62,8 @@ class CentreLinePilot:
         self._index = place.index
 
         # Pure pursuit: aim at a point so far ahead that the lag of the steering does not make it weave.
-        aim_x, aim_y, _ = track.point_at(place.distance + _AHEAD_M + _AHEAD_S * rolling, self._offset)
+        aim_m = place.distance + _AHEAD_M + _AHEAD_S * rolling
+        aim_x, aim_y, _ = track.point_at(aim_m, self._offset_for(place.distance, aim_m))
         bearing = math.remainder(math.atan2(aim_y - y, aim_x - x) - yaw, 2 * math.pi)
         curvature = 2 * math.sin(bearing) / max(math.hypot(aim_x - x, aim_y - y), 0.05)
         # Steady curvature k needs tan(a) = k (l + u |tan(a)|).
@@ -73,3 +79,13 @@ class CentreLinePilot:
         return np.array(
             (steering / physics.max_steering_deg, 2 * (speed - physics.min_speed) / span - 1), dtype=np.float32
         )
+
+    def _offset_for(self, metres: float, aim_m: float) -> float:
+        """Offset of the line at ``aim_m`` for a car at ``metres``: the middle of the lane beside the first box near."""
+        track = self._track
+        for box in self._boxes:
+            if (box.metres - metres + _AFTER_BOX_M) % track.length < _BEFORE_BOX_M + _AFTER_BOX_M:
+                left, right = track.half_widths_at(aim_m)
+                box_on_the_left = (box.lane == INNER) == (track.direction == "ccw")
+                return -right / 2 if box_on_the_left else left / 2
+        return self._offset
