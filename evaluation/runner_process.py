@@ -11,7 +11,7 @@ car that is taken off the track, and then one ``{"result": ...}`` with the cours
 
 from __future__ import annotations
 
-import inspect
+import contextlib
 import json
 import sys
 import traceback
@@ -25,12 +25,12 @@ import numpy.random  # numpy loads it at first use, which would be after the loc
 from faults import PaddockError, UserFault
 from tracks.geometry import TrackGeometry
 
-from .sandbox.frames import read_message, write_message
+from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
-from .simulator import race
 from .simulator.action import ActionSpace
 from .simulator.engine import versions
 from .simulator.metrics import metrics_json
+from .simulator.race import CarResult, Entrant, Policy, RaceResult, run_race
 from .simulator.rules import RaceRules
 from .simulator.sensors import sensor_spec
 
@@ -68,26 +68,27 @@ def _run(frames_in: int, frames_out: int) -> None:
     policies = [_after(flag, client) for client in clients]
     if len(policies) > 1:
         policies = [_telling(policy, number, frames_out) for number, policy in enumerate(policies)]
-    entrants = [
-        (space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"))
+    first, *rivals = [
+        Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"))
         for metadata, space, policy in zip(job["metadata"], spaces, policies, strict=True)
     ]
-    # until the simulator takes several cars everywhere
-    more = {"rivals": [race.Entrant(*rival) for rival in entrants[1:]]} if len(entrants) > 1 else {}
-    if "lidar_config" in inspect.signature(race.run_race).parameters:
-        more["lidar_config"] = entrants[0][3]
-    result = race.run_race(
+    result = run_race(
         track,
         rules,
-        *entrants[0][:3],
+        first.action_space,
+        first.sensors,
+        first.policy,
         on_progress=lambda progress: write_message(frames_out, {"progress": progress.to_dict()}),
-        **more,
+        rivals=rivals,
+        lidar_config=first.lidar_config,
     )
-    cars = [result, *getattr(result, "rivals", [])]
+    cars = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
-    course = json.dumps(getattr(result, "course", {}), allow_nan=False, separators=(",", ":")).encode()
+    course = json.dumps(result.course, allow_nan=False, separators=(",", ":")).encode()
     blobs = [course, *(car.trace.to_csv() for car in cars)]
     write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds}, blobs)
+    with contextlib.suppress(FrameError):  # with this process the policies would end, and nobody could measure them
+        read_message(frames_in)
 
 
 class _Start:
@@ -104,7 +105,7 @@ class _Start:
             self._come = True
 
 
-def _after(start: _Start, policy: race.Policy) -> race.Policy:
+def _after(start: _Start, policy: Policy) -> Policy:
     """``policy``, asked for the first time when the start message has come."""
 
     def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
@@ -114,7 +115,7 @@ def _after(start: _Start, policy: race.Policy) -> race.Policy:
     return ask
 
 
-def _telling(policy: race.Policy, number: int, frames_out: int) -> race.Policy:
+def _telling(policy: Policy, number: int, frames_out: int) -> Policy:
     """``policy`` of car ``number``, whose faults the pipeline hears of at once: it knows how the process ended."""
 
     def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
@@ -134,19 +135,19 @@ def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, 
     return {"inputs": inputs, "outputs": space.size}
 
 
-def _outcome(result: Any, cars: Sequence[Any]) -> dict[str, Any]:
+def _outcome(result: RaceResult, cars: Sequence[RaceResult | CarResult]) -> dict[str, Any]:
     return {
         "cars": [
             {
                 "laps": [lap.to_dict() for lap in car.laps],
                 "end_reason": car.end_reason,
-                "retired": getattr(car, "retired", None),
+                "retired": car.retired,
                 "trace_sha256": car.trace.sha256,
                 "metrics": metrics_json(car),
             }
             for car in cars
         ],
-        "order": getattr(result, "order", [0]),
+        "order": result.order,
         "simulated_ms": result.simulated_ms,
         "steps": result.steps,
         "engine": result.engine,

@@ -1,5 +1,6 @@
-"""Policy processes that misbehave, in the place of :mod:`evaluation.sandbox.policy_process`. ``sys.argv[1]`` names it.
+"""Policy processes that misbehave, in the place of :mod:`evaluation.sandbox.policy_process`.
 
+``sys.argv[1]`` says how, ``sys.argv[2]`` in which step (the third unless it is given).
 They stand for a runtime that a network took over: they know the protocol and break it on purpose.
 """
 
@@ -19,6 +20,7 @@ BREAKS_AT = 3
 
 def main(frames_in, frames_out):
     kind = sys.argv[1]
+    breaks_at = int(sys.argv[2]) if len(sys.argv) > 2 else BREAKS_AT
     write_message(frames_out, {"state": "locked"})
     if kind in BEFORE_READY:
         read_message(frames_in)
@@ -39,7 +41,7 @@ def main(frames_in, frames_out):
                 return 0
             request += chunk
         (step,) = STEP.unpack_from(request)
-        if step == BREAKS_AT:
+        if step == breaks_at:
             status = AT_A_STEP[kind](frames_in, frames_out, step, count)
             if status is not None:
                 return status

@@ -73,9 +73,9 @@ def main(frames_in, frames_out):
     kind = sys.argv[1]
     when, _, name = kind.partition(":")
     os.write(2, b"the runner's last words\n")
-    read_message(frames_in)
+    job, _ = read_message(frames_in)
     if when == "start":
         globals()[name](frames_out)
-    write_message(frames_out, {"headers": [HEADER]})
+    write_message(frames_out, {"headers": [HEADER] * len(job["metadata"])})
     read_message(frames_in)
     globals()[name](frames_out)
