@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import pybullet as bullet
 
 from .physics import CarPhysics
+from .response import Response
 
 # Collision groups. Bullet puts static bodies in group 2, and the ground plane's own mask lets group 4 in: a car in
 # another group falls through the ground in silence.
@@ -19,6 +19,8 @@ CAR_GROUP = 4
 REAR_LEFT, REAR_RIGHT, HINGE_LEFT, FRONT_LEFT, HINGE_RIGHT, FRONT_RIGHT = range(6)
 WHEELS = (REAR_LEFT, REAR_RIGHT, FRONT_LEFT, FRONT_RIGHT)
 HINGES = (HINGE_LEFT, HINGE_RIGHT)
+# The longest that motors are set for in one go, in ticks.
+MAX_STRIDE = 32
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -42,13 +44,10 @@ class Car:
         self.physics = physics
         self._client = client
         self.body = _build(client, physics)
-        self._steering_gain = physics.gain(physics.steering_lag_s)
-        self._speed_gain = physics.gain(physics.speed_lag_s)
-        # Share of a change in steering that has happened, on average, over the control step in which it arrives.
-        self._mean_response = _mean_response(physics)
-        self._applied: tuple[float, float] | None = None
-        self._waiting: deque[tuple[float, float]] = deque()
-        self._wheel_angle = 0.0
+        self._reach = [0.0] + [1.0 / (1.0 - (1.0 - physics.motor_gain) ** ticks) for ticks in range(1, MAX_STRIDE + 1)]
+        self._hinge_forces, self._hinge_gains = (physics.steering_torque,) * 2, (physics.motor_gain,) * 2
+        self._wheel_forces, self._wheel_gains = (physics.wheel_torque,) * 4, (physics.motor_gain,) * 4
+        self._told: tuple[float, ...] | None = None
         self._pose: Pose | None = None
         self.place(Pose(0.0, 0.0, 0.0))
 
@@ -74,96 +73,86 @@ class Car:
 
     def place(self, pose: Pose) -> None:
         """Put the car there, standing still, wheels straight, nothing commanded."""
-        self.start(pose, speed=0.0, wheel_angle=0.0)
+        self.start(pose, Response(self.physics))
 
-    def start(self, pose: Pose, *, speed: float, wheel_angle: float, yaw_rate: float = 0.0) -> None:
-        """Put the car there rolling at ``speed`` m/s with the front wheels at ``wheel_angle`` rad."""
+    def start(self, pose: Pose, response: Response) -> None:
+        """Put the car there in motion, as ``response`` says, which is the car's own from now on."""
+        physics, client, body = self.physics, self._client, self.body
+        self.response = response
         half = pose.yaw / 2.0
         turned = (0.0, 0.0, math.sin(half), math.cos(half))
-        bullet.resetBasePositionAndOrientation(
-            self.body, (pose.x, pose.y, self.physics.mass_height), turned, self._client
-        )
-        velocity = (speed * math.cos(pose.yaw), speed * math.sin(pose.yaw), 0.0)
-        bullet.resetBaseVelocity(self.body, velocity, (0.0, 0.0, yaw_rate), self._client)
-        for joint in WHEELS:
-            bullet.resetJointState(self.body, joint, 0.0, speed / self.physics.wheel_radius, self._client)
-        for joint in HINGES:
-            bullet.resetJointState(self.body, joint, wheel_angle, 0.0, self._client)
-        self._wheel_angle = wheel_angle
+        bullet.resetBasePositionAndOrientation(body, (pose.x, pose.y, physics.mass_height), turned, client)
+        rate = response.speed * response.curvature
+        cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+        aside = -physics.rear_axle_x * rate  # it is the rear axle that moves straight ahead
+        velocity = (response.speed * cos - aside * sin, response.speed * sin + aside * cos, 0.0)
+        bullet.resetBaseVelocity(body, velocity, (0.0, 0.0, rate), client)
+        self._joints = joints = self._wanted()
+        for joint, angle in zip(HINGES, joints[:2], strict=True):
+            bullet.resetJointState(body, joint, angle, 0.0, client)
+        for joint, spin in zip(WHEELS, joints[2:], strict=True):
+            bullet.resetJointState(body, joint, 0.0, spin, client)
         self._pose = None
-        self._waiting.clear()
-        self._applied = None
-        self._drive(wheel_angle, wheel_angle, speed)
+        self._told = None
+        self._tell(joints)
 
     def moved(self) -> None:
         """The world has moved: what was read of the car is out of date."""
         self._pose = None
 
     def command(self, steering_deg: float, speed: float) -> None:
-        """Take a command; :meth:`apply` brings it to the motors when the dead time is over."""
-        limit = self.physics.max_steering_deg
-        steering_deg = min(max(steering_deg, -limit), limit)
-        speed = min(max(speed, self.physics.min_speed), self.physics.max_speed)
-        self._waiting.append((steering_deg, speed))
+        """Take a command (degrees to the left, m/s); the motors learn of it when its dead time is over."""
+        self.response.command(steering_deg, speed)
 
-    def apply(self, steps_late: int) -> None:
-        """Drive the motors by the command that is ``steps_late`` control steps old; called once a control step."""
-        while len(self._waiting) > steps_late + 1:
-            self._waiting.popleft()
-        if len(self._waiting) <= steps_late:
-            return
-        steering_deg, speed = self._waiting.popleft()
-        physics = self.physics
-        target = physics.wheel_angle(steering_deg)
-        mean = self._wheel_angle + (target - self._wheel_angle) * self._mean_response
-        self._wheel_angle += (target - self._wheel_angle) * (
-            1.0 - (1.0 - self._steering_gain) ** physics.ticks_per_step
+    def drive(self, ticks: int) -> None:
+        """Set the motors for the next ``ticks`` physics ticks (at most ``MAX_STRIDE``)."""
+        self.response.advance(ticks)
+        before, self._joints = self._joints, self._wanted()
+        # A motor takes away a fixed share of what is missing in every tick: aimed so far beyond, it arrives in time.
+        reach = self._reach[ticks]
+        self._tell(tuple(old + (new - old) * reach for old, new in zip(before, self._joints, strict=True)))
+
+    def _wanted(self) -> tuple[float, ...]:
+        """What the joints should do now: angles (rad) of both hinges by Ackermann, spins (rad/s) of the four wheels as
+        an electronic differential gives them."""
+        physics, response = self.physics, self.response
+        curvature = response.curvature
+        side, rise = physics.half_track * curvature, physics.wheelbase * curvature
+        left, right = 1.0 - side, 1.0 + side
+        spin = response.speed / physics.wheel_radius
+        return (
+            math.atan(rise / left),
+            math.atan(rise / right),
+            spin * left,
+            spin * right,
+            spin * math.hypot(left, rise),
+            spin * math.hypot(right, rise),
         )
-        self._drive(target, mean, speed * physics.speed_gain)
 
-    def _drive(self, target: float, mean: float, speed: float) -> None:
-        """Set motor targets: hinges by Ackermann for ``target``, wheels by an electronic differential for ``mean``."""
-        if self._applied == (target, mean, speed):
-            return  # motor targets persist
-        self._applied = (target, mean, speed)
-        physics = self.physics
-        body, client = self.body, self._client
-        curvature = math.tan(target) / physics.wheelbase
-        for joint, side in ((HINGE_LEFT, physics.half_track), (HINGE_RIGHT, -physics.half_track)):
-            bullet.setJointMotorControl2(
-                body,
-                joint,
-                bullet.POSITION_CONTROL,
-                targetPosition=math.atan(physics.wheelbase * curvature / (1.0 - side * curvature)),
-                force=physics.steering_torque,
-                positionGain=self._steering_gain,
-                velocityGain=1.0,
-                physicsClientId=client,
-            )
-        curvature = math.tan(mean) / physics.wheelbase
-        spin = speed / physics.wheel_radius
-        left, right = 1.0 - physics.half_track * curvature, 1.0 + physics.half_track * curvature
-        rise = physics.wheelbase * curvature
+    def _tell(self, targets: tuple[float, ...]) -> None:
+        """Give the motors their targets; they persist, so the same ones are not given twice."""
+        if self._told == targets:
+            return
+        self._told = targets
+        physics, body, client = self.physics, self.body, self._client
+        bullet.setJointMotorControlArray(
+            body,
+            HINGES,
+            bullet.POSITION_CONTROL,
+            targetPositions=targets[:2],
+            forces=self._hinge_forces,
+            positionGains=self._hinge_gains,
+            physicsClientId=client,
+        )
         bullet.setJointMotorControlArray(
             body,
             WHEELS,
             bullet.VELOCITY_CONTROL,
-            targetVelocities=(
-                spin * left,
-                spin * right,
-                spin * math.hypot(left, rise),
-                spin * math.hypot(right, rise),
-            ),
-            forces=(physics.wheel_torque,) * 4,
-            velocityGains=(self._speed_gain,) * 4,
+            targetVelocities=targets[2:],
+            forces=self._wheel_forces,
+            velocityGains=self._wheel_gains,
             physicsClientId=client,
         )
-
-
-def _mean_response(physics: CarPhysics) -> float:
-    keep = 1.0 - physics.gain(physics.steering_lag_s)
-    ticks = physics.ticks_per_step
-    return sum(1.0 - keep**tick for tick in range(1, ticks + 1)) / ticks
 
 
 def _build(client: int, physics: CarPhysics) -> int:

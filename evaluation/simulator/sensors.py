@@ -13,7 +13,7 @@ from evaluation.packages.inputs import SENSOR_NAMES, input_spec, lidar_settings
 from . import lidar
 from .camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
 from .camera.view import Camera, Scene
-from .car import Car, Pose
+from .car import Car
 from .solids import Solid
 
 SENSORS = SENSOR_NAMES
@@ -82,28 +82,24 @@ def make_sensors(
 
 
 def _camera_reading(camera: Camera) -> Reading:
-    def read(car: Car, solids: Sequence[Solid] = ()) -> np.ndarray:
-        return _look(camera, car.pose, solids)[:, :, None]
+    def read(car: Car, solids: Sequence[Solid]) -> np.ndarray:
+        return camera.render(car.pose, solids)[:, :, None]
 
     return read
 
 
 def _stereo_reading(left: Camera, right: Camera) -> Reading:
-    def read(car: Car, solids: Sequence[Solid] = ()) -> np.ndarray:
+    def read(car: Car, solids: Sequence[Solid]) -> np.ndarray:
         pose = car.pose
-        return np.stack((_look(left, pose, solids), _look(right, pose, solids)), axis=2)
+        return np.stack((left.render(pose, solids), right.render(pose, solids)), axis=2)
 
     return read
-
-
-def _look(camera: Camera, pose: Pose, solids: Sequence[Solid]) -> np.ndarray:
-    return camera.render(pose, solids) if solids else camera.render(pose)
 
 
 def _lidar_reading(name: str, hall: lidar.Hall, config: Mapping[str, float]) -> Reading:
     reach, encode = _encoding(name, config)
 
-    def read(car: Car, solids: Sequence[Solid] = ()) -> np.ndarray:
+    def read(car: Car, solids: Sequence[Solid]) -> np.ndarray:
         return encode(lidar.scan(car.pose, solids, hall, reach))
 
     return read
@@ -119,5 +115,5 @@ def _encoding(name: str, config: Mapping[str, float]) -> tuple[float, Callable[[
     return limit, lambda distances: lidar.discretized(distances, sectors, values, limit)
 
 
-def _read_pose(car: Car, solids: Sequence[Solid] = ()) -> np.ndarray:
+def _read_pose(car: Car, solids: Sequence[Solid]) -> np.ndarray:
     return np.array((*car.pose, car.speed))

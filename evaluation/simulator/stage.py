@@ -57,12 +57,19 @@ class Stage:
     """One run: a fresh world, the course with its boxes and bots, and the contestants. Use it as a context manager or
     call :meth:`close`."""
 
-    def __init__(self, ground: Ground, rules: RaceRules, physics: CarPhysics = PADDOCK_CAR) -> None:
-        """Raises UserFault where boxes or bots have no room, see :func:`evaluation.simulator.course.lay_course`."""
+    def __init__(
+        self, ground: Ground, rules: RaceRules, physics: CarPhysics = PADDOCK_CAR, world: World | None = None
+    ) -> None:
+        """``world``: one of the same ``physics`` that several stages share; their cars neither meet nor see each other.
+        Who shares it moves it, between :meth:`command` and :meth:`judge` of all its stages, and closes it.
+
+        Raises UserFault where boxes or bots have no room, see :func:`evaluation.simulator.course.lay_course`.
+        """
         self.ground = ground
         self.contestants: list[Contestant] = []
         self._lay(rules, physics.control_hz)
-        self.world = World(physics)
+        self.world = world or World(physics)
+        self._shared = world is not None
 
     def _lay(self, rules: RaceRules, control_hz: float) -> None:
         ground = self.ground
@@ -109,8 +116,10 @@ class Stage:
     def clear(self, rules: RaceRules | None = None) -> None:
         """Take all cars off the track for another run, which is then as one on a new stage; bots go back to their
         starts. With ``rules`` (another seed), under these."""
+        for contestant in self.contestants:
+            if contestant.car in self.world.cars:
+                self.world.give_back(contestant.car)
         self.contestants.clear()
-        self.world.clear()
         self._lay(rules or self.rules, self.world.physics.control_hz)
 
     def solids(self, contestant: Contestant) -> tuple[Solid, ...]:
@@ -124,6 +133,12 @@ class Stage:
 
     def step(self, actions: Sequence[Action | None]) -> None:
         """One control step. ``actions``: one for each contestant, None for those that pause or are done."""
+        if self.command(actions):  # while all stand still the world stands still with them
+            self.world.step()
+        self.judge()
+
+    def command(self, actions: Sequence[Action | None]) -> bool:
+        """The first part of a step: hand out the actions. True where a car drives, so that the world must move on."""
         contestants = self.contestants
         if self.bots is not None and not contestants[0].done:
             self.bot_rows.append(self.bots.poses)
@@ -137,8 +152,11 @@ class Stage:
                 assert action is not None, "a driving car needs an action"
                 contestant.command(action)
                 driving = True
-        if driving:  # while all stand still the world stands still with them
-            self.world.step()
+        return driving
+
+    def judge(self) -> None:
+        """The last part of a step: bots move, and every car is judged where it is now."""
+        contestants = self.contestants
         if self.bots is None and len(contestants) == 1:
             contestant = contestants[0]
             if not contestant.done:
@@ -178,8 +196,9 @@ class Stage:
             self.world.remove_car(contestant.car)
 
     def close(self) -> None:
-        """Free the world."""
-        self.world.close()
+        """Free the world, unless it is shared."""
+        if not self._shared:
+            self.world.close()
 
     def __enter__(self) -> Stage:
         return self

@@ -20,10 +20,9 @@ class World:
     def __init__(self, physics: CarPhysics = PADDOCK_CAR) -> None:
         self.physics = physics
         self.cars: list[Car] = []
+        self._idle: list[Car] = []
         self.seconds = 0.0  # spent inside Bullet's step, a diagnostic
         self.client = bullet.connect(bullet.DIRECT)
-        # Whole control steps that a command waits, and ticks within the step.
-        self._late_steps, self._late_ticks = divmod(physics.dead_time_ticks, physics.ticks_per_step)
         self._prepare()
 
     def _prepare(self) -> None:
@@ -52,41 +51,41 @@ class World:
             physicsClientId=client,
         )
 
-    def clear(self) -> None:
-        """Forget everything and begin anew: to the last bit like a new world, at a fifth of its cost. (A car that is
-        only placed again is not: Bullet keeps the forces of its old contacts to start its next solution from.)"""
-        bullet.resetSimulation(physicsClientId=self.client)
-        self.cars.clear()
-        self._prepare()
-
     def add_car(self) -> Car:
-        """A new car at the origin."""
-        car = Car(self.client, self.physics)
+        """A new car at the origin; one that was given back serves again."""
+        if self._idle:
+            car = self._idle.pop()
+            car.renew()
+        else:
+            car = Car(self.client, self.physics)
         self.cars.append(car)
         return car
+
+    def give_back(self, car: Car) -> None:
+        """The car's run is over; it drives on idle until :meth:`add_car` makes it a new one, which costs a fiftieth of
+        building another."""
+        self.cars.remove(car)
+        self._idle.append(car)
 
     def remove_car(self, car: Car) -> None:
         """Take a car out of the world."""
         self.cars.remove(car)
         bullet.removeBody(car.body, physicsClientId=self.client)
 
-    def step(self) -> None:
-        """Advance one control step (1/15 s)."""
+    def step(self, ticks: int | None = None) -> None:
+        """Advance one control step (1/15 s), or one of so many physics ticks (1/120 s)."""
         before = perf_counter()
-        self.advance(self._late_ticks)
+        if ticks is None:
+            ticks = self.physics.ticks_per_step
         for car in self.cars:
-            car.apply(self._late_steps)
-        self.advance(self.physics.ticks_per_step - self._late_ticks)
-        self.seconds += perf_counter() - before
-
-    def advance(self, count: int) -> None:
-        """Advance by physics ticks (1/120 s)."""
+            car.drive(ticks)
         client = self.client
         step = bullet.stepSimulation
-        for _ in range(count):
+        for _ in range(ticks):
             step(client)
         for car in self.cars:
             car.moved()
+        self.seconds += perf_counter() - before
 
     def close(self) -> None:
         """Free the Bullet client; may be called twice."""

@@ -81,7 +81,7 @@ def test_every_episode_is_as_the_first_to_the_last_bit():
             _, _, terminated, truncated, _ = env.step(action)
             if terminated or truncated:
                 break
-        return env._car.trace().sha256
+        return env._drive.car.trace().sha256
 
     assert len({episode() for _ in range(4)}) == 1
 

@@ -1,0 +1,230 @@
+"""The same environments for many cars at once: all in one Bullet world, where none meets or sees another.
+
+Each car's observations, rewards and ends are those of a single environment with the same seed and actions, to the last
+bit. ``gymnasium.make_vec("Paddock/TimeTrial-v1", num_envs=16, ...)`` makes one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space, create_empty_array, iterate
+
+from .envs.drive import Drive, Outcome, Readings
+from .envs.setting import Setting, head_to_head, object_avoidance, time_trial
+from .envs.single import RENDER_MODES, RacingEnv, picture
+from .world import World
+
+_Infos = dict[str, Any]
+
+
+class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
+    """Many cars on a track, one for each sub-environment. Its children are registered, one for each race type.
+
+    ``autoreset_mode`` is Gymnasium's. NEXT_STEP (the default): the step after an episode's last one ignores the action,
+    starts the next episode and returns its first observation, a reward of 0 and no end. SAME_STEP: the step that ends
+    an episode already returns the next one's first observation, and the last one as ``final_obs`` and ``final_info``
+    in the infos. DISABLED: the caller resets, all or by ``options={"reset_mask": ...}``.
+
+    Seeds: ``reset(seed=7)`` seeds the cars with 7, 8, 9, ...; a list gives each its own.
+
+    ``reward_function`` may be a list of as many functions as there are cars: one that keeps something from step to step
+    must not be shared.
+    """
+
+    def __init__(
+        self,
+        make_setting: Callable[..., Setting],
+        options: dict[str, Any],
+        num_envs: int,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        render_mode: str | None = None,
+    ) -> None:
+        """``make_setting`` with its ``options``: see :mod:`.envs.setting`. ``copy=False`` returns the same observation
+        arrays from every call, which saves a copy of them.
+
+        Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and too few or too many
+        reward functions.
+        """
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be at least 1, not {num_envs}")
+        if render_mode not in (None, *RENDER_MODES):
+            raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
+        rewards = options.get("reward_function")
+        if isinstance(rewards, Sequence):
+            if len(rewards) != num_envs:
+                raise ValueError(f"{num_envs} cars need as many reward functions, not {len(rewards)}")
+            setting = make_setting(**{**options, "reward_function": rewards[0]})
+            self._settings = [replace(setting, reward_function=function) for function in rewards]
+        else:
+            setting = make_setting(**options)
+            self._settings = [setting] * num_envs
+        self.num_envs = num_envs
+        self.setting = setting
+        self.render_mode = render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**RacingEnv.metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = setting.observation_space
+        self.single_action_space = setting.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._copy = copy
+        self._world: World | None = None
+        self._drives: list[Drive] = []
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._over = np.zeros(num_envs, np.bool_)  # cars whose episode is over and not yet begun anew
+        self._observations: Readings = create_empty_array(self.single_observation_space, num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Readings, _Infos]:
+        """Start an episode of every car, or of those in ``options["reset_mask"]`` (bool, one for each car).
+
+        ``options["start_m"]``: as in a single environment, for all.
+        """
+        options = dict(options or {})
+        mask = _mask(options.pop("reset_mask", None), self.num_envs)
+        seeds = self._seeds(seed)
+        if not self._drives:
+            self._world = World(self.setting.physics)
+            self._drives = [Drive(setting, self._world) for setting in self._settings]
+        infos: _Infos = {}
+        for number in np.flatnonzero(mask).tolist():
+            if seeds[number] is not None or self._rngs[number] is None:
+                self._rngs[number], _ = gymnasium.utils.seeding.np_random(seeds[number])
+            infos = self._add_info(infos, self._begin(number, options), number)
+        return self._seen(), infos
+
+    def step(self, actions: np.ndarray) -> tuple[Readings, np.ndarray, np.ndarray, np.ndarray, _Infos]:
+        """One control step of every car. See the class for what follows the end of an episode."""
+        if not self._drives or not all(drive.began for drive in self._drives):
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        waiting = self._over.copy()
+        if waiting.any() and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(f"reset cars {np.flatnonzero(waiting).tolist()}: their episodes are over")
+        for drive, action, idle in zip(self._drives, iterate(self.action_space, actions), waiting, strict=True):
+            if not idle:
+                drive.command(action)
+        if not waiting.all():
+            self._world.step()
+        # Whose episode is over begins anew only now: a car that is placed at its start must not move on with the others.
+        rewards = np.zeros(self.num_envs, np.float64)
+        terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
+        infos: _Infos = {}
+        for number, drive in enumerate(self._drives):
+            if waiting[number]:
+                info = self._begin(number, {})
+            else:
+                outcome = drive.judge()
+                rewards[number], terminated[number], truncated[number], info = outcome
+                self._put(number, drive.observe())
+                if self.autoreset_mode is AutoresetMode.SAME_STEP and (outcome.terminated or outcome.truncated):
+                    infos = self._add_info(infos, self._final(number, outcome), number)
+                    info = self._begin(number, {})
+            infos = self._add_info(infos, info, number)
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP:
+            self._over = terminated | truncated
+        return self._seen(), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """The last frame of each car, in render mode ``rgb_array``."""
+        if self.render_mode is None or not self._drives:
+            return None
+        return tuple(
+            picture({name: batch[number] for name, batch in self._observations.items()})
+            for number in range(self.num_envs)
+        )
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the world."""
+        if self._world is not None:
+            self._world.close()
+        self._world, self._drives = None, []
+
+    def _begin(self, number: int, options: dict[str, Any]) -> dict[str, Any]:
+        drive = self._drives[number]
+        info = drive.begin(self._rngs[number], options)
+        self._over[number] = False
+        self._put(number, drive.observe())
+        return info
+
+    def _final(self, number: int, outcome: Outcome) -> dict[str, Any]:
+        """The last observation and info of an episode, which the next one's take the place of."""
+        last = {name: batch[number].copy() for name, batch in self._observations.items()}
+        return {"final_obs": last, "final_info": outcome.info}
+
+    def _put(self, number: int, readings: Readings) -> None:
+        for name, reading in readings.items():
+            self._observations[name][number] = reading
+
+    def _seen(self) -> Readings:
+        return deepcopy(self._observations) if self._copy else self._observations
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            return [int(seed) + number for number in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{self.num_envs} cars need as many seeds, not {len(seed)}")
+        return list(seed)
+
+
+def _mask(mask: Any, count: int) -> np.ndarray:
+    if mask is None:
+        return np.ones(count, np.bool_)
+    if not isinstance(mask, np.ndarray) or mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
+        raise ValueError(f"reset_mask must be a numpy array of {count} booleans, one of them true at least")
+    return mask
+
+
+class TimeTrialVectorEnv(RacingVectorEnv):
+    """Many cars of ``Paddock/TimeTrial-v1``, with the same arguments."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(time_trial, options, num_envs, autoreset_mode, copy, render_mode)
+
+
+class ObjectAvoidanceVectorEnv(RacingVectorEnv):
+    """Many cars of ``Paddock/ObjectAvoidance-v1``, with the same arguments; each has boxes of its own."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(object_avoidance, options, num_envs, autoreset_mode, copy, render_mode)
+
+
+class HeadToHeadVectorEnv(RacingVectorEnv):
+    """Many cars of ``Paddock/HeadToHead-v1``, with the same arguments; each has bots of its own."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(head_to_head, options, num_envs, autoreset_mode, copy, render_mode)
