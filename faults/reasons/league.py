@@ -25,7 +25,7 @@ REASONS = table(
             "A race of this stage belongs to the %(division)s. Change the race or the stage."
         ),
         "finale_before_qualifier": _(
-            "The finale opens before its qualifier closes at %(closes)s, when its field is still unknown. Open it later."
+            "The finale opens before its qualifier closes at %(closes)s, so nobody would be in it. Open it later."
         ),
         "race_not_in_field": _("The field of this race is given: it is raced by those who qualified for it."),
         # results that become official
@@ -58,9 +58,6 @@ REASONS = table(
         "import_overlap": _(
             "races.csv, row %(row)s: %(race)s overlaps with the %(stage)s of row %(other)s. A division has one race "
             "at a time."
-        ),
-        "import_stage_twice": _(
-            "races.csv, row %(row)s: %(race)s has a %(stage)s already, in row %(other)s. Give each its own name."
         ),
         "import_row_count": _("%(file)s has %(found)s results, and races.csv says %(said)s. The file is not whole."),
         "import_duplicate_racer": _("%(file)s, row %(row)s: %(racer)s was in row %(other)s already."),

@@ -37,6 +37,7 @@ class RecordedRace(models.Model):
     position = models.PositiveIntegerField(_("row in races.csv"))
     row = models.JSONField(_("row"))
     heading = models.JSONField(_("columns of the results"))
+    decimals = models.JSONField(_("columns written with a decimal point"), default=list, blank=True)
 
     class Meta:
         verbose_name = _("imported race")
@@ -63,6 +64,7 @@ class RecordedResult(models.Model):
     average_resets = models.FloatField(_("resets a lap"), default=0.0)
     status = models.CharField(_("status"), max_length=32)
     division = models.CharField(_("division"), max_length=32, blank=True)
+    blank = models.JSONField(_("columns left empty"), default=list, blank=True)
 
     class Meta:
         verbose_name = _("imported result")

@@ -1,0 +1,188 @@
+"""Reading a folder of seasons: all of it is checked before anything is written anywhere. No database here."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from itertools import pairwise
+from pathlib import Path
+
+from faults import UserFault
+
+from ..models.season import Stage
+from .form import OPTIONAL, RACE_COLUMNS, RESULT_COLUMNS, RaceRow, ResultRow, race_row, result_row
+
+INDEX = "races.csv"
+_FOLLOW_EACH_OTHER = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
+
+
+@dataclass(frozen=True)
+class ReadRace:
+    """A race and its results in the order of their ranks. ``heading``: its columns; ``decimals``: those of them whose
+    cells had a decimal point; ``number``: of its round in the season."""
+
+    row: RaceRow
+    heading: list[str]
+    decimals: list[str]
+    results: list[ResultRow]
+    number: int
+
+
+@dataclass(frozen=True)
+class ReadSeason:
+    """A season as its folder says it. ``digest``: sha-256 over everything that was read of it."""
+
+    label: str
+    races: list[ReadRace]
+    digest: str
+
+    @property
+    def results(self) -> int:
+        """How many results there are in all races."""
+        return sum(len(race.results) for race in self.races)
+
+
+def read_folder(folder: Path, season: str | None = None) -> list[ReadSeason]:
+    """The seasons of a folder in the order of its rows, or the one that is asked for.
+
+    Raises UserFault("import_...") with the file, the row (the heading is row 1) and what is wrong there.
+    """
+    rows = [race_row(number, cells) for number, cells in _rows(folder, INDEX, RACE_COLUMNS)[1]]
+    if not rows:
+        raise UserFault("import_empty")
+    _refuse_files(folder, rows)
+    labels = list(dict.fromkeys(row.season for row in rows))
+    if season is not None and season not in labels:
+        raise UserFault("import_no_season", season=season[:60], seasons=", ".join(labels)[:200])
+    return [
+        _season(folder, label, [row for row in rows if row.season == label])
+        for label in labels
+        if season in (None, label)
+    ]
+
+
+def _season(folder: Path, label: str, rows: Sequence[RaceRow]) -> ReadSeason:
+    _refuse_overlaps(rows)
+    digest = hashlib.sha256()
+    numbers = _numbers(rows)
+    races = []
+    for row in rows:
+        digest.update(repr(sorted(row.cells.items())).encode())
+        digest.update(_bytes(folder, row.file))
+        races.append(_race(folder, row, numbers[row.row]))
+    return ReadSeason(label, races, digest.hexdigest())
+
+
+def _race(folder: Path, row: RaceRow, number: int) -> ReadRace:
+    heading, cells = _rows(folder, row.file, [name for name in RESULT_COLUMNS if name not in OPTIONAL])
+    results, racers, aliases = [], {}, {}
+    pointed: set[str] = set()
+    for at, one in cells:
+        result = result_row(row.file, at, one, row.ranking_method)
+        for seen, name in ((racers, result.racer), (aliases, result.alias.lower())):
+            if name in seen:
+                raise UserFault("import_duplicate_racer", file=row.file, row=at, racer=result.alias, other=seen[name])
+            seen[name] = at
+        pointed.update(name for name, cell in one.items() if cell.endswith(".0"))
+        results.append(result)
+    results.sort(key=lambda result: result.rank)
+    _refuse_ranks(row.file, results)
+    if row.racers is not None and row.racers != len(results):
+        raise UserFault("import_row_count", file=row.file, found=len(results), said=row.racers)
+    kept = [name for name in heading if name in RESULT_COLUMNS]
+    return ReadRace(row, kept, sorted(pointed - {"AvgResets"}), results, number)
+
+
+def _refuse_ranks(file: str, results: Sequence[ResultRow]) -> None:
+    """A better rank never has a worse score; equal scores may have ranks in any order."""
+    for better, worse in pairwise(results):
+        if better.score > worse.score or (better.rank == worse.rank and better.score != worse.score):
+            raise UserFault(
+                "import_rank",
+                file=file,
+                row=worse.row,
+                rank=worse.rank,
+                score=worse.score,
+                other_rank=better.rank,
+                other_score=better.score,
+            )
+
+
+def _refuse_files(folder: Path, rows: Sequence[RaceRow]) -> None:
+    root, seen = folder.resolve(), set()
+    for row in rows:
+        path = (folder / row.file).resolve()
+        if not path.is_relative_to(root):
+            raise UserFault("import_path", row=row.row, file=row.file)
+        if path in seen or path == root / INDEX:
+            raise UserFault("import_file_twice", row=row.row, file=row.file)
+        seen.add(path)
+
+
+def _refuse_overlaps(rows: Sequence[RaceRow]) -> None:
+    for stage in _FOLLOW_EACH_OTHER:
+        races = sorted((row for row in rows if row.stage == stage), key=lambda row: (row.opens_at, row.row))
+        for before, after in pairwise(races):
+            if after.opens_at < before.closes_at:
+                raise UserFault(
+                    "import_overlap", row=after.row, race=after.name, stage=str(stage.label), other=before.row
+                )
+
+
+def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:
+    """The number of each row's round. Races of the same name are one round as far as their stages differ, and a finale
+    is of the last pro race of its name before it; single races are rounds of their own. Numbered as they open."""
+    rounds: list[dict[Stage, RaceRow]] = []
+    for row in sorted(rows, key=lambda row: (row.opens_at, row.stage == Stage.FINALE, row.row)):
+        same = [
+            one
+            for one in rounds
+            if row.stage not in one and Stage.SINGLE not in one and next(iter(one.values())).name == row.name
+        ]
+        if row.stage == Stage.FINALE:
+            same = [one for one in same if Stage.PRO in one and one[Stage.PRO].opens_at <= row.opens_at] or same
+        if row.stage == Stage.SINGLE or not same:
+            rounds.append({row.stage: row})
+        else:
+            same[-1][row.stage] = row
+    return {row.row: number for number, one in enumerate(rounds, start=1) for row in one.values()}
+
+
+def _rows(folder: Path, file: str, needed: Sequence[str]) -> tuple[list[str], Iterator[tuple[int, Mapping[str, str]]]]:
+    """The heading of a file and its rows by column, numbered from 2. Raises UserFault for what is no such table."""
+    try:
+        text = _bytes(folder, file).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UserFault("import_not_text", file=file, problem=error.reason) from None
+    reader = csv.reader(StringIO(text, newline=""), strict=True)
+    try:
+        table = [row for row in reader]
+    except csv.Error as error:
+        raise UserFault("import_not_text", file=file, problem=str(error)) from None
+    heading = [name.strip() for name in table[0]] if table else []
+    missing = [name for name in needed if name not in heading]
+    if missing:
+        raise UserFault("import_columns", file=file, columns=", ".join(missing))
+    twice = [name for name in dict.fromkeys(heading) if name and heading.count(name) > 1]
+    if twice:
+        raise UserFault("import_not_text", file=file, problem=f"the column {', '.join(twice)} is there twice")
+    return heading, _cells(file, heading, table)
+
+
+def _cells(file: str, heading: list[str], table: list[list[str]]) -> Iterator[tuple[int, Mapping[str, str]]]:
+    for number, row in enumerate(table[1:], start=2):
+        if not row:
+            continue
+        if len(row) != len(heading):
+            raise UserFault("import_cells", file=file, row=number, found=len(row), columns=len(heading))
+        yield number, dict(zip(heading, row, strict=True))
+
+
+def _bytes(folder: Path, file: str) -> bytes:
+    try:
+        return (folder / file).read_bytes()
+    except (OSError, ValueError):
+        raise UserFault("import_no_folder", file=str(folder / file)) from None

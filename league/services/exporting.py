@@ -1,0 +1,187 @@
+"""Writing a season as a folder that :mod:`league.services.importing` reads again."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from faults import UserFault
+from races.models import Entry, Race
+from races.ranking import NO_RESULT, NOT_CLASSIFIED
+from races.selectors.boards import ORDER, board_entries
+
+from ..history.form import (
+    RACE_COLUMNS,
+    RACE_TYPES,
+    RESULT_COLUMNS,
+    TIMING_METHODS,
+    WORST_SCORE,
+    milliseconds_of,
+)
+from ..history.reading import INDEX
+from ..models import RecordedRace, RecordedResult, Round, Season, Stage
+
+_RACE_TYPES = {value: word for word, value in RACE_TYPES.items()}
+_TIMING_METHODS = {value: word for word, value in TIMING_METHODS.items()}
+# what the old service leaves empty for a car that was not classified, and then writes with a decimal point
+_TIMES = ("AvgLapTime", "BestLapTime", "TotalLapTime")
+
+
+def export_season(*, season: Season, folder: Path) -> list[Round]:
+    """Write the official rounds of a season to ``folder``, which must be new or empty; returns those left out.
+
+    A race that was imported is written as its record said, less who was disqualified since: equal scores keep their
+    recorded order. House cars and cars without any result are no part of a record. Raises
+    UserFault("export_folder_used").
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserFault("export_folder_used", folder=str(folder))
+    (folder / "results").mkdir(parents=True, exist_ok=True)
+    rounds = list(
+        season.rounds.filter(race__cancelled_at=None).select_related("race__track", "race__record", "season__record")
+    )
+    official = sorted((one for one in rounds if one.closed_at is not None), key=_position)
+    rows = []
+    for round_ in official:
+        results = list(_results(round_))
+        row = _race_row(round_, len(results))
+        _write(folder / row["file"], _heading(round_), results)
+        rows.append(row)
+    _write(folder / INDEX, RACE_COLUMNS, rows)
+    return [one for one in rounds if one.closed_at is None]
+
+
+def _position(round_: Round) -> tuple:
+    record = _record(round_.race)
+    return (0 if record else 1, record.position if record else 0, round_.race.opens_at, round_.number, round_.pk)
+
+
+def _record(race: Race) -> RecordedRace | None:
+    return getattr(race, "record", None)
+
+
+def _write(path: Path, heading: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(heading), extrasaction="ignore", lineterminator="\r\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _race_row(round_: Round, racers: int) -> dict[str, Any]:
+    race, record = round_.race, _record(round_.race)
+    if record is not None:
+        return record.row | {"racers": racers}
+    boxes = len(race.boxes) or race.random_boxes
+    return {
+        "file": _file_of(round_),
+        "season": round_.season.slug,
+        "name": round_.name or f"Round {round_.number}",
+        "stage": round_.stage,
+        "division": "" if round_.stage == Stage.SINGLE else race.division,
+        "race_type": _RACE_TYPES[race.race_type],
+        "timing_method": _TIMING_METHODS[race.ranking_method],
+        "minimum_laps": race.minimum_laps,
+        "maximum_laps": race.laps,
+        "opens": _iso(race.opens_at),
+        "closes": _iso(race.closes_at),
+        "off_track_penalty_s": race.off_track_penalty_ms / 1000,
+        "collision_penalty_s": race.collision_penalty_ms / 1000,
+        "bots": float(race.bots) if race.bots else "",
+        "bot_speed_mps": float(race.bot_speed_mps) if race.bots else "",
+        "obstacles": float(boxes) if boxes else "",
+        "track": race.track.slug,
+        "racers": racers,
+    }
+
+
+def _file_of(round_: Round) -> str:
+    race = round_.race
+    key = hashlib.sha256(race.slug.encode()).hexdigest()[:8]
+    return f"results/{race.opens_at.astimezone(UTC):%Y-%m-%d}-{round_.stage}-{key}.csv"
+
+
+def _iso(moment: datetime) -> str:
+    return moment.astimezone(UTC).isoformat()
+
+
+def _heading(round_: Round) -> list[str]:
+    record = _record(round_.race)
+    if record is not None:
+        return record.heading
+    single = round_.stage == Stage.SINGLE
+    return [name for name in RESULT_COLUMNS if not (single and name == "RacingDivision")]
+
+
+def _results(round_: Round) -> Iterator[dict[str, Any]]:
+    race, record = round_.race, _record(round_.race)
+    entries = board_entries(race).filter(is_baseline=False, rank_score__lt=NO_RESULT)
+    if record is None:
+        rows = [_driven_row(entry, race) for entry in entries.select_related("racer", "best__evaluation__result")]
+        empty = [name for name in _TIMES if any(row[name] == "" for row in rows)]
+    else:
+        first, *ties = ORDER
+        entries = entries.select_related("racer", "record").order_by(first, "record__rank", *ties)
+        rows = [_recorded_row(entry, entry.record) for entry in entries]
+        empty = record.decimals
+    whole = record is not None and RecordedResult.objects.filter(entry__race=race).count() == len(rows)
+    for place, row in enumerate(rows, start=1):
+        row["Rank"] = row["rank"] if whole else place
+        if row["drawn"]:
+            row["RankingScore"] = place  # duels are won by points, and a score must say who stands before whom
+        for name in empty:
+            if row[name] not in ("", None):
+                row[name] = float(row[name])
+        yield row
+
+
+def _driven_row(entry: Entry, race: Race) -> dict[str, Any]:
+    laps = entry.best.evaluation.result.laps if entry.best is not None else []
+    times: dict[str, Any] = dict.fromkeys(_TIMES, "")
+    score = WORST_SCORE - (NOT_CLASSIFIED - entry.rank_score)
+    if entry.classified:
+        total = entry.total_ms if entry.total_ms is not None else sum(lap["time_ms"] for lap in laps)
+        times = dict(zip(_TIMES, (entry.average_ms, entry.best_lap_ms, total), strict=True))
+        score = entry.score_ms
+    return times | {
+        "Alias": entry.racer.alias,
+        "SubmissionTime": milliseconds_of(entry.achieved_at),
+        "LapCount": race.minimum_laps if entry.classified else 0,
+        "AvgResets": entry.resets / len(laps) if laps else 0.0,
+        "CollisionCount": sum(lap["crashes"] for lap in laps),
+        "OffTrackCount": entry.off_tracks,
+        "ResetCount": entry.resets,
+        "SubmissionCount": entry.submission_count,
+        "LeaderboardSubmissionStatusType": "SUCCESS",
+        "RankingScore": score,
+        "RacingDivision": race.division.upper(),
+        "UserId": entry.racer.record_id or entry.racer.alias,
+        "drawn": entry.seed is not None,
+    }
+
+
+def _recorded_row(entry: Entry, record: RecordedResult) -> dict[str, Any]:
+    row = {
+        "Alias": record.alias,
+        "SubmissionTime": milliseconds_of(entry.achieved_at),
+        "LapCount": entry.complete_laps,
+        "AvgLapTime": entry.average_ms,
+        "BestLapTime": entry.best_lap_ms,
+        "TotalLapTime": entry.total_ms,
+        "AvgResets": record.average_resets,
+        "CollisionCount": record.collisions,
+        "OffTrackCount": entry.off_tracks,
+        "ResetCount": entry.resets,
+        "SubmissionCount": entry.submission_count,
+        "LeaderboardSubmissionStatusType": record.status,
+        "RankingScore": record.score,
+        "RacingDivision": record.division,
+        "UserId": entry.racer.record_id,
+        "rank": record.rank,
+        "drawn": False,
+    }
+    return row | dict.fromkeys(record.blank, "")

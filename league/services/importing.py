@@ -1,0 +1,237 @@
+"""Importing recorded seasons: races, results and racers as rows like all others, then round after round by our rules.
+
+An imported race is a league race with ``imported_at``: its entries have standings and no submissions. What the record
+says besides stands in :mod:`league.models.record`. Racers become accounts that nobody can log in to. A track is found
+by its address or name; where none is here, only its name is kept, never a shape.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from django.core.exceptions import ValidationError
+from django.db import transaction
+from django.utils.text import slugify
+
+from faults import UserFault
+from races.errors import RaceRefused
+from races.models import Entry, Kind, Opponents, Race, RaceType
+from races.ranking import LAST, NOT_CLASSIFIED
+from races.services.standings import recompute_fastest
+from tracks.models import Direction, Track
+from tracks.services import free_slug as free_track_slug
+
+from ..history import ReadRace, ReadSeason, ResultRow, read_folder
+from ..history.form import NO_SCORE
+from ..models import Racer, RecordedRace, RecordedResult, RecordedSeason, Round, Season
+from ..models.racer import ALIAS_VALIDATORS
+from ..models.season import DIVISION_OF, Stage
+from .closing import close_round
+from .seasons import create_season
+
+BATCH = 1000
+# An address that never receives anything (RFC 2606).
+_EMAIL = "{name}@record.invalid"
+_TITLES = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale", Stage.CHAMPIONSHIP: "championship"}
+
+
+def import_folder(*, folder: Path, now: datetime, season: str | None = None, **settings: Any) -> list[Season]:
+    """Import the seasons of a folder, or the one named ``season``, all of them or nothing.
+
+    ``settings``: the numbers of a season (``promotion_percent``, ``points`` and so on) that its rounds are worked out
+    with. A season that was imported from the same files before is returned as it is. Raises UserFault("import_...") for
+    what is wrong in the files, "import_season_differs", "import_season_exists", or what contradicts itself in
+    ``settings``.
+    """
+    read = read_folder(folder, season)
+    with transaction.atomic():
+        return [_import_season(one, now, settings) for one in read]
+
+
+def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) -> Season:
+    known = RecordedSeason.objects.select_related("season").filter(label=read.label).first()
+    if known is not None:
+        if known.digest != read.digest:
+            raise UserFault("import_season_differs", season=read.label)
+        return known.season
+    season = _make_season(read, settings)
+    RecordedSeason.objects.create(season=season, label=read.label, digest=read.digest, imported_at=now)
+    racers = _racers(read, now)
+    tracks = {name: _track(name, now) for name in sorted({race.row.track for race in read.races})}
+    rounds = []
+    for position, race in enumerate(read.races, start=1):
+        made = _make_race(race, position, tracks[race.row.track], now)
+        _make_entries(made, race.results, racers)
+        recompute_fastest(race=made)
+        round_ = Round(season=season, number=race.number, stage=race.row.stage, name=race.row.name, race=made)
+        round_.save(force_insert=True)
+        rounds.append(round_)
+    for round_ in sorted(rounds, key=lambda one: (one.race.closes_at, one.pk)):
+        close_round(round=round_, now=round_.race.closes_at)
+    return season
+
+
+def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
+    slug = slugify(read.label)[:50] or "season"
+    if Season.objects.filter(slug=slug).exists():
+        raise UserFault("import_season_exists", season=slug)
+    first = min(race.row.opens_at for race in read.races).date()
+    last = max(race.row.closes_at for race in read.races).date()
+    last = max(last, first + timedelta(days=1))
+    try:
+        return create_season(slug=slug, name=read.label, starts_on=first, ends_on=last, **settings)
+    except ValidationError as refused:
+        raise RaceRefused(refused) from None
+
+
+def _racers(read: ReadSeason, now: datetime) -> dict[str, int]:
+    """The id of every racer of the season by their id in the record; those that are not here yet are made."""
+    wanted = {result.racer: result.alias for race in read.races for result in race.results}
+    known = dict(Racer.objects.exclude(record_id=None).values_list("record_id", "pk"))
+    new = {racer: alias for racer, alias in wanted.items() if racer not in known}
+    taken = {alias.lower() for alias in Racer.objects.values_list("alias", flat=True)} if new else set()
+    made = Racer.objects.bulk_create(
+        [_racer(racer, _free_alias(alias, racer, taken), now) for racer, alias in new.items()], batch_size=BATCH
+    )
+    return known | {racer.record_id: racer.pk for racer in made}
+
+
+def _racer(record_id: str, alias: str, now: datetime) -> Racer:
+    name = hashlib.sha256(record_id.encode()).hexdigest()[:32]
+    # "!": a password that nothing matches
+    return Racer(
+        alias=alias,
+        email=_EMAIL.format(name=name),
+        password="!",
+        is_active=False,
+        joined_at=now,
+        record_id=record_id,
+    )
+
+
+def _free_alias(alias: str, record_id: str, taken: set[str]) -> str:
+    """The recorded alias if it can be one here and nobody has it, else one that says where it comes from."""
+    try:
+        for validate in ALIAS_VALIDATORS:
+            validate(alias)
+    except ValidationError:
+        alias = f"record-{hashlib.sha256(record_id.encode()).hexdigest()[:12]}"
+    free, number = alias, 1
+    while free.lower() in taken:
+        number += 1
+        free = f"{alias[:58]}-{number}"
+    taken.add(free.lower())
+    return free
+
+
+def _track(name: str, now: datetime) -> Track:
+    """The track of this address or name, or a row that has nothing but the name."""
+    for lookup in ({"slug": name}, {"slug": slugify(name).replace("_", "-")}, {"name__iexact": name}):
+        found = Track.objects.filter(**lookup).order_by("pk").first()
+        if found is not None:
+            return found
+    return Track.objects.create(
+        slug=free_track_slug(name),
+        name=name,
+        npy=b"",
+        fingerprint=f"unknown:{hashlib.sha256(name.encode()).hexdigest()[:48]}",
+        direction=Direction.CCW,
+        created_at=now,
+    )
+
+
+def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Race:
+    row = read.row
+    title = _TITLES.get(row.stage)
+    head_to_head = row.race_type == RaceType.HEAD_TO_HEAD
+    race = Race(
+        slug=_free_slug(Path(row.file).stem),
+        kind=Kind.LEAGUE,
+        division=DIVISION_OF[row.stage],
+        name=row.name if title is None else f"{row.name[: 61 - len(title)]} · {title}",
+        track=track,
+        race_type=row.race_type,
+        ranking_method=row.ranking_method,
+        laps=row.laps,
+        minimum_laps=row.minimum_laps,
+        off_track_penalty_ms=row.off_track_penalty_ms,
+        collision_penalty_ms=row.collision_penalty_ms,
+        random_boxes=row.obstacles if row.race_type == RaceType.OBJECT_AVOIDANCE else 0,
+        opponents=Opponents.BOTS if head_to_head and row.bots else "",
+        bots=row.bots if head_to_head else 0,
+        max_submissions=1000,
+        opens_at=row.opens_at,
+        closes_at=row.closes_at,
+        created_at=now,
+        imported_at=now,
+    )
+    if row.bot_speed_mps is not None:
+        race.bot_speed_mps = row.bot_speed_mps
+    race.save(force_insert=True)
+    RecordedRace.objects.create(
+        race=race, position=position, row=dict(row.cells), heading=read.heading, decimals=read.decimals
+    )
+    return race
+
+
+def _free_slug(stem: str) -> str:
+    limit = Race._meta.get_field("slug").max_length
+    slug = base = slugify(stem)[: limit - 6] or "imported"
+    number = 1
+    while Race.objects.filter(slug=slug).exists():
+        number += 1
+        slug = f"{base}-{number}"
+    return slug
+
+
+def _make_entries(race: Race, results: Sequence[ResultRow], racers: dict[str, int]) -> None:
+    entries = Entry.objects.bulk_create(
+        [_entry(race, racers[result.racer], result) for result in results], batch_size=BATCH
+    )
+    RecordedResult.objects.bulk_create(_records(entries, results), batch_size=BATCH)
+
+
+def _entry(race: Race, racer: int, result: ResultRow) -> Entry:
+    """The standing that a recorded result is worth: its score by our own columns, or how far it drove."""
+    classified = result.score_ms is not None
+    return Entry(
+        race=race,
+        racer_id=racer,
+        entered_at=result.submitted_at,
+        submission_count=result.submissions,
+        last_number=result.submissions,
+        classified=classified,
+        score_ms=result.score_ms,
+        average_ms=result.average_ms,
+        best_lap_ms=result.best_lap_ms,
+        total_ms=result.total_ms,
+        complete_laps=result.laps,
+        off_tracks=result.off_tracks,
+        resets=result.resets,
+        achieved_at=result.submitted_at,
+        rank_score=result.score_ms if classified else NOT_CLASSIFIED - result.driven_percent,
+        rank_lap=LAST if result.best_lap_ms is None else result.best_lap_ms,
+        own_lap_ms=result.best_lap_ms if classified else None,
+    )
+
+
+def _records(entries: Iterable[Entry], results: Iterable[ResultRow]) -> list[RecordedResult]:
+    return [
+        RecordedResult(
+            entry=entry,
+            alias=result.alias,
+            rank=result.rank,
+            score=result.score,
+            measured=result.measured or result.score >= NO_SCORE,
+            collisions=result.collisions,
+            average_resets=result.average_resets,
+            status=result.status,
+            division=result.division,
+            blank=[name for name in result.blank],
+        )
+        for entry, result in zip(entries, results, strict=True)
+    ]
