@@ -51,6 +51,17 @@ class Car:
         self._pose: Pose | None = None
         self.place(Pose(0.0, 0.0, 0.0))
 
+    def renew(self) -> None:
+        """Make it, to the last bit, a car that was just built.
+
+        A car that is only placed again is not: Bullet keeps contact points that are still near and starts its next
+        solution from their forces. Setting a link's filter again takes the link out of Bullet's broad phase and puts it
+        back, and its contacts go.
+        """
+        for link in (-1, *range(len(WHEELS) + len(HINGES))):
+            bullet.setCollisionFilterGroupMask(self.body, link, CAR_GROUP, GROUND_GROUP, self._client)
+        self.place(Pose(0.0, 0.0, 0.0))
+
     @property
     def pose(self) -> Pose:
         """Where the base is now; asked of Bullet once, until the world moves."""

@@ -114,7 +114,7 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
                 drive.command(action)
         if not waiting.all():
             self._world.step()
-        # Whose episode is over begins anew only now: a car that is placed at its start must not move on with the others.
+        # Whose episode is over begins anew only now: a car at its start must not move on with the others.
         rewards = np.zeros(self.num_envs, np.float64)
         terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
         infos: _Infos = {}
