@@ -22,7 +22,7 @@ from .coach import coach_graph
 from .test_conversion import openvinos
 
 pytestmark = needs_shared
-IDENTITY = "f99b8eb1bbd4b1d52761bbee74633bf1f2f300b964d9640306dd765c990f5d00"
+IDENTITY = "ed6f34d5ec54e8d05ea9a3d003ea709886fb39d91179771bdf4b50cbc499e771"
 
 
 @pytest.fixture(scope="module")

@@ -128,7 +128,60 @@ def test_weights_keep_every_bit() -> None:
     graph = coach_graph(middleware=[8])
     canonical = admit(graph, read({}))
     for tensor in (part for part in _weights(canonical) if part.ndim == 2):
-        assert np.ascontiguousarray(tensor).tobytes() in graph
+        assert np.ascontiguousarray(tensor.T).tobytes() in graph  # dense layers are stored transposed
+
+
+def scaled_graph(*scales: tuple[str, float], read_twice: bool = False) -> bytes:
+    """A padded convolution and a mean, behind operations that scale the picture."""
+    writer = GraphWriter()
+    shape, whole = Attr.shape((-1, 120, 160, 1)), Attr.dtype(3)
+    value = writer.node("c/FRONT_FACING_CAMERA", "Placeholder", dtype=Attr.dtype(FLOAT), shape=shape)
+    for index, (op, number) in enumerate(scales):
+        writer.const(f"number{index}", number, "float32")
+        value = writer.op(f"scaled{index}", op, value, f"number{index}")
+    strides, layout, same = Attr.integers([1, 8, 8, 1]), Attr.text("NHWC"), Attr.text("SAME")
+    kernel, bias = writer.weights("k", (8, 8, 1, 5)), writer.weights("b", (5,))
+    writer.op("conv", "Conv2D", value, kernel, strides=strides, padding=same, data_format=layout)
+    value = writer.op("biased", "BiasAdd", "conv", bias)
+    writer.const("axes", [1, 2], "int32")
+    value = writer.op("mean", "Mean", value, "axes", keep_dims=Attr.flag(False), Tidx=whole)
+    if read_twice:
+        all_of_it = writer.op("all", "Mean", f"scaled{len(scales) - 1}", "axes", keep_dims=Attr.flag(False), Tidx=whole)
+        value = writer.op("sum", "Add", value, all_of_it)
+    writer.op("ppo_head_0/policy", "Identity", value)
+    return writer.build()
+
+
+@pytest.mark.parametrize(
+    "scales",
+    [
+        [("RealDiv", 255.0)],
+        [("Mul", 1 / 255), ("Sub", 0.0)],
+        [("Sub", 0.0), ("Div", 127.5), ("Mul", -0.5)],
+    ],
+)
+def test_what_scales_the_picture_goes_into_the_first_convolution(scales: list, tmp_path: Path) -> None:
+    graph, metadata = scaled_graph(*scales), read({})
+    feed = frames(metadata)
+    canonical = admit(graph, metadata)
+    assert not {"Mul", "Div"} & set(_operators(canonical))
+    np.testing.assert_allclose(ours(canonical, feed), openvinos(graph, feed, tmp_path), atol=1e-6, rtol=1e-5)
+
+
+def test_a_scaled_picture_that_something_else_reads_too_is_still_there(tmp_path: Path) -> None:
+    graph, metadata = scaled_graph(("RealDiv", 255.0), read_twice=True), read({})
+    feed = frames(metadata)
+    canonical = admit(graph, metadata)
+    assert _operators(canonical).count("Div") == 1
+    np.testing.assert_allclose(ours(canonical, feed), openvinos(graph, feed, tmp_path), atol=1e-6, rtol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [("Sub", 127.5), ("Mul", 1e-9), ("Mul", 1e9), ("RealDiv", 1e-30)])
+def test_what_no_weight_can_take_over_stays_as_it_is(scale: tuple, tmp_path: Path) -> None:
+    graph, metadata = scaled_graph(scale), read({})
+    feed = frames(metadata)
+    expected = openvinos(graph, feed, tmp_path)
+    np.testing.assert_allclose(ours(admit(graph, metadata), feed), expected, rtol=1e-4, atol=1e-5)
 
 
 def test_a_layer_on_the_whole_picture_counts_its_true_cost() -> None:

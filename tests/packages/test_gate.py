@@ -82,6 +82,48 @@ def test_the_canonical_form_is_a_fixed_point() -> None:
     assert check_onnx(canonical.onnx, META) == canonical
 
 
+def dense_network(*, shared: bool = False, transposed: bool = False) -> onnx.ModelProto:
+    """Mean brightness through two dense layers of 5 x 5, which may share their weights."""
+    random = np.random.default_rng(5)
+    weights = {name: random.standard_normal(shape, np.float32) for name, shape in (("a", (1, 5)), ("b", (5, 5)))}
+    weights["c"] = random.standard_normal((5, 5), np.float32)
+    if transposed:
+        weights = {name: np.ascontiguousarray(array.T) for name, array in weights.items()}
+    attributes = {"transB": 1} if transposed else {}
+    nodes = [
+        helper.make_node("GlobalAveragePool", [CAMERA], ["mean"]),
+        helper.make_node("Flatten", ["mean"], ["flat"]),
+        helper.make_node("Gemm", ["flat", "a"], ["one"], **attributes),
+        helper.make_node("Gemm", ["one", "b"], ["two"], **attributes),
+        helper.make_node("Gemm", ["two", "b" if shared else "c"], ["three"], **attributes),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "dense",
+        [helper.make_tensor_value_info(CAMERA, TensorProto.FLOAT, [1, 1, 120, 160])],
+        [helper.make_tensor_value_info("three", TensorProto.FLOAT, [1, 5])],
+        [numpy_helper.from_array(array, name) for name, array in weights.items()],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+
+
+def test_dense_layers_are_one_model_whichever_way_their_weights_lie() -> None:
+    plain, transposed = dense_network(), dense_network(transposed=True)
+    canonical = gate(plain)
+    assert canonical == gate(transposed)
+    assert check_onnx(canonical.onnx, META) == canonical
+    feed = {CAMERA: picture((1, 1, 120, 160), np.float32)}
+    np.testing.assert_allclose(answer(canonical.onnx, feed), answer(plain.SerializeToString(), feed), rtol=1e-5)
+
+
+def test_weights_that_two_layers_read_stay_as_they_are() -> None:
+    model = dense_network(shared=True)
+    canonical = gate(model)
+    assert check_onnx(canonical.onnx, META) == canonical
+    feed = {CAMERA: picture((1, 1, 120, 160), np.float32)}
+    np.testing.assert_allclose(answer(canonical.onnx, feed), answer(model.SerializeToString(), feed), rtol=1e-5)
+
+
 def test_the_canonical_form_is_valid_onnx() -> None:
     onnx.checker.check_model(onnx.load_from_string(gate(planar_network()).onnx), full_check=True)
 

@@ -1,12 +1,13 @@
 """One network, one form: names, order, comments and padding of the file do not survive.
 
 Constants become weights, operations that do nothing vanish, what the output does not need is dropped, nodes are
-ordered by need and values numbered in that order. What is left is written by us, so the runtime never reads a byte of
-the uploaded file.
+ordered by need and values numbered in that order. The weights of a dense layer lie output by output, which is how the
+runtime computes one row fastest. What is left is written by us, so the runtime never reads a byte of the uploaded file.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,7 +46,21 @@ def canonicalise(model: Model) -> Network:
         raise UserFault("onnx_output", expected="n", found=f"{len(model.outputs)} outputs")
     plain = _Plain(model, inputs)
     target = model.outputs[0]
-    return _Numbering(model.opset, inputs, plain).network(target)
+    network = _Numbering(model.opset, inputs, plain).network(target)
+    _transpose_dense(network)
+    return network
+
+
+def _transpose_dense(network: Network) -> None:
+    """Store the weights of every Gemm transposed (``transB`` = 1), where nothing else reads them."""
+    uses = Counter(name for node in network.nodes for name in node.inputs)
+    for node in network.nodes:
+        if node.op != "Gemm" or len(node.inputs) < 2 or node.attributes.get("transB", 0) != 0:
+            continue
+        weight = network.weights.get(node.inputs[1])
+        if weight is not None and weight.ndim == 2 and uses[node.inputs[1]] == 1:
+            network.weights[node.inputs[1]] = np.ascontiguousarray(weight.T)
+            node.attributes = dict(sorted({**node.attributes, "transB": 1}.items()))
 
 
 class _Plain:

@@ -41,6 +41,8 @@ _UNARY: dict[str, tuple[str, Callable]] = {
 }
 _REDUCTIONS = {"Mean": ("ReduceMean", np.mean), "Max": ("ReduceMax", np.max), "Min": ("ReduceMin", np.min)}
 _FLOAT = np.dtype("<f4")
+# Numbers that may be multiplied into weights: none of the weights' digits is lost for their size.
+_LEAST_SCALE, _MOST_SCALE = 2.0**-24, 2.0**24
 _PLANAR_AXES = {0: 0, 1: 2, 2: 3, 3: 1}
 
 
@@ -68,13 +70,40 @@ def binary(context: Context, op: str, left: Value, right: Value) -> Value:
     if onnx_op == "Add" and (fused := _with_bias(context, left, right, shape)) is not None:
         return fused
     pictures = [value for value in (left, right) if isinstance(value, Tensor) and value.planar]
+    scale = _scale(onnx_op, left, right)
+    extra = () if scale is None else (scale,)
     if not pictures:
-        return context.emit.node(onnx_op, [left, right], shape)
+        return context.emit.node(onnx_op, [left, right], shape, extra=extra)
     if any(isinstance(value, Tensor) and len(value.shape) != 4 for value in (left, right)) or len(shape) != 4:
         flat = [context.emit.interleaved(value) if isinstance(value, Tensor) else value for value in (left, right)]
         return context.emit.node(onnx_op, flat, shape)
     planar = [_planar(context, value) for value in (left, right)]
-    return context.emit.node(onnx_op, planar, shape, planar=True)
+    return context.emit.node(onnx_op, planar, shape, planar=True, extra=extra)
+
+
+def _scale(op: str, left: Value, right: Value) -> float | None:
+    """The one number that a tensor is multiplied by, in double precision; None for anything else."""
+    if op == "Mul" and isinstance(left, Known):
+        left, right = right, left
+    if op not in ("Mul", "Div") or not isinstance(right, Known) or right.array.size != 1:
+        return None
+    number = float(right.array.reshape(()))
+    if not _LEAST_SCALE <= abs(number) <= _MOST_SCALE:
+        return None
+    return number if op == "Mul" else 1.0 / number
+
+
+def unscaled(context: Context, value: Tensor) -> tuple[Tensor, float]:
+    """The tensor that ``value`` is a multiple of, and how many times it is that. What multiplies it has no other use
+    where its reader takes the number over, and is then dropped."""
+    factor = 1.0
+    while True:
+        op, sources, extra = context.emit.made_by(value)
+        if op not in ("Mul", "Div") or len(extra) != 1 or sources[0].shape != value.shape:
+            return value, factor
+        if not _LEAST_SCALE <= abs(factor * extra[0]) <= _MOST_SCALE:
+            return value, factor
+        value, factor = sources[0], factor * extra[0]
 
 
 def _broadcast(left: tuple[int, ...], right: tuple[int, ...]) -> tuple[int, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .graph import Node
+from .ops_math import unscaled
 from .registry import Context, Contradiction, Unsupported, converts, known, require, tensor
 from .values import Known, Tensor, Value
 
@@ -63,6 +64,10 @@ def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
         attributes["pads"] = pads
     if dilations != (1, 1):
         attributes["dilations"] = list(dilations)
+    # Pictures come as 0 to 255 and are divided first: a division of every pixel for one of every weight, here.
+    source, factor = unscaled(context, source)
+    if factor != 1.0:
+        kernel = (kernel.astype(np.float64) * factor).astype(_FLOAT)
     weight = np.ascontiguousarray(kernel.transpose(3, 2, 0, 1))
     shape = (source.shape[0], *out, filters)
     picture = context.emit.planar(source)
