@@ -13,7 +13,7 @@ from evaluation.simulator.course import Course, lay_course
 from evaluation.simulator.rules import BoxPlace, RaceRules
 from evaluation.simulator.solids import Solid, box
 from faults import UserFault
-from tracks.drawing import BoxMark, CarMark
+from tracks.drawing import BoxMark
 from tracks.geometry import TrackGeometry
 
 from .errors import problem
@@ -89,18 +89,12 @@ def box_marks(race: Race, *, numbered: bool = False) -> tuple[BoxMark, ...]:
     )
 
 
-def driven_marks(course: Mapping[str, Any]) -> tuple[tuple[BoxMark, ...], tuple[CarMark, ...]]:
-    """The boxes of a recorded course (``Result.course``), and its bots where they started, for the map of a run."""
-    boxes = tuple(
+def driven_boxes(course: Mapping[str, Any]) -> tuple[BoxMark, ...]:
+    """The boxes of a recorded course (``Result.course``) for the map of a run."""
+    return tuple(
         _mark(box(each["x"], each["y"], each["yaw"]), number, box_title(number, each["fraction"], each["lane"]))
         for number, each in enumerate(course.get("boxes", ()), start=1)
     )
-    bots = tuple(
-        CarMark(*places[0], _("Bot %(number)s at the start") % {"number": number})
-        for number, places in enumerate(course.get("bots", ()), start=1)
-        if places
-    )
-    return boxes, bots
 
 
 def box_title(number: int, fraction: float, lane: str) -> str:

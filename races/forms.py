@@ -5,84 +5,34 @@ from __future__ import annotations
 import zoneinfo
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
-from decimal import Decimal
 from typing import Any
 
 from django import forms
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.templatetags.garage import SENSOR_NAMES
 from faults import UserFault
 from tracks.forms import add_fault
-from tracks.models import Direction, Track
 
+from .course_form import DRAWN, FIXED, PROPOSALS, CourseForm
 from .errors import RaceRefused
+from .fields import MomentField, SecondsField
 from .models import Race, RaceState, RankingMethod, Visibility
+from .sensors import OFFERABLE
 from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
 
 DEFAULT_DURATION = timedelta(days=7)
+_NOT_OF_A_RACE = ("track", "time_zone", "box_choice")
 
 
-class SecondsField(forms.DecimalField):
-    """Seconds on the page, whole milliseconds in the database."""
-
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(decimal_places=3, **kwargs)
-
-    def prepare_value(self, value: Any) -> Any:
-        """Milliseconds as seconds without needless zeros."""
-        return f"{value / 1000:g}" if isinstance(value, int) else value
-
-    def clean(self, value: Any) -> int | None:
-        """Seconds as typed, in milliseconds."""
-        if self.disabled:
-            return value
-        seconds: Decimal | None = super().clean(value)
-        return None if seconds is None else int(seconds * 1000)
-
-    def has_changed(self, initial: Any, data: Any) -> bool:
-        return super().has_changed(self.prepare_value(initial), data)
-
-
-class MomentInput(forms.DateTimeInput):
-    """A date and time; the page's script shows it in the reader's time zone."""
-
-    input_type = "datetime-local"
-
-    def format_value(self, value: Any) -> str | None:
-        return value.strftime("%Y-%m-%dT%H:%M") if isinstance(value, datetime) else value
-
-
-class MomentField(forms.DateTimeField):
-    """A moment, typed in the time zone that the form names."""
-
-    widget = MomentInput
-
-    def to_python(self, value: Any) -> datetime | None:
-        """The date and time as typed, still without a time zone; the form adds it."""
-        if value in self.empty_values:
-            return None
-        if isinstance(value, datetime):
-            return value
-        for form in ("%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M"):
-            try:
-                return datetime.strptime(value, form)
-            except (ValueError, TypeError):
-                continue
-        raise forms.ValidationError(self.error_messages["invalid"], code="invalid")
-
-
-class RaceForm(forms.Form):
+class RaceForm(CourseForm):
     """A community race. What a race may be is decided by the race's own validation, not here."""
 
     name = forms.CharField(label=_("Name"), max_length=64)
     description = forms.CharField(
         label=_("Description"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3})
     )
-    track = forms.ModelChoiceField(
-        label=_("Track"), queryset=Track.objects.none(), to_field_name="slug", empty_label=_("Choose a track")
-    )
-    direction = forms.ChoiceField(label=_("Direction"), choices=Direction.choices)
     opens_at = MomentField(label=_("Opens"))
     closes_at = MomentField(label=_("Closes"))
     laps = forms.IntegerField(label=_("Laps driven"), min_value=1, max_value=20)
@@ -99,6 +49,12 @@ class RaceForm(forms.Form):
         max_value=60,
         help_text=_("The car stands still for so long before it goes on."),
     )
+    collision_penalty_ms = SecondsField(
+        label=_("Collision penalty in seconds"),
+        min_value=0,
+        max_value=60,
+        help_text=_("For running into a box, a bot or another car."),
+    )
     max_resets = forms.IntegerField(
         label=_("Resets allowed"), min_value=0, max_value=10_000, help_text=_("0: the first fault ends the run.")
     )
@@ -106,6 +62,12 @@ class RaceForm(forms.Form):
         label=_("Time limit in seconds"), min_value=10, max_value=1200, help_text=_("Simulated time for the whole run.")
     )
     max_submissions = forms.IntegerField(label=_("Submissions for each racer"), min_value=1, max_value=1000)
+    sensors = forms.MultipleChoiceField(
+        label=_("Sensors offered"),
+        choices=[(name, _(SENSOR_NAMES[name])) for name in OFFERABLE],
+        widget=forms.CheckboxSelectMultiple,
+        help_text=_("Only models that read no others can be sent."),
+    )
     visibility = forms.ChoiceField(
         label=_("Who may join"),
         choices=[
@@ -122,11 +84,9 @@ class RaceForm(forms.Form):
         """``race`` is the race that is changed, if there is one; ``locked`` are its fields that may not change now."""
         super().__init__(*args, initial=_initial(race, now) | kwargs.pop("initial", {}), **kwargs)
         self.race = race
-        for name in locked:
+        for name in (*locked, *(["box_choice"] if "boxes" in locked else [])):
             if name in self.fields:
                 self.fields[name].disabled = True
-        self.fields["track"].queryset = Track.objects.exclude(length_m=None).defer("npy")
-        self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
         for name in ("opens_at", "closes_at"):
             moment = self.initial.get(name)
             if not self.is_bound and moment is not None:
@@ -163,7 +123,7 @@ class RaceForm(forms.Form):
             add_fault(self, fault)
             return
         for field, errors in fault.errors.error_dict.items():
-            self.add_error(field if field in self.fields else None, errors)
+            self.add_error(self.place_error(field), errors)
 
 
 def locked_fields(race: Race, now: datetime, *, submissions: bool) -> set[str]:
@@ -183,8 +143,10 @@ class ReasonForm(forms.Form):
 
 def _initial(race: Race | None, now: datetime) -> dict[str, Any]:
     source = race or Race(opens_at=now.replace(second=0, microsecond=0), closes_at=_evening(now + DEFAULT_DURATION))
-    values = {name: getattr(source, name) for name in RaceForm.base_fields if name not in ("track", "time_zone")}
+    values = {name: getattr(source, name) for name in RaceForm.base_fields if name not in _NOT_OF_A_RACE}
     values |= {name: timezone.localtime(values[name]) for name in ("opens_at", "closes_at")}
+    values |= {name: proposal for name, proposal in PROPOSALS.items() if not values[name]}
+    values["box_choice"] = FIXED if source.boxes else DRAWN
     return values | {"track": race.track.slug if race else None, "time_zone": timezone.get_current_timezone_name()}
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Any
 
 from races.models import Race
@@ -16,6 +18,7 @@ from tracks.models import Track
 
 LAP_COLOURS = 6
 SECTORS = 3
+NO_RIVALS: Mapping[int, bytes] = MappingProxyType({})
 PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 
 
@@ -105,12 +108,36 @@ def map_size(track: Track) -> tuple[float, float]:
     return round(x_max - x_min + 2 * MARGIN_M, 2), round(y_max - y_min + 2 * MARGIN_M, 2)
 
 
-def replay_data(track: Track, trace_csv: bytes) -> dict[str, list]:
-    """The steps of a sim-trace as columns.
+def replay_data(
+    track: Track,
+    trace_csv: bytes,
+    bots: Sequence[Sequence[Sequence[float]]] = (),
+    rivals: Mapping[int, bytes] = NO_RIVALS,
+) -> dict[str, Any]:
+    """The steps of a sim-trace as columns, and what drove beside the car.
 
     ``t`` simulated ms, ``x`` and ``y`` on the map, ``yaw`` degrees (clockwise on the map), ``v`` m/s, ``steer``
-    degrees, ``lap``, ``status`` in the field's words.
+    degrees, ``lap``, ``status`` in the field's words. ``bots``: for each a ``{"x", "y", "yaw"}`` with a value for each
+    step; given as (x, y, yaw) in metres and radians. ``rivals``: the columns of the other submitted cars, each with its
+    ``number``; given as their traces by number.
     """
+    return {
+        **_columns(track, trace_csv),
+        "bots": [_bot(track, places) for places in bots],
+        "rivals": [{"number": number, **_columns(track, trace)} for number, trace in sorted(rivals.items())],
+    }
+
+
+def _bot(track: Track, places: Sequence[Sequence[float]]) -> dict[str, list[float]]:
+    points = [map_point(track, x, y) for x, y, _ in places]
+    return {
+        "x": [x for x, _ in points],
+        "y": [y for _, y in points],
+        "yaw": [round(-math.degrees(yaw), 1) for _, _, yaw in places],
+    }
+
+
+def _columns(track: Track, trace_csv: bytes) -> dict[str, list]:
     columns: dict[str, list] = {name: [] for name in ("t", "x", "y", "yaw", "v", "steer", "lap", "status")}
     first: float | None = None
     for row in csv.DictReader(io.StringIO(trace_csv.decode())):

@@ -2,14 +2,17 @@
 
 from django.urls import path
 
-from .views import boards, evaluations, organising, races, racing
+from .views import boards, duels, evaluations, organising, races, racing
 
 urlpatterns = [
     path("races/", races.races, name="races"),
     path("races/new/", organising.race_new, name="race_new"),
+    path("races/course/", organising.race_course, name="race_course"),
     path("races/join/<str:token>/", racing.race_invitation, name="race_invitation"),
     path("races/<slug:slug>/", races.race, name="race"),
     path("races/<slug:slug>/rules/", races.race_rules, name="race_rules"),
+    path("races/<slug:slug>/duels/", duels.race_duels, name="race_duels"),
+    path("races/<slug:slug>/duels/draw/", duels.race_draw, name="race_draw"),
     path("races/<slug:slug>/runs/", races.race_runs, name="race_runs"),
     path("races/<slug:slug>/live/", races.race_live, name="race_live"),
     path("races/<slug:slug>/board.csv", boards.board_csv, name="board_csv"),

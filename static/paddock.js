@@ -104,6 +104,50 @@
     button.textContent = button.dataset.idle;
   }));
 
+  // --- parts of a form that belong to one choice: the style sheet hides them, here they are not sent either -----------
+  each("form:has([data-when])", (form) => {
+    const sort = () => each("fieldset[data-when]", (part) => {
+      const [name, values] = part.dataset.when.split("=");
+      const chosen = form.querySelector(`[name="${name}"]:checked`);
+      part.disabled = Boolean(chosen) && !values.split("|").includes(chosen.value);
+    }, form);
+    form.addEventListener("change", sort);
+    addEventListener("pageshow", sort);
+  });
+
+  // --- rows of boxes: as many as are used, one more on demand --------------------------------------------------------
+  each("[data-box-rows]", (list) => {
+    const rows = [...list.querySelectorAll("[data-box-row]")];
+    const more = list.querySelector("[data-box-add]");
+    const fields = (row) => [...row.querySelectorAll("input, select")];
+    const locked = more.disabled;
+    const used = () => rows.filter((row) => fields(row)[0].value !== "").length;
+    let shown = Math.max(1, used());
+    const show = () => {
+      rows.forEach((row, index) => {
+        row.hidden = index >= shown;
+        row.querySelector("[data-box-remove]").hidden = locked;
+      });
+      more.hidden = locked || shown >= rows.length;
+    };
+    more.addEventListener("click", () => {
+      shown += 1;
+      show();
+      fields(rows[shown - 1])[0].focus();
+    });
+    rows.forEach((row, index) => row.querySelector("[data-box-remove]").addEventListener("click", () => {
+      for (let next = index; next + 1 < rows.length; next += 1) {
+        fields(rows[next]).forEach((field, which) => { field.value = fields(rows[next + 1])[which].value; });
+      }
+      fields(rows[rows.length - 1])[0].value = "";
+      shown = Math.max(1, shown - 1);
+      show();
+      fields(rows[Math.min(index, shown - 1)])[0].focus();
+      list.dispatchEvent(new Event("change", { bubbles: true }));
+    }));
+    show();
+  });
+
   // --- copy a link ---------------------------------------------------------------------------------------------------
   each("[data-copy]", (button) => {
     button.hidden = false;

@@ -1,4 +1,5 @@
-// Replays a run on its map: play, pause, seek, at 1x to 4x. Reads the columns that the page names in data-replay.
+// Replays a run on its map: play, pause, seek, at 1x to 4x; bots and rivals drive along.
+// Reads the columns that the page names in data-replay.
 "use strict";
 
 (() => {
@@ -8,6 +9,24 @@
     const minutes = Math.floor(milliseconds / 60000);
     const rest = Math.floor(milliseconds - minutes * 60000);
     return `${minutes}:${String(Math.floor(rest / 1000)).padStart(2, "0")}.${String(rest % 1000).padStart(3, "0")}`;
+  }
+
+  // A reset moves a car at once: nothing to glide over.
+  const JUMP_M = 0.6;
+  const SVG = "http://www.w3.org/2000/svg";
+
+  // Where a car is at `share` between steps i and next of its columns: [x, y, degrees].
+  function between({ x, y, yaw }, i, next, share) {
+    if (next === i || Math.hypot(x[next] - x[i], y[next] - y[i]) > JUMP_M) return [x[i], y[i], yaw[i]];
+    const turn = ((yaw[next] - yaw[i] + 540) % 360) - 180;
+    return [x[i] + share * (x[next] - x[i]), y[i] + share * (y[next] - y[i]), yaw[i] + share * turn];
+  }
+
+  // The last step of the columns at or before a moment, looked for from step `from` on.
+  function stepAt(t, moment, from) {
+    let index = t[from] > moment ? 0 : from;
+    while (index < t.length - 1 && t[index + 1] <= moment) index += 1;
+    return index;
   }
 
   class Player {
@@ -26,10 +45,27 @@
       this.seek.addEventListener("input", () => { this.now = Number(this.seek.value); this.draw(); });
       const box = this.part("stage").viewBox.baseVal;
       this.size = 0.02 * Math.max(box.width, box.height);
+      // Bots have a place for each step of the car's own; rivals have steps of their own.
+      this.others = [
+        ...run.bots.map((columns) => this.other({ t: run.t, ...columns }, "replay-rival")),
+        ...run.rivals.map((columns) => this.other(columns, `replay-rival r${columns.number}`)),
+      ];
       this.car.hidden = false;
       this.car.removeAttribute("hidden");
       this.part("player").hidden = false;
       this.draw();
+    }
+
+    other(columns, look) {
+      const shape = document.createElementNS(SVG, "g");
+      shape.setAttribute("class", look);
+      shape.append(this.car.firstElementChild.cloneNode());
+      this.part("others").append(shape);
+      return { columns, shape, index: 0 };
+    }
+
+    put(shape, [x, y, degrees]) {
+      shape.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees}) scale(${this.size})`);
     }
 
     lapStarts() {
@@ -61,22 +97,26 @@
     }
 
     draw() {
-      const { t, x, y, yaw, v, steer, lap, status } = this.run;
-      if (t[this.index] > this.now) this.index = 0;
-      while (this.index < t.length - 1 && t[this.index + 1] <= this.now) this.index += 1;
-      const i = this.index;
+      const { t, x, y, v, steer, lap, status } = this.run;
+      const i = this.index = stepAt(t, this.now, this.index);
       const next = Math.min(i + 1, t.length - 1);
-      // A reset moves the car at once: nothing to glide over.
-      const jump = Math.hypot(x[next] - x[i], y[next] - y[i]) > 0.6;
-      const share = jump || next === i ? 0 : (this.now - t[i]) / (t[next] - t[i]);
-      const turn = ((yaw[next] - yaw[i] + 540) % 360) - 180;
-      const cx = x[i] + share * (x[next] - x[i]);
-      const cy = y[i] + share * (y[next] - y[i]);
-      this.car.setAttribute("transform", `translate(${cx} ${cy}) rotate(${yaw[i] + share * turn}) scale(${this.size})`);
+      const place = between(this.run, i, next, next === i ? 0 : (this.now - t[i]) / (t[next] - t[i]));
+      const [cx, cy] = place;
+      this.put(this.car, place);
       this.car.classList.toggle("standing", status[i] === "pause");
+      for (const other of this.others) {
+        const { columns } = other;
+        if (!columns.x.length) continue;
+        const last = Math.min(columns.t.length, columns.x.length) - 1;
+        const at = other.index = Math.min(last, stepAt(columns.t, this.now, Math.min(other.index, last)));
+        const then = Math.min(at + 1, last);
+        const share = then === at ? 0 : (this.now - columns.t[at]) / (columns.t[then] - columns.t[at]);
+        this.put(other.shape, between(columns, at, then, share));
+        other.shape.classList.toggle("gone", this.now > columns.t[last]);
+      }
       const points = [`${cx},${cy}`];
       for (let k = i; k >= 0 && this.now - t[k] < TAIL_MS; k -= 1) {
-        if (k < i && Math.hypot(x[k] - x[k + 1], y[k] - y[k + 1]) > 0.6) break;
+        if (k < i && Math.hypot(x[k] - x[k + 1], y[k] - y[k + 1]) > JUMP_M) break;
         points.push(`${x[k]},${y[k]}`);
       }
       this.tail.setAttribute("points", points.join(" "));

@@ -46,6 +46,9 @@ REASONS = table(
         "race_box_place": _(
             "Box %(number)s stands outside %(least)s to %(most)s of the lap, where cars start or finish. Move it."
         ),
+        "race_box_percent": _(
+            "Write where box %(number)s stands as a percentage of the lap, for example 25, and choose its lane."
+        ),
         "race_box_distance": _(
             "Drawn boxes stand at least %(least)s to %(most)s m apart. Choose a distance between these."
         ),

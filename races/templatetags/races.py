@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from django import template
 from django.template import Context
 from django.utils import timezone
 from django.utils.html import format_html
-from django.utils.safestring import SafeString
+from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from evaluation.models import Evaluation, TrainedModel
+from races import facts
+from races.course import box_marks
 from races.eligibility import refusal
 from races.models import Race, RaceState, Submission
 from races.selectors import races_visible_to, racing_now
 from races.sensors import not_offered
+from tracks.drawing import BoxMark, DrivenLine, draw_svg
+from tracks.geometry import TrackGeometry
 from tracks.models import Track
 
 register = template.Library()
@@ -25,10 +31,17 @@ RACES_ON_A_TRACK = 20
 RACES_FOR_A_MODEL = 12
 RUNS_OF_A_MODEL = 50
 
+# Stopwatch, box, two cars: lines of a 20 x 20 picture.
+ICONS = {
+    "time_trial": '<circle cx="10" cy="11.5" r="6.5"/><path d="M10 11.5V7.6M8 2.4h4M10 2.4V5"/>',
+    "object_avoidance": '<path d="M10 2.6 16.6 6v8L10 17.4 3.4 14V6ZM3.4 6 10 9.4 16.6 6M10 9.4v8"/>',
+    "head_to_head": '<path d="M3 4.4h7l4 4-4 4H3l3-4ZM9.6 15.6H13l4-4-4-4"/>',
+}
 END_REASONS = {
     "laps_done": gettext_noop("all laps driven"),
     "time_up": gettext_noop("the time limit was reached"),
     "resets_used": gettext_noop("no resets were left"),
+    "retired": gettext_noop("taken off the track"),
 }
 LAP_STATUS = {
     "Lap complete": gettext_noop("complete"),
@@ -93,6 +106,53 @@ def race_pill(race: Race) -> SafeString:
     """The race's state now as a pill."""
     state = race.state_at(timezone.now())
     return format_html('<span class="pill {}">{}</span>', state.value, state.label)
+
+
+@register.simple_tag
+def type_icon(race_type: str) -> SafeString:
+    """A small picture of a type of race; its name stands beside it."""
+    return format_html(
+        '<svg class="type-icon" viewBox="0 0 20 20" aria-hidden="true">{}</svg>', mark_safe(ICONS[race_type])
+    )
+
+
+@register.simple_tag
+def race_map(race: Race, *, numbered: bool = False) -> SafeString:
+    """The map of a race: its track in the direction driven, with its boxes."""
+    if not race.track.has_shape:
+        return format_html('<p class="muted">{}</p>', _("No map: the shape of this track is not known here."))
+    return _map(race.track.geometry, race.direction, race.track.name, box_marks(race, numbered=numbered), False)
+
+
+@register.simple_tag
+def course_map(track: Track, direction: str, boxes: tuple[BoxMark, ...]) -> SafeString:
+    """The map of a course that is being laid out: boxes numbered, both lanes drawn."""
+    return _map(track.geometry, direction, track.name, boxes, True)
+
+
+@register.simple_tag
+def run_map(track: Track, direction: str, lines: Sequence[DrivenLine], boxes: tuple[BoxMark, ...]) -> SafeString:
+    """The map of a run: the lines that it drove, past the boxes that stood there."""
+    drawing = draw_svg(track.geometry.in_direction(direction), title=track.name, lines=lines, boxes=boxes)
+    return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes
+
+
+@lru_cache(maxsize=256)
+def _map(geometry: TrackGeometry, direction: str, title: str, boxes: tuple[BoxMark, ...], lanes: bool) -> SafeString:
+    drawing = draw_svg(geometry.in_direction(direction), title=title, boxes=boxes, lanes=lanes)
+    return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes
+
+
+@register.filter
+def course_facts(race: Race) -> list[str]:
+    """What stands and drives on the track besides the car, a few words each."""
+    return facts.course_facts(race)
+
+
+@register.filter
+def course_rules(race: Race) -> list[str]:
+    """The same as rules, a sentence each."""
+    return facts.course_rules(race)
 
 
 @register.filter

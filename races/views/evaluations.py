@@ -13,11 +13,15 @@ from django.views.decorators.http import require_POST, require_safe
 from evaluation.models import Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
-from evaluation.services.results import read_trace
+from evaluation.services.results import read_course, read_trace
+from races.cars import car_rows
+from races.course import driven_boxes
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
 
 from .common import visible_evaluation
 from .latest import live_mark
+
+REPLAY_FORMAT = 2
 
 
 @require_safe
@@ -66,10 +70,11 @@ def evaluation_stop(request: HttpRequest, public_id: str) -> HttpResponse:
 def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
     """Every step of the run, in the coordinates of the map."""
     shown, result = _finished(request, public_id)
-    etag = quote_etag(f"{result.trace_sha256[:32]}-{_direction(shown)}")
+    etag = quote_etag(f"{result.trace_sha256[:32]}-{_direction(shown)}-{REPLAY_FORMAT}")
     response = get_conditional_response(request, etag=etag)
     if response is None:
-        response = JsonResponse(replay_data(shown.track, read_trace(result)))
+        rivals = {rival.number: read_trace(rival) for rival in result.rivals.all()}
+        response = JsonResponse(replay_data(shown.track, read_trace(result), read_course(result)["bots"], rivals))
     response["ETag"] = etag
     response["Cache-Control"] = "private, max-age=0, must-revalidate"
     return response
@@ -126,6 +131,10 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "colour": colour,
             "lap": number,
             "lines": driven_lines(shown.result.line, colour, number),
+            "boxes": driven_boxes(shown.result.course),
+            "bot_count": shown.spec["rules"].get("bots", 0),
+            "cars": car_rows(shown),
+            "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or shown.result.crashes,
             "map_size": map_size(shown.track),
         }
         return context

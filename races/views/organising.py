@@ -14,6 +14,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from faults import UserFault
 from races import services
+from races.course_form import CourseForm, preview
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.models import Entry, Kind, Race, RaceState
 from races.services.races import has_submissions
@@ -41,7 +42,15 @@ def race_new(request: HttpRequest) -> HttpResponse:
         else:
             messages.success(request, _("The race is made."))
             return redirect("race_edit" if race.visibility == "invitation" else "race", race.slug)
-    return render(request, "races/form.html", {"form": form}, status=422 if form.errors else 200)
+    context = {"form": form, "course": preview(form)}
+    return render(request, "races/form.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_POST
+def race_course(request: HttpRequest) -> HttpResponse:
+    """The course that a form says, not saved: a map with its boxes, or why it cannot be so."""
+    return render(request, "races/parts/course.html", {"course": preview(CourseForm(request.POST))})
 
 
 @login_required
@@ -63,6 +72,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     state = race.state_at(now)
     context = {
         "form": form,
+        "course": preview(form),
         "race": race,
         "invitation_url": request.build_absolute_uri(_invitation_path(race)),
         "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),

@@ -11,8 +11,9 @@ from django.utils import timezone
 from django.views.decorators.http import require_safe
 
 from evaluation.selectors import models_of
+from races.course import box_marks
 from races.eligibility import refusal
-from races.models import Entry, Kind, Race, RaceState
+from races.models import Entry, Kind, Race, RaceState, RaceType
 from races.ranking import order_rule, rule_for
 from races.selectors import (
     board,
@@ -46,13 +47,23 @@ def races(request: HttpRequest) -> HttpResponse:
         show = "open"
     if show == "mine" and not request.user.is_authenticated:
         return redirect("account_login")
-    kind = request.GET.get("kind", "")
+    kind, race_type = request.GET.get("kind", ""), request.GET.get("type", "")
     found = _listed(request, show)
     if kind in Kind.values:
         found = found.filter(kind=kind)
+    race_type = race_type if race_type in RaceType.values else ""
+    if race_type:
+        found = found.filter(race_type=race_type)
     per_page = CARDS_PER_PAGE if show == "open" else ROWS_PER_PAGE
     page = Paginator(found, per_page).get_page(request.GET.get("page"))
-    context = {"show": show, "kind": kind, "page": page, "now": timezone.now()}
+    context = {
+        "show": show,
+        "kind": kind,
+        "type": race_type,
+        "types": RaceType.choices,
+        "page": page,
+        "now": timezone.now(),
+    }
     if show == "open":
         context["podiums"] = podiums(page.object_list)
     return render(request, "races/races.html", context)
@@ -74,7 +85,7 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
     shown = visible_race(request, slug)
     page = request.GET.get("page", "1")
     standings = board(shown, request.user, page=int(page) if page.isdecimal() and len(page) < 9 else 1)
-    context = _race_context(request, shown, standings.my_row.entry if standings.my_row else None)
+    context = race_context(request, shown, standings.my_row.entry if standings.my_row else None)
     context |= {"tab": "board", "board": standings, "score_column": score_column(shown)}
     return render(request, "races/race.html", context)
 
@@ -83,8 +94,8 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
 def race_rules(request: HttpRequest, slug: str) -> HttpResponse:
     """What a race's rules are, in sentences and in figures."""
     shown = visible_race(request, slug)
-    context = _race_context(request, shown)
-    context |= {"tab": "rules", "order_rule": order_rule()}
+    context = race_context(request, shown)
+    context |= {"tab": "rules", "order_rule": order_rule(), "boxes": box_marks(shown)}
     return render(request, "races/rules.html", context)
 
 
@@ -93,7 +104,7 @@ def race_rules(request: HttpRequest, slug: str) -> HttpResponse:
 def race_runs(request: HttpRequest, slug: str) -> HttpResponse:
     """Everything that I have sent to a race."""
     shown = visible_race(request, slug)
-    context = _race_context(request, shown)
+    context = race_context(request, shown)
     entry = context["entry"]
     context |= {"tab": "runs", "rows": submissions_of(entry) if entry else []}
     return render(request, "races/runs.html", context)
@@ -118,7 +129,7 @@ def race_live(request: HttpRequest, slug: str) -> HttpResponse:
     return response
 
 
-def _race_context(request: HttpRequest, shown: Race, entry: Entry | None = None) -> dict:
+def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None) -> dict:
     """What the head of a race's pages and its box for sending a car need. ``entry`` saves looking it up."""
     now = timezone.now()
     state = shown.state_at(now)

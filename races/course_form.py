@@ -1,0 +1,155 @@
+"""The part of a race's form that says what stands and drives on the track, and the preview of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from django import forms
+from django.core.exceptions import ValidationError
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS
+from tracks.drawing import BoxMark
+from tracks.models import Direction, Track
+
+from .course import box_marks, check_layout
+from .fields import BoxesField, PlainNumberField
+from .models import DuelFormat, Opponents, Race, RaceType
+from .models.course import BOX_DISTANCES_M, problems_of
+from .validation import COURSE_FIELDS
+
+FIXED, DRAWN = "fixed", "drawn"
+_BOXES = ("boxes", "random_boxes", "box_distance_m")
+_BOTS = ("bots", "bot_speed_mps", "bot_lane_changes")
+_DUELS = ("duel_format", "duel_cars")
+# What a form proposes for a race that has none of it yet.
+PROPOSALS = {"random_boxes": 6, "opponents": Opponents.BOTS, "bots": 4, "duel_format": DuelFormat.ROUND_ROBIN}
+
+
+def _number(field: type[forms.Field], label: Any, least: float, most: float, **more: Any) -> forms.Field:
+    """A number whose bounds the browser knows; the race's own validation decides, with a reason."""
+    step = more.pop("step", 1)
+    return field(
+        label=label, required=False, widget=forms.NumberInput(attrs={"min": least, "max": most, "step": step}), **more
+    )
+
+
+class CourseForm(forms.Form):
+    """Track, type of race, and what belongs to that type. Values of other types are dropped, whatever they are."""
+
+    track = forms.ModelChoiceField(
+        label=_("Track"), queryset=Track.objects.none(), to_field_name="slug", empty_label=_("Choose a track")
+    )
+    direction = forms.ChoiceField(label=_("Direction"), choices=Direction.choices)
+    race_type = forms.ChoiceField(label=_("Race type"), choices=RaceType.choices, widget=forms.RadioSelect)
+    box_choice = forms.ChoiceField(
+        label=_("Places of the boxes"),
+        choices=[(FIXED, _("where I put them")), (DRAWN, _("drawn from the seed"))],
+        widget=forms.RadioSelect,
+        required=False,
+    )
+    boxes = BoxesField(
+        label=_("Boxes"),
+        required=False,
+        help_text=_("Percentages of the lap from the finish line, in the direction driven."),
+    )
+    random_boxes = _number(forms.IntegerField, _("How many boxes"), 1, MAX_BOXES)
+    box_distance_m = _number(PlainNumberField, _("Metres between boxes at least"), *BOX_DISTANCES_M, step=0.1)
+    opponents = forms.ChoiceField(
+        label=_("Opponents"), choices=Opponents.choices, widget=forms.RadioSelect, required=False
+    )
+    bots = _number(forms.IntegerField, _("How many bots"), 1, MAX_BOTS)
+    bot_speed_mps = _number(PlainNumberField, _("Their speed in m/s"), *BOT_SPEED_RANGE_MPS, step=0.1)
+    bot_lane_changes = forms.BooleanField(
+        label=_("They change lanes"), required=False, help_text=_("At moments drawn from the seed.")
+    )
+    duel_format = forms.ChoiceField(label=_("Duels"), choices=DuelFormat.choices, required=False)
+    duel_cars = _number(forms.IntegerField, _("Cars on the track at once"), 2, MAX_CARS)
+    seed = forms.IntegerField(
+        label=_("Seed"),
+        min_value=0,
+        max_value=2**31 - 1,
+        required=False,
+        help_text=_("Another number, other draws; the same number, the same for everybody."),
+    )
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.fields["track"].queryset = Track.objects.exclude(length_m=None).defer("npy")
+        self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
+
+    def clean(self) -> dict[str, Any]:
+        """Drop what does not belong to the type of race, bad values too, and take the usual value for an empty one."""
+        cleaned = super().clean()
+        for name in self._foreign(cleaned):
+            self.errors.pop(name, None)
+            cleaned[name] = _usual(name)
+        for name in (*COURSE_FIELDS, "seed"):
+            if name not in self.errors and cleaned.get(name) is None:
+                cleaned[name] = _usual(name)
+        return cleaned
+
+    def place_error(self, field: str) -> str | None:
+        """The field of this form beside which a race's problem with ``field`` is told, None for the form as a whole."""
+        if field == "boxes" and self.cleaned_data.get("box_choice") == DRAWN:
+            return "random_boxes"
+        return field if field in self.fields else None
+
+    def _foreign(self, cleaned: dict[str, Any]) -> Iterable[str]:
+        race_type = cleaned.get("race_type")
+        if race_type == RaceType.OBJECT_AVOIDANCE:
+            other_boxes = ("boxes",) if cleaned.get("box_choice") == DRAWN else ("random_boxes", "box_distance_m")
+            return (*other_boxes, "opponents", *_BOTS, *_DUELS)
+        if race_type == RaceType.HEAD_TO_HEAD:
+            others = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
+            return (*_BOXES, *others.get(cleaned.get("opponents"), (*_BOTS, *_DUELS)))
+        return COURSE_FIELDS
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What a form's course looks like. ``race``: unsaved, None without a track; ``problems``: why it cannot be driven
+    so, a sentence each; ``boxes``: where they stand, in the order driven, none as long as there are problems."""
+
+    race: Race | None
+    problems: list[str]
+    boxes: tuple[BoxMark, ...]
+
+
+def preview(form: CourseForm) -> Preview:
+    """The course that a form says now: of what was typed if it is bound, else of its initial values."""
+    if form.is_bound:
+        form.is_valid()
+        values = {name: form.cleaned_data[name] for name in _DRAWN_BY if name in form.cleaned_data}
+    else:
+        values = {name: form.get_initial_for_field(form.fields[name], name) for name in _DRAWN_BY}
+        if isinstance(values["track"], str):
+            values["track"] = form.fields["track"].queryset.filter(slug=values["track"]).first()
+        foreign = form._foreign(values | {"box_choice": form.initial.get("box_choice")})
+        values |= {name: _usual(name) for name in foreign}
+    if values.get("track") is None:
+        return Preview(None, [], ())
+    race = Race(**values)
+    problems = problems_of(race)
+    if not problems:
+        try:
+            check_layout(race)
+        except ValidationError as error:
+            problems = error.error_dict
+    own = {name: form.errors[name].as_data()[0] for name in COURSE_FIELDS if form.is_bound and name in form.errors}
+    sentences = _sentences(own or problems)
+    return Preview(race, sentences, () if sentences else box_marks(race, numbered=True))
+
+
+_DRAWN_BY = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")
+
+
+def _sentences(problems: dict[str, Any]) -> list[str]:
+    errors = (error for each in problems.values() for error in (each if isinstance(each, list) else [each]))
+    return list(dict.fromkeys(text for error in errors for text in error.messages))
+
+
+def _usual(name: str) -> Any:
+    return Race._meta.get_field(name).get_default()

@@ -1,0 +1,104 @@
+"""What a race is, in a few words: for its card, its page and its rules, in the reader's language."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+
+from evaluation.simulator.rules import RaceRules
+
+from .models import Opponents
+
+if TYPE_CHECKING:
+    from .models import Race
+
+
+def course_facts(race: Race) -> list[str]:
+    """What stands and drives on the track besides the car: a few words each, none for an empty track."""
+    boxes = len(race.boxes) or race.random_boxes
+    if boxes:
+        facts = [ngettext("%(count)s box", "%(count)s boxes", boxes) % {"count": boxes}]
+        if race.random_boxes:
+            facts.append(_("drawn from the seed"))
+        return facts
+    if race.opponents == Opponents.BOTS:
+        bots = ngettext("%(count)s bot at %(speed)s m/s", "%(count)s bots at %(speed)s m/s", race.bots)
+        facts = [bots % {"count": race.bots, "speed": f"{race.bot_speed_mps:g}"}]
+        if race.bot_lane_changes:
+            facts.append(_("changing lanes"))
+        return facts
+    if race.opponents == Opponents.MODELS:
+        return [
+            _("car against car") if race.duel_cars == 2 else _("%(cars)s cars at once") % {"cars": race.duel_cars},
+            race.get_duel_format_display(),
+        ]
+    return []
+
+
+def course_rules(race: Race) -> list[str]:
+    """The same as rules, in whole sentences: what is on the track, and what becomes of a car that runs into it."""
+    if race.boxes or race.random_boxes:
+        rules = _box_rules(race)
+    elif race.opponents == Opponents.BOTS:
+        rules = _bot_rules(race)
+    elif race.opponents == Opponents.MODELS:
+        rules = _duel_rules(race)
+    else:
+        return []
+    return [*rules, _crash_rule(race)]
+
+
+def _box_rules(race: Race) -> list[str]:
+    if race.boxes:
+        where = ngettext(
+            "%(count)s box stands on the track, in the place that the map shows, for every car alike.",
+            "%(count)s boxes stand on the track, in the places that the map shows, for every car alike.",
+            len(race.boxes),
+        ) % {"count": len(race.boxes)}
+    else:
+        where = ngettext(
+            "%(count)s box stands on the track, in a place drawn from the seed: the same in every lap for every car.",
+            "%(count)s boxes stand on the track, in places drawn from the seed at least %(distance)s m apart: the same "
+            "in every lap for every car.",
+            race.random_boxes,
+        ) % {"count": race.random_boxes, "distance": f"{race.box_distance_m:g}"}
+    return [where, _("A box is 40 cm wide, 30 cm long and 25 cm high, and stands in the middle of its lane.")]
+
+
+def _bot_rules(race: Race) -> list[str]:
+    bots = ngettext(
+        "%(count)s bot drives round the track at %(speed)s m/s.",
+        "%(count)s bots drive round the track at %(speed)s m/s, spread evenly at the start.",
+        race.bots,
+    ) % {"count": race.bots, "speed": f"{race.bot_speed_mps:g}"}
+    if race.bot_lane_changes:
+        lanes = _("Bots change lanes every few seconds, at moments drawn from the seed: the same for every car.")
+    else:
+        lanes = _("Bots keep to their lanes.")
+    return [bots, lanes]
+
+
+def _duel_rules(race: Race) -> list[str]:
+    return [
+        _(
+            "While the race is open each car drives the track alone: that is its qualifying. When it has closed, cars "
+            "meet on the track, %(cars)s at once, started apart from each other, and each is timed for itself."
+        )
+        % {"cars": race.duel_cars}
+    ]
+
+
+def _crash_rule(race: Race) -> str:
+    if not race.max_resets:
+        return _("A crash is a fault like leaving the track, and ends the run.")
+    values = {"seconds": f"{race.collision_penalty_ms / 1000:g}", "times": RaceRules.mercy_resets}
+    if race.boxes or race.random_boxes:
+        rule = _(
+            "A car that runs into a box stands still for %(seconds)s s and goes on from before the box in the other "
+            "lane, the %(times)s. time at one box from behind it; it is never put back before a box that it has passed."
+        )
+    else:
+        rule = _("Of two cars that touch, the one behind is at fault: it stands still for %(seconds)s s where it is.")
+    return f"{rule % values} {_('The clock goes on.')}"

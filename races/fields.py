@@ -1,0 +1,136 @@
+"""Form fields of a race: seconds, moments, boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from decimal import Decimal, InvalidOperation
+from typing import Any
+
+from django import forms
+
+from evaluation.simulator.rules import MAX_BOXES
+
+from .errors import problem
+from .models import Lane
+from .models.course import BOX_FRACTIONS
+
+
+class SecondsField(forms.DecimalField):
+    """Seconds on the page, whole milliseconds in the database."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(decimal_places=3, **kwargs)
+
+    def prepare_value(self, value: Any) -> Any:
+        """Milliseconds as seconds without needless zeros."""
+        return f"{value / 1000:g}" if isinstance(value, int) else value
+
+    def clean(self, value: Any) -> int | None:
+        """Seconds as typed, in milliseconds."""
+        if self.disabled:
+            return value
+        seconds: Decimal | None = super().clean(value)
+        return None if seconds is None else int(seconds * 1000)
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        return super().has_changed(self.prepare_value(initial), data)
+
+
+class PlainNumberField(forms.FloatField):
+    """A number shown without needless zeros."""
+
+    def prepare_value(self, value: Any) -> Any:
+        return f"{value:g}" if isinstance(value, int | float) else value
+
+
+class MomentInput(forms.DateTimeInput):
+    """A date and time; the page's script shows it in the reader's time zone."""
+
+    input_type = "datetime-local"
+
+    def format_value(self, value: Any) -> str | None:
+        return value.strftime("%Y-%m-%dT%H:%M") if isinstance(value, datetime) else value
+
+
+class MomentField(forms.DateTimeField):
+    """A moment, typed in the time zone that the form names."""
+
+    widget = MomentInput
+
+    def to_python(self, value: Any) -> datetime | None:
+        """The date and time as typed, still without a time zone; the form adds it."""
+        if value in self.empty_values:
+            return None
+        if isinstance(value, datetime):
+            return value
+        for form in ("%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M"):
+            try:
+                return datetime.strptime(value, form)
+            except (ValueError, TypeError):
+                continue
+        raise forms.ValidationError(self.error_messages["invalid"], code="invalid")
+
+
+class BoxesInput(forms.Widget):
+    """A row for each box: the percentage of the lap and the lane. Rows without a percentage are no boxes.
+
+    Without a script all rows stand there; the page's script shows as many as are used, and a button for one more.
+    """
+
+    template_name = "races/widgets/boxes.html"
+    use_fieldset = True
+
+    def id_for_label(self, id_: str) -> str:
+        """None: the rows have labels of their own."""
+        return ""
+
+    def get_context(self, name: str, value: Any, attrs: Mapping[str, Any] | None) -> dict[str, Any]:
+        """As Django's, with ``rows`` of (percent as typed, lane)."""
+        context = super().get_context(name, None, attrs)
+        typed = [_typed(box) for box in value or ()]
+        rows = [*typed, *[("", Lane.values[number % 2]) for number in range(len(typed), MAX_BOXES)]]
+        context["widget"] |= {"rows": rows, "lanes": Lane.choices, "used": len(typed)}
+        context["widget"] |= {"least": f"{100 * BOX_FRACTIONS[0]:g}", "most": f"{100 * BOX_FRACTIONS[1]:g}"}
+        return context
+
+    def value_from_datadict(self, data: Mapping[str, Any], files: Any, name: str) -> list[tuple[str, str]]:
+        """The rows as typed, those without a percentage left out."""
+        rows = [
+            (str(data.get(f"{name}-{number}-percent", "")).strip(), str(data.get(f"{name}-{number}-lane", "")))
+            for number in range(1, MAX_BOXES + 1)
+        ]
+        return [row for row in rows if row[0]]
+
+    def value_omitted_from_data(self, data: Mapping[str, Any], files: Any, name: str) -> bool:
+        return not any(f"{name}-{number}-percent" in data for number in range(1, MAX_BOXES + 1))
+
+
+class BoxesField(forms.Field):
+    """Boxes in fixed places, as ``Race.boxes`` holds them."""
+
+    widget = BoxesInput
+
+    def to_python(self, value: Any) -> list[dict[str, Any]]:
+        """Rows as typed, as places; places as they are. Raises ValidationError "race_box_percent"."""
+        return [box if isinstance(box, dict) else _place(number, *box) for number, box in enumerate(value or (), 1)]
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        try:
+            return self.to_python(initial) != self.to_python(data)
+        except forms.ValidationError:
+            return True
+
+
+def _place(number: int, percent: str, lane: str) -> dict[str, Any]:
+    try:
+        share = Decimal(percent.replace(",", ".").rstrip(" %"))
+    except InvalidOperation:
+        raise problem("race_box_percent", number=number) from None
+    if not share.is_finite() or lane not in Lane.values:
+        raise problem("race_box_percent", number=number)
+    return {"fraction": round(float(share) / 100, 6), "lane": lane}
+
+
+def _typed(box: Any) -> tuple[str, str]:
+    return (f"{100 * box['fraction']:.6g}", box["lane"]) if isinstance(box, dict) else tuple(box)
