@@ -8,7 +8,7 @@ from django.http import HttpResponse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiResponse, extend_schema
+from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema
 from rest_framework import serializers
 from rest_framework.exceptions import NotFound, PermissionDenied
 from rest_framework.permissions import AllowAny, IsAuthenticated
@@ -17,14 +17,17 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from evaluation.models import Evaluation, Result, State
+from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
-from evaluation.services.results import read_trace
+from evaluation.services.results import read_course, read_trace
+from evaluation.simulator.rules import LANES
 from faults.reasons import REASONS
 
 from .lookup import visible_evaluation
 from .races import TrackSummarySerializer
+
+CAR = OpenApiParameter("car", int, description="The number of a rival; 0, the first car, unless it is given.")
 
 
 class CSVRenderer(BaseRenderer):
@@ -66,6 +69,19 @@ class QueueSerializer(serializers.Serializer):
     expected_wait_s = serializers.FloatField(allow_null=True, help_text="Until its probable end, from recent runs.")
 
 
+class RivalProgressSerializer(serializers.Serializer):
+    """How another submitted car stands."""
+
+    lap = serializers.IntegerField()
+    percent = serializers.FloatField()
+    total_ms = serializers.IntegerField()
+    x = serializers.FloatField()
+    y = serializers.FloatField()
+    off_tracks = serializers.IntegerField()
+    crashes = serializers.IntegerField()
+    retired = serializers.BooleanField()
+
+
 class ProgressSerializer(serializers.Serializer):
     """How it stands while it runs."""
 
@@ -77,8 +93,11 @@ class ProgressSerializer(serializers.Serializer):
     x = serializers.FloatField()
     y = serializers.FloatField()
     off_tracks = serializers.IntegerField()
+    crashes = serializers.IntegerField()
     resets = serializers.IntegerField()
     last_lap_ms = serializers.IntegerField(allow_null=True)
+    bots = serializers.ListField(child=serializers.ListField(child=serializers.FloatField()), help_text="x, y of each.")
+    rivals = RivalProgressSerializer(many=True)
 
 
 class LapSerializer(serializers.Serializer):
@@ -98,28 +117,64 @@ class LapSerializer(serializers.Serializer):
     status = serializers.CharField()
 
 
-class ResultSerializer(serializers.Serializer):
-    """What was measured."""
+class PlacedBoxSerializer(serializers.Serializer):
+    """A box on the track: the share of the lap driven there, its lane, and its middle and heading (m, rad)."""
+
+    fraction = serializers.FloatField()
+    lane = serializers.ChoiceField(LANES)
+    x = serializers.FloatField()
+    y = serializers.FloatField()
+    yaw = serializers.FloatField()
+
+
+class CarResultSerializer(serializers.Serializer):
+    """What one car did."""
 
     laps = LapSerializer(many=True)
-    end_reason = serializers.CharField(help_text="laps_done, time_up or resets_used.")
+    end_reason = serializers.CharField(help_text="laps_done, time_up, resets_used or, among several cars, retired.")
+    retired = serializers.SerializerMethodField(help_text="Why it was taken off the track while others drove on.")
     complete_laps = serializers.IntegerField()
     best_lap_ms = serializers.IntegerField(allow_null=True)
     total_ms = serializers.IntegerField(help_text="Of all laps, complete or not.")
     off_tracks = serializers.IntegerField()
     crashes = serializers.IntegerField()
     resets = serializers.IntegerField()
-    simulated_ms = serializers.IntegerField()
-    wall_s = serializers.FloatField()
-    peak_mb = serializers.FloatField()
-    trace_sha256 = serializers.CharField(help_text="The same car in the same race gives the same number, every time.")
-    engine = serializers.CharField()
-    versions = serializers.DictField(child=serializers.CharField())
-    cpu_model = serializers.CharField(allow_blank=True)
+    trace_sha256 = serializers.CharField(help_text="The same cars in the same race give the same number, every time.")
     line = serializers.ListField(
         child=serializers.ListField(child=serializers.ListField(child=serializers.FloatField())),
         help_text="The line driven, for each lap a thinned list of [x, y, speed] in metres and m/s.",
     )
+
+    def get_retired(self, result: CarResult) -> ReasonSerializer(allow_null=True):
+        return _reason(result.retired_code, result.retired, result.retired_params)
+
+
+class RivalResultSerializer(CarResultSerializer):
+    """What another submitted car did."""
+
+    number = serializers.IntegerField(help_text="Of the car, as in rivals.")
+
+
+class ResultSerializer(CarResultSerializer):
+    """What was measured; of several submitted cars, what the first did, with the others in ``rivals``."""
+
+    simulated_ms = serializers.IntegerField()
+    wall_s = serializers.FloatField()
+    peak_mb = serializers.FloatField()
+    engine = serializers.CharField()
+    versions = serializers.DictField(child=serializers.CharField())
+    cpu_model = serializers.CharField(allow_blank=True)
+    boxes = PlacedBoxSerializer(source="course.boxes", many=True, default=[])
+    order = serializers.ListField(child=serializers.IntegerField(), help_text="The cars' numbers, winner first.")
+    rivals = RivalResultSerializer(many=True)
+
+
+class RivalSerializer(serializers.Serializer):
+    """Another submitted car in the same race; the evaluation's own model is car 0."""
+
+    number = serializers.IntegerField()
+    racer = serializers.CharField(source="model.owner.alias")
+    model = ModelSummarySerializer()
 
 
 class EvaluationSerializer(serializers.Serializer):
@@ -129,6 +184,7 @@ class EvaluationSerializer(serializers.Serializer):
     state = serializers.ChoiceField(State.choices)
     racer = serializers.CharField(source="owner.alias")
     model = ModelSummarySerializer()
+    rivals = serializers.SerializerMethodField(help_text="Other submitted cars in the same race.")
     race = serializers.SerializerMethodField()
     submission = serializers.SerializerMethodField(help_text="The number of the submission it measures.")
     track = TrackSummarySerializer()
@@ -141,6 +197,9 @@ class EvaluationSerializer(serializers.Serializer):
     started_at = serializers.DateTimeField(allow_null=True)
     ended_at = serializers.DateTimeField(allow_null=True)
     result = serializers.SerializerMethodField(help_text="When it is finished.")
+
+    def get_rivals(self, evaluation: Evaluation) -> RivalSerializer(many=True):
+        return RivalSerializer(evaluation.rivals.select_related("model__owner"), many=True).data
 
     def get_race(self, evaluation: Evaluation) -> NamedSerializer(allow_null=True):
         submission = getattr(evaluation, "submission", None)
@@ -168,16 +227,7 @@ class EvaluationSerializer(serializers.Serializer):
         return ProgressSerializer(evaluation.progress).data
 
     def get_reason(self, evaluation: Evaluation) -> ReasonSerializer(allow_null=True):
-        if not evaluation.reason_code:
-            return None
-        return ReasonSerializer(
-            {
-                "code": evaluation.reason_code,
-                "fault": REASONS[evaluation.reason_code].fault,
-                "sentence": evaluation.reason,
-                "params": evaluation.reason_params,
-            }
-        ).data
+        return _reason(evaluation.reason_code, evaluation.reason, evaluation.reason_params)
 
     def get_result(self, evaluation: Evaluation) -> ResultSerializer(allow_null=True):
         result = getattr(evaluation, "result", None)
@@ -252,12 +302,38 @@ class MetricsView(APIView):
     @extend_schema(
         operation_id="read_metrics",
         summary="The evaluation metrics JSON of a finished evaluation",
+        parameters=[CAR],
         responses=MetricsSerializer,
         tags=["evaluations"],
     )
     def get(self, request: Request, public_id: str) -> Response:
-        result = _result(request, public_id)
-        return Response(result.metrics, headers=_as_file(f"{public_id}-metrics.json"))
+        car, suffix = _car(request, public_id)
+        return Response(car.metrics, headers=_as_file(f"{public_id}{suffix}-metrics.json"))
+
+
+class CourseSerializer(serializers.Serializer):
+    """What stood and drove on the track besides submitted cars."""
+
+    boxes = PlacedBoxSerializer(many=True)
+    bots = serializers.ListField(
+        child=serializers.ListField(child=serializers.ListField(child=serializers.FloatField())),
+        help_text="For each bot car [x, y, yaw] (m, rad) in every line of the first car's sim-trace.",
+    )
+
+
+class CourseView(APIView):
+    """Boxes and bot cars."""
+
+    permission_classes = [AllowAny]
+
+    @extend_schema(
+        operation_id="read_course",
+        summary="Where boxes stood and bot cars drove in a finished evaluation",
+        responses=CourseSerializer,
+        tags=["evaluations"],
+    )
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(read_course(_result(request, public_id)))
 
 
 class TraceView(APIView):
@@ -274,14 +350,14 @@ class TraceView(APIView):
     @extend_schema(
         operation_id="read_trace",
         summary="The sim-trace CSV of a finished evaluation",
+        parameters=[CAR],
         responses={(200, "text/csv"): OpenApiResponse(OpenApiTypes.STR, description="A line a control step.")},
         tags=["evaluations"],
     )
     def get(self, request: Request, public_id: str) -> HttpResponse:
-        trace = read_trace(_result(request, public_id))
-        return HttpResponse(
-            trace, content_type="text/csv; charset=utf-8", headers=_as_file(f"{public_id}-sim-trace.csv")
-        )
+        car, suffix = _car(request, public_id)
+        headers = _as_file(f"{public_id}{suffix}-sim-trace.csv")
+        return HttpResponse(read_trace(car), content_type="text/csv; charset=utf-8", headers=headers)
 
 
 def _result(request: Request, public_id: str) -> Result:
@@ -289,6 +365,25 @@ def _result(request: Request, public_id: str) -> Result:
     if result is None:
         raise NotFound(_("This evaluation has no result."))
     return result
+
+
+def _car(request: Request, public_id: str) -> tuple[CarResult, str]:
+    """The result of the car that ``?car=`` names, the first unless it does, and what a file's name says of it."""
+    result = _result(request, public_id)
+    wanted = request.query_params.get("car", "0")
+    if wanted == "0":
+        return result, ""
+    rival = next((rival for rival in result.rivals.all() if str(rival.number) == wanted), None)
+    if rival is None:
+        raise NotFound(_("There is no such car in this evaluation."))
+    return rival, f"-car{rival.number}"
+
+
+def _reason(code: str, sentence: str, params: dict[str, Any]) -> dict[str, Any] | None:
+    """A reason as the API tells it; None for none."""
+    if not code:
+        return None
+    return ReasonSerializer({"code": code, "fault": REASONS[code].fault, "sentence": sentence, "params": params}).data
 
 
 def _as_file(name: str) -> dict[str, str]:

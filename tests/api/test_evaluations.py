@@ -8,14 +8,16 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from evaluation.services import beat
+from evaluation.services import beat, claim_next_evaluation, finish_evaluation, queue_evaluation
+from evaluation.simulator.rules import RaceRules
 from faults import UserFault
 from races.models import Visibility
 from races.services import submit_model
-from tests.evaluation.stubs import trace_csv
-from tests.factories import a_model, a_race, drive, fail, laps, start
+from tests.evaluation.stubs import car_outcome, outcome_of, trace_csv
+from tests.factories import a_model, a_race, a_track, drive, fail, laps, start
 
 pytestmark = pytest.mark.django_db
+BOX = {"fraction": 0.5, "lane": "inner", "x": 1.0, "y": 2.0, "yaw": 0.25}
 
 
 @pytest.fixture
@@ -48,7 +50,7 @@ def test_an_evaluation_is_followed_from_the_queue_to_its_result(alice, bob, now,
 
     running = start(evaluation, now)
     progress = {"lap": 2, "laps": 3, "lap_ms": 1500, "total_ms": 12_000, "percent": 50.5, "x": 1.0, "y": 2.0}
-    progress |= {"off_tracks": 1, "resets": 1, "last_lap_ms": 10_500}
+    progress |= {"off_tracks": 1, "crashes": 0, "resets": 1, "last_lap_ms": 10_500, "bots": [[1.5, 2.5]], "rivals": []}
     assert beat(evaluation_id=running.pk, lease=running.lease, progress=progress, now=now)
     shown = read(client, evaluation).data
     assert (shown["state"], shown["queue"], shown["progress"]) == ("running", None, progress)
@@ -131,5 +133,65 @@ def test_a_run_that_stands_on_a_public_board_is_public_and_others_are_not(bob, n
 
 def test_an_evaluation_is_a_bounded_number_of_queries(bob, now, as_racer, django_assert_num_queries):
     evaluation, client = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation, as_racer(None)
-    with django_assert_num_queries(1):
+    with django_assert_num_queries(3):
         assert read(client, evaluation).status_code == 200
+
+
+@pytest.fixture
+def duel(alice, bob, now, bell):
+    """A finished race of Bob's car and Alice's, which retired."""
+    evaluation = queue_evaluation(
+        owner=bob,
+        model=a_model(bob),
+        rivals=[a_model(alice)],
+        track=a_track(),
+        rules=RaceRules(race_type="head_to_head"),
+        now=now,
+    )
+    claimed = claim_next_evaluation(worker="w", now=now)
+    course = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
+    outcome = outcome_of(rivals=[car_outcome(salt=1, retired="policy_died")], course=course)
+    assert finish_evaluation(evaluation_id=claimed.pk, lease=claimed.lease, outcome=outcome, now=now)
+    return evaluation
+
+
+def test_every_car_of_a_race_has_its_result_and_its_files(alice, bob, duel, as_racer):
+    client = as_racer(bob)
+    shown = read(client, duel).data
+    (rival,) = shown["rivals"]
+    assert (rival["number"], rival["racer"], rival["model"]["public_id"]) == (
+        1,
+        "alice",
+        duel.rivals.get().model.public_id,
+    )
+    result = shown["result"]
+    assert (result["order"], result["retired"], result["boxes"]) == ([0, 1], None, [BOX])
+    (other,) = result["rivals"]
+    assert (other["number"], other["end_reason"], other["complete_laps"]) == (1, "retired", 1)
+    assert (other["retired"]["code"], other["retired"]["fault"]) == ("policy_died", "user")
+    assert "step 50" in other["retired"]["sentence"]
+
+    assert read(client, duel, "course/").json() == {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
+    trace = read(client, duel, "trace/?car=1")
+    assert trace.content == trace_csv(salt=1)
+    assert trace["Content-Disposition"] == f'attachment; filename="{duel.public_id}-car1-sim-trace.csv"'
+    assert read(client, duel, "trace/?car=0").content == trace_csv()
+    assert read(client, duel, "metrics/?car=1").json() == {"metrics": []}
+
+
+@pytest.mark.parametrize("car", ["2", "-1", "x", "1.0", "9" * 30, "\u0661", ""])
+def test_a_car_that_is_not_in_the_race_is_not_found(bob, duel, as_racer, car):
+    for part in ("trace", "metrics"):
+        assert read(as_racer(bob), duel, f"{part}/?car={car}").json()["code"] == "not_found"
+
+
+def test_a_course_is_empty_where_nothing_else_was_on_the_track(bob, now, as_racer):
+    evaluation = drive(a_race(now), bob, laps(11_000), now).evaluation
+    assert read(as_racer(bob), evaluation, "course/").json() == {"boxes": [], "bots": []}
+    assert read(as_racer(bob), evaluation).data["result"]["boxes"] == []
+
+
+def test_a_course_is_seen_by_who_sees_the_evaluation_and_not_before_its_end(alice, bob, now, duel, as_racer):
+    waiting = sent(bob, now).evaluation
+    assert read(as_racer(bob), waiting, "course/").status_code == 404
+    assert read(as_racer(None), duel, "course/").status_code == 404

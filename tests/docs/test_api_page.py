@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 
@@ -10,6 +11,7 @@ from drf_spectacular.generators import SchemaGenerator
 from rest_framework import exceptions
 
 import league.api.views  # noqa: F401  (its errors are codes, too)
+from evaluation.simulator.rules import RaceRules
 from faults.reasons import REASONS
 from league.api.errors import STATUS_OF
 
@@ -80,6 +82,7 @@ def test_examples_of_answers_have_the_fields_of_the_schema(schema):
         assert set(example) in shapes.values(), sorted(example)
     (evaluation,) = (example for example in examples if "queue" in example)
     assert set(evaluation["result"]) == shapes["Result"]
+    assert set(evaluation["rules"]) == {field.name for field in dataclasses.fields(RaceRules)}
     assert set(evaluation["result"]["laps"][0]) == shapes["Lap"]
     (board,) = (example for example in examples if "leader_ms" in example)
     assert set(board["results"][0]) == shapes["Row"]

@@ -71,6 +71,7 @@ def car_outcome(
 def _lap(number: int, time_ms: int, complete: bool) -> dict[str, Any]:
     return {
         "number": number,
+        "start_ms": 0,
         "time_ms": time_ms,
         "complete": complete,
         "off_tracks": 1,
