@@ -8,7 +8,7 @@ by its address or name; where none is here, only its name is kept, never a shape
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -30,10 +30,10 @@ from ..history.form import NO_SCORE
 from ..models import Racer, RecordedRace, RecordedResult, RecordedSeason, Round, Season
 from ..models.racer import ALIAS_VALIDATORS
 from ..models.season import DIVISION_OF, Stage
+from .bulk import insert_rows
 from .closing import close_round
 from .seasons import create_season
 
-BATCH = 1000
 # An address that never receives anything (RFC 2606).
 _EMAIL = "{name}@record.invalid"
 _TITLES = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale", Stage.CHAMPIONSHIP: "championship"}
@@ -94,23 +94,15 @@ def _racers(read: ReadSeason, now: datetime) -> dict[str, int]:
     known = dict(Racer.objects.exclude(record_id=None).values_list("record_id", "pk"))
     new = {racer: alias for racer, alias in wanted.items() if racer not in known}
     taken = {alias.lower() for alias in Racer.objects.values_list("alias", flat=True)} if new else set()
-    made = Racer.objects.bulk_create(
-        [_racer(racer, _free_alias(alias, racer, taken), now) for racer, alias in new.items()], batch_size=BATCH
-    )
-    return known | {racer.record_id: racer.pk for racer in made}
+    rows = [_racer(racer, _free_alias(alias, racer, taken), now) for racer, alias in new.items()]
+    insert_rows(Racer, ("alias", "email", "password", "is_active", "joined_at", "record_id"), rows)
+    return dict(Racer.objects.exclude(record_id=None).values_list("record_id", "pk"))
 
 
-def _racer(record_id: str, alias: str, now: datetime) -> Racer:
+def _racer(record_id: str, alias: str, now: datetime) -> tuple:
     name = hashlib.sha256(record_id.encode()).hexdigest()[:32]
     # "!": a password that nothing matches
-    return Racer(
-        alias=alias,
-        email=_EMAIL.format(name=name),
-        password="!",
-        is_active=False,
-        joined_at=now,
-        record_id=record_id,
-    )
+    return alias, _EMAIL.format(name=name), "!", False, now, record_id
 
 
 def _free_alias(alias: str, record_id: str, taken: set[str]) -> str:
@@ -189,49 +181,53 @@ def _free_slug(stem: str) -> str:
 
 
 def _make_entries(race: Race, results: Sequence[ResultRow], racers: dict[str, int]) -> None:
-    entries = Entry.objects.bulk_create(
-        [_entry(race, racers[result.racer], result) for result in results], batch_size=BATCH
-    )
-    RecordedResult.objects.bulk_create(_records(entries, results), batch_size=BATCH)
+    """Entries with their standings in the order of the record, and what else it says about each."""
+    insert_rows(Entry, _ENTRY, [(race.pk, racers[result.racer], *_standing(result)) for result in results])
+    entries = dict(Entry.objects.filter(race=race).values_list("racer", "pk"))
+    insert_rows(RecordedResult, _RECORD, [(entries[racers[one.racer]], *_recorded(one)) for one in results])
 
 
-def _entry(race: Race, racer: int, result: ResultRow) -> Entry:
-    """The standing that a recorded result is worth: its score by our own columns, or how far it drove."""
+_ENTRY = (
+    *("race", "racer", "entered_at", "submission_count", "last_number", "classified", "score_ms", "average_ms"),
+    *("best_lap_ms", "total_ms", "complete_laps", "off_tracks", "resets", "achieved_at", "rank_score", "rank_lap"),
+    "own_lap_ms",
+)
+_RECORD = (
+    *("entry", "alias", "rank", "score", "measured", "collisions", "average_resets", "status", "division", "blank"),
+)
+
+
+def _standing(result: ResultRow) -> tuple:
+    """What a recorded result is worth: its score, or how far the car drove."""
     classified = result.score_ms is not None
-    return Entry(
-        race=race,
-        racer_id=racer,
-        entered_at=result.submitted_at,
-        submission_count=result.submissions,
-        last_number=result.submissions,
-        classified=classified,
-        score_ms=result.score_ms,
-        average_ms=result.average_ms,
-        best_lap_ms=result.best_lap_ms,
-        total_ms=result.total_ms,
-        complete_laps=result.laps,
-        off_tracks=result.off_tracks,
-        resets=result.resets,
-        achieved_at=result.submitted_at,
-        rank_score=result.score_ms if classified else NOT_CLASSIFIED - result.driven_percent,
-        rank_lap=LAST if result.best_lap_ms is None else result.best_lap_ms,
-        own_lap_ms=result.best_lap_ms if classified else None,
+    return (
+        result.submitted_at,
+        result.submissions,
+        result.submissions,
+        classified,
+        result.score_ms,
+        result.average_ms,
+        result.best_lap_ms,
+        result.total_ms,
+        result.laps,
+        result.off_tracks,
+        result.resets,
+        result.submitted_at,
+        result.score_ms if classified else NOT_CLASSIFIED - result.driven_percent,
+        LAST if result.best_lap_ms is None else result.best_lap_ms,
+        result.best_lap_ms if classified else None,
     )
 
 
-def _records(entries: Iterable[Entry], results: Iterable[ResultRow]) -> list[RecordedResult]:
-    return [
-        RecordedResult(
-            entry=entry,
-            alias=result.alias,
-            rank=result.rank,
-            score=result.score,
-            measured=result.measured or result.score >= NO_SCORE,
-            collisions=result.collisions,
-            average_resets=result.average_resets,
-            status=result.status,
-            division=result.division,
-            blank=[name for name in result.blank],
-        )
-        for entry, result in zip(entries, results, strict=True)
-    ]
+def _recorded(result: ResultRow) -> tuple:
+    return (
+        result.alias,
+        result.rank,
+        result.score,
+        result.measured or result.score >= NO_SCORE,
+        result.collisions,
+        result.average_resets,
+        result.status,
+        result.division,
+        list(result.blank),
+    )
