@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import random
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 from tracks.geometry import TrackGeometry
 
@@ -24,63 +26,100 @@ BESIDE_M = 0.3  # with so much between their middles across the road, two cars p
 _LOOK_M = 1.2  # a bot looks no farther ahead along the centre line: FOLLOW_M, its stride, and the bend of a hairpin
 _SAMPLE_M = 0.05
 
-_Sample = tuple[float, float, float, float, float, float]
+_Sample = tuple[float, float, float, float, float]
 
 
 class LanePaths:
-    """The centres of both lanes of a track as tables, so that moving a bot costs a microsecond."""
+    """The centres of both lanes of a track as tables, so that moving a bot costs some microseconds."""
 
     def __init__(self, track: TrackGeometry) -> None:
         self.length = track.length
-        count = max(8, math.ceil(track.length / _SAMPLE_M))
-        self._per_m = count / track.length
-        self._lanes = {lane: _samples(track, lane, count) for lane in LANES}
+        self._count = max(8, math.ceil(track.length / _SAMPLE_M))
+        self._per_m = self._count / track.length
+        self._samples = {lane: _samples(track, lane, self._count) for lane in LANES}
+        self._driven = {lane: _driven(samples) for lane, samples in self._samples.items()}
 
-    def at(self, metres: float, lane: str) -> tuple[float, float, float, float, float, float]:
-        """(x, y, cos and sin of the heading, offset to the left of the centre line, metres driven for a metre of centre
-        line) on a lane's centre; ``metres`` in [0, length)."""
+    def at(self, metres: float, lane: str) -> _Sample:
+        """(x, y, cos and sin of the heading, offset to the left of the centre line) on a lane's centre; ``metres``
+        along the track's centre line, in [0, length)."""
         share = metres * self._per_m
         index = int(share)
         share -= index
-        samples = self._lanes[lane]
-        ax, ay, acos, asin, aside, stretch = samples[index]
-        bx, by, bcos, bsin, bside, _ = samples[index + 1]
+        samples = self._samples[lane]
+        ax, ay, acos, asin, aside = samples[index]
+        bx, by, bcos, bsin, bside = samples[index + 1]
         return (
             ax + share * (bx - ax),
             ay + share * (by - ay),
             acos + share * (bcos - acos),
             asin + share * (bsin - asin),
             aside + share * (bside - aside),
-            stretch,
         )
+
+    def stretch(self, metres: float, lane: str) -> float:
+        """Metres driven in a lane for a metre of the track's centre line there."""
+        driven = self._driven[lane]
+        index = int(metres * self._per_m)
+        return (driven[index + 1] - driven[index]) * self._per_m
+
+    def ahead(self, metres: float, lane: str, way: float) -> float:
+        """Where along the centre line a car is that has driven ``way`` metres of the lane from ``metres`` on."""
+        driven = self._driven[lane]
+        share = metres * self._per_m
+        index = int(share)
+        reached = driven[index] + (share - index) * (driven[index + 1] - driven[index]) + way
+        lap = driven[self._count]
+        if reached >= lap:
+            reached -= lap
+        index = bisect_right(driven, reached) - 1
+        return (index + (reached - driven[index]) / (driven[index + 1] - driven[index])) / self._per_m
 
 
 def _samples(track: TrackGeometry, lane: str, count: int) -> list[_Sample]:
-    """Even samples round the lap, the first repeated at the end (twice, for a share that rounds up to a whole lap)."""
-    step = track.length / count
-    points = [track.lane_centre(number * step, lane) for number in range(count)]
-    sides = [track.half_widths_at(number * step) for number in range(count)]
+    """Even samples round the lap, the first two repeated at its end for what lies between the last and the first, and
+    for a place that rounds up to a whole lap."""
     on_the_left = (lane == INNER) == (track.direction == "ccw")
     samples = []
-    for number, (x, y, heading) in enumerate(points):
-        after = points[(number + 1) % count]
-        stretch = max(math.hypot(after[0] - x, after[1] - y) / step, 0.1)  # a lane may stand still inside a corner
-        left, right = sides[number]
-        side = left / 2 if on_the_left else -right / 2
-        samples.append((x, y, math.cos(heading), math.sin(heading), side, stretch))
+    for number in range(count):
+        metres = number * track.length / count
+        x, y, heading = track.lane_centre(metres, lane)
+        left, right = track.half_widths_at(metres)
+        samples.append((x, y, math.cos(heading), math.sin(heading), left / 2 if on_the_left else -right / 2))
     return [*samples, *samples[:2]]
+
+
+def _driven(samples: Sequence[_Sample]) -> list[float]:
+    """Metres driven from the first sample to each."""
+    driven = [0.0]
+    for (ax, ay, *_), (bx, by, *_) in pairwise(samples):
+        driven.append(driven[-1] + max(math.hypot(bx - ax, by - ay), 1e-3))  # a lane may stand still inside a corner
+    return driven
 
 
 class Bot:
     """One bot. ``metres`` of its middle along the centre line in [0, length), ``offset`` to the left of it."""
 
-    __slots__ = ("before", "changed_m", "draw", "lane", "metres", "offset", "pause_steps", "pose", "until_change")
+    __slots__ = (
+        "before",
+        "changed_m",
+        "draw",
+        "lane",
+        "left",
+        "metres",
+        "offset",
+        "pause_steps",
+        "pose",
+        "turn",
+        "until_change",
+    )
 
     def __init__(self, metres: float, lane: str, draw: random.Random) -> None:
         self.metres = metres
         self.lane = lane  # in which it is, or to which it changes
         self.pause_steps = 0
         self.offset = 0.0
+        self.left = 0.0  # share of the way across that is left in a lane change
+        self.turn = 0.0  # heading against that of the lane, in a lane change
         self.pose = Pose(0.0, 0.0, 0.0)
         self.before: str | None = None  # the lane that it is leaving
         self.changed_m = 0.0  # driven since it began to leave it
@@ -139,8 +178,8 @@ class Bots:
 
     def _move(self, bot: Bot, number: int, others: Sequence[tuple[float, float]]) -> None:
         length, metres, side = self._paths.length, bot.metres, bot.offset
-        stretch = self._paths.at(metres, bot.lane)[5]
-        ahead = self._stride
+        stretch = self._paths.stretch(metres, bot.lane)
+        ahead = self._stride * math.cos(bot.turn)
         for index, (other_m, other_side) in enumerate(others):
             gap = (other_m - metres) % length
             if gap < _LOOK_M and -BESIDE_M < other_side - side < BESIDE_M and index != number:
@@ -150,8 +189,11 @@ class Bots:
         if self._change_ms is not None:
             self._change_lane(bot, number, ahead, others)
         if ahead > 0.0:
-            metres += ahead / stretch
-            bot.metres = metres - length if metres >= length else metres
+            if bot.before is None:
+                bot.metres = self._paths.ahead(metres, bot.lane, ahead)
+            else:  # between the lanes
+                other = self._paths.stretch(metres, bot.before)
+                bot.metres = (metres + ahead / (stretch + bot.left * (other - stretch))) % length
             self._pose(bot)
 
     def _change_lane(self, bot: Bot, number: int, ahead: float, others: Sequence[tuple[float, float]]) -> None:
@@ -163,7 +205,7 @@ class Bots:
             return
         bot.until_change -= 1
         if bot.until_change <= 0 and self._clear(bot, number, other_lane(bot.lane), others):
-            bot.before, bot.lane, bot.changed_m = bot.lane, other_lane(bot.lane), 0.0
+            bot.before, bot.lane, bot.changed_m, bot.left = bot.lane, other_lane(bot.lane), 0.0, 1.0
 
     def _clear(self, bot: Bot, number: int, lane: str, others: Sequence[tuple[float, float]]) -> bool:
         """True where nobody is in ``lane``, or on the way into it, beside the bot or near before or behind it."""
@@ -187,20 +229,20 @@ class Bots:
         return penalty_steps(round(least + bot.draw.random() * (most - least)), self._control_hz)
 
     def _pose(self, bot: Bot) -> None:
-        x, y, cos, sin, side, _ = self._paths.at(bot.metres, bot.lane)
-        turn = 0.0
+        x, y, cos, sin, side = self._paths.at(bot.metres, bot.lane)
+        bot.turn = 0.0
         if bot.before is not None:
-            from_x, from_y, from_cos, from_sin, from_side, _ = self._paths.at(bot.metres, bot.before)
+            from_x, from_y, from_cos, from_sin, from_side = self._paths.at(bot.metres, bot.before)
             share = bot.changed_m / CHANGE_M
-            left = 1.0 - share * share * (3.0 - 2.0 * share)
-            turn = math.atan(6.0 * share * (1.0 - share) / CHANGE_M * (side - from_side))
+            bot.left = left = 1.0 - share * share * (3.0 - 2.0 * share)
+            bot.turn = math.atan(6.0 * share * (1.0 - share) / CHANGE_M * (side - from_side))
             x += left * (from_x - x)
             y += left * (from_y - y)
             cos += left * (from_cos - cos)
             sin += left * (from_sin - sin)
             side += left * (from_side - side)
         bot.offset = side
-        bot.pose = Pose(x, y, math.remainder(math.atan2(sin, cos) + turn, 2.0 * math.pi))
+        bot.pose = Pose(x, y, math.remainder(math.atan2(sin, cos) + bot.turn, 2.0 * math.pi))
 
     def _renew(self) -> None:
         self._solids = tuple(car(*bot.pose) for bot in self.bots)
