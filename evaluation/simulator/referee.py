@@ -105,6 +105,7 @@ class Referee:
         self.pause_steps = 0
         self.laps = [Lap(1, 0)]
         self._free = free
+        self._owed = False
         self.boxes = BoxWatch(course, track.length, rules.mercy_resets, start_m + physics.nose_x)
         self._noses: tuple[tuple[float, float], ...] = ()
         start = self._start(grid)
@@ -203,6 +204,8 @@ class Referee:
         if self.step >= self._last_step:
             self._end(TIME_UP, TIME_UP)
             return None
+        rammed |= self._owed
+        self._owed = False
         if self.lap.end_ms is not None:
             self.laps.append(Lap(self.lap.number + 1, self.lap.end_ms))
         self._cross_lines(self._before_m, self.odometer.metres)
@@ -211,6 +214,7 @@ class Referee:
                 self._end(LAPS_DONE, LAP_COMPLETE)
             else:
                 self.status = LAP_COMPLETE
+                self._owed = rammed  # judged in the lap that begins: by then the two may be apart
             return None
         if self.boxes.hit(self.pose):
             # From where it is now: it stands on the road that it drove.
