@@ -35,6 +35,10 @@ COLUMNS = (
     "resets",
     "submissions",
     "submitted_at",
+    "seed",
+    "points",
+    "duels",
+    "duel_lap_ms",
 )
 
 
@@ -59,6 +63,10 @@ def row_data(row: BoardRow) -> dict[str, Any]:
         "resets": entry.resets,
         "submissions": entry.submission_count,
         "submitted_at": None if entry.achieved_at is None else entry.achieved_at.isoformat(),
+        "seed": entry.seed,
+        "points": None if entry.seed is None else entry.points,
+        "duels": None if entry.seed is None else entry.duels,
+        "duel_lap_ms": entry.duel_lap_ms,
     }
 
 

@@ -6,7 +6,7 @@ from django.urls import include, path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
-from races.api import boards, entries, evaluations, races
+from races.api import boards, duels, entries, evaluations, races
 from tracks import api as tracks
 
 from . import reference, views
@@ -23,6 +23,7 @@ version_1 = [
     path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
     path("races/<slug:slug>/invitation/", races.InvitationResetView.as_view(), name="api-race-invitation"),
     path("races/<slug:slug>/board/", boards.BoardView.as_view(), name="api-board"),
+    path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
     path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),
@@ -30,6 +31,7 @@ version_1 = [
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
     path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
+    path("evaluations/<slug:public_id>/course/", evaluations.CourseView.as_view(), name="api-course"),
     path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),
 ]
 

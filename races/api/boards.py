@@ -28,7 +28,7 @@ class RowSerializer(serializers.Serializer):
     country = serializers.CharField(allow_blank=True)
     baseline = serializers.BooleanField(help_text="A house car, outside the ranking.")
     classified = serializers.BooleanField()
-    score_ms = serializers.IntegerField(allow_null=True, help_text="What the race ranks by.")
+    score_ms = serializers.IntegerField(allow_null=True, help_text="What the race ranks by, until duels are drawn.")
     gap_ms = serializers.IntegerField(allow_null=True, help_text="To the leader.")
     average_ms = serializers.IntegerField(allow_null=True)
     best_lap_ms = serializers.IntegerField(allow_null=True)
@@ -41,6 +41,12 @@ class RowSerializer(serializers.Serializer):
     resets = serializers.IntegerField()
     submissions = serializers.IntegerField()
     submitted_at = serializers.DateTimeField(allow_null=True)
+    seed = serializers.IntegerField(
+        allow_null=True, help_text="In a race of duels once drawn; what stands above is then the qualifying."
+    )
+    points = serializers.IntegerField(allow_null=True)
+    duels = serializers.IntegerField(allow_null=True, help_text="Heats decided.")
+    duel_lap_ms = serializers.IntegerField(allow_null=True, help_text="Average of all complete laps in duels.")
     sector_colours = serializers.ListField(
         child=serializers.ChoiceField(["purple", "green", "yellow"], allow_null=True),
         help_text="purple: nobody was faster; green: the racer's own best; yellow: neither.",

@@ -90,6 +90,17 @@ def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, Drive]]) -> int
     return min(cars, key=key)
 
 
+def winners_of(heats: Mapping[tuple[int, int], Mapping[int, Drive]]) -> dict[tuple[int, int], int]:
+    """The winner of each tie (round, number) whose heats are all there.
+
+    ``heats``: what each seed did in heat (round, number), for those that are decided.
+    """
+    ties: dict[tuple[int, int], list[Mapping[int, Drive]]] = {}
+    for (round_, number), drives in heats.items():
+        ties.setdefault((round_, tie_of(number)), []).append(drives)
+    return {tie: tie_winner(list(legs[0]), legs) for tie, legs in ties.items() if len(legs) == LEGS}
+
+
 def ties_won(rounds: Sequence[Sequence[Tie]]) -> dict[int, int]:
     """For each seed how many ties it has won, byes included."""
     won: dict[int, int] = {}

@@ -10,6 +10,7 @@ from .boards import (
     score_column,
     whole_board,
 )
+from .duels import DuelRound, Duels, Heat, duels_of, heats_of
 from .lists import (
     HistoryRow,
     SubmissionRow,
@@ -35,6 +36,9 @@ __all__ = [
     "PER_PAGE",
     "Board",
     "BoardRow",
+    "DuelRound",
+    "Duels",
+    "Heat",
     "HistoryRow",
     "SubmissionRow",
     "board",
@@ -43,8 +47,10 @@ __all__ = [
     "can_see_race",
     "cancelled_races",
     "closed_races",
+    "duels_of",
     "entry_of",
     "evaluations_visible_to",
+    "heats_of",
     "organised_by",
     "podiums",
     "racer_history",

@@ -27,12 +27,13 @@ CLASSIFIED = Q(rank_score__lt=NOT_CLASSIFIED - MOST_DRIVEN)
 
 @dataclass(frozen=True)
 class BoardRow:
-    """One line of a board; times in milliseconds.
+    """One line of a board; times in milliseconds. Once duels are drawn, times and laps are those of the qualifying.
 
     ``rank``: None for baselines and for who is not classified. ``gap_ms``: to the leader's score, 0 for the leader,
-    negative for a baseline ahead of them, None without a score. ``sector_colours``: for each sector of the best lap
-    ``"purple"`` (nobody ranked was ever faster there), ``"green"`` (the racer's own best) or ``"yellow"``; None
-    without a complete lap. ``has_fastest_lap``: nobody ranked has driven a faster lap than this row's best lap.
+    negative for a baseline ahead of them, None without a score and once duels are drawn. ``sector_colours``: for each
+    sector of the best lap ``"purple"`` (nobody ranked was ever faster there), ``"green"`` (the racer's own best) or
+    ``"yellow"``; None without a complete lap. ``has_fastest_lap``: nobody ranked has driven a faster lap than this
+    row's best lap.
     """
 
     rank: int | None
@@ -58,6 +59,13 @@ class BoardRow:
     def classified(self) -> bool:
         return self.entry.classified
 
+    @property
+    def group(self) -> str:
+        """Which part of the board the row stands in."""
+        if self.entry.seed is not None:
+            return "drawn"
+        return "classified" if self.entry.classified else "others"
+
 
 @dataclass(frozen=True)
 class Board:
@@ -65,7 +73,7 @@ class Board:
 
     ``rows`` hold racers and, between them by their score, baselines. ``count``: racers on the whole board (without
     baselines), ``classified_count`` of them with a rank. ``my_row``: the reader's row, wherever it stands; None if they
-    are not on the board. ``leader_ms``: the leader's score.
+    are not on the board. ``leader_ms``: the leader's score; None once duels are drawn, whose board ranks by points.
     """
 
     race: Race
@@ -76,6 +84,13 @@ class Board:
     pages: int
     my_row: BoardRow | None
     leader_ms: int | None
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether duels are drawn, so that points decide."""
+        return any(row.entry.seed is not None for row in self.rows) or (
+            self.my_row is not None and self.my_row.entry.seed is not None
+        )
 
     @property
     def my_row_is_elsewhere(self) -> bool:
@@ -161,11 +176,18 @@ def podiums(races: Iterable[Race], size: int = 3) -> dict[int, list[BoardRow]]:
     entries = _with_relations(Entry.objects).in_bulk([place for each in ids.values() for place in each])
     return {
         pk: [
-            make_row(entries[place], rank, races[pk], entries[ids[pk][0]].score_ms, None)
+            make_row(
+                entries[place], rank, races[pk], _lead(entries[ids[pk][0]].score_ms, entries[ids[pk][0]].seed), None
+            )
             for rank, place in enumerate(ids.get(pk, []), start=1)
         ]
         for pk in races
     }
+
+
+def _lead(score_ms: int | None, seed: int | None) -> int | None:
+    """The score that others have a gap to, of the entry that leads: none where points decide."""
+    return score_ms if seed is None else None
 
 
 class _View:
@@ -175,7 +197,8 @@ class _View:
         self.race = race
         self.reader_id = racer.pk if racer is not None and racer.is_authenticated else None
         classified = board_entries(race).filter(CLASSIFIED)
-        self.leader_ms = classified.filter(is_baseline=False).values_list("score_ms", flat=True).first()
+        leader = classified.filter(is_baseline=False).values_list("score_ms", "seed").first()
+        self.leader_ms = None if leader is None else _lead(*leader)
         self.baselines = sorted(entry.rank_key for entry in classified.filter(is_baseline=True))
 
     def rows(self, entries: Iterable[Entry], offset: int) -> Iterator[BoardRow]:

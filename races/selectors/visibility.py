@@ -8,7 +8,7 @@ from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from evaluation.models import Evaluation
 
-from ..models import Entry, Race, Submission, Visibility
+from ..models import Duel, Entry, Race, Submission, Visibility
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -45,14 +45,15 @@ def races_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Race]:
 def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:
     """Whether the racer may see an evaluation: laps, line, trace. Twin of :func:`evaluations_visible_to`.
 
-    Its owner, admins, and who organises the race that it was driven in; for the run that stands on a board, everybody
-    who may see that board. Other runs are the racer's own business.
+    Its owner, admins, and who organises the race that it was driven in; for the run that stands on a board and for
+    duels, everybody who may see that race. Other runs are the racer's own business.
     """
     if _known(racer) and (racer.is_staff or racer.pk == evaluation.owner_id):
         return True
     submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
     if submission is None:
-        return False
+        duel = Duel.objects.filter(evaluation=evaluation).select_related("race").first()
+        return duel is not None and can_see_race(racer, duel.race)
     entry = submission.entry
     if can_organise(racer, entry.race):
         return True
@@ -66,12 +67,16 @@ def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Eval
         return evaluations
     in_race = Submission.objects.filter(evaluation=OuterRef("pk"))
     on_board = in_race.filter(entry__best=F("pk"), entry__withdrawn_at=None)
+    duel = Duel.objects.filter(evaluation=OuterRef("pk"))
     seen = Q(Exists(on_board.filter(entry__race__visibility=Visibility.PUBLIC)))
+    seen |= Q(Exists(duel.filter(race__visibility=Visibility.PUBLIC)))
     if _known(racer):
         shared = Entry.objects.filter(race=OuterRef("entry__race"), racer_id=racer.pk, removed_at=None)
         seen |= Q(owner_id=racer.pk)
         seen |= Q(Exists(in_race.filter(entry__race__organiser_id=racer.pk)))
         seen |= Q(Exists(on_board.filter(Exists(shared))))
+        member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
+        seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member))))
     return evaluations.filter(seen)
 
 

@@ -21,7 +21,7 @@ from evaluation.services import queue_evaluation
 from faults import UserFault
 
 from ..course import race_rules
-from ..duels.bracket import LEGS, Tie, bracket, heat_number, tie_of, tie_winner, ties_won
+from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of
 from ..duels.points import Drive, places, points_lap_time
 from ..duels.schedule import Heat, round_robin
 from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
@@ -187,18 +187,11 @@ def drive_of(car: DuelCar) -> Drive:
 
 def bracket_of(race: Race) -> list[list[Tie]]:
     """The tree of a drawn bracket as it stands, by round. In a void heat nobody has done anything."""
-    heats: dict[tuple[int, int], dict[int, dict[int, Drive]]] = {}
-    final = DuelCar.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related("duel", "entry")
-    for car in final.order_by("duel__round", "duel__number"):
-        tie = heats.setdefault((car.duel.round, tie_of(car.duel.number)), {})
+    heats: dict[tuple[int, int], dict[int, Drive]] = {}
+    for car in DuelCar.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related("duel", "entry"):
         drive = drive_of(car) if car.duel.state == DuelState.DECIDED else Drive(0, 0)
-        tie.setdefault(car.duel.number, {})[car.entry.seed] = drive
-    winners = {
-        tie: tie_winner(list(next(iter(legs.values()))), list(legs.values()))
-        for tie, legs in heats.items()
-        if len(legs) == LEGS
-    }
-    return bracket(Draw.objects.get(race=race).entrants, winners)
+        heats.setdefault((car.duel.round, car.duel.number), {})[car.entry.seed] = drive
+    return bracket(Draw.objects.get(race=race).entrants, winners_of(heats))
 
 
 def _nothing_due(race: Race) -> bool:

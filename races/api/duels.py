@@ -1,0 +1,112 @@
+"""The duels of a race."""
+
+from __future__ import annotations
+
+from django.utils import timezone
+from drf_spectacular.utils import extend_schema
+from rest_framework import serializers
+from rest_framework.permissions import IsAuthenticatedOrReadOnly
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from faults import UserFault
+
+from ..models import DuelFormat, DuelState, Opponents, Race
+from ..selectors import duels_of
+from ..services import draw_duels, drive_on
+from .lookup import organised_race, visible_race
+
+
+class DuelCarSerializer(serializers.Serializer):
+    """A car in a heat."""
+
+    grid = serializers.IntegerField(help_text="Starting place, 1 in front.")
+    racer = serializers.CharField(source="entry.racer.alias")
+    seed = serializers.IntegerField(source="entry.seed", help_text="Place in qualifying.")
+    place = serializers.IntegerField(allow_null=True)
+    points = serializers.IntegerField(allow_null=True)
+    laps = serializers.IntegerField(help_text="Complete ones.")
+    time_ms = serializers.IntegerField(help_text="Of the complete laps.")
+    forfeited = serializers.BooleanField(help_text="Its racer had left the race, so it did not start.")
+    retired_code = serializers.CharField(allow_blank=True, help_text="The reason code that took it off the track.")
+
+
+class HeatSerializer(serializers.Serializer):
+    """A heat."""
+
+    round = serializers.IntegerField(source="duel.round")
+    number = serializers.IntegerField(
+        source="duel.number", help_text="Within the round; in a bracket heats 2n - 1 and 2n are tie n."
+    )
+    state = serializers.ChoiceField(DuelState.choices, source="duel.state")
+    decided_at = serializers.DateTimeField(source="duel.decided_at", allow_null=True)
+    evaluation = serializers.CharField(
+        source="duel.evaluation.public_id", default=None, allow_null=True, help_text="The public_id of its run."
+    )
+    cars = DuelCarSerializer(many=True, help_text="The front one first.")
+
+
+class DuelsSerializer(serializers.Serializer):
+    """All duels of a race."""
+
+    race = serializers.CharField()
+    duel_format = serializers.ChoiceField(DuelFormat.choices)
+    duel_cars = serializers.IntegerField(help_text="In a heat, if there are so many.")
+    drawn_at = serializers.DateTimeField(allow_null=True, help_text="null while qualifying goes on.")
+    over_at = serializers.DateTimeField(allow_null=True)
+    entrants = serializers.IntegerField(help_text="Cars drawn.")
+    decided = serializers.IntegerField(help_text="Heats that are over.")
+    total = serializers.IntegerField(help_text="Heats in all, those of a bracket's rounds to come included.")
+    heats = HeatSerializer(many=True, help_text="In the order of rounds; those of a bracket as they become known.")
+
+
+class DuelsView(APIView):
+    """The duels of a race."""
+
+    permission_classes = [IsAuthenticatedOrReadOnly]
+
+    @extend_schema(
+        operation_id="read_duels",
+        summary="The duels of a race",
+        description="Who meets whom, and how it went. Refused with `race_has_no_duels` for races of other kinds.",
+        responses=DuelsSerializer,
+        tags=["races"],
+    )
+    def get(self, request: Request, slug: str) -> Response:
+        return self._answer(visible_race(request, slug))
+
+    @extend_schema(
+        operation_id="draw_duels",
+        summary="Draw the duels of a race that you organise",
+        description="Once it has closed. The platform does it by itself within a minute; again changes nothing.",
+        request=None,
+        responses=DuelsSerializer,
+        tags=["races"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        race, now = organised_race(request, slug), timezone.now()
+        draw_duels(race=race, now=now)
+        drive_on(race=race, now=now)
+        return self._answer(race)
+
+    def _answer(self, race: Race) -> Response:
+        if race.opponents != Opponents.MODELS:
+            raise UserFault("race_has_no_duels")
+        shown = duels_of(race, self.request.user)
+        heats = [] if shown is None else [heat for round_ in shown.rounds for heat in round_.heats]
+        return Response(
+            DuelsSerializer(
+                {
+                    "race": race.slug,
+                    "duel_format": race.duel_format,
+                    "duel_cars": race.duel_cars,
+                    "drawn_at": shown and shown.draw.drawn_at,
+                    "over_at": shown and shown.draw.over_at,
+                    "entrants": shown.draw.entrants if shown else 0,
+                    "decided": shown.decided if shown else 0,
+                    "total": shown.total if shown else 0,
+                    "heats": heats,
+                }
+            ).data
+        )
