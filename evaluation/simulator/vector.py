@@ -118,6 +118,7 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         rewards = np.zeros(self.num_envs, np.float64)
         terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
         infos: _Infos = {}
+        told: list[dict[str, Any]] = []
         for number, drive in enumerate(self._drives):
             if waiting[number]:
                 info = self._begin(number, {})
@@ -128,10 +129,10 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
                 if self.autoreset_mode is AutoresetMode.SAME_STEP and (outcome.terminated or outcome.truncated):
                     infos = self._add_info(infos, self._final(number, outcome), number)
                     info = self._begin(number, {})
-            infos = self._add_info(infos, info, number)
+            told.append(info)
         if self.autoreset_mode is not AutoresetMode.SAME_STEP:
             self._over = terminated | truncated
-        return self._seen(), rewards, terminated, truncated, infos
+        return self._seen(), rewards, terminated, truncated, self._merge(infos, told)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """The last frame of each car, in render mode ``rgb_array``."""
@@ -154,6 +155,21 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         self._over[number] = False
         self._put(number, drive.observe())
         return info
+
+    def _merge(self, infos: _Infos, told: list[dict[str, Any]]) -> _Infos:
+        """The info of every car in Gymnasium's form: an array and a mask for each key. Its own way to it, a value at a
+        time, would be a tenth of a step."""
+        for key in set().union(*told):
+            values = [info.get(key) for info in told]
+            given = np.array([key in info for info in told])
+            if all(type(value) in (int, float, bool) for value in values):
+                infos[key] = np.array(values, dtype=type(values[0]))
+            else:
+                infos[key] = np.full(self.num_envs, None, dtype=object)
+                for number, value in enumerate(values):
+                    infos[key][number] = value
+            infos[f"_{key}"] = given
+        return infos
 
     def _final(self, number: int, outcome: Outcome) -> dict[str, Any]:
         """The last observation and info of an episode, which the next one's take the place of."""
