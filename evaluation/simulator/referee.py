@@ -231,7 +231,11 @@ class Referee:
         else:
             self.status = IN_PROGRESS
             return None
-        return self._put_back(self._before_m) if self._fault(fault) else None
+        if not self._fault(fault):
+            return None
+        # The base goes where the nose was. A car that only stands must not creep round the track like that: its nose
+        # stays where it is.
+        return self._put_back(self._before_m - (self._physics.nose_x if fault == IMMOBILIZED else 0.0))
 
     def _wheels(self, pose: Pose) -> list[bool]:
         """For each wheel whether its centre is on the road."""
