@@ -33,6 +33,7 @@ from .simulator.metrics import metrics_json
 from .simulator.race import CarResult, Entrant, Policy, RaceResult, run_race
 from .simulator.rules import RaceRules
 from .simulator.sensors import sensor_spec
+from .simulator.world import make_ready
 
 cv2.setNumThreads(1)
 versions()  # reads package metadata from files, once
@@ -40,6 +41,7 @@ versions()  # reads package metadata from files, once
 
 def main(frames_in: int, frames_out: int) -> None:
     """Run one job; see the module."""
+    make_ready()  # a process that is kept ready does this before there is a job
     try:
         _run(frames_in, frames_out)
     except PaddockError as fault:

@@ -27,6 +27,8 @@ DIRECTIONS = (CCW, CW)
 
 WINDOW_M = 2.0  # how far from the hint a projection may land, along the centre line
 
+_ROWS = 64  # of a track at a time, where each is held against each: memory stays small for 2000
+
 _ROUNDING_M = (
     1e-9  # a point so little behind a waypoint is abreast of it, or rounding would put it in no segment at all
 )
@@ -92,6 +94,7 @@ class TrackGeometry:
         put["_right_m"] = _reach(self.centre, -normals, self.right).tolist()
         put["_starts"] = self.cumulative.tolist()
         put["_segments"] = list(_segments(self, tangents))
+        put["_table"] = _frozen(self._segments)
         put["_steps"] = _frozen(steps)
         put["_road"] = Road(self.inner, self.outer)
 
@@ -180,6 +183,22 @@ class TrackGeometry:
         scale = offset / math.sqrt(tx * tx + ty * ty)
         return ax + t * ex - ty * scale, ay + t * ey + tx * scale, math.atan2(ty, tx)
 
+    def points_at(self, distances: Points, offsets: Points | float = 0.0) -> Points:
+        """(N, 2): the points of :meth:`point_at` for many distances at once, to the last bit."""
+        index, t = self._places(distances)
+        ax, ay, ex, ey, tx, ty, ux, uy = self._table[index, :8].T
+        tx = tx + t * ux
+        ty = ty + t * uy
+        scale = offsets / np.sqrt(tx * tx + ty * ty)
+        return np.column_stack((ax + t * ex - ty * scale, ay + t * ey + tx * scale))
+
+    def half_widths_along(self, distances: Points) -> tuple[Points, Points]:
+        """:meth:`half_widths_at` for many distances at once, to the last bit."""
+        index, t = self._places(distances)
+        after = (index + 1) % len(self._starts)
+        left, right = np.array(self._left_m), np.array(self._right_m)
+        return left[index] + t * (left[after] - left[index]), right[index] + t * (right[after] - right[index])
+
     def half_widths_at(self, distance: float) -> tuple[float, float]:
         """Metres from the centre line to the left and to the right border, square to the track."""
         index, t = self._place(distance)
@@ -255,6 +274,13 @@ class TrackGeometry:
         index = bisect_right(self._starts, distance) - 1
         start, size = self._segments[index][10:12]
         return index, min((distance - start) / size, 1.0)
+
+    def _places(self, distances: Points) -> tuple[np.ndarray, Points]:
+        """:meth:`_place` for many distances."""
+        distances = np.asarray(distances, np.float64) % self.length
+        index = np.searchsorted(self.cumulative, distances, side="right") - 1
+        start, size = self._table[index, 10:12].T
+        return index, np.minimum((distances - start) / size, 1.0)
 
     def _nearest(self, x: float, y: float) -> int:
         """Segment of the whole track nearest to the point; the first of equals."""
@@ -352,16 +378,18 @@ def _reach(centre: Points, across: Points, border: Points) -> Points:
     """
     step = np.roll(border, -1, axis=0) - border
     result = np.linalg.norm(border - centre, axis=1)
-    for index, (point, ray) in enumerate(zip(centre, across, strict=True)):
-        apart = border - point
-        turn = cross(ray, step)
+    for first in range(0, len(centre), _ROWS):
+        part = slice(first, first + _ROWS)
+        rays = across[part, None]
+        apart = border - centre[part, None]
+        turn = cross(rays, step)
         with np.errstate(divide="ignore", invalid="ignore"):
             along = cross(apart, step) / turn
-            share = cross(apart, ray) / turn
-        near = along < 1.2 * result[index] + 0.05
-        hits = along[(turn != 0) & (share >= 0) & (share <= 1) & (along > 0) & near]
-        if len(hits):
-            result[index] = hits.min()
+            share = cross(apart, rays) / turn
+        near = along < 1.2 * result[part, None] + 0.05
+        hits = (turn != 0) & (share >= 0) & (share <= 1) & (along > 0) & near
+        least = np.where(hits, along, np.inf).min(axis=1)
+        result[part] = np.where(hits.any(axis=1), least, result[part])
     return result
 
 

@@ -74,15 +74,15 @@ class ActionSpace:
         (deepracer-simapp, multi_agent_coach/action_space_configs.py). Both: clipped to what the car can do and rounded
         to 1e-4. Raises UserFault("non_finite_action"), which names ``step``; ValueError for a wrong size.
         """
-        values = np.asarray(output).reshape(-1)
-        if values.size != self.size:
-            raise ValueError(f"the network answered {values.size} values, the action space has {self.size}")
-        if not np.isfinite(values).all():
+        values = np.asarray(output).reshape(-1).tolist()  # so few numbers are looked at faster without numpy
+        if len(values) != self.size:
+            raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
+        if not all(map(math.isfinite, values)):
             raise UserFault("non_finite_action", step=step)
         if self.kind == DISCRETE:
-            index = int(values.argmax())
+            index = values.index(max(values))
             return Action(*self.actions[index], index)
-        steering, speed = (min(max(float(value), -1.0), 1.0) for value in values)
+        steering, speed = (min(max(value, -1.0), 1.0) for value in values)
         return Action(*_command(_scale(steering, *self.steering), _scale(speed, *self.speed)), None)
 
 

@@ -23,12 +23,10 @@ class Reach:
         count = max(8, int(np.ceil(track.length / _SAMPLE_M)))
         step = track.length / count
         along = np.arange(count) * step
-        widths = [track.half_widths_at(distance) for distance in along.tolist()]
+        left, right = track.half_widths_along(along)
         gain = np.full(count, STRIDE_M)
-        for offsets in ([left for left, _ in widths], [-right for _, right in widths]):
-            points = np.array(
-                [track.point_at(distance, offset)[:2] for distance, offset in zip(along, offsets, strict=True)]
-            )
+        for offsets in (left, -right):
+            points = track.points_at(along, offsets)
             for lag in range(1, min(count // 2, int(_WINDOW_M / step)) + 1):
                 near = np.linalg.norm(np.roll(points, -lag, axis=0) - points, axis=1) <= STRIDE_M
                 # Both ends of such a pair may be where the stride starts.

@@ -81,7 +81,7 @@ class Trace:
         for name in COLUMNS:
             values = self.columns[name].tolist()
             kind = _TYPES[name]
-            columns.append(values if kind is str else [repr(value) for value in values])
+            columns.append(values if kind is str else list(map(repr, values)))
         lines.extend(map(",".join, zip(*columns, strict=True)))
         return ("\n".join(lines) + "\n").encode()
 

@@ -10,6 +10,13 @@ import pybullet as bullet
 from .car import Car
 from .physics import PADDOCK_CAR, CarPhysics
 
+_ready: list[int] = []  # clients that nobody has used
+
+
+def make_ready() -> None:
+    """Open the Bullet client of the next world now; it takes some milliseconds, which are free while nobody waits."""
+    _ready.append(bullet.connect(bullet.DIRECT))
+
 
 class World:
     """A Bullet world of its own. Use it as a context manager or call :meth:`close`.
@@ -22,7 +29,7 @@ class World:
         self.cars: list[Car] = []
         self._idle: list[Car] = []
         self.seconds = 0.0  # spent inside Bullet's step, a diagnostic
-        self.client = bullet.connect(bullet.DIRECT)
+        self.client = _ready.pop() if _ready else bullet.connect(bullet.DIRECT)
         self._prepare()
 
     def _prepare(self) -> None:
@@ -40,7 +47,9 @@ class World:
             physicsClientId=client,
         )
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=(0, 0, 1), physicsClientId=client)
-        ground = bullet.createMultiBody(0, plane, physicsClientId=client)
+        # Nobody looks through Bullet's eyes, but without a picture of its own it would make one of the plane, for milliseconds.
+        speck = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.001, physicsClientId=client)
+        ground = bullet.createMultiBody(0, plane, speck, physicsClientId=client)
         bullet.changeDynamics(
             ground,
             -1,

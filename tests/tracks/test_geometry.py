@@ -163,6 +163,19 @@ def test_a_circle_has_the_values_of_a_circle():
     assert backwards.lane_centre(0.0, "inner")[:2] == pytest.approx((2.75, 0.0), abs=1e-4)
 
 
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+def test_many_points_at_once_are_the_same_points_to_the_last_bit(entry):
+    track = entry.geometry()
+    random = np.random.default_rng(3)
+    distances = np.concatenate((random.uniform(-2, 3, 300) * track.length, track.cumulative, [0.0, track.length]))
+    offsets = random.uniform(-1, 1, len(distances))
+    one_by_one = [track.point_at(d, o)[:2] for d, o in zip(distances.tolist(), offsets.tolist(), strict=True)]
+    assert (track.points_at(distances, offsets) == one_by_one).all()
+    assert (track.points_at(distances) == [track.point_at(d)[:2] for d in distances.tolist()]).all()
+    widths = np.array([track.half_widths_at(d) for d in distances.tolist()])
+    assert (np.column_stack(track.half_widths_along(distances)) == widths).all()
+
+
 def test_distance_wraps_round_both_ways():
     track = ring()
     assert track.point_at(track.length + 1.0) == pytest.approx(track.point_at(1.0))

@@ -85,17 +85,6 @@ def _dashes(track: TrackGeometry, theme: Theme, less_m: float) -> np.ndarray:
     count = max(1, round(track.length / theme.dash_pitch))
     pitch, half = track.length / count, max(theme.dash_width / 2 - less_m, less_m / 2)
     length = max(theme.dash_length - 2 * less_m, less_m)
-    return np.array(
-        [
-            [
-                track.point_at(distance, side)[:2]
-                for distance, side in (
-                    (start, half),
-                    (start + length, half),
-                    (start + length, -half),
-                    (start, -half),
-                )
-            ]
-            for start in (number * pitch + less_m for number in range(count))
-        ]
-    )
+    starts = np.arange(count) * pitch + less_m
+    corners = ((0.0, half), (length, half), (length, -half), (0.0, -half))
+    return np.stack([track.points_at(starts + along, side) for along, side in corners], axis=1)
