@@ -9,11 +9,12 @@ class LeagueConfig(AppConfig):
     def ready(self) -> None:
         from evaluation.signals import evaluation_ended
         from races.eligibility import register
-        from races.signals import board_changed
+        from races.signals import board_changed, duels_over
 
         from .eligibility import check_division
-        from .receivers import follow_board, follow_late_result
+        from .receivers import follow_board, follow_late_result, rate_duels
 
         register(check_division)
         board_changed.connect(follow_board, dispatch_uid="league.follow_board")
         evaluation_ended.connect(follow_late_result, dispatch_uid="league.follow_late_result")
+        duels_over.connect(rate_duels, dispatch_uid="league.rate_duels")

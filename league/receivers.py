@@ -11,6 +11,7 @@ from evaluation.models import Evaluation, Result
 from races.models import Race
 
 from .models import Round
+from .services.ratings import rate_season
 from .services.stewards import correct_results
 
 
@@ -29,3 +30,10 @@ def follow_late_result(
     if race is not None and result is not None:
         # once the standing is written, whichever room hears of it first
         transaction.on_commit(partial(follow_board, sender, race=race, now=now), robust=True)
+
+
+def rate_duels(sender: object, *, race: Race, now: datetime, **kwargs: object) -> None:
+    """A race of a season has driven its last duel: the season's ratings follow."""
+    round_ = Round.objects.filter(race=race).select_related("season").first()
+    if round_ is not None:
+        rate_season(season=round_.season)

@@ -2,6 +2,7 @@
 
 from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
+from .rating import DuelRating
 from .record import RecordedRace, RecordedResult, RecordedSeason
 from .season import Round, Season, Stage, StageRules, default_points
 
@@ -10,6 +11,7 @@ __all__ = [
     "ALIAS_VALIDATORS",
     "ChampionshipPlace",
     "Decision",
+    "DuelRating",
     "FinalePlace",
     "Membership",
     "Racer",

@@ -3,6 +3,7 @@
 from .divisions import division_of, season_of
 from .fields import field_of
 from .outcomes import Cut, Outcome, classified_count, cut_of, outcome_of, rules_of
+from .ratings import racer_ratings, season_ratings
 from .seasons import (
     Champion,
     HallOfFame,
@@ -31,9 +32,11 @@ __all__ = [
     "hall_of_fame",
     "months_of",
     "outcome_of",
+    "racer_ratings",
     "racer_season",
     "rules_of",
     "season_of",
+    "season_ratings",
     "season_standings",
     "team_standings",
 ]

@@ -3,6 +3,7 @@
 from .closing import close_due_rounds, close_round, close_what_is_due
 from .demo import open_demo_season
 from .house import HouseReport, enter_house_cars, house_cars, house_racer
+from .ratings import rate_season
 from .seasons import create_season, put_in_division, schedule_round, set_stage_rules
 from .stewards import disqualify, put_back, reopen_round
 
@@ -19,6 +20,7 @@ __all__ = [
     "open_demo_season",
     "put_back",
     "put_in_division",
+    "rate_season",
     "reopen_round",
     "schedule_round",
     "set_stage_rules",

@@ -1,0 +1,122 @@
+"""Ratings of a season: worked out from its duels, in a fixed order, shown to everybody."""
+
+from __future__ import annotations
+
+from datetime import date, timedelta
+
+import pytest
+from django.db import IntegrityError, transaction
+
+from league.models import DuelRating, Racer, Round, Season
+from league.selectors import racer_ratings, season_ratings
+from league.services import create_season, rate_season
+from races.models import Entry, Kind
+from races.services import draw_duels, drive_on, remove_entry
+from tests.duels import a_duel_race, driving, end, end_all, qualify
+from tests.factories import a_racer
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def _commits(bell, monkeypatch):
+    monkeypatch.setattr(transaction, "on_commit", lambda call, **options: call())
+
+
+@pytest.fixture
+def season() -> Season:
+    return create_season(slug="2026", name="2026", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
+
+
+@pytest.fixture
+def racers() -> list[Racer]:
+    return [a_racer(f"car-{number}") for number in range(1, 4)]
+
+
+def a_round(season: Season, racers: list[Racer], now, number: int = 1, **fields):
+    """A drawn league race of duels that is a round of the season."""
+    race = a_duel_race(now, kind=Kind.LEAGUE, division="open", **fields)
+    qualify(race, racers, now)
+    Round.objects.create(season=season, number=number, race=race)
+    draw_duels(race=race, now=race.closes_at)
+    drive_on(race=race, now=race.closes_at)
+    return race
+
+
+def table(season: Season) -> list[tuple]:
+    return [(one.place, one.racer.alias, one.duels) for one in season_ratings(season)]
+
+
+def kept(season: Season) -> list[tuple]:
+    return list(DuelRating.objects.filter(season=season).order_by("racer").values_list("racer", "mu", "sigma", "duels"))
+
+
+def test_ratings_come_with_the_last_duel_of_a_race(season, racers, now):
+    race = a_round(season, racers, now)
+    first = driving(race)
+    for duel in first:
+        end(duel, now, winners=None)
+    assert not DuelRating.objects.exists()
+    end_all(race, now, choose=max)
+    assert [alias for _, alias, _ in table(season)] == ["car-3", "car-2", "car-1"]
+    assert {duels for *_, duels in table(season)} == {4}
+
+
+def test_ratings_go_on_from_race_to_race(season, racers, now):
+    end_all(a_round(season, racers, now), now, choose=max)
+    before = season_ratings(season)[0].shown
+    end_all(a_round(season, racers, now + timedelta(days=1), number=2), now, choose=max)
+    after = season_ratings(season)[0]
+    assert (after.racer.alias, after.duels) == ("car-3", 8) and after.shown > before > 0
+
+
+def test_the_same_duels_give_the_same_ratings_whenever_they_are_worked_out(season, racers, now):
+    end_all(a_round(season, racers, now), now, choose=max)
+    end_all(a_round(season, racers, now + timedelta(days=1), number=2), now, choose=min)
+    before = kept(season)
+    assert rate_season(season=season) == 3
+    assert kept(season) == before
+
+
+def test_ratings_do_not_depend_on_which_race_ended_first(season, racers, now):
+    early = a_round(season, racers, now)
+    late = a_round(season, racers, now + timedelta(days=1), number=2)
+    end_all(late, now, choose=min)
+    end_all(early, now, choose=max)
+    other = create_season(slug="2025", name="2025", starts_on=date(2025, 1, 1), ends_on=date(2025, 12, 31))
+    end_all(a_round(other, racers, now + timedelta(days=2)), now, choose=max)
+    end_all(a_round(other, racers, now + timedelta(days=3), number=2), now, choose=min)
+    assert kept(season) == kept(other)
+
+
+def test_community_races_rate_nobody(season, racers, now):
+    race = a_duel_race(now)
+    qualify(race, racers, now)
+    draw_duels(race=race, now=race.closes_at)
+    drive_on(race=race, now=race.closes_at)
+    end_all(race, now)
+    assert not DuelRating.objects.exists()
+
+
+def test_walkovers_rate_nobody(season, racers, now):
+    race = a_round(season, racers[:2], now)
+    remove_entry(entry=Entry.objects.get(race=race, seed=2), by=a_racer("sam", is_staff=True), now=now)
+    assert not DuelRating.objects.exists() and season_ratings(season) == []
+
+
+def test_a_racer_s_page_shows_the_place_in_each_season(client, season, racers, now):
+    end_all(a_round(season, racers, now), now, choose=max)
+    (rating,) = racer_ratings(racers[2])
+    assert (rating.place, rating.season) == (1, season)
+    html = client.get("/racers/car-3/").content.decode()
+    assert "Rating in duels" in html and f"{rating.shown:.1f}" in html and "place 1" in html
+    assert "4 points" in html, "in the list of races"
+    assert "Rating in duels" not in client.get(a_racer("newcomer").get_absolute_url()).content.decode()
+
+
+def test_a_racer_has_one_rating_a_season(season, racers, now):
+    DuelRating.objects.create(season=season, racer=racers[0], mu=25, sigma=8, duels=1)
+    with pytest.raises(IntegrityError), transaction.atomic():
+        DuelRating.objects.create(season=season, racer=racers[0], mu=25, sigma=8, duels=1)
+    with pytest.raises(IntegrityError), transaction.atomic():
+        DuelRating.objects.create(season=season, racer=racers[1], mu=25, sigma=0, duels=1)
