@@ -47,7 +47,7 @@ class World:
             physicsClientId=client,
         )
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=(0, 0, 1), physicsClientId=client)
-        # Nobody looks through Bullet's eyes, but without a picture of its own it would make one of the plane, for milliseconds.
+        # Nobody looks through Bullet's eyes, but it spends milliseconds on a picture of a plane that has none.
         speck = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.001, physicsClientId=client)
         ground = bullet.createMultiBody(0, plane, speck, physicsClientId=client)
         bullet.changeDynamics(
