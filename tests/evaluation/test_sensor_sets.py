@@ -1,0 +1,158 @@
+"""Cars with every set of sensors, from the upload to the trace: read, converted or checked, and driven past boxes."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from evaluation.packages.admit import AdmittedPackage, admit
+from evaluation.packages.inputs import CAMERAS, LIDARS, input_spec
+from evaluation.packages.read import UploadPart
+from evaluation.pipeline import RaceJob, evaluate
+from evaluation.sandbox.policy_process import Policy, load
+from evaluation.simulator.action import ActionSpace
+from evaluation.simulator.race import run_race
+from evaluation.simulator.rules import BoxPlace, RaceRules
+from evaluation.simulator.sensors import sensor_spec
+from faults import UserFault
+from tests.packages.coach import coach_graph, metadata_dict
+from tests.sandbox.conftest import nothing_left  # noqa: F401
+from tracks.catalogue import CATALOGUE
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+ACTIONS = 5
+SETS = [[camera, *lidar] for camera in CAMERAS for lidar in ([], *([name] for name in LIDARS))]
+RULES = RaceRules(
+    race_type="object_avoidance",
+    boxes=(BoxPlace(0.09, "inner"), BoxPlace(0.16, "outer"), BoxPlace(0.25, "inner")),
+    max_simulated_ms=6000,
+    collision_penalty_ms=1000,
+)
+LIDAR_CONFIG = {"num_sectors": 16, "num_values_per_sector": 3, "clipping_dist": 4.0}
+
+
+@pytest.fixture(scope="module")
+def oval():
+    return next(track for track in CATALOGUE if track.slug == "oval").geometry()
+
+
+def onnx_network(sensors: list[str], *, channels_first: bool = False, floats: bool = False) -> bytes:
+    """Every input flattened, joined and multiplied by random weights; of a picture every 97th pixel counts."""
+    rng = np.random.default_rng(7)
+    inputs, nodes, weights, parts = [], [], {}, []
+    for name in sorted(sensors):
+        spec = input_spec(name, LIDAR_CONFIG)
+        shape = spec.channels_first if channels_first else spec.channels_last
+        kind = TensorProto.UINT8 if spec.is_picture and not floats else TensorProto.FLOAT
+        inputs.append(helper.make_tensor_value_info(name, kind, shape))
+        nodes += [
+            helper.make_node("Cast", [name], [f"{name}_float"], to=TensorProto.FLOAT),
+            helper.make_node("Flatten", [f"{name}_float"], [f"{name}_row"]),
+            helper.make_node("MatMul", [f"{name}_row", f"{name}_weights"], [f"{name}_part"]),
+        ]
+        size = int(np.prod(spec.shape))
+        layer = rng.standard_normal((size, ACTIONS)) * (0.002 if spec.is_picture else 1.0)
+        if spec.is_picture:
+            layer[np.arange(size) % 97 != 0] = 0.0
+        weights[f"{name}_weights"] = layer.astype(np.float32)
+        parts.append(f"{name}_part")
+    nodes.append(helper.make_node("Sum", parts, ["scores"]))
+    graph = helper.make_graph(
+        nodes,
+        "car",
+        inputs,
+        [helper.make_tensor_value_info("scores", TensorProto.FLOAT, [1, ACTIONS])],
+        [numpy_helper.from_array(value, name) for name, value in weights.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.checker.check_model(model)
+    return model.SerializeToString()
+
+
+def metadata_of(sensors: list[str]) -> dict:
+    return {**metadata_dict(sensors, actions=ACTIONS), "lidar_config": LIDAR_CONFIG}
+
+
+def upload(network: bytes, name: str, metadata: dict) -> AdmittedPackage:
+    files = {name: network, "model_metadata.json": json.dumps(metadata).encode()}
+    return admit([UploadPart(path, io.BytesIO(content)) for path, content in files.items()])
+
+
+def drive_here(track, package: AdmittedPackage) -> str:
+    """The sha-256 of the trace when simulator and network run in this process, without pipes."""
+    metadata = package.metadata.to_dict()
+    config = metadata.get("lidar_config")
+    space = ActionSpace.from_metadata(metadata)
+    specs = [sensor_spec(name, config) for name in sorted(metadata["sensor"])]
+    inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
+    policy = Policy(load(package.onnx), {"inputs": inputs, "outputs": space.size})
+
+    def ask(readings):
+        request = b"".join(np.ascontiguousarray(readings[spec.name]).tobytes() for spec in specs)
+        policy.request[4:] = request
+        policy.run()
+        return np.frombuffer(policy.reply, np.float32, offset=4).copy()
+
+    return run_race(track, RULES, space, metadata["sensor"], ask, lidar_config=config).trace.sha256
+
+
+def drive(track, package: AdmittedPackage):
+    return evaluate(RaceJob(track, RULES, package.onnx, package.metadata.to_dict()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensors", SETS, ids="+".join)
+def test_an_onnx_car_with_these_sensors_is_admitted_and_drives(sensors, oval):
+    package = upload(onnx_network(sensors), "car.onnx", metadata_of(sensors))
+    outcome = drive(oval, package)
+    assert outcome.simulated_ms == 6000 and len(outcome.trace_csv.splitlines()) > 60
+    assert outcome.trace_sha256 == drive_here(oval, package)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "sensors",
+    [["STEREO_CAMERAS"], ["LEFT_CAMERA", "LIDAR"], ["STEREO_CAMERAS", "SECTOR_LIDAR"],
+     ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]],
+    ids="+".join,
+)  # fmt: skip
+def test_a_tensorflow_car_with_these_sensors_is_converted_and_drives(sensors, oval):
+    metadata = {**metadata_dict(sensors, actions=ACTIONS)}  # the graph's lidar has the field's default configuration
+    package = upload(coach_graph(sensors, actions=ACTIONS, middleware=[8]), "model.pb", metadata)
+    assert package.source_kind == "tensorflow"
+    outcome = drive(oval, package)
+    assert outcome.simulated_ms == 6000
+    assert outcome.trace_sha256 == drive_here(oval, package)
+
+
+@pytest.mark.slow
+def test_layout_and_type_of_an_input_change_nothing_of_what_a_car_sees(oval):
+    """Two channels, first or last, bytes or floats: the same numbers reach the network."""
+    sensors = ["FRONT_FACING_CAMERA", "LIDAR"]
+    traces = {
+        drive(oval, upload(onnx_network(sensors, **form), "car.onnx", metadata_of(sensors))).trace_sha256
+        for form in ({}, {"channels_first": True}, {"floats": True})
+    }
+    assert len(traces) == 1
+
+
+def test_a_network_that_does_not_read_its_lidar_configuration_is_refused():
+    sensors = ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]
+    metadata = metadata_of(sensors)
+    metadata["lidar_config"] = {"num_sectors": 8, "num_values_per_sector": 8}
+    with pytest.raises(UserFault) as fault:
+        upload(onnx_network(sensors), "car.onnx", metadata)
+    assert fault.value.code == "onnx_input_shape"
+    assert fault.value.params["expected"] == "[1, 64]"
+
+
+def test_a_network_that_does_not_read_the_second_sensor_is_refused():
+    with pytest.raises(UserFault) as fault:
+        upload(onnx_network(["STEREO_CAMERAS"]), "car.onnx", metadata_of(["STEREO_CAMERAS", "LIDAR"]))
+    assert fault.value.code == "onnx_inputs"
