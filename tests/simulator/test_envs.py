@@ -1,3 +1,4 @@
+import math
 import warnings
 
 import gymnasium
@@ -10,6 +11,7 @@ from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.envs import DEFAULT_METADATA, load_track
 from evaluation.simulator.race import run_race
 from evaluation.simulator.rules import RaceRules
+from faults import UserFault
 from tests.shared import SHARED, needs_shared
 from tracks.npy import write_npy
 
@@ -29,14 +31,42 @@ def make(**options):
 
 
 LIDAR = {**CONTINUOUS, "sensor": ["LIDAR"]}
+STEREO = {**CONTINUOUS, "sensor": ["STEREO_CAMERAS", "LIDAR"]}
+SECTORS = {
+    **DEFAULT_METADATA,
+    "sensor": ["LEFT_CAMERA", "DISCRETIZED_SECTOR_LIDAR"],
+    "lidar_config": {"num_sectors": 4, "num_values_per_sector": "3", "clipping_dist": 1.5},
+}
+KINDS = {"TimeTrial": {}, "ObjectAvoidance": {"random_boxes": 3}, "HeadToHead": {"bots": 3, "bot_lane_changes": True}}
 
 
-@pytest.mark.parametrize("metadata", [DEFAULT_METADATA, CONTINUOUS], ids=["discrete", "continuous"])
+def make_kind(kind, **options):
+    return gymnasium.make(f"Paddock/{kind}-v1", **{"track": TRACK, **KINDS[kind], **options})
+
+
+@pytest.mark.parametrize(
+    "metadata",
+    [DEFAULT_METADATA, CONTINUOUS, STEREO, SECTORS],
+    ids=["discrete", "continuous", "stereo and lidar", "left and sectors"],
+)
 @pytest.mark.parametrize("start", ["fixed", "random"])
-def test_it_passes_gymnasiums_own_check(metadata, start):
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_passes_gymnasiums_own_check(kind, metadata, start):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(make(metadata=metadata, start=start, render_mode="rgb_array").unwrapped)
+        check_env(make_kind(kind, metadata=metadata, start=start, render_mode="rgb_array").unwrapped)
+
+
+def test_spaces_come_from_the_metadata():
+    spaces = make_kind("TimeTrial", metadata=SECTORS).observation_space.spaces
+    assert {name: (space.shape, space.dtype.name) for name, space in spaces.items()} == {
+        "DISCRETIZED_SECTOR_LIDAR": ((12,), "float32"),
+        "LEFT_CAMERA": ((120, 160, 1), "uint8"),
+    }
+    stereo = make_kind("TimeTrial", metadata=STEREO)
+    assert stereo.observation_space["STEREO_CAMERAS"].shape == (120, 160, 2)
+    lidar = stereo.observation_space["LIDAR"]
+    assert (lidar.low.min(), lidar.high.max(), lidar.shape) == (np.float32(0.15), 1.0, (64,))
 
 
 def test_it_is_the_very_simulator_that_judges():
@@ -171,6 +201,147 @@ def test_a_reward_that_is_not_finite_is_refused(value):
     env.reset()
     with pytest.raises(ValueError, match="finite"):
         env.step(0)
+
+
+def objects_seen(env, seed=None, steps=3):
+    """Where the objects are along the track in each of the first steps of an episode."""
+    seen = []
+    env.unwrapped._drive._setting.reward_function.append_to(seen)
+    env.reset(seed=seed)
+    for _ in range(steps):
+        env.step(4)
+    return seen
+
+
+class Watch:
+    """A reward function that keeps what it is given."""
+
+    def __init__(self):
+        self._seen = []
+
+    def append_to(self, seen):
+        self._seen = seen
+
+    def __call__(self, params):
+        self._seen.append([tuple(place) for place in params["objects_location"]])
+        return 0.0
+
+
+@pytest.mark.parametrize("kind", ["ObjectAvoidance", "HeadToHead"])
+def test_what_stands_on_the_track_comes_from_the_seed_of_reset(kind):
+    env = make_kind(kind, reward_function=Watch())
+    first, again = objects_seen(env, 3), objects_seen(env)
+    assert len(first[0]) == 3
+    assert first[0] != again[0]  # another draw in the next episode
+    assert [objects_seen(env, 3), objects_seen(env)] == [first, again]
+    assert objects_seen(make_kind(kind, reward_function=Watch()), 3) == first
+
+
+def test_boxes_stay_and_bots_drive():
+    boxes = objects_seen(make_kind("ObjectAvoidance", reward_function=Watch()), 1)
+    assert boxes[0] == boxes[2]
+    bots = objects_seen(make_kind("HeadToHead", reward_function=Watch(), bot_speed_mps=1.5), 1)
+    for before, after in zip(bots[0], bots[1], strict=True):
+        assert math.dist(before, after) == pytest.approx(1.5 / 15, rel=0.2)
+
+
+@pytest.mark.parametrize("kind", ["ObjectAvoidance", "HeadToHead"])
+def test_a_course_seed_keeps_what_stands_on_the_track(kind):
+    env = make_kind(kind, reward_function=Watch(), course_seed=5)
+    assert objects_seen(env, 1) == objects_seen(env, 2)
+    other = make_kind(
+        kind, reward_function=Watch(), course_seed=6, **({"bot_lane_changes": True} if "H" in kind else {})
+    )
+    assert objects_seen(other, 1) != objects_seen(env, 1)
+
+
+def test_boxes_may_have_fixed_places():
+    places = [(0.25, "inner"), {"fraction": 0.5, "lane": "outer"}]
+    env = make_kind("ObjectAvoidance", random_boxes=0, boxes=places, reward_function=Watch())
+    wanted = [TRACK.lane_centre(0.25 * TRACK.length, "inner")[:2], TRACK.lane_centre(0.5 * TRACK.length, "outer")[:2]]
+    assert np.allclose(objects_seen(env, 9)[0], wanted)
+
+
+def test_a_box_ahead_crashes_the_car_and_ends_the_episode():
+    seen = []
+    env = make_kind(
+        "ObjectAvoidance",
+        random_boxes=0,
+        boxes=[(0.12, "inner")],
+        reward_function=lambda params: seen.append(params) or 0.0,
+    )
+    env.reset(options={"start_m": 0.0})
+    terminated, steps = False, 0
+    while not terminated:  # left of straight on, into the inner lane
+        _, _, terminated, _, info = env.step(7 if steps < 3 else 4)
+        steps += 1
+        assert steps < 40
+    assert (info["status"], info["crashes"], info["end_reason"]) == ("crashed", 1, "resets_used")
+    assert seen[-1]["is_crashed"] and not any(params["is_crashed"] for params in seen[:-1])
+    assert info["laps"][0]["crashes"] == 1
+
+
+def test_object_avoidance_is_the_race_that_is_judged():
+    """The same actions past the same boxes give the same laps as a race."""
+    actions = np.random.default_rng(5).integers(0, 10, 400)
+    env = make_kind("ObjectAvoidance", course_seed=8, max_resets=50, max_simulated_ms=20_000).unwrapped
+    env.reset()
+    done, taken = False, 0
+    while not done:
+        _, _, terminated, truncated, info = env.step(int(actions[taken]))
+        taken += 1
+        done = terminated or truncated
+    asked = []
+
+    def policy(readings):
+        asked.append(1)
+        return np.eye(10, dtype=np.float32)[actions[len(asked) - 1]]
+
+    race = run_race(
+        TRACK, env.setting.rules, ActionSpace.from_metadata(DEFAULT_METADATA), ["FRONT_FACING_CAMERA"], policy
+    )
+    assert len(asked) == taken
+    assert info["laps"] == [lap.to_dict() for lap in race.laps]
+
+
+@pytest.mark.parametrize(
+    ("kind", "bad"),
+    [
+        ("ObjectAvoidance", {"boxes": [(0.2, "left")]}),
+        ("ObjectAvoidance", {"random_boxes": 11}),
+        ("ObjectAvoidance", {"random_boxes": 3, "boxes": [(0.2, "inner")]}),
+        ("HeadToHead", {"bots": 0}),
+        ("HeadToHead", {"bots": 7}),
+        ("HeadToHead", {"bot_speed_mps": 5.0}),
+        ("TimeTrial", {"metadata": {**DEFAULT_METADATA, "sensor": ["FRONT_FACING_CAMERA", "LIDAR", "SECTOR_LIDAR"]}}),
+        ("TimeTrial", {"metadata": {**SECTORS, "lidar_config": {"num_sectors": 7}}}),
+        ("TimeTrial", {"metadata": {"action_space": [object()]}}),
+    ],
+)
+def test_a_course_or_a_car_that_makes_no_sense_is_refused(kind, bad):
+    with pytest.raises(ValueError):
+        make_kind(kind, **bad)
+
+
+def test_boxes_that_have_no_room_are_refused_with_their_reason():
+    with pytest.raises(UserFault) as fault:
+        make_kind("ObjectAvoidance", random_boxes=0, boxes=[(0.001, "inner")])
+    assert fault.value.code == "box_on_start_line"
+    env = make_kind("ObjectAvoidance", random_boxes=10, box_distance_m=5.0)
+    with pytest.raises(UserFault) as fault:
+        env.reset(seed=0)
+    assert fault.value.code == "boxes_do_not_fit"
+
+
+def test_an_unknown_argument_is_named():
+    with pytest.raises(TypeError, match="bots"):
+        evaluation.simulator.envs.TimeTrialEnv(track=TRACK, bots=3)
+
+
+@pytest.mark.parametrize("start", [float("nan"), float("inf")])
+def test_a_start_that_is_no_place_is_refused(start):
+    with pytest.raises(ValueError, match="start_m"):
+        make().reset(options={"start_m": start})
 
 
 @pytest.mark.parametrize(
