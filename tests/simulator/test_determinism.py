@@ -1,5 +1,7 @@
 """One car, one result: the same hash on every run, in every process, whatever else the machine does."""
 
+import hashlib
+import json
 import multiprocessing
 import subprocess
 import sys
@@ -8,8 +10,10 @@ import numpy as np
 import pytest
 
 from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.race import run_race
+from evaluation.simulator.policies import CentreLinePilot
+from evaluation.simulator.race import Entrant, run_race
 from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.sensors import POSE
 from tests.shared import CHECKOUT
 
 from .tracks_for_tests import stadium
@@ -32,6 +36,50 @@ def race():
     rules = RaceRules(max_simulated_ms=40_000)
     result = run_race(stadium(), rules, SPACE, ["FRONT_FACING_CAMERA"], Camera())
     return result.trace.sha256, result
+
+
+# One of each race type, each with everything that it can draw or meet.
+TYPES = {
+    "object_avoidance": RaceRules(
+        race_type="object_avoidance", random_boxes=4, seed=3, collision_penalty_ms=1000, max_simulated_ms=20_000
+    ),
+    "bots": RaceRules(
+        race_type="head_to_head",
+        bots=4,
+        bot_speed_mps=1.5,
+        bot_lane_changes=True,
+        bot_lane_change_ms=(500, 1500),
+        collision_penalty_ms=1000,
+        seed=3,
+        max_simulated_ms=20_000,
+    ),
+    "models": RaceRules(race_type="head_to_head", collision_penalty_ms=1000, max_simulated_ms=20_000),
+}
+
+
+class SeeingPilot:
+    """Stays on the road by its pose, and is led astray by every pixel of its picture."""
+
+    sensors = (POSE, "FRONT_FACING_CAMERA")
+    action_space = CentreLinePilot.action_space
+
+    def __init__(self, speed):
+        self.pilot = CentreLinePilot(stadium(), speed=speed)
+        self.camera = Camera()
+
+    def __call__(self, readings):
+        astray = np.tanh(self.camera(readings)[:2] / 1e4)
+        return self.pilot(readings) + 0.15 * astray.astype(np.float32)
+
+
+def race_of(kind):
+    """(the hashes of all cars and of the course, the result) of one race."""
+    space, sensors = SeeingPilot.action_space, SeeingPilot.sensors
+    speeds = (1.0, 1.8, 2.4) if kind == "models" else ()
+    rivals = [Entrant(space, sensors, SeeingPilot(speed)) for speed in speeds]
+    result = run_race(stadium(), TYPES[kind], space, sensors, SeeingPilot(2.0), rivals=rivals)
+    course = hashlib.sha256(json.dumps(result.course).encode()).hexdigest()
+    return [result.trace.sha256, *(rival.trace.sha256 for rival in result.rivals), course], result
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +112,30 @@ def test_a_fresh_process_gives_the_same_hash(expected):
             timeout=120,
         )
         assert done.stdout.split()[-1] == expected[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", TYPES)
+def test_five_races_of_each_type_give_one_hash(kind):
+    hashes, result = race_of(kind)
+    assert sum(lap.crashes for car in (result, *result.rivals) for lap in car.laps) >= 1  # worth comparing
+    assert all(race_of(kind)[0] == hashes for _ in range(4))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_fresh_process_gives_the_same_race_of_each_type(kind):
+    code = f"import json; from tests.simulator.test_determinism import race_of; print(json.dumps(race_of({kind!r})[0]))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=CHECKOUT,
+        env={"PYTHONHASHSEED": "1", "PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+    )
+    assert json.loads(done.stdout.splitlines()[-1]) == race_of(kind)[0]
 
 
 def _spin(stop):
