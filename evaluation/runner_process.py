@@ -20,7 +20,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.random  # numpy loads it at first use, which would be after the lock
 
 from faults import PaddockError, UserFault
 from tracks.geometry import TrackGeometry
@@ -36,7 +35,7 @@ from .simulator.sensors import sensor_spec
 from .simulator.world import make_ready
 
 cv2.setNumThreads(1)
-versions()  # reads package metadata from files, once
+versions()  # reads the names of installed packages, once
 
 
 def main(frames_in: int, frames_out: int) -> None:
