@@ -21,10 +21,10 @@ from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
-from evaluation.simulator.rules import LANES
 from faults.reasons import REASONS
 
 from .lookup import visible_evaluation
+from .placed import PlacedBoxSerializer
 from .races import TrackSummarySerializer
 
 CAR = OpenApiParameter("car", int, description="The number of a rival; 0, the first car, unless it is given.")
@@ -115,16 +115,6 @@ class LapSerializer(serializers.Serializer):
     sector_ms = serializers.ListField(child=serializers.IntegerField(), help_text="Three when the lap is complete.")
     completion_percentage = serializers.IntegerField()
     status = serializers.CharField()
-
-
-class PlacedBoxSerializer(serializers.Serializer):
-    """A box on the track: the share of the lap driven there, its lane, and its middle and heading (m, rad)."""
-
-    fraction = serializers.FloatField()
-    lane = serializers.ChoiceField(LANES)
-    x = serializers.FloatField()
-    y = serializers.FloatField()
-    yaw = serializers.FloatField()
 
 
 class CarResultSerializer(serializers.Serializer):
@@ -311,7 +301,7 @@ class MetricsView(APIView):
         return Response(car.metrics, headers=_as_file(f"{public_id}{suffix}-metrics.json"))
 
 
-class CourseSerializer(serializers.Serializer):
+class DrivenCourseSerializer(serializers.Serializer):
     """What stood and drove on the track besides submitted cars."""
 
     boxes = PlacedBoxSerializer(many=True)
@@ -329,7 +319,7 @@ class CourseView(APIView):
     @extend_schema(
         operation_id="read_course",
         summary="Where boxes stood and bot cars drove in a finished evaluation",
-        responses=CourseSerializer,
+        responses=DrivenCourseSerializer,
         tags=["evaluations"],
     )
     def get(self, request: Request, public_id: str) -> Response:
