@@ -1,0 +1,388 @@
+"""Rounds become official: once, in turn, with all that follows."""
+
+from __future__ import annotations
+
+import pytest
+from django.core.exceptions import ValidationError
+
+from faults import UserFault
+from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, StageRules
+from league.selectors import (
+    country_standings,
+    cut_of,
+    division_of,
+    field_of,
+    hall_of_fame,
+    months_of,
+    outcome_of,
+    racer_season,
+    rules_of,
+    season_standings,
+    team_standings,
+)
+from league.services import close_due_rounds, close_round, put_in_division, set_stage_rules
+from league.tasks import close_rounds
+from races.models import Entry
+from races.services import cancel_race, enter_race, submit_model
+from tests.factories import a_model, a_racer, finish, laps
+from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers, stand
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def silent(bell):
+    return bell
+
+
+@pytest.fixture
+def season(db):
+    return a_season()
+
+
+def refused(code: str, call, **kwargs) -> UserFault:
+    with pytest.raises(UserFault) as caught:
+        call(**kwargs)
+    assert caught.value.code == code
+    return caught.value
+
+
+def pros(season) -> list[str]:
+    return sorted(Membership.objects.filter(season=season, division="pro").values_list("racer__alias", flat=True))
+
+
+def everything() -> list[list]:
+    models = (Membership, FinalePlace, ChampionshipPlace, RoundPoints)
+    return [list(model.objects.order_by("pk").values()) for model in models]
+
+
+def test_the_best_fifth_of_the_open_race_is_promoted_when_it_becomes_official(season):
+    january, ten = a_round(season, 1, "open-qualifier"), racers(10)
+    board(january.race, ten)
+    before = outcome_of(january)
+    assert [racer for _place, racer in before.promoted] == [ten[0].pk, ten[1].pk]
+    assert not Membership.objects.exists(), "as it stands is not official"
+    assert division_of(season, ten[0]) == "open"
+    closed = close_round(round=january, now=after(january))
+    assert closed.closed_at == after(january)
+    assert pros(season) == sorted(one.alias for one in ten[:2])
+    assert set(Membership.objects.values_list("place", "since", "promoted_in")) == {
+        (1, january.race.closes_at, january.pk),
+        (2, january.race.closes_at, january.pk),
+    }
+    assert outcome_of(closed) == before, "official results say the same when asked again"
+
+
+def test_a_round_becomes_official_once_whoever_is_asked_how_often(season):
+    january = a_round(season, 1, "open-qualifier")
+    board(january.race, racers(10))
+    first = close_round(round=january, now=after(january))
+    rows = everything()
+    again = close_round(round=Round.objects.get(pk=january.pk), now=after(january, days=3))
+    assert again.closed_at == first.closed_at and everything() == rows
+    assert close_due_rounds(now=after(january, days=3)) == [] and close_rounds() == 0
+
+
+def test_nothing_is_official_before_the_race_closes(season):
+    january = a_round(season, 1, "open-qualifier")
+    refused("round_not_over", close_round, round=january, now=january.race.closes_at - HOUR)
+    assert close_due_rounds(now=january.race.closes_at - HOUR) == []
+    assert close_due_rounds(now=january.race.closes_at) == [january]
+
+
+def test_a_car_that_was_sent_in_time_is_waited_for(season):
+    january, racer = a_round(season, 1, "open-qualifier"), a_racer()
+    sent = january.race.closes_at - HOUR
+    submission = submit_model(race=january.race, racer=racer, model=a_model(racer), now=sent)
+    fault = refused("round_still_driving", close_round, round=january, now=after(january))
+    assert fault.params == {"waiting": 1}
+    finish(submission, laps(10_000, 10_000, 10_000), after(january))
+    close_round(round=january, now=after(january))
+    assert pros(season) == [racer.alias]
+
+
+def test_rounds_become_official_in_turn(season):
+    january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
+    assert refused("round_out_of_order", close_round, round=february, now=after(february)).params == {
+        "race": january.race.name
+    }
+    assert close_due_rounds(now=after(february)) == [january, february]
+
+
+def test_a_cancelled_race_comes_to_nothing_and_holds_nobody_up(season):
+    january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
+    ten = racers(10)
+    board(january.race, ten)
+    board(february.race, ten[::-1])
+    cancel_race(race=january.race, reason="Rain", now=JANUARY + HOUR)
+    january.refresh_from_db()
+    refused("round_cancelled", close_round, round=january, now=after(january))
+    assert close_due_rounds(now=after(february)) == [february]
+    assert pros(season) == sorted(one.alias for one in ten[-2:])
+
+
+def test_who_was_promoted_before_is_not_promoted_again_and_takes_no_place_away(season):
+    january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
+    ten = racers(10)
+    board(january.race, ten)
+    board(february.race, [ten[0], *ten[2:]])
+    close_due_rounds(now=after(february))
+    assert sorted(Membership.objects.values_list("racer", flat=True)) == sorted([ten[0].pk, ten[1].pk, ten[2].pk])
+    assert Membership.objects.get(racer=ten[0]).promoted_in == january
+
+
+def test_an_admins_division_is_not_overwritten(season):
+    january, ten = a_round(season, 1, "open-qualifier"), racers(10)
+    board(january.race, ten)
+    put_in_division(season=season, racer=ten[0], division="open", now=JANUARY)
+    close_round(round=january, now=after(january))
+    assert Membership.objects.get(racer=ten[0]).division == "open"
+    assert pros(season) == [ten[1].alias]
+
+
+def test_house_cars_and_who_left_are_neither_promoted_nor_counted(season):
+    january = a_round(season, 1, "open-qualifier")
+    nine, house, gone = racers(9), a_racer(is_house=True), a_racer()
+    board(january.race, [house], first_ms=1000, is_baseline=True)
+    board(january.race, [gone], first_ms=2000, withdrawn_at=JANUARY)
+    board(january.race, nine)
+    close_round(round=january, now=after(january))
+    assert pros(season) == sorted([nine[0].alias, nine[1].alias]), "9 of them: 1.8 is 2"
+    assert RoundPoints.objects.get(rank=1).racer == nine[0]
+
+
+def a_pro_month(season, number, order):
+    for racer in order:
+        put_in_division(season=season, racer=racer, division="pro", now=JANUARY)
+    round_ = a_round(season, number, "pro-qualifier")
+    board(round_.race, order)
+    return round_
+
+
+def test_the_best_of_the_pro_race_are_entered_in_its_finale_and_nobody_else(season):
+    five = racers(5)
+    january = a_pro_month(season, 1, five)
+    finale = a_round(season, 1, "pro-finale")
+    assert refused("race_not_in_field", enter_race, race=finale.race, racer=five[0], now=JANUARY + HOUR)
+    close_round(round=january, now=after(january))
+    assert list(FinalePlace.objects.values_list("place", "racer")) == [(n, five[n - 1].pk) for n in (1, 2, 3)]
+    assert set(finale.race.entries.values_list("racer", flat=True)) == {one.pk for one in five[:3]}
+    assert field_of(finale) == [one.pk for one in five[:3]]
+    refused("race_not_in_field", enter_race, race=finale.race, racer=five[3], now=after(january))
+    refused(
+        "race_not_in_field",
+        submit_model,
+        race=finale.race,
+        racer=five[4],
+        model=a_model(five[4]),
+        now=after(finale) - HOUR,
+    )
+    assert submit_model(race=finale.race, racer=five[2], model=a_model(five[2]), now=finale.race.opens_at)
+
+
+def test_a_finale_that_is_scheduled_late_gets_its_field_at_once(season):
+    january = a_pro_month(season, 1, racers(5))
+    close_round(round=january, now=after(january))
+    finale = a_round(season, 1, "pro-finale")
+    assert finale.race.entries.count() == 3
+
+
+def test_a_finale_cannot_open_before_its_qualifier_closes(season):
+    january = a_round(season, 1, "pro-qualifier")
+    times = {"opens_at": january.race.closes_at - HOUR, "closes_at": january.race.closes_at + HOUR}
+    with pytest.raises(ValidationError) as caught:
+        a_round(season, 1, "pro-finale", **times)
+    assert caught.value.error_dict["race"][0].code == "finale_before_qualifier"
+    assert not Round.objects.filter(stage="pro-finale").exists()
+
+
+def test_the_first_of_a_finale_qualify_and_leave_the_next_field_to_others(season):
+    six = racers(6)
+    january, february = a_pro_month(season, 1, six), a_pro_month(season, 2, six)
+    finale = a_round(season, 1, "pro-finale")
+    close_due_rounds(now=after(january))
+    board(finale.race, [six[2], six[0], six[1]])
+    close_due_rounds(now=after(finale))
+    qualified = ChampionshipPlace.objects.order_by("place").values_list("place", "racer")
+    assert list(qualified) == [(1, six[2].pk), (2, six[0].pk)]
+    close_due_rounds(now=after(february))
+    field = FinalePlace.objects.filter(round=february).values_list("racer", flat=True)
+    assert list(field) == [six[1].pk, six[3].pk, six[4].pk]
+
+
+def test_who_qualified_and_only_they_drive_the_championship(season):
+    four = racers(4)
+    january, finale = a_pro_month(season, 1, four), a_round(season, 1, "pro-finale")
+    championship = a_round(season, 2, "championship")
+    close_due_rounds(now=after(january))
+    board(finale.race, four[:3])
+    close_due_rounds(now=after(finale))
+    assert set(championship.race.entries.values_list("racer", flat=True)) == {four[0].pk, four[1].pk}
+    refused("race_not_in_field", enter_race, race=championship.race, racer=four[2], now=after(finale))
+    board(championship.race, [four[1], four[0]])
+    close_due_rounds(now=after(championship))
+    hall = hall_of_fame()[0]
+    assert hall.champion.racer == four[1] and [one.racer for one in hall.finales] == [four[0]]
+    assert hall.divisions == {"pro": four[0]}
+
+
+def test_racing_makes_the_last_month_official_by_itself(season):
+    """A stopped scheduler delays nobody: whoever wants into the next pro race is promoted by asking."""
+    january, ten = a_round(season, 1, "open-qualifier"), racers(10)
+    board(january.race, ten)
+    february = a_round(season, 2, "pro-qualifier")
+    refused("race_pro_only", enter_race, race=february.race, racer=ten[0], now=january.race.closes_at - HOUR)
+    assert enter_race(race=february.race, racer=ten[0], now=january.race.closes_at)
+    refused("race_pro_only", enter_race, race=february.race, racer=ten[5], now=january.race.closes_at)
+
+
+def test_a_race_of_all_divisions_is_everybodys(season):
+    single, racer, pro = a_round(season, 1, "single"), a_racer(), a_racer()
+    put_in_division(season=season, racer=pro, division="pro", now=JANUARY)
+    for one in (racer, pro):
+        assert enter_race(race=single.race, racer=one, now=JANUARY + HOUR)
+
+
+def test_the_cut_line_moves_with_the_board_and_stays_when_official(season):
+    january, ten = a_round(season, 1, "open-qualifier"), racers(10)
+    assert cut_of(january).last_rank == 0
+    board(january.race, ten)
+    cut = cut_of(january)
+    assert (cut.last_rank, cut.racers, cut.official) == (2, [ten[0].pk, ten[1].pk], False)
+    assert "20 %" in cut.sentence
+    close_round(round=january, now=after(january))
+    january.refresh_from_db()
+    assert cut_of(january).official and cut_of(january).racers == cut.racers
+
+
+def test_the_line_of_a_pro_race_lies_below_the_last_who_comes_in(season):
+    six = racers(6)
+    january, february = a_pro_month(season, 1, six), a_pro_month(season, 2, six)
+    finale = a_round(season, 1, "pro-finale")
+    assert (cut_of(january).last_rank, cut_of(finale).last_rank) == (3, 0)
+    close_due_rounds(now=after(january))
+    board(finale.race, six[:3])
+    close_due_rounds(now=after(finale))
+    assert cut_of(february).last_rank == 5, "the first two have qualified"
+    assert cut_of(a_round(season, 3, "single")) is None
+
+
+def test_standings_add_the_points_of_official_rounds(season):
+    a, b, c = racers(3)
+    a.country, a.team, b.country, b.team, c.country = "KR", "Red  Bulls", "KR", "red bulls", "DE"
+    for one in (a, b, c):
+        one.save()
+    january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
+    board(january.race, [a, b, c])
+    board(february.race, [c, b])
+    close_due_rounds(now=after(january))
+    assert [(one.who, one.points) for one in season_standings(season, "open")] == [(a.pk, 10), (b.pk, 6), (c.pk, 3)]
+    c.country = "FR"
+    c.save()
+    close_due_rounds(now=after(february))
+    assert [(one.who, one.points) for one in season_standings(season, "open")] == [(c.pk, 13), (b.pk, 12), (a.pk, 10)]
+    assert season_standings(season, "pro") == []
+    by_country = [(one.who, one.points) for one in country_standings(season, "open")]
+    assert by_country == [("KR", 22), ("FR", 10), ("DE", 3)], "points stay with the country they were driven for"
+    assert [(one.who, one.points) for one in team_standings(season, "open")] == [("red bulls", 22)]
+
+
+def test_a_racers_season_tells_every_round(season, django_assert_max_num_queries):
+    ten = racers(10)
+    january, pro = a_round(season, 1, "open-qualifier"), a_round(season, 2, "pro-qualifier")
+    finale = a_round(season, 2, "pro-finale")
+    board(january.race, ten)
+    close_due_rounds(now=after(january))
+    board(pro.race, ten[:2])
+    close_due_rounds(now=after(pro))
+    stand(finale.race, ten[1], 20_000)
+    close_due_rounds(now=after(finale))
+    with django_assert_max_num_queries(7):
+        rows = racer_season(season, ten[1])
+    told = [(row.round.stage, row.rank, row.points, row.promoted, row.in_finale, row.qualified) for row in rows]
+    assert told == [
+        ("open-qualifier", 2, 6, True, False, False),
+        ("pro-qualifier", 2, 6, False, True, False),
+        ("pro-finale", 1, 0, False, False, True),
+    ]
+    assert racer_season(season, a_racer()) == []
+
+
+def test_months_hold_the_races_of_each_stage(season, django_assert_num_queries):
+    for number, stage in ((1, "open-qualifier"), (1, "pro-qualifier"), (1, "pro-finale"), (2, "single")):
+        a_round(season, number, stage)
+    with django_assert_num_queries(1):
+        first, second = months_of(season)
+    assert (first.number, first.name, [one.stage for one in first]) == (
+        1,
+        "Month 1",
+        ["open-qualifier", "pro-qualifier", "pro-finale"],
+    )
+    assert second.open is None and [one.stage for one in second] == ["single"]
+
+
+def test_the_rules_of_a_season_are_told_from_its_settings(season):
+    sentences = rules_of(season)
+    assert len(sentences) == 5
+    assert (
+        "20 %" in sentences[0]
+        and "best 3" in sentences[1]
+        and "first 2" in sentences[2]
+        and "10, 6, 3, 1" in sentences[3]
+    )
+
+
+def test_the_rules_of_a_stage_are_taken_over_by_its_races(season):
+    set_stage_rules(season=season, stage="pro-finale", ranking_method="best", laps=15, minimum_laps=1)
+    finale = a_round(season, 1, "pro-finale").race
+    assert (finale.ranking_method, finale.laps, finale.minimum_laps) == ("best", 15, 1)
+    assert a_round(season, 2, "pro-finale", laps=5).race.laps == 5
+    with pytest.raises(ValidationError):
+        set_stage_rules(season=season, stage="pro-finale", laps=0)
+    with pytest.raises(TypeError):
+        set_stage_rules(season=season, stage="pro-finale", name="x")
+    assert StageRules.objects.count() == 1
+
+
+@pytest.mark.parametrize(
+    "settings, field, code",
+    [
+        ({"promotion_percent": 0}, "promotion_percent", "season_cut"),
+        ({"promotion_percent": 100}, "promotion_percent", "season_cut"),
+        ({"points": [10, 11]}, "points", "season_points_rise"),
+        ({"points": []}, "points", "season_points_shape"),
+        ({"points": [10, -1]}, "points", "season_points_shape"),
+        ({"points": [1.5]}, "points", "season_points_shape"),
+        ({"points": "10"}, "points", "season_points_shape"),
+        ({"finale_size": 2, "championship_places": 3}, "championship_places", "season_more_places_than_cars"),
+    ],
+)
+def test_numbers_that_make_no_season_are_refused_on_their_field(db, settings, field, code):
+    with pytest.raises(ValidationError) as caught:
+        a_season(**settings)
+    assert code in [error.code for error in caught.value.error_dict[field]]
+
+
+def test_races_of_one_stage_do_not_overlap(season):
+    first = a_round(season, 1, "open-qualifier")
+    with pytest.raises(ValidationError) as caught:
+        a_round(
+            season, 2, "open-qualifier", opens_at=first.race.closes_at - HOUR, closes_at=first.race.closes_at + HOUR
+        )
+    assert caught.value.error_dict["race"][0].code == "rounds_overlap"
+    assert a_round(season, 2, "open-qualifier"), "one may begin when the other ends"
+    assert a_round(season, 1, "pro-qualifier"), "another division races at the same time"
+
+
+def test_a_stage_belongs_to_its_division(season):
+    with pytest.raises(ValidationError) as caught:
+        a_round(season, 1, "pro-finale", division="open")
+    assert caught.value.error_dict["stage"][0].code == "round_of_another_division"
+
+
+def test_closing_a_month_of_many_costs_few_queries(season, django_assert_max_num_queries):
+    january = a_round(season, 1, "open-qualifier")
+    board(january.race, racers(60))
+    with django_assert_max_num_queries(22):
+        close_round(round=january, now=after(january))
+    assert Membership.objects.count() == 12 and Entry.objects.count() == 60
