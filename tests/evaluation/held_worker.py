@@ -23,7 +23,7 @@ from evaluation import pipeline  # noqa: E402
 from evaluation.services import leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from faults import UserFault  # noqa: E402
-from tests.evaluation.stubs import outcome_of  # noqa: E402
+from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
 
 celery = app
 FOLDER = Path(os.environ["HOLD_DIR"])
@@ -72,7 +72,8 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
         while not should_stop():
             threading.Event().wait(0.05)
         raise UserFault("stopped")
-    return outcome_of(salt=job.rules.seed)
+    bots = [[[0.0, 0.0, 0.0]]] if job.rivals else []
+    return outcome_of(salt=job.rules.seed, rivals=[car_outcome() for _ in job.rivals], course={"bots": bots})
 
 
 if "REAL_RUNS" not in os.environ:

@@ -26,7 +26,7 @@ from evaluation.models import Evaluation, State  # noqa: E402
 from evaluation.services import bell, leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from faults import PlatformFault, UserFault  # noqa: E402
-from tests.evaluation.stubs import outcome_of  # noqa: E402
+from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
 
 LEASE_S = 1.0
 CRASH, DAWDLE, OUR_FAULT, USER_FAULT = 0.012, 0.03, 0.02, 0.03
@@ -52,7 +52,13 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
     if job.rules.seed % 100 < USER_FAULT * 100:
         raise UserFault("policy_died", step=1, how="signal 11")
     pause(luck.random() * 0.01)
-    return outcome_of(salt=job.rules.seed)
+    return driven(job.rules.seed, len(job.rivals))
+
+
+def driven(seed: int, rivals: int):
+    """What came of an evaluation, told by its seed."""
+    cars = [car_outcome(salt=seed + number) for number in range(1, rivals + 1)]
+    return outcome_of(salt=seed, rivals=cars, course={"boxes": [], "bots": [[[seed, 0, 0]]]})
 
 
 def store_files_and_perhaps_die(*args, store=leases.store_files):
@@ -73,7 +79,7 @@ def dawdle(evaluation) -> None:
     late = services.finish_evaluation(
         evaluation_id=evaluation.pk,
         lease=evaluation.lease,
-        outcome=outcome_of(salt=evaluation.spec["rules"]["seed"]),
+        outcome=driven(evaluation.spec["rules"]["seed"], evaluation.rivals.count()),
         now=timezone.now(),
     )
     say("late accepted" if late else "late refused")

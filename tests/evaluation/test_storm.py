@@ -13,7 +13,7 @@ from django.utils import timezone
 
 from evaluation import services
 from evaluation.models import Evaluation, Result, State
-from evaluation.services.results import read_trace
+from evaluation.services.results import read_course, read_trace
 from evaluation.simulator.rules import RaceRules
 from tests.evaluation.processes import environment, is_running
 from tests.evaluation.stubs import trace_csv
@@ -30,7 +30,9 @@ def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie
     racers = [(racer, model_row(racer, onnx=racer.alias.encode())) for racer in (alice, bob, charlie)]
     for seed in range(ROWS):
         racer, model = racers[seed % 3]
-        services.queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(seed=seed), now=timezone.now())
+        rivals = [racers[(seed + step) % 3][1] for step in range(1, seed % 4)]
+        rules = RaceRules(seed=seed, race_type="head_to_head")
+        services.queue_evaluation(owner=racer, model=model, rivals=rivals, track=oval, rules=rules, now=timezone.now())
     log = tmp_path / "storm.log"
     exit_codes = weather(log)
     said = log.read_text()
@@ -40,11 +42,17 @@ def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie
     assert set(Evaluation.objects.values_list("priority", flat=True)) == {1}  # each end took effect once
     results = Result.objects.select_related("evaluation")
     assert results.count() == sum(state == State.FINISHED for state in states.values())
+    kept = set()
     for result in results:
-        assert read_trace(result) == trace_csv(salt=result.evaluation.spec["rules"]["seed"])
+        seed = result.evaluation.spec["rules"]["seed"]
+        rivals = list(result.rivals.all())
+        cars = [result, *rivals]
+        assert [rival.number for rival in rivals] == [*range(1, max(1, seed % 4))]
+        assert [read_trace(car) for car in cars] == [trace_csv(salt=seed + number) for number in range(len(cars))]
+        assert read_course(result)["bots"] == [[[seed, 0, 0]]]
+        kept |= {file.name.removeprefix("traces/") for file in (result.bots, *(car.trace for car in cars))}
     mine = {evaluation.public_id for evaluation in Evaluation.objects.all()}
     files = [name for name in default_storage.listdir("traces")[1] if name.partition("-")[0] in mine]
-    kept = {result.trace.name.removeprefix("traces/") for result in results}
     assert set(files) == kept  # what crashes left behind was swept away
     # the weather was bad enough
     crashes = exit_codes.count(-9)

@@ -8,7 +8,7 @@ from evaluation import crew, pipeline
 from evaluation.sandbox.limits import POLICY, PROBE, RUNNER, Limits
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_client import TOTAL_S
-from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.rules import MAX_CARS, RaceRules
 from tracks.catalogue import CATALOGUE
 
 from .networks import HEADER, METADATA, console_sized_network, small_network
@@ -27,7 +27,18 @@ def test_a_network_of_the_consoles_size_needs_less_than_half_of_a_policys_memory
         assert peak_address_space_mb(policy.process) < POLICY.address_space_mb / 2
 
 
-def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(monkeypatch):
+RIVALS = (pipeline.RivalCar(small_network(seed=1), METADATA),) * (MAX_CARS - 1)
+
+
+@pytest.mark.parametrize(
+    ("rules", "rivals"),
+    [
+        (RaceRules(max_simulated_ms=60_000), ()),
+        (RaceRules(race_type="head_to_head", max_simulated_ms=20_000), RIVALS),
+    ],
+    ids=["alone", "four cars"],
+)
+def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(monkeypatch, rules, rivals):
     largest = max(CATALOGUE, key=lambda track: track.stated_length_m or 0.0)
     started, peaks = [], []
     launch = crew.launch
@@ -37,7 +48,7 @@ def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(mo
         return started[-1]
 
     monkeypatch.setattr(crew, "launch", watched)
-    job = pipeline.RaceJob(largest.geometry(), RaceRules(max_simulated_ms=60_000), small_network(), METADATA)
+    job = pipeline.RaceJob(largest.geometry(), rules, small_network(), METADATA, rivals)
     pipeline.evaluate(job, on_progress=lambda _: peaks.append(peak_address_space_mb(started[0])))
     assert peaks
     assert max(peaks) < RUNNER.address_space_mb / 2
@@ -45,7 +56,7 @@ def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(mo
 
 def test_the_kernels_clock_ends_a_process_later_than_the_referee_ends_its_patience():
     assert POLICY.cpu_s > 2 * TOTAL_S
-    assert RUNNER.cpu_s >= pipeline.WALL_LIMIT_S
+    assert RUNNER.cpu_s >= pipeline.WALL_LIMIT_S * MAX_CARS
 
 
 @pytest.mark.parametrize("limits", [POLICY, RUNNER, PROBE])
