@@ -192,8 +192,10 @@ class EvaluationSerializer(serializers.Serializer):
         return RivalSerializer(evaluation.rivals.select_related("model__owner"), many=True).data
 
     def get_race(self, evaluation: Evaluation) -> NamedSerializer(allow_null=True):
-        submission = getattr(evaluation, "submission", None)
-        return None if submission is None else NamedSerializer(submission.entry.race).data
+        submission, duel = getattr(evaluation, "submission", None), getattr(evaluation, "duel", None)
+        if submission is None and duel is None:
+            return None
+        return NamedSerializer(duel.race if submission is None else submission.entry.race).data
 
     def get_submission(self, evaluation: Evaluation) -> int | None:
         submission = getattr(evaluation, "submission", None)

@@ -15,7 +15,7 @@ from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_pos
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
 from races.cars import car_rows
-from races.course import driven_boxes
+from races.course import awaited_boxes, driven_boxes
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
 
 from .common import visible_evaluation
@@ -111,10 +111,12 @@ def _direction(shown: Evaluation) -> str:
 
 def _context(request: HttpRequest, shown: Evaluation) -> dict:
     submission = getattr(shown, "submission", None)
-    race = submission.entry.race if submission else None
+    duel = getattr(shown, "duel", None)
+    race = submission.entry.race if submission else duel and duel.race
     context = {
         "evaluation": shown,
         "submission": submission,
+        "duel": duel,
         "race": race,
         "direction": _direction(shown),
         "can_stop": can_stop_evaluation(request.user, shown),
@@ -146,6 +148,18 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         "wait_s": expected_wait_s(shown, position) if position else None,
         "progress": progress,
         "car": map_point(shown.track, progress["x"], progress["y"]) if "x" in progress and "y" in progress else None,
+        "others": _others(shown, progress),
+        "boxes": awaited_boxes(shown.track, shown.spec["rules"]),
         "map_size": map_size(shown.track),
     }
     return context
+
+
+def _others(shown: Evaluation, progress: dict) -> list[tuple[tuple[float, float], str]]:
+    """Where bots and rivals are on the map just now, each with the class of its dot."""
+    bots = [(map_point(shown.track, x, y), "") for x, y in progress.get("bots", ())]
+    rivals = [
+        (map_point(shown.track, rival["x"], rival["y"]), f"r{number}")
+        for number, rival in enumerate(progress.get("rivals", ()), start=1)
+    ]
+    return [*bots, *rivals]
