@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
+from io import BytesIO, StringIO
 
 import pytest
-from django.core.management import CommandError
+from django.core.management import CommandError, call_command
+from django.utils import timezone
 
+from evaluation import services
+from evaluation.models import Result, RivalResult
+from evaluation.packages.read import UploadPart
+from evaluation.services.results import read_course
 from evaluation.simulator.rules import BoxPlace, RaceRules
 from league.management.commands import evaluate as command
 from league.services import house_cars
 from tests.evaluation.stubs import car_outcome, outcome_of
-from tests.league.test_evaluate import CAR_FILES, evaluate
+from tests.league.test_evaluate import CAR, CAR_FILES, evaluate
+from tests.rows import track_row
 
 OTHER = house_cars()[1]
 RIVAL = f"{OTHER.onnx},{OTHER.metadata}"
@@ -147,3 +154,89 @@ class TestBadInput:
         package.write_bytes(b"<html>")
         status, out, _ = evaluate(*CAR_FILES, "--track", "oval", *DUEL, "--rival", str(package), "--json")
         assert (status, json.loads(out)["error"]["code"]) == (2, "not_a_model")
+
+
+@pytest.mark.django_db(transaction=True)
+class TestTheSite:
+    """The worker's code, the command line and a second run agree."""
+
+    @pytest.fixture
+    def models(self, alice, bob, bell):
+        def upload(racer, car):
+            files = [UploadPart(path.name, BytesIO(path.read_bytes())) for path in (car.onnx, car.metadata)]
+            return services.upload_model(owner=racer, files=files, now=timezone.now()).model
+
+        return [upload(alice, CAR), upload(bob, OTHER)]
+
+    @pytest.fixture
+    def run(self, models):
+        def queue_and_run(rules, rivals=()):
+            evaluation = services.queue_evaluation(
+                owner=models[0].owner,
+                model=models[0],
+                rivals=rivals,
+                track=track_row("oval"),
+                rules=rules,
+                now=timezone.now(),
+            )
+            assert services.run_next_evaluation(worker="w")
+            evaluation.refresh_from_db()
+            assert evaluation.state == "finished", evaluation.operator_detail
+            return evaluation
+
+        return queue_and_run
+
+    def verify(self, evaluation):
+        out = StringIO()
+        try:
+            call_command("verify", evaluation.public_id, stdout=out, stderr=StringIO())
+        except CommandError as error:
+            return error.returncode, out.getvalue() + str(error)
+        return 0, out.getvalue()
+
+    @pytest.mark.parametrize(
+        ("rules", "options"),
+        [
+            (
+                RaceRules(race_type="object_avoidance", random_boxes=6, seed=5, laps=1),
+                (*AVOID, "--obstacles", "6", "--seed", "5", "--laps", "1"),
+            ),
+            (
+                RaceRules(race_type="head_to_head", bots=4, bot_lane_changes=True, seed=5, laps=1),
+                (*DUEL, "--bots", "4", "--lane-changes", "--seed", "5", "--laps", "1"),
+            ),
+        ],
+        ids=["boxes", "bots"],
+    )
+    def test_agrees_on_boxes_and_bots(self, run, rules, options):
+        evaluation = run(rules)
+        report = drive(*options)
+        assert report["trace_sha256"] == evaluation.result.trace_sha256
+        assert report["course"]["boxes"] == evaluation.result.course["boxes"]
+        assert report["crashes"] == evaluation.result.crashes
+        assert report["course"]["bots"] == len(read_course(evaluation.result)["bots"]) == rules.bots
+        assert self.verify(evaluation)[0] == 0
+
+    def test_agrees_on_a_duel_and_names_what_differs_in_any_car(self, run, models):
+        evaluation = run(RaceRules(race_type="head_to_head", laps=1), rivals=models[1:])
+        report = drive(*DUEL, "--laps", "1", "--rival", RIVAL)
+        stored = evaluation.result.rivals.get()
+        assert report["trace_sha256"] == evaluation.result.trace_sha256
+        assert report["rivals"][0]["trace_sha256"] == stored.trace_sha256
+        assert report["rivals"][0]["best_lap_ms"] == stored.best_lap_ms
+        assert report["order"] == evaluation.result.order
+        assert self.verify(evaluation)[0] == 0
+
+        RivalResult.objects.update(trace_sha256="0" * 64, end_reason="retired", retired_code="policy_died")
+        Result.objects.update(order=[*reversed(report["order"])], course={"boxes": [BOX]})
+        status, said = self.verify(evaluation)
+        assert status == 1
+        for part in (
+            f"car 1: trace_sha256: was {'0' * 64}, is ",
+            "car 1: ended because: was retired, is laps_done",
+            "car 1: retired because: was policy_died, is ",
+            "order of the cars: was ",
+            "boxes: was ",
+        ):
+            assert part in said, part
+        assert "bot cars" not in said and "\ntrace_sha256" not in said
