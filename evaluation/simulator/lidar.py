@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .car import Pose
 from .solids import Solid
+
+if TYPE_CHECKING:  # a lidar needs no physics
+    from .car import Pose
 
 BEAMS = 64
 MOUNT_X = 0.02913  # m ahead of the base

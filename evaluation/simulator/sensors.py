@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from evaluation.packages.inputs import SENSOR_NAMES, input_spec, lidar_settings
 from . import lidar
 from .camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
 from .camera.view import Camera, Scene
-from .car import Car
 from .solids import Solid
+
+if TYPE_CHECKING:  # sensors need no physics
+    from .car import Car
 
 SENSORS = SENSOR_NAMES
 
@@ -22,7 +25,7 @@ SENSORS = SENSOR_NAMES
 POSE = "POSE"
 
 # A car and all that it can see besides the track, to a fresh array.
-Reading = Callable[[Car, Sequence[Solid]], np.ndarray]
+Reading = Callable[["Car", Sequence[Solid]], np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -10,19 +10,22 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from tracks.geometry import TrackGeometry
 
-from ..car import Pose
 from ..solids import Solid
 from .blocks import NEAR_M as NEAR_M
 from .blocks import BlockPainter
 from .optics import FRONT_CAMERA, Optics
 from .texture import Bounds, Level, draw_ground
 from .theme import OFFICIAL, Theme
+
+if TYPE_CHECKING:  # a camera needs no physics
+    from ..car import Pose
 
 _REDUCTIONS = (1, 2, 4)
 _WARP = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP

@@ -1,0 +1,90 @@
+"""The picture of what a car's sensors see shows their very readings."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evaluation.packages.inputs import CAMERAS, LIDARS
+from evaluation.pictures import FAN_PX, GAP_PX, ZOOM, sensor_picture, views
+from evaluation.simulator.camera.optics import FRONT_CAMERA
+from evaluation.simulator.camera.view import Camera, Scene
+from tracks.catalogue import CATALOGUE
+
+WIDTH, HEIGHT = 160 * ZOOM, 120 * ZOOM
+
+
+@pytest.fixture(scope="module")
+def oval():
+    return next(track for track in CATALOGUE if track.slug == "oval").geometry()
+
+
+def pixels(*arguments):
+    picture = Image.open(io.BytesIO(sensor_picture(*arguments)))
+    assert (picture.format, picture.mode) == ("PNG", "L")
+    return np.array(picture)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("lidar", [None, *LIDARS])
+def test_there_are_three_rows_of_a_panel_for_each_picture_and_fan(camera, lidar, oval):
+    picture = pixels(oval, [camera, *([lidar] if lidar else [])])
+    frames = 2 if camera == "STEREO_CAMERAS" else 1
+    width = frames * WIDTH + (frames - 1) * GAP_PX + (GAP_PX + FAN_PX if lidar else 0)
+    assert picture.shape == (3 * HEIGHT + 2 * GAP_PX, width)
+
+
+def test_the_frames_are_the_cameras_own_pixels(oval):
+    picture = pixels(oval, ["FRONT_FACING_CAMERA"])
+    camera = Camera(Scene.of(oval), FRONT_CAMERA)
+    for row, view in enumerate(views(oval)):
+        top = row * (HEIGHT + GAP_PX)
+        shown = picture[top : top + HEIGHT : ZOOM, ::ZOOM]
+        assert (shown == camera.render(view, view.solids)).all()
+        assert (shown != camera.render(view, ())).sum() > 300  # something stands ahead
+
+
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_a_fan_shows_what_is_beside_and_behind(lidar, oval):
+    """First row: a box to the left. Last row: a car behind on the right."""
+    picture = pixels(oval, ["LEFT_CAMERA", lidar])
+    fans = [
+        picture[row * (HEIGHT + GAP_PX) :][:FAN_PX, -FAN_PX:].astype(int) == 255 for row in range(3)
+    ]  # bright: a hit, or a sector that is on
+    middle = FAN_PX // 2
+    assert fans[0][:, :middle].any()
+    if lidar != "DISCRETIZED_SECTOR_LIDAR":  # which reaches the wall on the right
+        assert not fans[0][:, middle:].any()
+    assert fans[2][middle:, middle:].any()
+
+
+def test_the_same_arguments_give_the_same_bytes_and_a_configuration_counts(oval):
+    sensors = ["STEREO_CAMERAS", "DISCRETIZED_SECTOR_LIDAR"]
+    assert sensor_picture(oval, sensors) == sensor_picture(oval, sensors)
+    assert sensor_picture(oval, sensors) != sensor_picture(oval, sensors, {"num_sectors": 16})
+    assert len(sensor_picture(oval, sensors)) < 120_000
+
+
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_there_is_something_to_see_on_every_track(entry, direction):
+    track = entry.geometry().in_direction(direction)
+    camera = Camera(Scene.of(track), FRONT_CAMERA)
+    for view in views(track):
+        assert track.on_road(view.x, view.y)
+        assert (camera.render(view, view.solids) != camera.render(view, ())).any()
+
+
+def test_a_sensor_that_is_not_here_is_refused(oval):
+    with pytest.raises(ValueError, match="RADAR"):
+        sensor_picture(oval, ["RADAR"])
+
+
+def test_drawing_needs_neither_django_nor_physics():
+    code = "import sys, evaluation.pictures; sys.exit(bool({'pybullet', 'django'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
