@@ -113,6 +113,7 @@ class Referee:
         self._before_m, self._before = self.odometer.metres, start.pose
         self._clear = False
         self._wheels_on: list[bool] = []
+        self._line_m = self._next_line()
 
     # --- what others read ---------------------------------------------------------------------------------------
 
@@ -206,11 +207,15 @@ class Referee:
             return None
         rammed |= self._owed
         self._owed = False
-        if self.lap.end_ms is not None:
-            self.laps.append(Lap(self.lap.number + 1, self.lap.end_ms))
-        self._cross_lines(self._before_m, self.odometer.metres)
-        if self.lap.end_ms is not None:
-            if self.lap.number == self.rules.laps:
+        lap = self.laps[-1]
+        if lap.end_ms is not None:
+            lap = Lap(lap.number + 1, lap.end_ms)
+            self.laps.append(lap)
+            self._line_m = self._next_line()
+        if self.odometer.metres >= self._line_m:
+            self._cross_lines(self._before_m, self.odometer.metres)
+        if lap.end_ms is not None:
+            if lap.number == self.rules.laps:
                 self._end(LAPS_DONE, LAP_COMPLETE)
             else:
                 self.status = LAP_COMPLETE
@@ -258,16 +263,18 @@ class Referee:
 
     def _cross_lines(self, before_m: float, metres: float) -> None:
         """Write down the sector and finish lines passed in this step, at the share of the step where it happened."""
-        lap, length = self.lap, self.track.length
-        while lap.end_ms is None:
-            line = self.lap_start_m + length * (len(lap.sector_ends_ms) + 1) / SECTORS
-            if metres < line:
-                return
-            share = (line - before_m) / (metres - before_m) if metres > before_m else 1.0
+        lap = self.lap
+        while lap.end_ms is None and metres >= self._line_m:
+            share = (self._line_m - before_m) / (metres - before_m) if metres > before_m else 1.0
             at_ms = milliseconds(self.step - 1 + min(max(share, 0.0), 1.0))
             lap.sector_ends_ms.append(at_ms)
             if len(lap.sector_ends_ms) == SECTORS:
                 lap.end_ms = at_ms
+            self._line_m = self._next_line()
+
+    def _next_line(self) -> float:
+        """Unwrapped distance of the end of the sector being driven."""
+        return self.lap_start_m + self.track.length * (len(self.lap.sector_ends_ms) + 1) / SECTORS
 
     def _fault(self, status: str) -> bool:
         """Count a fault; True where a reset is left for it, which is then used."""
