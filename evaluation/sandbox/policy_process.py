@@ -174,13 +174,15 @@ def _layout(observation: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 def _read_into(fd: int, buffer: bytearray) -> bool:
     """Fill ``buffer``; False when the stream ended between two requests."""
+    filled = os.readv(fd, (buffer,))  # nearly always all of it
+    if filled == len(buffer):
+        return True
+    if filled == 0:
+        return False
     view = memoryview(buffer)
-    filled = 0
     while filled < len(buffer):
         count = os.readv(fd, [view[filled:]])
         if count == 0:
-            if filled:
-                raise FrameClosed("the stream ended within a request")
-            return False
+            raise FrameClosed("the stream ended within a request")
         filled += count
     return True
