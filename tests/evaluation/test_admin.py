@@ -10,7 +10,7 @@ from evaluation import services
 from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
 from evaluation.simulator.rules import RaceRules
 from league.models import Racer
-from tests.evaluation.stubs import outcome_of
+from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.rows import model_row
 
 pytestmark = pytest.mark.django_db
@@ -35,17 +35,33 @@ def evaluations(alice, oval, bell):
     return Evaluation.objects.order_by("pk")
 
 
-@pytest.mark.parametrize("name", ["network", "trainedmodel", "evaluation", "workernode"])
+@pytest.mark.parametrize("name", ["network", "trainedmodel", "evaluation", "result", "workernode"])
 def test_every_list_and_every_row_can_be_read_and_not_changed(admin, evaluations, name):
     listing = reverse(f"admin:evaluation_{name}_changelist")
     assert admin.get(listing, {"q": "x"}).status_code == 200
     model = {"network": evaluations[0].model.network, "trainedmodel": evaluations[0].model}.get(name)
-    row = model or {"evaluation": evaluations[0], "workernode": WorkerNode.objects.get()}[name]
+    rows = {"evaluation": evaluations[0], "result": evaluations[0].result, "workernode": WorkerNode.objects.get()}
+    row = model or rows[name]
     page = reverse(f"admin:evaluation_{name}_change", args=[row.pk])
     assert admin.get(page).status_code == 200
     assert admin.post(page, {}).status_code == 403
     assert admin.post(reverse(f"admin:evaluation_{name}_delete", args=[row.pk]), {"post": "yes"}).status_code == 403
     assert admin.get(reverse(f"admin:evaluation_{name}_add")).status_code == 403
+
+
+def test_the_other_cars_of_a_race_and_what_they_did_are_on_the_pages(admin, alice, oval, bell):
+    cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
+    rules = RaceRules(race_type="head_to_head")
+    services.queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=rules, now=timezone.now())
+    claimed = services.claim_next_evaluation(worker="w", now=timezone.now())
+    outcome = outcome_of(rivals=[car_outcome(laps=(7_654,), retired="policy_died")])
+    services.finish_evaluation(evaluation_id=claimed.pk, lease=claimed.lease, outcome=outcome, now=timezone.now())
+    page = admin.get(reverse("admin:evaluation_evaluation_change", args=[claimed.pk])).content.decode()
+    assert "Nut" in page
+    result = reverse("admin:evaluation_result_change", args=[claimed.result.pk])
+    assert result in page
+    page = admin.get(result).content.decode()
+    assert "policy_died" in page and "7654" in page
 
 
 def test_an_admin_stops_what_waits_and_nothing_else(admin, evaluations):
