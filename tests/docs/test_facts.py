@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import re
+from inspect import signature
 
 import pytest
 
@@ -13,11 +13,16 @@ from evaluation.packages.inputs import SENSOR_NAMES
 from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from evaluation.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
 from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
+from evaluation.simulator import lidar
 from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
 from evaluation.simulator.camera.theme import OFFICIAL
+from evaluation.simulator.car import Pose
 from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.envs import TimeTrialEnv
+from evaluation.simulator.envs import load_track
+from evaluation.simulator.envs.setting import head_to_head, object_avoidance, race_setting
 from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.rewards import Objects
+from evaluation.simulator.rules import RaceRules
 from evaluation.simulator.trace import COLUMNS, STATUSES
 from league.tokens import TOKENS_PER_RACER
 from races.sensors import OFFERABLE, SAME_AS
@@ -59,18 +64,51 @@ def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
 
 def test_the_snippet_for_the_environment_names_its_arguments():
     page = section(text("racers.md"), "## Practise on your own machine")
-    arguments = set(inspect.signature(TimeTrialEnv.__init__).parameters) - {"self", "theme", "physics"}
+    arguments = {
+        name for made_by in (race_setting, object_avoidance, head_to_head) for name in signature(made_by).parameters
+    } - {"race_type", "objects", "options", "theme", "physics"}
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
-    assert set(re.findall(r"`(\w+)`", rows)) == arguments
+    assert set(re.findall(r"`(\w+)`", rows)) == arguments | {"render_mode"}
+    rules = RaceRules(race_type="object_avoidance", random_boxes=6)
+    assert f"| {rules.random_boxes}, {rules.box_distance_m} |" in page
+    assert signature(object_avoidance).parameters["mercy_resets"].default == rules.mercy_resets
+
+
+def test_every_sensor_and_the_lidars_beams():
+    page = section(text("simulator.md"), "## Sensors")
+    rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
+    assert set(re.findall(r"`(\w+)`", rows)) == set(SENSOR_NAMES)
+    beams = {
+        "0": "30 degrees left of straight ahead",
+        "63": "30 degrees right of straight ahead",
+        "12 and 13": "left (87 and 92 degrees)",
+    }
+    for beam, looks in beams.items():
+        assert f"| {beam} | {looks} |" in page
+    assert [round(lidar.BEAM_DEG[beam]) for beam in (0, 12, 13, 63)] == [30, 87, 92, -30]
+    assert f"sits {lidar.MOUNT_X} m ahead" in page
+    assert f"from {lidar.LEAST_M} to {lidar.MOST_M:g} m and are rounded to {lidar.STEP_M} m" in page
+    assert f"clipped to {lidar.LEAST_M} to {lidar.RAW_LIMIT_M}" in page
+    assert f"8 beams is under {lidar.SECTOR_LIMIT_M} m" in page
+
+
+def test_the_object_keys_of_a_reward_have_their_rows():
+    page = section(text("simulator.md"), "## Environments")
+    rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
+    keys = set(Objects(load_track("oval")).params(Pose(0.0, 0.0, 0.0), 0.0, []))
+    assert set(re.findall(r"`(\w+)`", rows)) == keys | {"is_crashed"}
 
 
 @pytest.mark.slow
 def test_the_snippet_for_the_environment_runs():
-    (snippet,) = [block for block in code_blocks(text("racers.md"), "python") if "gymnasium" in block]
+    snippets = [block for block in code_blocks(text("racers.md"), "python") if "gymnasium" in block]
     names: dict = {}
-    exec(snippet, names)
+    for snippet in snippets:
+        exec(snippet, names)
     names["env"].close()
     assert names["observation"]["FRONT_FACING_CAMERA"].shape == (120, 160, 1)
+    names["cars"].close()
+    assert names["observations"]["FRONT_FACING_CAMERA"].shape == (16, 120, 160, 1)
 
 
 def test_catalogue_tracks_and_their_lengths():

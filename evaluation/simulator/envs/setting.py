@@ -104,8 +104,8 @@ class Setting:
 
 
 def time_trial(**options: Any) -> Setting:
-    """Laps alone; ``options``: see :func:`_setting`."""
-    return _setting(TIME_TRIAL, {}, **options)
+    """Laps alone; ``options``: see :func:`race_setting`."""
+    return race_setting(TIME_TRIAL, {}, **options)
 
 
 def object_avoidance(
@@ -122,7 +122,7 @@ def object_avoidance(
     """Laps past boxes: at fixed places (fraction of the lap, lane), or ``random_boxes`` of them (6 unless told
     otherwise) in other places in every episode, drawn from the seed of ``reset``; always the same with ``course_seed``.
 
-    The others: rules of a race, and ``options`` as for :func:`_setting`.
+    The others: rules of a race, and ``options`` as for :func:`race_setting`.
     """
     rules = {
         "boxes": tuple(_box_place(place) for place in boxes),
@@ -131,7 +131,7 @@ def object_avoidance(
         "mercy_resets": mercy_resets,
         "collision_penalty_ms": collision_penalty_ms,
     }
-    return _setting(OBJECT_AVOIDANCE, rules, course_seed, reward_function=reward_function, **options)
+    return race_setting(OBJECT_AVOIDANCE, rules, course_seed, reward_function=reward_function, **options)
 
 
 def head_to_head(
@@ -147,7 +147,7 @@ def head_to_head(
     **options: Any,
 ) -> Setting:
     """Laps among bot cars, which draw their lanes and lane changes from the seed of ``reset``, anew in every episode;
-    always the same with ``course_seed``. The others: rules of a race, and ``options`` as for :func:`_setting`."""
+    always the same with ``course_seed``. The others: rules of a race, and ``options`` as for :func:`race_setting`."""
     if not bots:
         raise ValueError("bots must be at least 1: other models do not drive in an environment")
     rules = {
@@ -158,10 +158,10 @@ def head_to_head(
         "bot_pause_ms": bot_pause_ms,
         "collision_penalty_ms": collision_penalty_ms,
     }
-    return _setting(HEAD_TO_HEAD, rules, course_seed, reward_function=reward_function, **options)
+    return race_setting(HEAD_TO_HEAD, rules, course_seed, reward_function=reward_function, **options)
 
 
-def _setting(
+def race_setting(
     race_type: str,
     objects: Mapping[str, Any],
     course_seed: int | None = None,
