@@ -20,6 +20,8 @@ from .errors import problem
 from .models import Lane
 
 if TYPE_CHECKING:
+    from tracks.models import Track
+
     from .models import Race
 
 
@@ -83,10 +85,13 @@ def box_marks(race: Race, *, numbered: bool = False) -> tuple[BoxMark, ...]:
     """The boxes of a race for its map; ``numbered`` in the order of :func:`box_rows`."""
     if not has_boxes(race):
         return ()
-    return tuple(
-        _mark(placed.solid, number if numbered else 0, box_title(number, placed.fraction, placed.lane))
-        for number, placed in enumerate(laid_out(race).boxes, start=1)
-    )
+    return _marks(laid_out(race), numbered=numbered)
+
+
+def awaited_boxes(track: Track, rules: Mapping[str, Any]) -> tuple[BoxMark, ...]:
+    """The boxes of an evaluation that has no result yet (``rules`` of its spec), for the map of its run."""
+    course = _lay(track.geometry, RaceRules.from_dict(rules))
+    return _marks(course, numbered=True)
 
 
 def driven_boxes(course: Mapping[str, Any]) -> tuple[BoxMark, ...]:
@@ -104,6 +109,13 @@ def box_title(number: int, fraction: float, lane: str) -> str:
         "percent": f"{100 * fraction:.4g}",
         "lane": Lane(lane).label,
     }
+
+
+def _marks(course: Course, *, numbered: bool) -> tuple[BoxMark, ...]:
+    return tuple(
+        _mark(placed.solid, number if numbered else 0, box_title(number, placed.fraction, placed.lane))
+        for number, placed in enumerate(course.boxes, start=1)
+    )
 
 
 def _mark(solid: Solid, number: int, title: str) -> BoxMark:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.db.models import Q, QuerySet
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
 from rest_framework import generics, serializers, status
 from rest_framework.permissions import IsAuthenticated, IsAuthenticatedOrReadOnly
 from rest_framework.request import Request
@@ -14,11 +14,14 @@ from rest_framework.views import APIView
 from tracks.models import Direction, Track
 
 from .. import services
+from ..course import box_rows
 from ..models import Division, Entry, Kind, Race, RaceState, RaceType, RankingMethod, Visibility
 from ..ranking import order_rule, rule_for
 from ..selectors import can_organise, races_visible_to
 from ..sensors import OFFERABLE
+from .course import CourseSerializer
 from .lookup import organised_race, visible_race
+from .placed import PlacedBoxSerializer
 
 
 class TrackSummarySerializer(serializers.Serializer):
@@ -29,7 +32,7 @@ class TrackSummarySerializer(serializers.Serializer):
     length_m = serializers.FloatField()
 
 
-class RaceSerializer(serializers.Serializer):
+class RaceSerializer(CourseSerializer):
     """A race and its rules."""
 
     slug = serializers.CharField()
@@ -65,9 +68,16 @@ class RaceSerializer(serializers.Serializer):
 class RaceDetailSerializer(RaceSerializer):
     """A race with what its rules mean, and for who organises it the invitation."""
 
+    placed_boxes = serializers.SerializerMethodField(
+        help_text="Every box where it stands, drawn ones too, in the order driven."
+    )
     ranking_rule = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
     tie_rule = serializers.SerializerMethodField()
     invitation = serializers.SerializerMethodField(help_text="The secret that joins; only for who organises the race.")
+
+    @extend_schema_field(PlacedBoxSerializer(many=True))
+    def get_placed_boxes(self, race: Race) -> list[dict]:
+        return box_rows(race)
 
     def get_ranking_rule(self, race: Race) -> str:
         return rule_for(race).rule(race)
@@ -80,7 +90,7 @@ class RaceDetailSerializer(RaceSerializer):
         return None if hidden else race.invitation
 
 
-class RaceChangeSerializer(serializers.Serializer):
+class RaceChangeSerializer(CourseSerializer):
     """What may be changed of a race. Bounds that one field cannot know are checked with the whole race."""
 
     name = serializers.CharField(max_length=64, required=False)
@@ -126,6 +136,7 @@ class FilterSerializer(serializers.Serializer):
 
     state = serializers.ChoiceField(RaceState.choices, required=False)
     kind = serializers.ChoiceField(Kind.choices, required=False)
+    race_type = serializers.ChoiceField(RaceType.choices, required=False)
     mine = serializers.BooleanField(required=False, default=False)
 
 
@@ -143,6 +154,7 @@ class CancelSerializer(serializers.Serializer):
         parameters=[
             OpenApiParameter("state", enum=RaceState.values, description="As things stand now."),
             OpenApiParameter("kind", enum=Kind.values, description="Who holds it."),
+            OpenApiParameter("race_type", enum=RaceType.values),
             OpenApiParameter("mine", bool, description="Only those that you are in or organise."),
         ],
         responses=RaceSerializer,
@@ -162,6 +174,8 @@ class RacesView(generics.ListAPIView):
         races = races_visible_to(racer).defer("track__npy").order_by("-opens_at", "-pk")
         if "kind" in wanted:
             races = races.filter(kind=wanted["kind"])
+        if "race_type" in wanted:
+            races = races.filter(race_type=wanted["race_type"])
         if "state" in wanted:
             races = races.filter(_in_state(RaceState(wanted["state"])))
         if wanted["mine"]:

@@ -125,9 +125,9 @@ def race_map(race: Race, *, numbered: bool = False) -> SafeString:
 
 
 @register.simple_tag
-def course_map(track: Track, direction: str, boxes: tuple[BoxMark, ...]) -> SafeString:
-    """The map of a course that is being laid out: boxes numbered, both lanes drawn."""
-    return _map(track.geometry, direction, track.name, boxes, True)
+def course_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: bool = False) -> SafeString:
+    """The map of a course: a track with boxes on it, and its two lanes where somebody chooses between them."""
+    return _map(track.geometry, direction, track.name, boxes, lanes)
 
 
 @register.simple_tag

@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from races.models import Kind, Race, Visibility
 from races.services import enter_race
-from tests.factories import a_race, drive, laps
+from tests.factories import a_race, a_track, drive, laps
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/races/"
@@ -193,3 +193,83 @@ def test_who_may_see_and_change_a_race_by_invitation(alice, bob, now, cast):
     assert cancelled == {**expected, "owner": 409}
     for role in ("member", "stranger", "anonymous"):
         assert not cast[role].get(address).data.get("invitation"), role
+
+
+BOXES = [{"fraction": 0.6, "lane": "outer"}, {"fraction": 0.25, "lane": "inner"}]
+
+
+def test_a_race_with_boxes_is_made_and_read_with_every_box_where_it_stands(alice, now, as_racer):
+    a_track()
+    client = as_racer(alice)
+    made = client.post(ADDRESS, new_race(now, race_type="object_avoidance", boxes=BOXES))
+    assert made.status_code == 201, made.data
+    read = as_racer(None).get(f"{ADDRESS}{made.data['slug']}/").data
+    assert read["boxes"] == BOXES
+    assert [(box["fraction"], box["lane"]) for box in read["placed_boxes"]] == [(0.25, "inner"), (0.6, "outer")]
+    assert all(isinstance(box[axis], float) for box in read["placed_boxes"] for axis in ("x", "y", "yaw"))
+    assert read["random_boxes"] == 0 and read["opponents"] == ""
+
+
+def test_drawn_boxes_bots_and_duels_are_made_and_told(alice, now, as_racer):
+    a_track()
+    client = as_racer(alice)
+    kinds = (
+        {"race_type": "object_avoidance", "random_boxes": 5, "box_distance_m": 1.5, "seed": 4},
+        {"race_type": "head_to_head", "opponents": "bots", "bots": 4, "bot_speed_mps": 0.8, "bot_lane_changes": True},
+        {"race_type": "head_to_head", "opponents": "models", "duel_format": "bracket", "duel_cars": 2},
+    )
+    for fields in kinds:
+        made = client.post(ADDRESS, new_race(now, **fields))
+        assert made.status_code == 201, made.data
+        read = client.get(f"{ADDRESS}{made.data['slug']}/").data
+        assert {name: read[name] for name in fields} == fields
+        assert len(read["placed_boxes"]) == fields.get("random_boxes", 0)
+    assert len(client.get(ADDRESS, {"race_type": "head_to_head"}).data["results"]) == 2
+    assert len(client.get(ADDRESS, {"race_type": "object_avoidance"}).data["results"]) == 1
+    assert client.get(ADDRESS, {"race_type": "chess"}).status_code == 400
+
+
+@pytest.mark.parametrize(
+    ("fields", "field", "code"),
+    [
+        ({"race_type": "object_avoidance"}, "boxes", "race_needs_boxes"),
+        ({"race_type": "object_avoidance", "boxes": BOXES * 6}, "boxes", "race_too_many_boxes"),
+        ({"race_type": "object_avoidance", "boxes": BOXES[:1] * 2}, "boxes", "boxes_overlap"),
+        (
+            {"race_type": "object_avoidance", "random_boxes": 10, "box_distance_m": 4},
+            "random_boxes",
+            "boxes_do_not_fit",
+        ),
+        ({"boxes": BOXES}, "boxes", "race_has_no_boxes"),
+        ({"race_type": "head_to_head"}, "opponents", "race_needs_opponents"),
+        ({"race_type": "head_to_head", "opponents": "bots", "bots": 9}, "bots", "race_bot_count"),
+        (
+            {"race_type": "head_to_head", "opponents": "bots", "bots": 2, "bot_speed_mps": 9},
+            "bot_speed_mps",
+            "race_bot_speed",
+        ),
+    ],
+)
+def test_a_course_that_makes_no_sense_is_refused_by_its_own_code(alice, now, as_racer, fields, field, code):
+    a_track()
+    answer = as_racer(alice).post(ADDRESS, new_race(now, **fields))
+    assert answer.status_code == 400
+    assert answer.data["fields"][field][0]["code"] == code
+    assert not Race.objects.exists()
+
+
+@pytest.mark.parametrize("boxes", ["many", [1], [{"fraction": 0.5}], [{"fraction": "x", "lane": "inner"}], [BOXES]])
+def test_boxes_that_are_no_places_are_refused(alice, now, as_racer, boxes):
+    a_track()
+    answer = as_racer(alice).post(ADDRESS, new_race(now, race_type="object_avoidance", boxes=boxes))
+    assert answer.status_code == 400 and all(field.startswith("boxes") for field in answer.data["fields"])
+
+
+def test_an_organiser_turns_a_time_trial_into_object_avoidance_and_moves_a_box(alice, now, as_racer):
+    client, race = as_racer(alice), a_race(now, slug="mine", organiser=alice)
+    path = f"{ADDRESS}{race.slug}/"
+    assert client.patch(path, {"race_type": "object_avoidance"}).status_code == 400
+    changed = client.patch(path, {"race_type": "object_avoidance", "boxes": BOXES})
+    assert changed.status_code == 200 and len(changed.data["placed_boxes"]) == 2
+    moved = client.patch(path, {"boxes": [{"fraction": 0.4, "lane": "outer"}]})
+    assert moved.data["placed_boxes"][0]["fraction"] == 0.4

@@ -1,4 +1,4 @@
-"""What is marked on a map besides the road: boxes and other cars where they stand, and the two lanes. No Django."""
+"""What is marked on a map besides the road: boxes where they stand, and the two lanes. No Django."""
 
 from __future__ import annotations
 
@@ -26,15 +26,6 @@ class BoxMark(NamedTuple):
     title: str = ""
 
 
-class CarMark(NamedTuple):
-    """Another car on a map: its place (m) and heading (rad)."""
-
-    x: float
-    y: float
-    yaw: float
-    title: str = ""
-
-
 def box_corners(box: BoxMark, least_m: float) -> list[tuple[float, float]]:
     """The four corners of the box in metres, enlarged about its middle so that half its length is ``least_m`` at
     least: true to scale it would vanish on the map of a long track."""
@@ -45,13 +36,6 @@ def box_corners(box: BoxMark, least_m: float) -> list[tuple[float, float]]:
         (box.x + a * cos - b * sin, box.y + a * sin + b * cos)
         for a, b in ((reach, side), (-reach, side), (-reach, -side), (reach, -side))
     ]
-
-
-def car_corners(car: CarMark, size_m: float) -> list[tuple[float, float]]:
-    """An arrow head of ``size_m`` that points where the car points."""
-    cos, sin = math.cos(car.yaw), math.sin(car.yaw)
-    shape = ((1.15, 0.0), (-0.75, 0.75), (-0.35, 0.0), (-0.75, -0.75))
-    return [(car.x + size_m * (a * cos - b * sin), car.y + size_m * (a * sin + b * cos)) for a, b in shape]
 
 
 def lane_line(track: TrackGeometry, lane: str) -> Points:

@@ -2,8 +2,8 @@
 
 Classes: ``track-map`` (the picture), ``track-road``, ``track-centre``, ``track-finish``, ``track-arrow``,
 ``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's own style), ``track-lane`` (with ``inner``
-or ``outer``), ``track-box`` (a shape and its number), ``track-rival``, ``track-car``. Strokes keep their
-width in screen pixels at any size (``vector-effect``), so a style sheet sets ``stroke-width`` in px.
+or ``outer``), ``track-box`` (a shape and its number), ``track-car``. Strokes keep their width in screen pixels at any
+size (``vector-effect``), so a style sheet sets ``stroke-width`` in px.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 from ..checks import Points
 from ..geometry import TrackGeometry
 from .lines import DrivenLine, simplify_loop
-from .marks import BoxMark, CarMark, box_corners, car_corners, lane_line
+from .marks import BoxMark, box_corners, lane_line
 
 MARGIN_M = 0.3
 LANES = ("inner", "outer")
@@ -29,7 +29,7 @@ _STYLE = (
     ".track-road{fill:#8b949e55;stroke:#8b949e}.track-centre{fill:none;stroke:#8b949e;stroke-dasharray:4 4}"
     ".track-finish,.track-arrow{fill:none;stroke:#ff3b55;stroke-width:2.5}"
     ".track-box path{fill:#d99a3d;stroke:#7a4f10}.track-box text{fill:#1c1206;text-anchor:middle;font-weight:700}"
-    ".track-lane{stroke:#5eb0ff}.track-lane.outer{stroke-dasharray:6 4}.track-rival path{fill:#5eb0ff}"
+    ".track-lane{stroke:#5eb0ff}.track-lane.outer{stroke-dasharray:6 4}"
     ".track-line{fill:none;stroke:#2fbf71;stroke-width:2}.track-car{fill:#ff3b55}"
     ".speed-0{stroke:#e5484d}.speed-1{stroke:#f2803a}.speed-2{stroke:#f2c53d}"
     ".speed-3{stroke:#9ccc3c}.speed-4{stroke:#2fbf71}.speed-5{stroke:#1fb6c9}"
@@ -46,12 +46,11 @@ def draw_svg(
     lines: Sequence[DrivenLine] = (),
     car: tuple[float, float] | None = None,
     boxes: Sequence[BoxMark] = (),
-    cars: Sequence[CarMark] = (),
     lanes: bool = False,
     title: str | None = None,
     standalone: bool = False,
 ) -> str:
-    """The map: road, centre line, finish and driving direction, then driven lines, boxes, other cars and a car's place.
+    """The map: road, centre line, finish and driving direction, then driven lines, boxes and a car's place.
 
     ``lanes`` draws the middle of the inner and of the outer lane too.
 
@@ -77,7 +76,6 @@ def draw_svg(
         f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track))}"/>',
     ]
     parts += [_box(frame, box) for box in boxes]
-    parts += [_car(frame, other) for other in cars]
     if car is not None and math.isfinite(car[0]) and math.isfinite(car[1]):
         x, y = frame.place(car)
         parts.append(f'<circle class="track-car" cx="{x}" cy="{y}" r="{_number(0.8 * frame.mark_m)}"/>')
@@ -144,11 +142,6 @@ def _box(frame: _Frame, box: BoxMark) -> str:
     size = _number(1.1 * max(box.half_length, BOX_MARKS * frame.mark_m))
     number = f'<text x="{x}" y="{y}" dy=".36em" font-size="{size}">{box.number}</text>' if box.number else ""
     return f'<g class="track-box">{_title(box.title)}<path {_THIN} d="{shape}"/>{number}</g>'
-
-
-def _car(frame: _Frame, car: CarMark) -> str:
-    shape = frame.path(car_corners(car, frame.mark_m), closed=True)
-    return f'<g class="track-rival">{_title(car.title)}<path {_THIN} d="{shape}"/></g>'
 
 
 def _title(title: str) -> str:

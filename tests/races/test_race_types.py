@@ -1,0 +1,203 @@
+"""Types of races: what belongs to each, where boxes stand, what is refused and with which words."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.db import IntegrityError, transaction
+from django.test import override_settings
+
+from evaluation.simulator.course import lay_course
+from races.course import box_marks, box_rows
+from races.errors import RaceRefused
+from races.facts import course_facts, course_rules
+from races.models import Race
+from races.services import clone_race, create_community_race, edit_race, race_rules
+from tests.factories import a_race, a_track, drive, lap
+
+pytestmark = pytest.mark.django_db
+
+TWO_BOXES = [{"fraction": 0.6, "lane": "outer"}, {"fraction": 0.25, "lane": "inner"}]
+BOXES = {"race_type": "object_avoidance", "boxes": TWO_BOXES}
+DRAWN = {"race_type": "object_avoidance", "random_boxes": 4}
+BOTS = {"race_type": "head_to_head", "opponents": "bots", "bots": 3}
+MODELS = {"race_type": "head_to_head", "opponents": "models", "duel_format": "round_robin"}
+
+
+def make(alice, now, **fields) -> Race:
+    options = {
+        "name": "Obstacles",
+        "track": a_track(),
+        "opens_at": now + timedelta(hours=1),
+        "closes_at": now + timedelta(days=2),
+    }
+    return create_community_race(organiser=alice, now=now, **(options | fields))
+
+
+def refusal(call, *args, **kwargs) -> dict[str, str]:
+    with pytest.raises(RaceRefused) as caught:
+        call(*args, **kwargs)
+    assert "%(" not in str(caught.value) and "?" not in str(caught.value)
+    return {field: errors[0].code for field, errors in caught.value.errors.error_dict.items()}
+
+
+@pytest.mark.parametrize("options", [{}, BOXES, DRAWN, BOTS, MODELS])
+def test_every_type_of_race_is_made_and_tells_the_simulator_what_it_is(alice, now, options):
+    race = make(alice, now, **options)
+    race.refresh_from_db()
+    rules = race_rules(race)
+    assert rules.race_type == options.get("race_type", "time_trial")
+    assert [{"fraction": box.fraction, "lane": box.lane} for box in rules.boxes] == options.get("boxes", [])
+    assert (rules.random_boxes, rules.bots) == (options.get("random_boxes", 0), options.get("bots", 0))
+    lay_course(race.track.geometry.in_direction(race.direction), rules)
+
+
+def test_boxes_are_told_and_marked_where_the_simulator_puts_them_in_the_order_driven(alice, now):
+    race = make(alice, now, **BOXES, direction="cw")
+    course = lay_course(race.track.geometry.in_direction("cw"), race_rules(race))
+    assert [row["fraction"] for row in box_rows(race)] == [0.25, 0.6]
+    for row, mark, placed in zip(box_rows(race), box_marks(race, numbered=True), course.boxes, strict=True):
+        assert (row["x"], row["y"]) == (round(placed.solid.x, 3), round(placed.solid.y, 3))
+        assert (mark.x, mark.y, mark.yaw) == (placed.solid.x, placed.solid.y, placed.solid.yaw)
+    assert [mark.number for mark in box_marks(race, numbered=True)] == [1, 2]
+    assert box_marks(race)[0].title == "Box 1: 25 % of the lap, inner lane"
+
+
+def test_drawn_boxes_are_the_same_for_the_same_seed_and_others_for_another(alice, now):
+    one, same, other = (make(alice, now, **DRAWN, seed=seed) for seed in (7, 7, 8))
+    assert len(box_rows(one)) == 4
+    assert box_rows(one) == box_rows(same) != box_rows(other)
+
+
+@pytest.mark.parametrize(
+    ("options", "refused"),
+    [
+        ({"race_type": "object_avoidance"}, {"boxes": "race_needs_boxes"}),
+        (BOXES | {"random_boxes": 2}, {"random_boxes": "race_boxes_fixed_or_random"}),
+        ({"boxes": TWO_BOXES}, {"boxes": "race_has_no_boxes"}),
+        ({"random_boxes": 1}, {"random_boxes": "race_has_no_boxes"}),
+        (BOTS | {"random_boxes": 1}, {"random_boxes": "race_has_no_boxes"}),
+        (DRAWN | {"random_boxes": 11}, {"boxes": "race_too_many_boxes"}),
+        (
+            BOXES | {"boxes": [{"fraction": 0.07 + n / 20, "lane": "inner"} for n in range(11)]},
+            {"boxes": "race_too_many_boxes"},
+        ),
+        (BOXES | {"boxes": [{"fraction": 0.02, "lane": "inner"}]}, {"boxes": "race_box_place"}),
+        (BOXES | {"boxes": [{"fraction": 0.95, "lane": "inner"}]}, {"boxes": "race_box_place"}),
+        (BOXES | {"boxes": [{"fraction": float("nan"), "lane": "inner"}]}, {"boxes": "race_box_place"}),
+        (BOXES | {"boxes": [{"fraction": 0.5, "lane": "middle"}]}, {"boxes": "race_boxes_shape"}),
+        (BOXES | {"boxes": [{"fraction": "half", "lane": "inner"}]}, {"boxes": "race_boxes_shape"}),
+        (BOXES | {"boxes": [{"fraction": True, "lane": "inner"}]}, {"boxes": "race_boxes_shape"}),
+        (BOXES | {"boxes": [0.5]}, {"boxes": "race_boxes_shape"}),
+        (BOXES | {"boxes": {"fraction": 0.5, "lane": "inner"}}, {"boxes": "race_boxes_shape"}),
+        (BOXES | {"boxes": [TWO_BOXES[0]] * 2}, {"boxes": "boxes_overlap"}),
+        (BOXES | {"boxes": [*TWO_BOXES, {"fraction": 0.26, "lane": "outer"}]}, {"boxes": "boxes_overlap"}),
+        (DRAWN | {"random_boxes": 10, "box_distance_m": 5.0}, {"random_boxes": "boxes_do_not_fit"}),
+        (DRAWN | {"box_distance_m": 0.1}, {"box_distance_m": "race_box_distance"}),
+        ({"race_type": "head_to_head"}, {"opponents": "race_needs_opponents"}),
+        ({"opponents": "bots"}, {"opponents": "race_has_no_opponents"}),
+        ({"bots": 2}, {"bots": "race_has_no_opponents"}),
+        (BOXES | {"duel_format": "bracket"}, {"duel_format": "race_has_no_opponents"}),
+        (BOTS | {"bots": 0}, {"bots": "race_bot_count"}),
+        (BOTS | {"bots": 7}, {"bots": "race_bot_count"}),
+        (BOTS | {"bot_speed_mps": 4.5}, {"bot_speed_mps": "race_bot_speed"}),
+        (BOTS | {"bot_speed_mps": 0.1}, {"bot_speed_mps": "race_bot_speed"}),
+        (BOTS | {"bot_speed_mps": float("nan")}, {"bot_speed_mps": "race_bot_speed"}),
+        (BOTS | {"duel_format": "bracket"}, {"duel_format": "race_bots_have_no_duels"}),
+        (MODELS | {"bots": 2}, {"bots": "race_duels_have_no_bots"}),
+        (MODELS | {"duel_format": ""}, {"duel_format": "race_needs_duel_format"}),
+        (MODELS | {"duel_cars": 5}, {"duel_cars": "race_duel_cars"}),
+        (MODELS | {"duel_cars": 1}, {"duel_cars": "race_duel_cars"}),
+    ],
+)
+def test_what_does_not_go_together_is_refused_beside_the_field_to_change(alice, now, options, refused):
+    said = refusal(make, alice, now, **options)
+    assert refused.items() <= said.items()
+    assert not Race.objects.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "change"),
+    [
+        ({}, {"boxes": TWO_BOXES}),
+        ({}, {"random_boxes": 2}),
+        ({}, {"bots": 1}),
+        ({}, {"race_type": "object_avoidance"}),
+        ({}, {"race_type": "head_to_head"}),
+        (BOXES, {"random_boxes": 2}),
+        (BOXES, {"boxes": []}),
+        (BOXES, {"boxes": [*TWO_BOXES] * 6}),
+        (BOXES, {"opponents": "bots", "bots": 2}),
+        (DRAWN, {"random_boxes": 11}),
+        (DRAWN, {"box_distance_m": 0.0}),
+        (BOTS, {"bots": 0}),
+        (BOTS, {"bots": 7}),
+        (BOTS, {"bot_speed_mps": 4.1}),
+        (BOTS, {"opponents": "models"}),
+        (BOTS, {"opponents": ""}),
+        (MODELS, {"bots": 1}),
+        (MODELS, {"duel_format": ""}),
+        (MODELS, {"duel_cars": 5}),
+    ],
+)
+def test_the_database_takes_no_race_that_contradicts_itself(alice, now, options, change):
+    race = make(alice, now, **options)
+    with pytest.raises(IntegrityError), transaction.atomic():
+        Race.objects.filter(pk=race.pk).update(**change)
+
+
+def test_the_course_is_fixed_from_the_first_submission_on(alice, bob, now):
+    race = a_race(now, organiser=alice, **BOXES)
+    drive(race, bob, [lap(1, 12_000)], now)
+    changes = ({"boxes": TWO_BOXES[:1]}, {"race_type": "time_trial", "boxes": []}, {"seed": 3})
+    for change in changes:
+        assert set(refusal(edit_race, race=race, now=now, **change).values()) == {"race_has_submissions"}
+
+
+def test_another_track_is_refused_where_the_boxes_have_no_room(alice, now):
+    race = make(alice, now, **DRAWN | {"random_boxes": 8, "box_distance_m": 1.8})
+    assert refusal(edit_race, race=race, now=now, box_distance_m=3.0) == {"random_boxes": "boxes_do_not_fit"}
+    edit_race(race=race, now=now, name="Obstacles again")
+
+
+def test_a_clone_has_the_same_course(alice, now):
+    race = make(alice, now, **BOXES)
+    assert box_rows(clone_race(race=race, now=now)) == box_rows(race)
+
+
+def test_crashes_stand_on_the_board_with_the_run_that_counts(alice, bob, now):
+    race = a_race(now, organiser=alice, minimum_laps=1, **BOXES)
+    slow = [lap(1, 20_000) | {"crashes": 4}, lap(2, 21_000) | {"crashes": 1}]
+    quick = [lap(1, 12_000) | {"crashes": 2}, lap(2, 12_500)]
+    assert drive(race, bob, slow, now).entry.crashes == 5
+    assert drive(race, bob, quick, now).entry.crashes == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "facts", "rule"),
+    [
+        ({}, [], None),
+        (BOXES, ["2 boxes"], "2 boxes stand on the track, in the places that the map shows"),
+        (DRAWN, ["4 boxes", "drawn from the seed"], "in places drawn from the seed at least 2 m apart"),
+        (
+            BOTS | {"bot_lane_changes": True},
+            ["3 bots at 1 m/s", "changing lanes"],
+            "Bots change lanes every few seconds",
+        ),
+        (MODELS, ["car against car", "round robin"], "each car drives the track alone"),
+        (MODELS | {"duel_cars": 4}, ["4 cars at once", "round robin"], "4 at once"),
+    ],
+)
+@override_settings(LANGUAGE_CODE="en")
+def test_a_race_says_in_words_what_is_on_its_track(alice, now, options, facts, rule):
+    race = make(alice, now, **options)
+    assert course_facts(race) == facts
+    told = " ".join(course_rules(race))
+    assert rule in told if rule else not told
+    assert "%" not in told
+
+
+def test_without_resets_a_crash_ends_the_run_and_the_rules_say_so(alice, now):
+    rules = course_rules(make(alice, now, **BOXES, max_resets=0))
+    assert rules[-1] == "A crash is a fault like leaving the track, and ends the run."
