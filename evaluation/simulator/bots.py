@@ -183,6 +183,8 @@ class Bots:
         for index, (other_m, other_side) in enumerate(others):
             gap = (other_m - metres) % length
             if gap < _LOOK_M and -BESIDE_M < other_side - side < BESIDE_M and index != number:
+                if gap == 0.0 and index > number:
+                    continue  # or two that are abreast to the last bit would wait for each other
                 room = gap * stretch - FOLLOW_M
                 if room < ahead:
                     ahead = room if room > 0.0 else 0.0

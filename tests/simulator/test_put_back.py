@@ -1,0 +1,92 @@
+"""On every track there is: a car put back is on the road, and its progress never jumps."""
+
+import numpy as np
+import pytest
+
+from evaluation.simulator.action import ActionSpace
+from evaluation.simulator.bots import Bots, LanePaths
+from evaluation.simulator.car import Pose
+from evaluation.simulator.contact import cars_touch
+from evaluation.simulator.course import lay_course
+from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.progress import Reach, clear_distance
+from evaluation.simulator.race import run_race
+from evaluation.simulator.referee import Referee
+from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.trace import PAUSE
+from faults import UserFault
+from tests.shared import SHARED, needs_shared
+from tracks.catalogue import CATALOGUE
+from tracks.npy import read_npy
+
+OWN = [pytest.param(entry.geometry, id=entry.slug) for entry in CATALOGUE]
+GIVEN = [
+    pytest.param(lambda path=path: read_npy(path.read_bytes(), path.stem), id=path.stem, marks=[needs_shared])
+    for path in sorted((SHARED / "tracks").glob("*.npy"))
+] or [pytest.param(None, id="given", marks=[needs_shared])]
+both = pytest.mark.parametrize("direction", ["ccw", "cw"])
+
+
+def loaded(track):
+    """The track, or a skip: one of the given files is an open road."""
+    try:
+        return track()
+    except UserFault as fault:
+        pytest.skip(str(fault))
+
+
+@both
+@pytest.mark.parametrize("track", OWN)
+def test_a_driver_who_leaves_the_road_at_every_bend_is_always_put_back_onto_it(track, direction):
+    track = track()
+    rules = RaceRules(direction=direction, off_track_penalty_ms=100, max_simulated_ms=60_000)
+    space = ActionSpace.discrete([(0.0, 2.0)])
+    trace = run_race(track, rules, space, (), lambda readings: np.float32([1.0])).trace
+    paused = trace["episode_status"] == PAUSE
+    assert paused.sum() > 5
+    assert trace["all_wheels_on_track"][paused].all()
+    gained = np.diff(trace["progress"] * track.length / 100)
+    gained = gained[np.diff(trace["episode"]) == 0]
+    assert np.abs(gained).max() < 1.0  # metres in a step of 1/15 s
+
+
+@both
+@pytest.mark.parametrize("track", [*OWN, *GIVEN])
+def test_every_place_where_a_car_is_put_is_on_the_road_and_keeps_its_progress(track, direction):
+    driven = loaded(track).in_direction(direction)
+    rules = RaceRules(direction=direction)
+    judge = Referee(driven, rules, PADDOCK_CAR, Reach(driven), 0.0, clear_distance(driven))
+    for metres in np.arange(0.3, driven.length - 0.5, 0.13).tolist():
+        for share in (-0.9, 0.0, 0.9):
+            left, right = driven.half_widths_at(metres)
+            pose = Pose(*driven.point_at(metres, share * (left if share > 0 else right)))
+            judge.place(pose, metres)
+            judge.move(pose)
+            before = judge.odometer.metres
+            put_back = judge._put_back(before)
+            judge.place(*put_back)
+            assert judge.all_wheels_on_track or any(judge._wheels(put_back.pose))
+            assert driven.on_road(put_back.pose.x, put_back.pose.y)
+            # The base goes where the nose was; in a bend the nose may swing a little farther.
+            assert abs(judge.odometer.metres - before) < 0.5
+
+
+@pytest.mark.slow
+@both
+@pytest.mark.parametrize("track", [*OWN, *GIVEN])
+def test_boxes_and_bots_have_room_on_every_track_and_bots_keep_apart(track, direction):
+    driven = loaded(track).in_direction(direction)
+    for seed in range(5):
+        rules = RaceRules(race_type="object_avoidance", random_boxes=5, seed=seed, direction=direction)
+        assert len(lay_course(driven, rules).boxes) == 5
+    count = 6 if driven.length > 18 else 4
+    rules = RaceRules(race_type="head_to_head", bots=count, bot_speed_mps=3.0, bot_lane_changes=True, seed=2)
+    bots = Bots(LanePaths(driven), rules, 15.0)
+    moved = np.zeros(count)
+    for _ in range(1200):
+        before = bots.poses
+        bots.step(())
+        for number, pose in enumerate(bots.poses):
+            assert not any(cars_touch(pose, other) for other in bots.poses[:number])
+            moved[number] += np.hypot(pose.x - before[number].x, pose.y - before[number].y)
+    assert moved.min() > 0.6 * 3.0 * 80  # of 80 s: nobody is stuck behind another for long
