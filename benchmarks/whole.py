@@ -36,19 +36,30 @@ def measure(car: AdmittedCar, track: TrackGeometry, *, laps: int, runs: int) -> 
     return {key: _median([run[key] for run in found]) for key in found[0]}
 
 
-def _runs(job: RaceJob, runs: int) -> list[dict[str, Any]]:
+def pin_to_one_core() -> None:
+    """This process, and with it all that it starts from now on."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def warm(job: RaceJob) -> tuple[EvaluationOutcome, float]:
+    """One evaluation with processes that waited for it, and the processor seconds that it took in all of them."""
+    crew = Crew()
+    time.sleep(READY_S)
+    clock = Clock()
+    outcome = evaluate(job, on_progress=clock.look, crew=crew)  # the last progress comes at the very end
+    return outcome, clock.seconds
+
+
+def _runs(job: RaceJob, runs: int) -> list[dict[str, Any]]:
+    pin_to_one_core()
     # The first reads every library from disk; it is driven, but does not count.
     return [_one(job) for _ in range(runs + 1)][1:]
 
 
 def _one(job: RaceJob) -> dict[str, Any]:
     cold = evaluate(job)
-    crew = Crew()
-    time.sleep(READY_S)
-    clock = Clock()
-    outcome = evaluate(job, on_progress=clock.look, crew=crew)  # the last progress comes at the very end
-    return _figures(outcome, cold, clock.seconds)
+    outcome, cpu_s = warm(job)
+    return _figures(outcome, cold, cpu_s)
 
 
 def _figures(outcome: EvaluationOutcome, cold: EvaluationOutcome, cpu_s: float) -> dict[str, Any]:

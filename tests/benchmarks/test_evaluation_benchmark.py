@@ -44,6 +44,13 @@ def test_whole_evaluations_are_measured_and_their_time_is_accounted_for() -> Non
     assert 50 < figures["peak_mb"] < 2000
     assert figures["startup_s"]["steady"] > 0
     assert figures["tiny_renderer"]["ratio"] > 1
+    for kind in ("warped", "six_boxes", "six_in_view"):
+        assert 0 < figures["tiny_renderer"][kind]["frame_ms"] < figures["tiny_renderer"]["tiny_renderer"]["frame_ms"]
+    crowd = figures["traffic"]
+    assert crowd["model"] == "steady" and crowd["time_trial"]["ratio"] == 1.0
+    for kind in ("object_avoidance", "head_to_head"):
+        assert crowd[kind]["real_time_factor"] > 1
+        assert crowd[kind]["ratio"] == pytest.approx(crowd[kind]["cpu_factor"] / crowd["time_trial"]["cpu_factor"])
     assert figures["upload_to_ranked_s"] is None
     assert figures["machine"]["engine"]
     assert "steady" in evaluation.table(figures)
@@ -73,10 +80,12 @@ def test_a_board_is_measured_at_both_sizes() -> None:
 def figures(**changes: object) -> dict:
     """Figures that keep every promise."""
     return {
-        "real_time_factor": {"console": 50.0, "steady": 130.0},
+        "real_time_factor": {"console": 60.0, "steady": 160.0},
         "bullet_and_network": {"console": 0.8, "steady": 0.6},
         "upload_to_ranked_s": 4.0,
         "peak_mb": 400.0,
+        "traffic": {"object_avoidance": {"ratio": 0.8}, "head_to_head": {"ratio": 0.7}},
+        "tiny_renderer": {"six_boxes": {"frame_ms": 0.12}},
     } | changes
 
 
@@ -88,8 +97,11 @@ def test_figures_that_keep_every_promise_miss_nothing() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"real_time_factor": {"console": 39.0}}, "console runs 39.0 times"),
-        ({"real_time_factor": {"steady": 119.0}}, "steady runs 119.0 times"),
+        ({"real_time_factor": {"console": 49.0}}, "console runs 49.0 times"),
+        ({"real_time_factor": {"steady": 149.0}}, "steady runs 149.0 times"),
+        ({"traffic": {"object_avoidance": {"ratio": 0.6}, "head_to_head": {"ratio": 0.7}}}, "avoidance runs at 60%"),
+        ({"traffic": {"object_avoidance": {"ratio": 0.8}, "head_to_head": {"ratio": 0.6}}}, "head_to_head runs at 60%"),
+        ({"tiny_renderer": {"six_boxes": {"frame_ms": 0.151}}}, "a frame with six boxes takes 0.151 ms"),
         ({"bullet_and_network": {"steady": 0.4}}, "steady spends 40%"),
         ({"upload_to_ranked_s": 11.0}, "11.0 s from upload to rank"),
         ({"peak_mb": 601.0}, "601 MB"),
