@@ -19,7 +19,7 @@ from .physics import PADDOCK_CAR, CarPhysics
 from .progress import Reach, clear_distance
 from .referee import Referee
 from .rules import RaceRules
-from .sensors import make_sensors
+from .sensors import Reading, make_sensors
 from .solids import Solid, car
 from .traffic import Traffic
 from .world import World
@@ -31,11 +31,19 @@ class Ground:
     def __init__(self, track: TrackGeometry, direction: str = "ccw", theme: Theme = OFFICIAL) -> None:
         self.track = track.in_direction(direction)
         self.theme = theme
+        self._readings: dict[object, dict[str, Reading]] = {}
 
     @cached_property
     def scene(self) -> Scene:
         """Drawn when the first camera needs it."""
         return Scene.of(self.track, self.theme)
+
+    def readings(self, sensors: Sequence[str], lidar_config: Mapping[str, float] | None = None) -> dict[str, Reading]:
+        """See :func:`evaluation.simulator.sensors.make_sensors`; made once, for all cars with the same sensors."""
+        key = tuple(sensors), tuple(sorted((lidar_config or {}).items()))
+        if key not in self._readings:
+            self._readings[key] = make_sensors(sensors, lambda: self.scene, lidar_config)
+        return self._readings[key]
 
     @cached_property
     def reach(self) -> Reach:
@@ -108,7 +116,7 @@ class Stage:
             free=self._traffic.free_for(lambda: mine),
             grid=grid,
         )
-        readings = make_sensors(sensors, lambda: self.ground.scene, lidar_config)
+        readings = ground.readings(sensors, lidar_config)
         mine = Contestant(self.world.add_car(), referee, readings, self.solids)
         self.contestants.append(mine)
         return mine

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from faults import UserFault
+
 from ..action import DISCRETE, Action
 from ..contestant import Contestant
 from ..race import lap_results
@@ -19,6 +21,8 @@ from ..world import World
 from .setting import Setting
 
 Readings = dict[str, np.ndarray]
+
+_COURSES = 20  # seeds that an episode tries until random boxes have room
 
 
 class Outcome(NamedTuple):
@@ -60,17 +64,31 @@ class Drive:
         return self._car is not None
 
     def begin(self, rng: np.random.Generator, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Start an episode, which is to the last bit as in a new world; what it draws comes from ``rng``. The info."""
+        """Start an episode, which is to the last bit as in a new world; what it draws comes from ``rng``. The info.
+
+        Raises UserFault ``boxes_do_not_fit`` when random boxes find no room on this track.
+        """
         setting = self._setting
         start_m = setting.start_m(rng, options or {})
-        rules = setting.episode_rules(rng)
-        if self._stage is None:
-            self._stage = Stage(setting.ground, rules, setting.physics, self._world)
-        else:
-            self._stage.clear(rules)
-        self._objects = Objects(setting.ground.track, rules.bot_speed_mps)
+        self._lay(rng)
+        self._objects = Objects(setting.ground.track, setting.rules.bot_speed_mps)
         self._car = self._stage.add(setting.sensors, start_m, setting.metadata.lidar_config)
         return self._info()
+
+    def _lay(self, rng: np.random.Generator) -> None:
+        """Clear the stage for the next episode; where drawn boxes find no room, draw again."""
+        setting = self._setting
+        for attempts_left in reversed(range(_COURSES)):
+            rules = setting.episode_rules(rng)
+            try:
+                if self._stage is None:
+                    self._stage = Stage(setting.ground, rules, setting.physics, self._world)
+                else:
+                    self._stage.clear(rules)
+                return
+            except UserFault:
+                if not attempts_left or not setting.draws_course:
+                    raise
 
     def observe(self) -> Readings:
         """A fresh reading of each sensor."""
