@@ -10,7 +10,8 @@ import math
 import random
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
+
+import numpy as np
 
 from tracks.geometry import TrackGeometry
 
@@ -25,6 +26,7 @@ CLEAR_M = 1.5  # the other lane must be free so far before and behind, or a bot 
 BESIDE_M = 0.3  # with so much between their middles across the road, two cars pass each other
 _LOOK_M = 1.2  # a bot looks no farther ahead along the centre line: FOLLOW_M, its stride, and the bend of a hairpin
 _SAMPLE_M = 0.05
+_STILL_M = 1e-3  # a lane may stand still inside a corner: no division by nothing there
 
 _Sample = tuple[float, float, float, float, float]
 
@@ -77,23 +79,22 @@ class LanePaths:
 
 def _samples(track: TrackGeometry, lane: str, count: int) -> list[_Sample]:
     """Even samples round the lap, the first two repeated at its end for what lies between the last and the first, and
-    for a place that rounds up to a whole lap."""
-    on_the_left = (lane == INNER) == (track.direction == "ccw")
-    samples = []
-    for number in range(count):
-        metres = number * track.length / count
-        x, y, heading = track.lane_centre(metres, lane)
-        left, right = track.half_widths_at(metres)
-        samples.append((x, y, math.cos(heading), math.sin(heading), left / 2 if on_the_left else -right / 2))
+    for a place that rounds up to a whole lap. The heading is that from the sample before to the one after."""
+    metres = np.arange(count) * (track.length / count)
+    left, right = track.half_widths_along(metres)
+    sides = left / 2 if (lane == INNER) == (track.direction == "ccw") else -right / 2
+    points = track.points_at(metres, sides)
+    along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    along /= np.maximum(np.sqrt((along * along).sum(axis=1)), _STILL_M)[:, None]
+    samples = [tuple(row) for row in np.column_stack((points, along, sides)).tolist()]
     return [*samples, *samples[:2]]
 
 
 def _driven(samples: Sequence[_Sample]) -> list[float]:
     """Metres driven from the first sample to each."""
-    driven = [0.0]
-    for (ax, ay, *_), (bx, by, *_) in pairwise(samples):
-        driven.append(driven[-1] + max(math.hypot(bx - ax, by - ay), 1e-3))  # a lane may stand still inside a corner
-    return driven
+    points = np.array(samples)[:, :2]
+    steps = np.diff(points, axis=0)
+    return [0.0, *np.cumsum(np.maximum(np.sqrt((steps * steps).sum(axis=1)), _STILL_M)).tolist()]
 
 
 class Bot:
