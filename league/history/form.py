@@ -53,7 +53,7 @@ NO_SCORE = 2**62  # a score from here on is no time
 MOST = 2**31 - 1  # what a column of the database holds
 MOST_LAPS = 2**15 - 1
 
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\Z")
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 
 
 @dataclass(frozen=True)

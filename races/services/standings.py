@@ -73,6 +73,9 @@ def recompute_standing(*, entry: Entry) -> Entry:
     if entry.seed is not None:
         recount(entry.race, [entry])
         return entry
+    if entry.race.imported_at is not None:  # recorded, not driven here: there is nothing to work it out from
+        recompute_fastest(race=entry.race)
+        return entry
     _clear(entry)
     submissions = entry.submissions.filter(is_void=False, evaluation__result__isnull=False)
     for submission in submissions.select_related("evaluation__result").order_by("pk"):

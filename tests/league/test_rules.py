@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from decimal import Decimal
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -111,7 +112,7 @@ def test_the_order_in_which_results_arrive_changes_nothing(data):
     made = Standings(drop).lines([Result(*one) for one in shuffled], rounds)
     assert made == Standings(drop).lines([Result(*one) for one in results], rounds)
     assert [line.place for line in made] == list(range(1, len(made) + 1))
-    assert all(before.points >= after.points for before, after in zip(made, made[1:], strict=False))
+    assert all(before.points >= after.points for before, after in pairwise(made))
     assert all(len(line.results) - len(line.dropped) == Standings(drop).counting(rounds) for line in made)
 
 
