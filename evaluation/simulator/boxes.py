@@ -10,7 +10,8 @@ from .course import Course, other_lane
 
 # deepracer-simapp, agent_ctrl/constants.py: CLOSEST_OBJ_GAP, RESET_BEHIND_DIST, RESET_AHEAD_DIST.
 NEAR_M = BEHIND_M = AHEAD_M = 1.0
-PASSED_M = 0.5  # a nose this far beyond a box's middle has its rear beyond the box as well
+PASSED_M = 0.2  # a nose this far beyond a box's middle is past the box: from here on the car is not put before it
+BEYOND_M = 0.5  # a car that is put here behind a box's middle stands clear of it; as far before, not yet beside it
 
 
 class BoxWatch:
@@ -68,7 +69,7 @@ class BoxWatch:
         return max(self.next_m - BEHIND_M, self.floor_m), other_lane(self._lane(self._number))
 
     def _pass(self) -> None:
-        self.floor_m = self.next_m + PASSED_M
+        self.floor_m = self.next_m + BEYOND_M
         self._resets_here = 0
         self._number += 1
         self.next_m = self._metres(self._number)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from tracks.geometry import TrackGeometry
 
-from .boxes import PASSED_M, BoxWatch
+from .boxes import BEYOND_M, BoxWatch
 from .car import Pose
 from .clock import STEP_MS, milliseconds
 from .course import EMPTY, Course, other_lane
@@ -313,7 +313,7 @@ class Referee:
         if self._is_free(proper.pose):
             return proper
         least = max(metres - _SEARCH_M, self.boxes.floor_m)
-        most = min(metres + _SEARCH_M, limit, self.boxes.next_m - PASSED_M)
+        most = min(metres + _SEARCH_M, limit, self.boxes.next_m - BEYOND_M)
         back = math.floor(max(0.0, metres - least) / _SEARCH_STEP_M)
         ahead = math.floor(max(0.0, most - metres) / _SEARCH_STEP_M)
         for shift in (*range(0, -back - 1, -1), *range(1, ahead + 1)):

@@ -30,7 +30,8 @@ def test_boxes():
         f"from {course.RANDOM_START_CLEAR_M} m after the line to {course.START_CLEAR_M} m before it",
         f"rectangle of {2 * course.BOX_HALF_LENGTH_M} m along the road and {2 * course.BOX_HALF_WIDTH_M} m across it",
         f"less than {boxes.NEAR_M} m away along the track: the car is put {boxes.BEHIND_M} m before the box",
-        f"A car whose nose is {boxes.PASSED_M} m past a box has passed it",
+        f"A car whose nose is past a box, {boxes.PASSED_M} m beyond its middle",
+        f"the nearest place behind a box is {boxes.BEYOND_M} m beyond its middle",
         f"The {NUMBER_WORDS[RULES.mercy_resets]} reset near one box** puts the car {boxes.AHEAD_M} m behind it",
     ):
         assert fact in said, fact
