@@ -9,7 +9,8 @@ from itertools import pairwise
 from django.db import transaction
 from django.utils import timezone
 
-from races.models import Division, RankingMethod
+from races.models import Division, DuelFormat, Opponents, RaceType, RankingMethod
+from races.sensors import OFFERABLE
 from races.services import create_community_race
 from races.services.races import add_months
 from tracks.models import Direction, Track
@@ -120,6 +121,62 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
                 "minimum_laps": 2,
                 "max_resets": 0,
                 "max_simulated_ms": 900_000,
+            },
+        ),
+        (
+            12,
+            {
+                "name": "Boxes on the oval",
+                "description": "Three boxes stand in the way. One complete lap is enough; a crash costs three seconds.",
+                "track": tracks["oval"],
+                "race_type": RaceType.OBJECT_AVOIDANCE,
+                "boxes": [
+                    {"fraction": 0.2, "lane": "outer"},
+                    {"fraction": 0.5, "lane": "inner"},
+                    {"fraction": 0.8, "lane": "outer"},
+                ],
+                "collision_penalty_ms": 3000,
+                "ranking_method": RankingMethod.BEST,
+                "laps": 3,
+                "minimum_laps": 1,
+                "max_simulated_ms": 360_000,
+                "sensors": list(OFFERABLE),
+            },
+        ),
+        (
+            3,
+            {
+                "name": "Traffic on the loop",
+                "description": "Four bots at a walking pace, and they change lanes. Overtake without touching them.",
+                "track": tracks["cosmic-loop"],
+                "race_type": RaceType.HEAD_TO_HEAD,
+                "opponents": Opponents.BOTS,
+                "bots": 4,
+                "bot_speed_mps": 1.0,
+                "bot_lane_changes": True,
+                "ranking_method": RankingMethod.AVERAGE,
+                "laps": 3,
+                "minimum_laps": 2,
+                "max_simulated_ms": 360_000,
+                "sensors": list(OFFERABLE),
+            },
+        ),
+        (
+            1,
+            {
+                "name": "Duels on the turnpike",
+                "description": "Qualify alone; when the race has closed, the best cars meet two at a time, everybody "
+                "against everybody.",
+                "track": tracks["baja-turnpike"],
+                "race_type": RaceType.HEAD_TO_HEAD,
+                "opponents": Opponents.MODELS,
+                "duel_format": DuelFormat.ROUND_ROBIN,
+                "duel_cars": 2,
+                "ranking_method": RankingMethod.BEST,
+                "laps": 3,
+                "minimum_laps": 1,
+                "max_simulated_ms": 360_000,
+                "sensors": list(OFFERABLE),
             },
         ),
     ):

@@ -101,6 +101,13 @@ def test_the_community_races_are_open_now_and_rank_in_every_way(now):
     races = Race.objects.filter(kind=Kind.COMMUNITY)
     assert {race.ranking_method for race in races} == {"average", "best", "total"}
     assert all(race.state_at(now) == RaceState.OPEN and race.organiser.is_house for race in races)
+    types = {(race.race_type, race.opponents) for race in races}
+    assert types == {
+        ("time_trial", ""),
+        ("object_avoidance", ""),
+        ("head_to_head", "bots"),
+        ("head_to_head", "models"),
+    }
     organiser = Racer.objects.get(alias="Paddock")
     assert organiser.is_house and not organiser.has_usable_password()
 
@@ -122,14 +129,14 @@ def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(now, st
     open_demo_season(now=now)
     report = enter_house_cars(now=now, folder=stable)
     races = set(racing_now(now))
-    assert len(races) == 5 and {race.division for race in races} == {"open", "pro", ""}
-    assert (report.cars, report.submitted) == (2, 10)
+    assert len(races) == 8 and {race.division for race in races} == {"open", "pro", ""}
+    assert (report.cars, report.submitted) == (2, 16)
     entries = Entry.objects.select_related("race", "racer")
     assert {(entry.race, entry.racer.alias) for entry in entries} == {
         (race, alias) for race in races for alias in ("Steady", "Quick")
     }
     assert all(entry.is_baseline and not entry.classified for entry in entries), "nothing has driven yet"
-    assert Evaluation.objects.filter(state="queued", priority__lt=0).count() == 10
+    assert Evaluation.objects.filter(state="queued", priority__lt=0).count() == 16
 
 
 def test_sending_the_house_cars_again_sends_none_until_another_race_opens(now, stable):
@@ -192,7 +199,7 @@ def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(now, sta
         return real(owner=owner, **kwargs)
 
     monkeypatch.setattr(house_services, "upload_model", refuse_quick)
-    assert enter_house_cars(now=now, folder=stable).submitted == 5
+    assert enter_house_cars(now=now, folder=stable).submitted == 8
     assert "Quick stays at home" in caplog.text or "quick stays at home" in caplog.text
     assert "broken" in caplog.text and "lonely" in caplog.text
 

@@ -180,6 +180,38 @@ def test_a_replay_is_driven_from_the_keyboard(page: playwright.Page) -> None:
     assert "translate(" in page.locator("[data-car]").get_attribute("transform")
 
 
+def test_an_organiser_puts_two_boxes_on_a_track_and_sees_them_on_the_map(page: playwright.Page) -> None:
+    sign_up(page, "boxer")
+    page.goto("/races/new/?track=oval")
+    page.get_by_label("Name").fill("Slalom")
+    boxes = page.locator("fieldset", has=page.get_by_role("group", name="Boxes", exact=True)).last
+    playwright.expect(boxes).to_be_hidden()
+    page.get_by_label("object avoidance").check()
+    page.get_by_label("where I put them").check()
+    playwright.expect(page.get_by_label("How many boxes")).to_be_hidden()
+
+    # a row for each box, and the map follows
+    page.get_by_label("Box 1: percentage of the lap").fill("25")
+    page.get_by_label("Box 1: lane").select_option(label="inner lane")
+    page.get_by_role("button", name="Add a box").click()
+    playwright.expect(page.get_by_label("Box 2: percentage of the lap")).to_be_focused()
+    page.keyboard.type("26")
+    page.get_by_label("Box 2: lane").select_option(label="outer lane")
+    playwright.expect(page.locator("#course")).to_contain_text("Boxes 1 and 2 overlap")
+    page.get_by_label("Box 2: percentage of the lap").fill("60")
+    page.get_by_label("Box 2: percentage of the lap").blur()
+    playwright.expect(page.locator("#course .track-box")).to_have_count(2)
+    playwright.expect(page.locator("#course")).to_contain_text("Box 2: 60 % of the lap, outer lane")
+
+    page.get_by_role("button", name="Make the race").click()
+    playwright.expect(page.get_by_role("heading", name="Slalom")).to_be_visible()
+    playwright.expect(page.locator(".hero-map .track-box")).to_have_count(2)
+    playwright.expect(page.locator(".hero .pills").first).to_contain_text("object avoidance")
+    page.get_by_role("link", name="Edit").click()
+    playwright.expect(page.get_by_label("Box 2: percentage of the lap")).to_have_value("60")
+    playwright.expect(page.get_by_label("Box 3: percentage of the lap")).to_be_hidden()
+
+
 def test_a_refused_file_is_explained_and_the_page_still_works(page: playwright.Page, tmp_path: Path) -> None:
     sign_up(page, "clumsy")
     empty = tmp_path / "car.tar.gz"
