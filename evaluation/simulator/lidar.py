@@ -70,11 +70,11 @@ def scan(pose: Pose, solids: Sequence[Solid], hall: Hall, reach: float = MOST_M)
     if not lengthwise:
         return np.full(BEAMS, float(reach))
     enter, leave = _cross(np.array((lengthwise, across)))
-    # A beam that misses leaves before it enters, and one that points away leaves behind the unit.
-    hits = np.where((enter <= leave) & (leave >= 0.0), enter, reach)
+    # A beam that misses leaves before it enters; one that points away leaves behind the unit.
+    np.putmask(enter, (enter > leave) | (leave < 0.0), reach)
     if walls:
-        hits[-1] = np.where(leave[-1] > 0.0, leave[-1], reach)
-    nearest = hits.min(axis=0)
+        enter[-1] = np.where(leave[-1] > 0.0, leave[-1], reach)
+    nearest = enter.min(axis=0)
     np.minimum(np.maximum(nearest, LEAST_M, out=nearest), reach, out=nearest)
     # By 100 and not by 0.01: the quotient of whole hundredths is the number that 0.01 m steps are written as.
     return np.rint(nearest * 100.0) / 100.0
@@ -117,10 +117,11 @@ def discretized(distances: np.ndarray, num_sectors: int, num_values: int, clippi
     ``num_values`` equal steps; the first is the nearest. A sector with nothing nearer than ``clipping_dist`` is all
     zeros: the original drops the class of "nothing".
     """
-    nearest = distances.reshape(num_sectors, -1).min(axis=1)
-    # Readings are whole centimetres and steps often too: a reading on the edge of two belongs to the farther one.
-    step = np.floor(nearest * (num_values / clipping_dist) + 1e-9).astype(int)
-    seen = (nearest < clipping_dist) & (step < num_values)
-    groups = np.zeros((num_sectors, num_values), np.float32)
-    groups[seen, step[seen]] = 1.0
-    return groups.reshape(-1)
+    groups = np.zeros(num_sectors * num_values, np.float32)
+    for sector, nearest in enumerate(distances.reshape(num_sectors, -1).min(axis=1).tolist()):
+        if nearest < clipping_dist:
+            # Readings are whole centimetres and steps often too: a reading on the edge of two is in the farther one.
+            step = int(nearest * (num_values / clipping_dist) + 1e-9)
+            if step < num_values:
+                groups[sector * num_values + step] = 1.0
+    return groups
