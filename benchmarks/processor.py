@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 
@@ -9,7 +10,7 @@ _TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 
 
 class Clock:
-    """Processor seconds of this process's descendants, as last seen: call :meth:`look` now and then.
+    """Processor seconds of this process's descendants, as last seen: call :meth:`look` now and then, and :meth:`close`.
 
     The walled processes die with their namespace and nobody waits for them, so that the kernel adds their time to no
     parent. A look costs some tens of microseconds, the first one a walk through /proc.
@@ -17,20 +18,28 @@ class Clock:
 
     def __init__(self) -> None:
         self.seconds = 0.0
-        self._files: list[str] = []
+        self._files: list[int] = []
         self._own = time.process_time()
 
     def look(self, _: object = None) -> None:
         """Read the clocks of the descendants that there were at the first look, and this process's own."""
-        self._files = self._files or [f"/proc/{pid}/stat" for pid in _descendants(os.getpid())]
-        walled = sum(_ticks(file) for file in self._files) * _TICK_S
+        if not self._files:
+            for pid in _descendants(os.getpid()):
+                with contextlib.suppress(OSError):
+                    self._files.append(os.open(f"/proc/{pid}/stat", os.O_RDONLY))
+        walled = sum(map(_ticks, self._files)) * _TICK_S
         self.seconds = max(self.seconds, walled + time.process_time() - self._own)
 
+    def close(self) -> None:
+        """Give the files back."""
+        for file in self._files:
+            os.close(file)
+        self._files = []
 
-def _ticks(file: str) -> int:
+
+def _ticks(file: int) -> int:
     try:
-        with open(file) as stat:
-            fields = stat.read().rpartition(")")[2].split()
+        fields = os.pread(file, 1024, 0).rpartition(b")")[2].split()
     except OSError:
         return 0
     return int(fields[11]) + int(fields[12])  # proc(5): utime and stime, counted after the name

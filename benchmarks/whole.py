@@ -46,7 +46,10 @@ def warm(job: RaceJob) -> tuple[EvaluationOutcome, float]:
     crew = Crew()
     time.sleep(READY_S)
     clock = Clock()
-    outcome = evaluate(job, on_progress=clock.look, crew=crew)  # the last progress comes at the very end
+    try:
+        outcome = evaluate(job, on_progress=clock.look, crew=crew)  # the last progress comes at the very end
+    finally:
+        clock.close()
     return outcome, clock.seconds
 
 

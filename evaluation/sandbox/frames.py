@@ -19,6 +19,7 @@ LENGTH = struct.Struct("<I")
 MAX_JSON = 4 * 1024 * 1024
 MAX_BLOB = 64 * 1024 * 1024
 _READ_CHUNK = 1024 * 1024
+_SHORT = 64 * 1024
 _PIPE_BUF = 4096  # Linux: a pipe that polls writable takes this much without blocking
 
 
@@ -48,8 +49,12 @@ def write_frame(fd: int, data: bytes | bytearray | memoryview, deadline: float |
     Raises FrameClosed when nobody reads any more, FrameTimeout after the deadline.
     """
     view = memoryview(data).cast("B")
-    _write_all(fd, memoryview(LENGTH.pack(len(view))), deadline)
-    _write_all(fd, view, deadline)
+    length = LENGTH.pack(len(view))
+    if len(view) <= _SHORT:  # in one piece: the reader wakes up once
+        _write_all(fd, memoryview(length + bytes(view)), deadline)
+    else:
+        _write_all(fd, memoryview(length), deadline)
+        _write_all(fd, view, deadline)
 
 
 def read_frame(fd: int, limit: int, deadline: float | None = None) -> bytes:

@@ -129,5 +129,6 @@ def test_the_clock_counts_the_processor_time_of_children() -> None:
         while clock.seconds < first + 0.1:
             clock.look()
         child.kill()
+    clock.close()
 
     assert clock.seconds >= first + 0.1
