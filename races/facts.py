@@ -8,8 +8,10 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from evaluation.simulator.rules import RaceRules
+from evaluation.templatetags.garage import SENSOR_NAMES
 
 from .models import Opponents
+from .sensors import OFFERABLE
 
 if TYPE_CHECKING:
     from .models import Race
@@ -35,6 +37,13 @@ def course_facts(race: Race) -> list[str]:
             race.get_duel_format_display(),
         ]
     return []
+
+
+def sensor_words(race: Race) -> list[str]:
+    """The sensors that a race offers, one word for all of them."""
+    if set(race.sensors) == set(OFFERABLE):
+        return [_("all sensors")]
+    return [_(SENSOR_NAMES.get(name, name)) for name in race.sensors]
 
 
 def course_rules(race: Race) -> list[str]:
@@ -96,8 +105,9 @@ def _crash_rule(race: Race) -> str:
     values = {"seconds": f"{race.collision_penalty_ms / 1000:g}", "times": RaceRules.mercy_resets}
     if race.boxes or race.random_boxes:
         rule = _(
-            "A car that runs into a box stands still for %(seconds)s s and goes on from before the box in the other "
-            "lane, the %(times)s. time at one box from behind it; it is never put back before a box that it has passed."
+            "A car that runs into a box stands still for %(seconds)s s and goes on before it in the other lane; reset "
+            "number %(times)s at the same box puts it behind the box. It is never put back before a box that it has "
+            "passed."
         )
     else:
         rule = _("Of two cars that touch, the one behind is at fault: it stands still for %(seconds)s s where it is.")

@@ -35,7 +35,7 @@ RUNS_OF_A_MODEL = 50
 ICONS = {
     "time_trial": '<circle cx="10" cy="11.5" r="6.5"/><path d="M10 11.5V7.6M8 2.4h4M10 2.4V5"/>',
     "object_avoidance": '<path d="M10 2.6 16.6 6v8L10 17.4 3.4 14V6ZM3.4 6 10 9.4 16.6 6M10 9.4v8"/>',
-    "head_to_head": '<path d="M3 4.4h7l4 4-4 4H3l3-4ZM9.6 15.6H13l4-4-4-4"/>',
+    "head_to_head": '<path d="M2.6 4.4 8.4 10l-5.8 5.6M10.6 4.4 16.4 10l-5.8 5.6"/>',
 }
 END_REASONS = {
     "laps_done": gettext_noop("all laps driven"),
@@ -147,6 +147,12 @@ def _map(geometry: TrackGeometry, direction: str, title: str, boxes: tuple[BoxMa
 def course_facts(race: Race) -> list[str]:
     """What stands and drives on the track besides the car, a few words each."""
     return facts.course_facts(race)
+
+
+@register.filter
+def sensor_words(race: Race) -> list[str]:
+    """The sensors that a race offers."""
+    return facts.sensor_words(race)
 
 
 @register.filter
