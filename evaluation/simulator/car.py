@@ -145,7 +145,7 @@ class Car:
         if self._told == targets:
             return
         self._told = targets
-        physics, body, client = self.physics, self.body, self._client
+        body, client = self.body, self._client
         bullet.setJointMotorControlArray(
             body,
             HINGES,

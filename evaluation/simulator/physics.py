@@ -1,5 +1,5 @@
 """Every number of the car's physics, in one frozen, named, versioned set. Change a figure and you change lap times:
-raise ``ENGINE_ID`` in :mod:`evaluation.simulator.engine` with it."""
+raise the set's ``version`` with it, and ``ENGINE_ID`` in :mod:`evaluation.simulator.engine` once results are out."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ class CarPhysics:
     chassis_mass: float = 5.98
     wheel_mass: float = 0.34055
     hinge_mass: float = 0.1
-    wheel_inertia: tuple[float, float, float] = (0.00026046, 0.00041226, 0.00026046)  # spin axis is y
+    # Spin axis is y, five times the bare wheel's 0.00041226 for the motor behind it: so light a wheel under so heavy a
+    # car needs twice the solver iterations to roll straight.
+    wheel_inertia: tuple[float, float, float] = (0.00026046, 0.0020613, 0.00026046)
     hinge_inertia: float = 0.0001
     chassis_inertia: tuple[float, float, float] = (0.0195, 0.0543, 0.0690)  # a box of 0.324 x 0.188 x 0.06 m
 
@@ -40,18 +42,24 @@ class CarPhysics:
     min_speed: float = 0.1
     max_speed: float = 4.0
 
-    # Response: fitted on the recorded drives (see the class): 0.12-0.17 m and 7-9 degrees off after 1 s, median.
-    effective_wheelbase: float = 0.262  # m; steady curvature is tan(a) / (this + understeer * |tan(a)|) for steering a
-    understeer: float = 0.118  # m
-    steering_lag_s: float = 0.094
-    speed_lag_s: float = 0.048
-    dead_time_ticks: int = 5  # physics ticks between a command and the first movement of a motor (0.04 s)
-    speed_gain: float = 1.008
+    # Response: fitted on the recorded drives (docs/simulator.md, "The car against recorded drives").
+    effective_wheelbase: float = 0.285  # m; a steering angle a demands the curvature tan(a) / this
+    curvature_limit: float = 1.8  # 1/m, standing; what the grip lets through falls with speed
+    curvature_limit_falloff: float = 0.11  # (s/m)^2; the limit at speed v is curvature_limit / (1 + this * v^2)
+    curvature_limit_sharpness: float = 3.0  # the greater, the more abruptly the limit cuts in
+    steering_lag_s_per_mps: float = 0.07  # lag of the demanded curvature: so many seconds for each m/s of speed
+    steering_dead_ticks: int = 3  # physics ticks between a command and the first movement of the steering
+    speed_rise_s: float = 0.02
+    speed_fall_s: float = 0.07
+    speed_dead_ticks: int = 3
+    acceleration: float = 6.8  # m/s^2, at most
+    braking: float = 12.0  # m/s^2, at most
+    speed_gain: float = 1.029  # simapp divides by a wheel radius of 0.035 m, and the wheel has 0.036 m
 
-    # Tyres and motors: the recorded cars change speed by up to 33 m/s^2 and corner at up to 6.8 m/s^2 without a slide
-    # (their plugin is almost kinematic), so grip and torque are above, and the centre of mass below, those of a toy.
+    # Tyres and motors: strong enough that the body follows the response above without a slide of its own.
     friction: float = 4.0  # wheel x ground; Bullet multiplies the two
-    wheel_torque: float = 1.5  # N m, each wheel: about 22 m/s^2; more makes the wheels slip and pull to a side
+    wheel_torque: float = 2.5  # N m, each wheel; from 2.65 on it would slip and pull to a side
+    motor_gain: float = 0.1  # share of what is missing that a motor takes away in a tick: a step is nearly a ramp
     steering_torque: float = 10.0  # N m; joint effort limit of macros.xacro
     max_joint_velocity: float = 1000.0  # rad/s; Bullet's default of 100 caps the car at 3.6 m/s in silence
     mass_height: float = 0.008  # m above the ground, chassis; a higher one lifts the front axle under full torque
@@ -60,7 +68,7 @@ class CarPhysics:
     gravity: float = 9.81
     tick_hz: int = 120
     ticks_per_step: int = 8  # control at 15 Hz, the rate of the official camera
-    solver_iterations: int = 20
+    solver_iterations: int = 10
 
     @property
     def wheelbase(self) -> float:
@@ -72,14 +80,23 @@ class CarPhysics:
         """Control steps in a second."""
         return self.tick_hz / self.ticks_per_step
 
-    def wheel_angle(self, steering_deg: float) -> float:
-        """Angle (rad) of a front wheel in the middle that gives the steady curvature of a steering command."""
-        tangent = math.tan(math.radians(steering_deg))
-        return math.atan(tangent * self.wheelbase / (self.effective_wheelbase + self.understeer * abs(tangent)))
+    def curvature(self, demand: float, speed: float) -> float:
+        """Curvature (1/m) that a demanded one comes to at ``speed`` m/s: the same where it is small, cut off smoothly
+        at what the grip allows."""
+        limit = self.curvature_limit / (1.0 + self.curvature_limit_falloff * speed * speed)
+        sharpness = self.curvature_limit_sharpness
+        return demand / (1.0 + (abs(demand) / limit) ** sharpness) ** (1.0 / sharpness)
+
+    def demand(self, curvature: float, speed: float) -> float:
+        """The inverse of :meth:`curvature`; a curvature at or beyond the limit is taken as nearly the limit."""
+        limit = self.curvature_limit / (1.0 + self.curvature_limit_falloff * speed * speed)
+        sharpness = self.curvature_limit_sharpness
+        share = min(abs(curvature) / limit, 0.95)
+        return math.copysign(share * limit / (1.0 - share**sharpness) ** (1.0 / sharpness), curvature)
 
     def gain(self, lag_s: float) -> float:
         """Share of the remaining error that a first-order lag of ``lag_s`` removes in one physics tick."""
         return 1.0 if lag_s <= 0 else 1.0 - math.exp(-1.0 / (self.tick_hz * lag_s))
 
 
-PADDOCK_CAR = CarPhysics(name="paddock-car", version=1)
+PADDOCK_CAR = CarPhysics(name="paddock-car", version=2)

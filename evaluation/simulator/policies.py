@@ -66,9 +66,9 @@ class CentreLinePilot:
         aim_x, aim_y, _ = track.point_at(aim_m, self._offset_for(place.distance, aim_m))
         bearing = math.remainder(math.atan2(aim_y - y, aim_x - x) - yaw, 2 * math.pi)
         curvature = 2 * math.sin(bearing) / max(math.hypot(aim_x - x, aim_y - y), 0.05)
-        # Steady curvature k needs tan(a) = k (l + u |tan(a)|).
-        tangent = abs(curvature) * physics.effective_wheelbase / max(1 - abs(curvature) * physics.understeer, 0.1)
-        steering = math.copysign(min(math.degrees(math.atan(tangent)), physics.max_steering_deg), curvature)
+        # Steady curvature needs a demand that the grip cuts off to it.
+        angle = math.degrees(math.atan(physics.demand(curvature, rolling) * physics.effective_wheelbase))
+        steering = min(max(angle, -physics.max_steering_deg), physics.max_steering_deg)
 
         turns = [
             abs(math.remainder(track.point_at(place.distance + ahead)[2] - place.heading, 2 * math.pi)) / ahead

@@ -1,6 +1,20 @@
 """Every reason code: one file for each place where something can be refused or fail."""
 
-from . import account, conversion, duels, gate, league, metadata, platform, race, rivals, run_time, tracks, upload
+from . import (
+    account,
+    conversion,
+    duels,
+    gate,
+    league,
+    metadata,
+    platform,
+    race,
+    rivals,
+    run_time,
+    traces,
+    tracks,
+    upload,
+)
 from .reason import Reason, gettext_noop
 
 REASONS: dict[str, Reason] = {
@@ -11,6 +25,7 @@ REASONS: dict[str, Reason] = {
     **run_time.REASONS,
     **platform.REASONS,
     **tracks.REASONS,
+    **traces.REASONS,
     **race.REASONS,
     **league.REASONS,
     **rivals.REASONS,

@@ -20,6 +20,7 @@ SECTIONS = {
     "On the track": reasons.run_time.REASONS,
     "Paddock's own faults": reasons.platform.REASONS,
     "Track files": reasons.tracks.REASONS,
+    "Recorded drives": reasons.traces.REASONS,
     "Races": reasons.race.REASONS,
     "The league": reasons.league.REASONS,
     "Several cars in a race": reasons.rivals.REASONS,

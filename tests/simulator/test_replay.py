@@ -1,100 +1,146 @@
 """The car against drives that the official simulator recorded."""
 
-import csv
+import dataclasses
+import json
 import math
 import statistics
 
 import pytest
+from django.core.management import call_command
 
 from evaluation.simulator.car import Pose
 from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.recording import State, read_drives
+from evaluation.simulator.replay import compare, estimate
+from evaluation.simulator.response import Response
 from evaluation.simulator.world import World
 from tests.shared import SHARED, needs_shared
 
-# Every so many of the states that can be replayed, to be quick.
-TRACES = {"a-to-z-2023-evaluation": 9, "spain-2026-training-0": 1, "spain-2026-training-1": 2}
-HORIZON_S = 1.0
+TRACES = ("a-to-z-2023-evaluation", "spain-2026-training-0", "spain-2026-training-1")
+HEADER = "episode,steps,X,Y,yaw,steer,throttle,tstamp,episode_status"
 
 
-def read(name):
-    """Episodes as lists of (t, base x, base y, yaw, steer, throttle); X and Y in the file are the nose."""
-    episodes = {}
-    with open(SHARED / "traces" / f"{name}.csv", newline="") as file:
-        for row in csv.DictReader(file):
-            yaw = math.radians(float(row["yaw"]))
-            nose_x, nose_y = float(row["X"]), float(row["Y"])
-            x, y = Pose(nose_x, nose_y, yaw).ahead(-PADDOCK_CAR.nose_x)
-            state = (float(row["tstamp"]), x, y, yaw, float(row["steer"]), float(row["throttle"]))
-            episodes.setdefault(row["episode"], []).append(state)
-    return list(episodes.values())
-
-
-def starts(episodes, every):
-    """(rows, index) where two steps lie before and the horizon behind, with no jump in between."""
-    count = 0
-    for rows in episodes:
-        for index in range(3, len(rows)):
-            if rows[-1][0] - rows[index][0] < HORIZON_S:
-                break
-            end = next(i for i in range(index, len(rows)) if rows[i][0] - rows[index][0] >= HORIZON_S - 0.04)
-            if all(
-                math.dist(a[1:3], b[1:3]) < 0.4 for a, b in zip(rows[index - 2 : end], rows[index - 1 :], strict=False)
-            ):
-                count += 1
-                if count % every == 0:
-                    yield rows, index, end
-
-
-def turn(angle):
-    return math.remainder(angle, 2 * math.pi)
-
-
-def bicycle(rows, index, end):
-    """A kinematic bicycle with the geometric wheelbase that obeys at once."""
-    _, x, y, yaw, _, _ = rows[index]
-    for now, after in zip(rows[index:end], rows[index + 1 : end + 1], strict=True):
-        ticks = max(1, round((after[0] - now[0]) * 120))
-        for _ in range(ticks):
-            x += now[5] * math.cos(yaw) / 120
-            y += now[5] * math.sin(yaw) / 120
-            yaw += now[5] * math.tan(math.radians(now[4])) / PADDOCK_CAR.wheelbase / 120
-    return Pose(x, y, yaw)
-
-
-def replay(world, car, rows, index, end):
-    """Drive the recorded actions from the recorded state, tick by tick because recorded steps are uneven."""
-    before, start = rows[index - 1], rows[index]
-    seconds = start[0] - before[0]
-    speed = math.dist(before[1:3], start[1:3]) / seconds
-    rate = turn(start[3] - before[3]) / seconds
-    curvature = max(-2.2, min(2.2, rate / max(speed, 0.1)))
-    car.start(Pose(*start[1:4]), speed=speed, wheel_angle=math.atan(curvature * PADDOCK_CAR.wheelbase), yaw_rate=rate)
-    due = {round((row[0] - start[0]) * 120) + PADDOCK_CAR.dead_time_ticks: row for row in rows[index - 1 : end]}
-    for tick in range(min(due), round((rows[end][0] - start[0]) * 120)):
-        if tick in due:
-            car.command(*due[tick][4:6])
-            car.apply(0)
-        if tick >= 0:
-            world.advance(1)
-    return car.pose
+def own_drive(steps=60, steering=lambda step: 20.0 * math.sin(step / 5), speed=1.5):
+    """A drive of our own car, in even steps, as a recorded one."""
+    states, yaw = [], 0.0
+    with World() as world:
+        car = world.add_car()
+        for step in range(steps):
+            command = (steering(step), speed)
+            yaw += math.remainder(car.pose.yaw - yaw, 2 * math.pi)
+            states.append(State(step / PADDOCK_CAR.control_hz, car.pose._replace(yaw=yaw), *command))
+            car.command(*command)
+            world.step()
+    return states
 
 
 @needs_shared
 @pytest.mark.parametrize("name", TRACES)
 def test_the_car_drives_as_the_official_simulators_car_did(name):
-    errors, turns, plain_errors, plain_turns = [], [], [], []
-    with World() as world:
-        car = world.add_car()
-        for rows, index, end in starts(read(name), TRACES[name]):
-            truth = Pose(*rows[end][1:4])
-            for pose, apart, turned in (
-                (replay(world, car, rows, index, end), errors, turns),
-                (bicycle(rows, index, end), plain_errors, plain_turns),
-            ):
-                apart.append(math.dist(pose.ahead(PADDOCK_CAR.nose_x), truth.ahead(PADDOCK_CAR.nose_x)))
-                turned.append(abs(math.degrees(turn(pose.yaw - truth.yaw))))
-    assert len(errors) >= 15
-    assert statistics.median(errors) < 0.21
-    assert statistics.median(turns) < 12
-    assert statistics.median(errors) < 0.6 * statistics.median(plain_errors)
-    assert statistics.median(turns) < statistics.median(plain_turns)
+    comparison = compare(read_drives((SHARED / "traces" / f"{name}.csv").read_bytes()))
+    after_1_s = comparison.to_dict()["1"]
+    assert after_1_s["starts"] >= 40
+    assert after_1_s["position_m"]["median"] <= 0.15
+    assert after_1_s["heading_deg"]["median"] <= 8
+    # A third of the bicycle's error where turns last; in the drives of a network that still tries its actions at random
+    # the bicycle's own errors cancel out.
+    share = 1 / 3 if name.startswith("a-to-z") else 0.6
+    assert after_1_s["position_m"]["median"] <= share * after_1_s["bicycle_position_m"]["median"]
+    assert after_1_s["heading_deg"]["median"] <= share * after_1_s["bicycle_heading_deg"]["median"]
+
+
+def test_a_drive_of_our_own_car_is_replayed_almost_exactly():
+    comparison = compare([own_drive()])
+    assert comparison.starts >= 50
+    assert statistics.median(miss.position_m for miss in comparison.ours[1.0]) < 0.03
+    assert statistics.median(miss.heading_deg for miss in comparison.ours[1.0]) < 2
+    assert statistics.median(miss.position_m for miss in comparison.bicycle[1.0]) > 0.1
+
+
+def test_the_start_state_comes_from_the_rows_before_alone():
+    drive = own_drive()
+    cut = drive[:31] + [State(state.time, Pose(9.0, 9.0, 9.0), 0.0, 4.0) for state in drive[31:]]
+    ours, other = estimate(drive, 30), estimate(cut, 30)
+    assert (ours.speed, ours.demand) == (other.speed, other.demand)
+
+
+def test_the_estimated_state_is_the_cars_own():
+    drive = own_drive(steering=lambda step: 15.0)
+    car = Response(PADDOCK_CAR)
+    for state in drive[:40]:
+        car.command(state.steering_deg, state.speed_mps)
+        car.advance(8)
+    found = estimate(drive, 40)
+    assert found.speed == pytest.approx(car.speed, rel=0.02)
+    assert found.curvature == pytest.approx(car.curvature, rel=0.05)
+
+
+def test_a_bicycle_drives_the_geometric_circle():
+    drive = [State(step / 15, Pose(0.0, 0.0, 0.0), 10.0, 1.0) for step in range(40)]
+    comparison = compare([drive])
+    turned = math.degrees(math.tan(math.radians(10)) / PADDOCK_CAR.wheelbase)
+    assert comparison.bicycle[1.0][0].heading_deg == pytest.approx(turned, rel=1e-6)
+
+
+@pytest.fixture
+def run(capsys):
+    def run(path, *options, track="oval"):
+        status = 0
+        try:
+            call_command("replay_trace", str(path), "--track", track, *options)
+        except SystemExit as end:
+            status = end.code
+        return status, *capsys.readouterr()
+
+    return run
+
+
+def write_csv(path, drive, status="in_progress"):
+    lines = [HEADER]
+    for number, state in enumerate(drive):
+        x, y = state.pose.ahead(PADDOCK_CAR.nose_x)
+        cells = (0, number, x, y, math.degrees(state.pose.yaw), state.steering_deg, state.speed_mps, state.time, status)
+        lines.append(",".join(map(str, cells)))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_the_command_prints_the_figures_of_each_horizon_as_json(run, tmp_path):
+    status, out, _ = run(write_csv(tmp_path / "drive.csv", own_drive()), "--json")
+    report = json.loads(out)
+    assert status == 0
+    assert report["track"] and report["engine"] and report["starts"] > 0
+    assert report["physics"] == {"name": PADDOCK_CAR.name, "version": PADDOCK_CAR.version}
+    assert set(report["horizons"]) == {"0.33", "1", "2"}
+    for found in report["horizons"].values():
+        for key in ("position_m", "heading_deg", "bicycle_position_m", "bicycle_heading_deg"):
+            assert 0 <= found[key]["median"] <= found[key]["p90"]
+
+
+def test_the_command_prints_a_table(run, tmp_path):
+    status, out, _ = run(write_csv(tmp_path / "drive.csv", own_drive()))
+    assert status == 0
+    assert "start states" in out and "bicycle" in out
+
+
+def test_a_trace_of_another_track_is_replayed_with_a_warning(run, tmp_path):
+    far = [dataclasses.replace(s, pose=s.pose._replace(x=s.pose.x + 500)) for s in own_drive()]
+    status, out, err = run(write_csv(tmp_path / "drive.csv", far), "--json")
+    assert status == 0
+    assert json.loads(out)["on_track"] == 0
+    assert "another track" in err
+
+
+def test_a_refused_trace_ends_with_the_status_of_a_refusal_and_its_code(run, tmp_path):
+    path = tmp_path / "drive.csv"
+    path.write_text(HEADER.replace("steer,", "") + "\n")
+    status, out, err = run(path, "--json")
+    assert status == 2
+    assert json.loads(out)["error"]["code"] == "trace_columns_missing"
+    assert "steer" in err
+
+
+def test_a_trace_without_a_drivable_second_is_refused(run, tmp_path):
+    status, _, err = run(write_csv(tmp_path / "drive.csv", own_drive(steps=12)))
+    assert status == 2
+    assert err.startswith("trace_too_short")
