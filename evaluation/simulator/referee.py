@@ -180,7 +180,8 @@ class Referee:
         """The car drove one control step to ``pose``. Where several cars drive, all move before any is judged."""
         self.step += 1
         odometer = self.odometer
-        self._before_m, self._before = before_m, _ = odometer.metres, self.pose
+        before_m = odometer.metres
+        self._before_m, self._before = before_m, self.pose
         self.nose = nose = pose.ahead(self._physics.nose_x)
         odometer.move(*nose)
         self.pose = pose
