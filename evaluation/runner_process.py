@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
+import time
 import traceback
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -29,10 +30,12 @@ from .sandbox.policy_client import PolicyClient
 from .simulator.action import ActionSpace
 from .simulator.engine import versions
 from .simulator.metrics import metrics_json
-from .simulator.race import CarResult, Entrant, Policy, RaceResult, run_race
+from .simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
 from .simulator.rules import RaceRules
 from .simulator.sensors import sensor_spec
 from .simulator.world import make_ready
+
+_PROGRESS_S = 0.05
 
 cv2.setNumThreads(1)
 versions()  # reads the names of installed packages, once
@@ -73,16 +76,18 @@ def _run(frames_in: int, frames_out: int) -> None:
         Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"))
         for metadata, space, policy in zip(job["metadata"], spaces, policies, strict=True)
     ]
+    telling = _Telling(frames_out)
     result = run_race(
         track,
         rules,
         first.action_space,
         first.sensors,
         first.policy,
-        on_progress=lambda progress: write_message(frames_out, {"progress": progress.to_dict()}),
+        on_progress=telling,
         rivals=rivals,
         lidar_config=first.lidar_config,
     )
+    telling.finish()
     cars = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
     course = json.dumps(result.course, allow_nan=False, separators=(",", ":")).encode()
@@ -90,6 +95,28 @@ def _run(frames_in: int, frames_out: int) -> None:
     write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds}, blobs)
     with contextlib.suppress(FrameError):  # with this process the policies would end, and nobody could measure them
         read_message(frames_in)
+
+
+class _Telling:
+    """Sends progress, but no more often than anybody could see: every message takes the core from the race."""
+
+    def __init__(self, frames_out: int) -> None:
+        self._frames_out = frames_out
+        self._sent = float("-inf")
+        self._held: Progress | None = None
+
+    def __call__(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if now - self._sent < _PROGRESS_S:
+            self._held = progress
+            return
+        self._sent, self._held = now, None
+        write_message(self._frames_out, {"progress": progress.to_dict()})
+
+    def finish(self) -> None:
+        """Send the last one if it is still held."""
+        if self._held is not None:
+            write_message(self._frames_out, {"progress": self._held.to_dict()})
 
 
 class _Start:
