@@ -8,6 +8,7 @@ urlpatterns = [
     path("models/", views.models, name="models"),
     path("models/upload/", views.model_upload, name="model_upload"),
     path("models/<str:public_id>/", views.model, name="model"),
+    path("models/<str:public_id>/sensors.png", views.model_sensors, name="model_sensors"),
     path("models/<str:public_id>/edit/", views.model_edit, name="model_edit"),
     path("models/<str:public_id>/delete/", views.model_delete, name="model_delete"),
 ]

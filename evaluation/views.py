@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+
 from django.conf import settings
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
+from django.core.cache import cache
 from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -13,13 +16,17 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
 from faults import PlatformFault, UserFault
+from tracks.catalogue import by_slug
 from tracks.forms import add_fault
 
 from . import services
 from .forms import DescribeForm, UploadForm
 from .selectors import models_of
+from .simulator.engine import ENGINE_ID
 
 MODELS_PER_PAGE = 50
+PICTURED_TRACK = "oval"
+PICTURE_KEPT_S = 30 * 86400
 
 
 @login_required
@@ -69,6 +76,30 @@ def model(request: HttpRequest, public_id: str) -> HttpResponse:
     return render(
         request, "evaluation/model.html", {"model": get_object_or_404(models_of(request.user), public_id=public_id)}
     )
+
+
+@login_required
+@require_safe
+def model_sensors(request: HttpRequest, public_id: str) -> HttpResponse:
+    """What the sensors of one of my models see, as a picture (PNG). Models that read alike share one."""
+    mine = get_object_or_404(models_of(request.user), public_id=public_id)
+    png = _sensor_picture(tuple(mine.sensors), mine.metadata.get("lidar_config"))
+    response = HttpResponse(png, content_type="image/png")
+    response["Cache-Control"] = "private, max-age=86400"
+    return response
+
+
+def _sensor_picture(sensors: tuple[str, ...], lidar_config: dict | None) -> bytes:
+    key = f"sensors {ENGINE_ID} {sensors} {sorted((lidar_config or {}).items())}"
+    name = f"sensor-picture-{hashlib.sha256(key.encode()).hexdigest()}"
+    png = cache.get(name)
+    if png is None:
+        # brings OpenCV along, which no other page needs
+        from .pictures import sensor_picture
+
+        png = sensor_picture(by_slug(PICTURED_TRACK).geometry(), sensors, lidar_config)
+        cache.set(name, png, PICTURE_KEPT_S)
+    return png
 
 
 @login_required

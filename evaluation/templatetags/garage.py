@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+from typing import TYPE_CHECKING
 
 from django import template
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop, ngettext
+
+if TYPE_CHECKING:
+    from evaluation.models import TrainedModel
 
 register = template.Library()
 
@@ -30,6 +34,12 @@ SENSOR_NAMES = {
 def sensor_name(sensor: str) -> str:
     """A sensor's name in the reader's language; the field's own name when there is none."""
     return _(SENSOR_NAMES[sensor]) if sensor in SENSOR_NAMES else sensor
+
+
+@register.filter
+def sensor_list(model: TrainedModel) -> str:
+    """The names of all sensors of a model."""
+    return ", ".join(sensor_name(sensor) for sensor in model.sensors)
 
 
 @register.filter

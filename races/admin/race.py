@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from django import forms
@@ -17,6 +18,8 @@ from django.utils.translation import gettext_lazy, ngettext
 
 from faults import PaddockError
 
+from ..course import check_layout
+from ..fields import BoxesField
 from ..models import Kind, Race, RaceState, Visibility
 from ..sensors import OFFERABLE
 from ..services import (
@@ -39,6 +42,8 @@ class RaceForm(forms.ModelForm):
         label=gettext_lazy("sensors offered"), choices=[(name, name) for name in OFFERABLE], initial=list(OFFERABLE)
     )
 
+    boxes = BoxesField(label=gettext_lazy("boxes in fixed places"), required=False)
+
     class Meta:
         model = Race
         fields = ("slug", "kind", "organiser", *EDITABLE_FIELDS)
@@ -53,8 +58,14 @@ class RaceForm(forms.ModelForm):
         super()._post_clean()
         stored = Race.objects.get(pk=self.instance.pk) if self.instance.pk else None
         submissions = stored is not None and has_submissions(stored)
+        self._tell(lambda: check_times(self.instance, now=timezone.now(), before=stored, submissions=submissions))
+        if not self.errors:
+            self._tell(lambda: check_layout(self.instance))
+
+    def _tell(self, check: Callable[[], None]) -> None:
+        """Run ``check`` and show what it refuses beside the fields."""
         try:
-            check_times(self.instance, now=timezone.now(), before=stored, submissions=submissions)
+            check()
         except ValidationError as error:
             for field, problems in error.error_dict.items():
                 if field not in self.errors:
@@ -116,6 +127,17 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
                     "seed",
                 )
             },
+        ),
+        (
+            gettext_lazy("Object avoidance"),
+            {
+                "fields": ("boxes", "random_boxes", "box_distance_m"),
+                "description": gettext_lazy("Boxes in fixed places, or how many are drawn from the seed."),
+            },
+        ),
+        (
+            gettext_lazy("Head-to-head"),
+            {"fields": ("opponents", "bots", "bot_speed_mps", "bot_lane_changes", "duel_format", "duel_cars")},
         ),
         (gettext_lazy("Who sees it"), {"fields": ("visibility", "invitation_link")}),
         (gettext_lazy("State"), {"fields": ("state", "cancel_reason", "board", "created_at")}),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
+from PIL import Image
 
 from evaluation import services
 from evaluation.models import TrainedModel
@@ -109,6 +110,23 @@ def test_a_model_page_shows_what_the_network_is_and_what_it_drove(world: World) 
     assert "3 actions" in html and "front camera" in html
     assert html.count('class="fan-ray"') == 3
     assert f"/evaluations/{world.finished.evaluation.public_id}/" in html
+
+
+def test_a_model_page_shows_what_its_sensors_see(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    html = world.client("alice").get(f"/models/{world.model.public_id}/").content.decode()
+    address = f"/models/{world.model.public_id}/sensors.png"
+    assert f'src="{address}" alt="What the sensors of this model see (front camera), in three rows' in html
+    picture = world.client("alice").get(address)
+    assert (picture.status_code, picture["Content-Type"]) == (200, "image/png")
+    with Image.open(io.BytesIO(picture.content)) as image:
+        assert image.size[0] == 320 and np.asarray(image).std() > 20, "not an empty picture"
+    assert "private" in picture["Cache-Control"]
+    assert world.client("bob").get(address).status_code == 404
+
+    # drawn once for all models that read the same
+    monkeypatch.setattr("evaluation.pictures.sensor_picture", lambda *_: pytest.fail("drawn again"))
+    other = a_model(world.alice)
+    assert world.client("alice").get(f"/models/{other.public_id}/sensors.png").content == picture.content
 
 
 def test_a_continuous_action_space_is_drawn_as_an_area(world: World) -> None:

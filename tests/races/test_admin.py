@@ -57,6 +57,11 @@ def form(now, **fields) -> dict:
         "max_resets": "10000",
         "max_simulated_ms": "180000",
         "max_submissions": "50",
+        "random_boxes": "0",
+        "box_distance_m": "2",
+        "bots": "0",
+        "bot_speed_mps": "1",
+        "duel_cars": "2",
         "seed": "0",
         "visibility": "public",
     }
@@ -114,6 +119,19 @@ def test_mistakes_are_told_on_their_field_once_and_in_words(boss, now):
         assert errors(response) == expected, name
         assert "Constraint" not in response.content.decode()
     assert not Race.objects.exists()
+
+
+def test_an_admin_schedules_a_race_with_boxes(boss, now):
+    boxes = {"boxes-1-percent": "25", "boxes-1-lane": "inner", "boxes-2-percent": "60", "boxes-2-lane": "outer"}
+    assert add(boss, form(now, race_type="object_avoidance", **boxes)).status_code == 302
+    race = Race.objects.get()
+    assert race.boxes == [{"fraction": 0.25, "lane": "inner"}, {"fraction": 0.6, "lane": "outer"}]
+    page = boss.get(change(race)).content.decode()
+    assert 'name="boxes-2-percent" value="60"' in page
+    close = form(now, race_type="object_avoidance", **(boxes | {"boxes-2-percent": "25.5"}))
+    assert errors(boss.post(change(race), close)) == {"boxes": ["boxes_overlap"]}
+    mixed = form(now, race_type="head_to_head", opponents="bots", bots="9", **boxes)
+    assert errors(boss.post(change(race), mixed)) == {"boxes": ["race_has_no_boxes"], "bots": ["race_bot_count"]}
 
 
 def test_what_must_not_change_cannot_be_edited(boss, now):
