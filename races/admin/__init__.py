@@ -1,6 +1,7 @@
 """Races in the admin site: schedule, change what may change, cancel, clone; results are read, never edited."""
 
+from .duels import DrawAdmin, DuelAdmin
 from .race import RaceAdmin
 from .results import EntryAdmin, SubmissionAdmin
 
-__all__ = ["EntryAdmin", "RaceAdmin", "SubmissionAdmin"]
+__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "RaceAdmin", "SubmissionAdmin"]

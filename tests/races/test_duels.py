@@ -508,3 +508,19 @@ def race_problems(race: Race) -> dict:
     from races.models.course import problems_of
 
     return problems_of(race)
+
+
+# --- admins look
+
+
+def test_admins_look_at_draws_and_duels_and_edit_none(now, client):
+    admin = a_racer("sam", is_staff=True, is_superuser=True)
+    race = drawn(now, 2)
+    (duel,) = driving(race)
+    end(duel, now, winners=[2, 1])
+    client.force_login(admin, backend="django.contrib.auth.backends.ModelBackend")
+    for path in ("draw/", f"draw/{race.pk}/change/", "duel/", f"duel/{duel.pk}/change/", "duel/?q=car-2"):
+        assert client.get(f"/admin/races/{path}").status_code == 200, path
+    page = client.get(f"/admin/races/duel/{duel.pk}/change/").content.decode()
+    assert "car-2" in page and 'name="_save"' not in page
+    assert client.get("/admin/races/duel/add/").status_code == 403

@@ -109,3 +109,24 @@ def test_who_leaves_the_board_takes_their_run_out_of_sight(cast, races, now):
         assert not can_see_evaluation(cast[name], evaluation)
         assert evaluation not in evaluations_visible_to(cast[name])
     assert can_see_evaluation(cast["charlie"], evaluation)
+
+
+def test_duels_are_seen_by_who_sees_their_race(cast, now):
+    from races.services import draw_duels, drive_on
+    from tests.duels import a_duel_race, driving, qualify
+
+    for visibility in Visibility.values:
+        race = a_duel_race(now, organiser=cast["alice"], visibility=visibility)
+        for name in ("bob", "dora", "erin"):
+            accept_or_enter(race, cast[name], now)
+        qualify(race, [cast["bob"], cast["erin"], cast["dora"]], now)
+        draw_duels(race=race, now=race.closes_at)
+        drive_on(race=race, now=race.closes_at)
+        remove_entry(entry=Entry.objects.get(race=race, racer=cast["dora"]), by=cast["alice"], now=now)
+        (duel,) = driving(race)
+        evaluation = duel.evaluation
+        for name, racer in cast.items():
+            expected = can_see_race(racer, race) or (racer is not None and racer.pk == evaluation.owner_id)
+            assert can_see_evaluation(racer, evaluation) == expected, (visibility, name)
+            assert evaluations_visible_to(racer).filter(pk=evaluation.pk).exists() == expected, (visibility, name)
+        assert can_see_evaluation(cast["charlie"], evaluation) == (visibility == Visibility.PUBLIC)

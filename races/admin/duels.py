@@ -1,0 +1,49 @@
+"""Draws and duels: looked at, never edited. Heats are driven, repeated and counted by the platform."""
+
+from __future__ import annotations
+
+from django.contrib import admin
+from django.db.models import QuerySet
+from django.http import HttpRequest
+from django.utils.translation import gettext_lazy
+
+from ..models import Draw, Duel, DuelCar
+from .actions import ReadOnly, seconds
+
+
+@admin.register(Draw)
+class DrawAdmin(ReadOnly, admin.ModelAdmin):
+    """Which races have drawn their duels, and which are through."""
+
+    list_display = ("race", "entrants", "drawn_at", "over_at")
+    list_filter = (("over_at", admin.EmptyFieldListFilter), "race__duel_format")
+    list_select_related = ("race",)
+    search_fields = ("race__name", "race__slug")
+    date_hierarchy = "drawn_at"
+
+
+class DuelCarInline(ReadOnly, admin.TabularInline):
+    """The cars of a heat."""
+
+    model = DuelCar
+    fields = ("grid", "entry", "place", "points", "laps", "time", "forfeited", "retired_code")
+    readonly_fields = fields
+    ordering = ("grid",)
+
+    @admin.display(description=gettext_lazy("their time"))
+    def time(self, car: DuelCar) -> str:
+        return seconds(car.time_ms or None)
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[DuelCar]:
+        return super().get_queryset(request).select_related("entry__racer", "entry__race")
+
+
+@admin.register(Duel)
+class DuelAdmin(ReadOnly, admin.ModelAdmin):
+    """Every heat, how often it was run, and what came of it."""
+
+    list_display = ("race", "round", "number", "state", "evaluation", "tries", "decided_at")
+    list_filter = ("state", "race__duel_format")
+    list_select_related = ("race", "evaluation")
+    search_fields = ("race__name", "race__slug", "evaluation__public_id", "cars__entry__racer__alias")
+    inlines = (DuelCarInline,)
