@@ -87,9 +87,10 @@ class EvaluationOutcome:
     """What came of an evaluation: car 0 as in :class:`CarOutcome`, and ``rivals``.
 
     ``course``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... a row], ... a bot]}`` in
-    metres and radians. ``order``: the numbers of all cars, winner first. ``shares``: wall seconds in ``start``
-    (processes, loading), ``physics``, ``camera``, ``policy`` (of which ``network`` on the models' own CPU clocks, the
-    rest pipes) and ``other``. ``peak_mb``: largest resident sets of policies and runner added up.
+    metres and radians. ``order``: the numbers of all cars, winner first. ``simulated_ms`` and ``steps``: until the last
+    car was done. ``shares``: wall seconds in ``start`` (processes, loading), ``physics``, ``camera``, ``policy`` (of
+    which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
+    sets of policies and runner added up.
     """
 
     laps: list[dict[str, Any]]

@@ -176,8 +176,8 @@ def _outcome(result: RaceResult, cars: Sequence[RaceResult | CarResult]) -> dict
             for car in cars
         ],
         "order": result.order,
-        "simulated_ms": result.simulated_ms,
-        "steps": result.steps,
+        "simulated_ms": max(car.simulated_ms for car in cars),
+        "steps": max(car.steps for car in cars),
         "engine": result.engine,
         "versions": result.versions,
     }

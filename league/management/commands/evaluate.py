@@ -18,6 +18,7 @@ from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.rivals import check_rivals
+from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import MAX_CARS
 from faults import PaddockError, UserFault, fault_from_dict
 from league.management.race_options import add_race_options, rules_of
@@ -64,6 +65,7 @@ class Command(BaseCommand):
             rules = rules_of(options)
             check_rivals(rules, len(options["rival"]))
             geometry = find_track(track).in_direction(rules.direction)
+            lay_course(geometry, rules)  # before anything takes long
             started = time.monotonic()
             cars = [_admit([package] if metadata is None else [package, metadata])]
             cars += [_admit(_files_of(rival)) for rival in options["rival"]]
