@@ -15,7 +15,7 @@ from .rules import INNER
 from .sensors import POSE
 
 _AHEAD_M, _AHEAD_S = 0.25, 0.2  # look-ahead: metres at rest, and seconds of driving on top
-_CORNERING = 2.5  # m/s^2 sideways
+_CORNERING = 2.0  # m/s^2 sideways; more, and the car leaves the sharpest corners by its own width
 _BEFORE_BOX_M, _AFTER_BOX_M = 2.0, 0.45  # from its base to a box's middle: there it drives in the other lane
 
 
