@@ -2,8 +2,8 @@
 
 Weng and Lin, "A Bayesian Approximation Method for Online Ranking" (JMLR 12, 2011), in the package openskill with its
 own defaults: everybody begins at mu 25 with sigma 25/3, and what a board shows is mu - 3 sigma, which is 0 for a
-newcomer and rises with wins and with certainty. Ratings depend on the order of the duels, so callers pass them in a
-fixed one.
+newcomer, and of two equally skilled racers higher for the one better known. Ratings depend on the order of the duels,
+so callers pass them in a fixed one.
 """
 
 from __future__ import annotations
