@@ -27,7 +27,7 @@ def home(request: HttpRequest) -> HttpResponse:
         "upcoming": list(upcoming(now, request.user)[:UPCOMING]),
     }
     if request.user.is_authenticated:
-        related = ("model", "track", "result", "submission__entry__race")
+        related = ("model", "track", "result", "submission__entry__race", "duel__race")
         mine = Evaluation.objects.filter(owner=request.user).select_related(*related).order_by("-queued_at")
         context |= {"models": list(models_of(request.user)[:OWN]), "runs": list(mine[:OWN])}
     return render(request, "league/home.html", context)

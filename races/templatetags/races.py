@@ -89,7 +89,7 @@ def races_for(context: Context, model: TrainedModel) -> list[RaceForModel]:
 @register.simple_tag
 def runs_of(model: TrainedModel) -> list[Evaluation]:
     """The latest evaluations of a model."""
-    related = ("track", "result", "submission__entry__race")
+    related = ("track", "result", "submission__entry__race", "duel__race")
     return list(
         Evaluation.objects.filter(model=model).select_related(*related).order_by("-queued_at")[:RUNS_OF_A_MODEL]
     )

@@ -208,3 +208,13 @@ def test_more_cars_need_no_more_queries(client, now, format_):
     client.force_login(viewer, backend="django.contrib.auth.backends.ModelBackend")
     before = len(queries(client, f"/races/{few.slug}/duels/"))
     assert len(queries(client, f"/races/{many.slug}/duels/")) <= before <= LIMIT
+
+
+def test_a_duel_stands_among_my_runs_under_its_race(client, now):
+    race = drawn(now, 2, name="Duel night")
+    (duel,) = driving(race)
+    front = duel.evaluation.owner
+    client.force_login(front, backend="django.contrib.auth.backends.ModelBackend")
+    for path in ("/", f"/models/{duel.evaluation.model.public_id}/"):
+        runs = re.findall(r'<th scope="row"><a [^>]*>([^<]*)</a>', client.get(path).content.decode())
+        assert runs.count("Duel night") >= 2, path
