@@ -1,4 +1,5 @@
 from django.apps import AppConfig
+from django.db.models.signals import post_migrate
 from django.utils.translation import gettext_lazy as _
 
 
@@ -9,6 +10,8 @@ class RacesConfig(AppConfig):
     def ready(self) -> None:
         from evaluation.signals import evaluation_ended
 
+        from .board_triggers import installed_after_migrate
         from .receivers import take_ended_evaluation
 
+        post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from django.dispatch import Signal
 
-# Sent inside the transaction that changed who or what stands on the board of a race, other than by racing in it while it
-# is open: an entry removed or restored. Arguments: ``race``, ``now``.
+# Sent inside the transaction that changed who stands on the board of a race other than by racing: an entry was removed
+# or restored. Arguments: ``race``, ``now``.
 board_changed = Signal()
 
 # Sent inside the transaction that ends the last duel of a race, when its board stands. Arguments: ``race``, ``now``.

@@ -7,6 +7,7 @@ from itertools import islice
 
 from races.models import Entry, Race
 from races.selectors.boards import CLASSIFIED, board_entries
+from races.selectors.counting import totals_of
 
 from ..models import ChampionshipPlace, Membership, Round, Season, Stage
 from ..models.season import WITH_POINTS
@@ -49,7 +50,7 @@ def classified_order(race: Race, limit: int | None = None) -> list[int]:
 
 def classified_count(race: Race) -> int:
     """How many racers of a race have a rank."""
-    return board_entries(race).filter(CLASSIFIED, is_baseline=False).order_by().count()
+    return totals_of(race).classified
 
 
 def outcome_of(round_: Round) -> Outcome:

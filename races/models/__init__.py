@@ -1,6 +1,7 @@
 """A race, who is in it, and what they sent."""
 
 from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, RaceType, RankingMethod, Visibility
+from .counting import BoardCount
 from .duel import Draw, Duel, DuelCar, DuelState
 from .entry import Entry
 from .race import ONE_LINE, Race, default_sensors, new_invitation
@@ -8,6 +9,7 @@ from .submission import Submission
 
 __all__ = [
     "ONE_LINE",
+    "BoardCount",
     "Division",
     "Draw",
     "Duel",

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from django.db.models import Count, OuterRef, Q, QuerySet, Subquery
-from django.db.models.functions import Coalesce
+from django.db.models import OuterRef, Q, QuerySet, Subquery
 
 from ..models import Entry, Race
 from ..ranking import MOST_DRIVEN, NOT_CLASSIFIED, rule_for
+from .counting import count_of, page_of, rows_before, totals_of
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -101,25 +101,22 @@ class Board:
 def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
 
-    Four queries, and two more when the reader's row is on another page.
+    Four queries, two more when the reader's row is on another page, four more in the middle of a long board; the cost
+    does not grow with the board.
     """
-    counts = board_entries(race).aggregate(
-        rows=Count("pk"),
-        racers=Count("pk", filter=Q(is_baseline=False)),
-        classified=Count("pk", filter=CLASSIFIED & Q(is_baseline=False)),
-    )
-    pages = max(1, -(-counts["rows"] // per_page))
+    totals = totals_of(race)
+    pages = max(1, -(-totals.rows // per_page))
     page = min(max(1, page), pages)
     view = _View(race, racer)
     offset = (page - 1) * per_page
-    entries = list(_with_relations(board_entries(race))[offset : offset + per_page])
+    entries = page_of(_with_relations(board_entries(race)), race, ORDER, offset, per_page, totals.rows)
     rows = list(view.rows(entries, offset))
     my_row = next((row for row in rows if row.is_me), None) or view.my_row()
     return Board(
         race=race,
         rows=rows,
-        count=counts["racers"],
-        classified_count=counts["classified"],
+        count=totals.racers,
+        classified_count=totals.classified,
         page=page,
         pages=pages,
         my_row=my_row,
@@ -148,18 +145,29 @@ def ranks_of(entries: Sequence[Entry]) -> dict[int, int | None]:
     ranked = [e.pk for e in entries if e.classified and not e.is_baseline and not e.is_withdrawn]
     if ranked:
         own = Entry.objects.filter(pk__in=ranked).order_by()
-        ahead = Entry.objects.filter(ahead_of(*map(OuterRef, ORDER)), race=OuterRef("race"), **RANKED).order_by()
-        count = ahead.values("race").annotate(count=Count("pk")).values("count")
-        ranks.update(own.annotate(rank=1 + Coalesce(Subquery(count), 0)).values_list("pk", "rank"))
+        on_board = Entry.objects.filter(race=OuterRef("race"), withdrawn_at=None)
+        key = [OuterRef(name) for name in ORDER]
+        rank = 1 + rows_before(OuterRef("race"), OuterRef("rank_score"))
+        rank += count_of(on_board.filter(tied_before(*key)))
+        rank -= count_of(on_board.filter(ahead_of(*key), is_baseline=True))
+        ranks.update(own.annotate(rank=rank).values_list("pk", "rank"))
     return ranks
+
+
+def tied_before(score: object, lap: object, resets: object, achieved: object, pk: object) -> Q:
+    """Condition for the entries of the same score before the one with this key."""
+    return Q(rank_score=score) & _earlier(lap, resets, achieved, pk)
 
 
 def ahead_of(score: object, lap: object, resets: object, achieved: object, pk: object) -> Q:
     """Condition for the entries before the one with this key (values or expressions, in the order of ``ORDER``): a
     range of the index, then the ties."""
-    return Q(rank_score__lte=score) & (
-        Q(rank_score__lt=score)
-        | Q(rank_lap__lt=lap)
+    return Q(rank_score__lte=score) & (Q(rank_score__lt=score) | _earlier(lap, resets, achieved, pk))
+
+
+def _earlier(lap: object, resets: object, achieved: object, pk: object) -> Q:
+    return (
+        Q(rank_lap__lt=lap)
         | Q(rank_lap=lap, resets__lt=resets)
         | Q(rank_lap=lap, resets=resets, achieved_at__lt=achieved)
         | Q(rank_lap=lap, resets=resets, achieved_at=achieved, pk__lt=pk)

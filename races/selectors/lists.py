@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeAlias
 
-from django.db.models import Case, Count, IntegerField, OuterRef, Q, QuerySet, Subquery, Value, When
-from django.db.models.functions import Coalesce
+from django.db.models import Case, OuterRef, QuerySet, Value, When
 
 from ..models import Entry, Kind, Race, Submission
 from ..ranking import Standing, rule_for
 from .boards import ranks_of
+from .counting import racers_on_board
 from .visibility import races_visible_to
 
 if TYPE_CHECKING:
@@ -113,14 +113,7 @@ def racer_history(racer: Racer, viewer: Reader = None, limit: int = HISTORY_LENG
 
 
 def _counted(races: QuerySet[Race]) -> QuerySet[Race]:
-    entries = (
-        Entry.objects.filter(Q(race=OuterRef("pk"), withdrawn_at=None, is_baseline=False))
-        .order_by()
-        .values("race")
-        .annotate(count=Count("pk"))
-        .values("count")
-    )
-    return races.annotate(entry_count=Coalesce(Subquery(entries, output_field=IntegerField()), 0))
+    return races.annotate(entry_count=racers_on_board(OuterRef("pk")))
 
 
 def _league_first() -> Case:

@@ -1,0 +1,36 @@
+"""How many rows stand where on a board, so that a rank is not counted row by row."""
+
+from __future__ import annotations
+
+from django.db import models
+
+from .race import Race
+
+# Buckets of a board's first column, each level's 512 times as wide as the next one's: 37 hours, 4 minutes, half a
+# second, a millisecond. A bucket's number is the score shifted right by this many bits.
+SHIFTS = (27, 18, 9, 0)
+LEVEL_BITS = 9
+# Three rows of a race are totals instead: of all on its board, of those of them who are racers, of those with a rank.
+TOTAL = 63
+ROWS, RACERS, CLASSIFIED = 0, 1, 2
+
+
+class BoardCount(models.Model):
+    """The number of entries on a race's board in one bucket of ``rank_score``. Written by the database itself.
+
+    Triggers (:mod:`races.board_triggers`) change these rows in the statement that changes an entry, whoever writes it,
+    so they are right whenever a transaction ends.
+    """
+
+    race = models.ForeignKey(Race, models.CASCADE, related_name="board_counts", db_index=False)
+    shift = models.SmallIntegerField()
+    bucket = models.BigIntegerField()
+    rows = models.IntegerField(default=0)
+
+    class Meta:
+        verbose_name = "count of a board"
+        verbose_name_plural = "counts of boards"
+        constraints = [models.UniqueConstraint(fields=["race", "shift", "bucket"], name="board_count_once_a_bucket")]
+
+    def __str__(self) -> str:
+        return f"{self.race_id}: {self.bucket} << {self.shift}: {self.rows}"

@@ -1,0 +1,242 @@
+"""The counts of a board are those of its entries, whoever writes them and however."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+from collections import Counter
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from django.db import connection, transaction
+from django.db.models import F
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from races.board_triggers import install, rebuild
+from races.models import BoardCount, Entry, Race
+from races.models.counting import CLASSIFIED, RACERS, ROWS, SHIFTS, TOTAL
+from races.ranking import MOST_DRIVEN, NOT_CLASSIFIED
+from races.selectors import board, racing_now, rank_of, whole_board
+from races.selectors.boards import board_entries, ranks_of
+from races.selectors.counting import score_at, totals_of
+from races.services import restore_entry, withdraw
+from tests.factories import a_race, a_racer
+from tests.postgres import postgres, program
+from tests.shared import CHECKOUT
+
+pytestmark = pytest.mark.django_db
+NOW = datetime(2026, 11, 15, 12, tzinfo=UTC)
+
+
+def an_entry(race: Race, chance: random.Random, **fields) -> Entry:
+    """An entry somewhere on the board: most classified, many with equal scores, some without any result."""
+    kind = chance.random()
+    entry = Entry(race=race, racer=a_racer())
+    if kind < 0.7:
+        score = chance.choice((1000, 1001, 511, 512, 513, 2**18, 2**27 + 5, chance.randrange(10**6)))
+        entry.classified, entry.score_ms, entry.rank_score = True, score, score
+        entry.best_lap_ms = entry.rank_lap = chance.choice((300, 301))
+        entry.resets, entry.achieved_at = chance.randrange(2), NOW + timedelta(seconds=chance.randrange(3))
+    elif kind < 0.85:
+        entry.rank_score, entry.achieved_at = NOT_CLASSIFIED - chance.choice((0, 120, MOST_DRIVEN)), NOW
+    for name, value in fields.items():
+        setattr(entry, name, value)
+    return entry
+
+
+def counted(race: Race) -> dict[tuple[int, int], int]:
+    """What the counts of a race should be, from its entries one by one."""
+    counts: Counter = Counter()
+    for entry in Entry.objects.filter(race=race, withdrawn_at=None):
+        counts.update((shift, entry.rank_score >> shift) for shift in SHIFTS)
+        counts[TOTAL, ROWS] += 1
+        counts[TOTAL, RACERS] += not entry.is_baseline
+        counts[TOTAL, CLASSIFIED] += not entry.is_baseline and entry.classified
+    return {key: rows for key, rows in counts.items() if rows}
+
+
+def stored(race: Race) -> dict[tuple[int, int], int]:
+    rows = BoardCount.objects.filter(race=race).exclude(rows=0)
+    return {(row.shift, row.bucket): row.rows for row in rows}
+
+
+def check(race: Race) -> None:
+    """Counts, ranks and pages are those of a full sort."""
+    assert stored(race) == counted(race)
+    ordered = list(board_entries(race))
+    ranked = [entry.pk for entry in ordered if entry.classified and not entry.is_baseline]
+    ranks = {pk: rank for rank, pk in enumerate(ranked, start=1)}
+    assert ranks_of(ordered) == {entry.pk: ranks.get(entry.pk) for entry in ordered}
+    shown, page = [], 1
+    while page == 1 or page <= board(race, per_page=3).pages:
+        shown += [(row.entry.pk, row.rank) for row in board(race, per_page=3, page=page).rows]
+        page += 1
+    assert shown == [(entry.pk, ranks.get(entry.pk)) for entry in ordered]
+    for position, entry in enumerate(ordered):
+        score, before = score_at(race, position)
+        assert score == entry.rank_score
+        assert before == position - sum(one.rank_score < score for one in ordered)
+    assert score_at(race, len(ordered)) is None
+
+
+def some_operation(race: Race, other: Race, chance: random.Random) -> None:
+    """Any way in which entries are written."""
+    entries = list(race.entries.order_by("pk"))
+    some = chance.sample(entries, min(len(entries), chance.randint(0, 4)))
+    one = chance.choice(entries) if entries else None
+    fresh = an_entry(race, chance)
+    match chance.randrange(11):
+        case 0 | 1 | 2:
+            fresh.save()
+        case 3:
+            Entry.objects.bulk_create(
+                [an_entry(race, chance, is_baseline=chance.random() < 0.3) for _ in range(5)], ignore_conflicts=True
+            )
+        case 4 if one is not None:
+            _take_standing(one, fresh)
+            one.save()
+        case 5:
+            for entry in some:
+                _take_standing(entry, an_entry(race, chance))
+            Entry.objects.bulk_update(some, _STANDING)
+        case 6:
+            Entry.objects.filter(pk__in=[entry.pk for entry in some]).update(withdrawn_at=NOW)
+        case 7:
+            Entry.objects.filter(pk__in=[entry.pk for entry in some]).update(withdrawn_at=None)
+        case 8:
+            Entry.objects.filter(pk__in=[entry.pk for entry in some]).update(is_baseline=~F("is_baseline"))
+        case 9 if one is not None:
+            one.delete()
+        case 10 if one is not None:
+            one.race = other
+            one.save()
+            Entry.objects.filter(pk=one.pk).update(race=race)
+
+
+_STANDING = ("classified", "score_ms", "rank_score", "best_lap_ms", "rank_lap", "resets", "achieved_at")
+
+
+def _take_standing(entry: Entry, other: Entry) -> None:
+    for name in _STANDING:
+        setattr(entry, name, getattr(other, name))
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32))
+def test_ranks_and_pages_are_those_of_a_full_sort_whatever_is_written(db, seed):
+    chance = random.Random(seed)
+    with transaction.atomic():
+        race, other = a_race(NOW), a_race(NOW)
+        for _ in range(25):
+            some_operation(race, other, chance)
+        check(race)
+        check(other)
+        before = stored(race)
+        rebuild(race=race.pk)
+        assert stored(race) == before
+        transaction.set_rollback(True)
+
+
+def test_who_leaves_and_returns_is_counted_so():
+    race = a_race(NOW)
+    entries = [an_entry(race, random.Random(1), is_baseline=False) for _ in range(3)]
+    for entry in entries:
+        entry.save()
+    withdraw(entry=entries[0], now=NOW)
+    assert totals_of(race).rows == 2 == board(race).count
+    Entry.objects.filter(pk=entries[0].pk).update(removed_at=NOW)
+    restore_entry(entry=entries[0], by=a_racer(is_staff=True))
+    assert totals_of(race).racers == 3 == racing_now(NOW).get(pk=race.pk).entry_count
+    check(race)
+
+
+def test_a_race_that_is_deleted_takes_its_counts_along():
+    race = a_race(NOW)
+    for seed in range(4):
+        an_entry(race, random.Random(seed)).save()
+    race.delete()
+    assert not BoardCount.objects.exists()
+
+
+def test_what_is_rolled_back_was_never_counted():
+    race = a_race(NOW)
+    with transaction.atomic():
+        an_entry(race, random.Random(1)).save()
+        transaction.set_rollback(True)
+    assert stored(race) == {}
+
+
+def test_triggers_are_there_after_migrate_and_are_made_once():
+    assert install("default") is False
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="how SQLite loses them")
+def test_triggers_that_a_migration_dropped_come_back_with_right_counts():
+    race = a_race(NOW)
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT name FROM sqlite_master WHERE type = 'trigger' AND name LIKE 'races_board%'")
+        for (name,) in cursor.fetchall():
+            cursor.execute(f"DROP TRIGGER {name}")
+    an_entry(race, random.Random(1)).save()
+    assert stored(race) == {}
+    assert install("default") is True
+    assert stored(race) == counted(race)
+    an_entry(race, random.Random(2)).save()
+    check(race)
+
+
+def test_a_page_and_a_rank_cost_the_same_queries_on_a_long_board(django_assert_num_queries):
+    race = a_race(NOW)
+    entries = Entry.objects.bulk_create([an_entry(race, random.Random(seed)) for seed in range(80)])
+    mine = next(entry for entry in entries if entry.classified)
+    with django_assert_num_queries(4):
+        board(race, per_page=3)
+    with django_assert_num_queries(8):
+        board(race, per_page=3, page=13)
+    with django_assert_num_queries(4):
+        board(race, per_page=3, page=27)
+    with django_assert_num_queries(1):
+        rank_of(mine)
+    assert len(list(whole_board(race))) == 80
+
+
+@pytest.mark.slow
+@pytest.mark.postgres
+@pytest.mark.skipif(program("initdb") is None, reason="no PostgreSQL server is installed")
+def test_the_same_on_postgresql(tmp_path):
+    if connection.vendor == "postgresql":
+        pytest.skip("this is it")
+    with postgres() as url:
+        here = os.environ | {"DATABASE_URL": url, "PADDOCK_TEST_DATA": str(tmp_path)}
+        here.pop("PYTEST_XDIST_WORKER", None)
+        command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-x", __file__]
+        ended = subprocess.run(command, env=here, cwd=CHECKOUT, capture_output=True, text=True, timeout=900)
+        assert ended.returncode == 0, ended.stdout[-4000:] + ended.stderr[-2000:]
+
+
+@pytest.mark.django_db(transaction=True)
+def test_results_at_the_same_moment_are_all_counted():
+    from tests.races.test_concurrency import at_once
+
+    race = a_race(NOW)
+    entries = [an_entry(race, random.Random(seed)) for seed in range(8)]
+    for entry in entries:
+        entry.save()
+
+    def move(number: int):
+        def call() -> None:
+            chance = random.Random(100 + number)
+            for _ in range(6):
+                with transaction.atomic():
+                    entry = Entry.objects.select_for_update().get(pk=entries[number].pk)
+                    _take_standing(entry, an_entry(race, chance, racer=entry.racer))
+                    entry.save()
+
+        return call
+
+    answers = at_once([move(number) for number in range(8)])
+    assert answers == [None] * 8
+    check(race)
