@@ -71,7 +71,7 @@ def _run(frames_in: int, frames_out: int) -> None:
     flag = _Start(frames_in)
     policies = [_after(flag, client) for client in clients]
     if len(policies) > 1:
-        policies = [_telling(policy, number, frames_out) for number, policy in enumerate(policies)]
+        policies = [_reporting(policy, number, frames_out) for number, policy in enumerate(policies)]
     first, *rivals = [
         Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"))
         for metadata, space, policy in zip(job["metadata"], spaces, policies, strict=True)
@@ -143,7 +143,7 @@ def _after(start: _Start, policy: Policy) -> Policy:
     return ask
 
 
-def _telling(policy: Policy, number: int, frames_out: int) -> Policy:
+def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:
     """``policy`` of car ``number``, whose faults the pipeline hears of at once: it knows how the process ended."""
 
     def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
