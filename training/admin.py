@@ -1,0 +1,56 @@
+"""The admin pages of training: what ran can be read and stopped, never edited."""
+
+from __future__ import annotations
+
+from django.contrib import admin
+from django.db.models import QuerySet
+from django.http import HttpRequest
+
+from .models import Checkpoint, TrainingIteration, TrainingJob, Vehicle
+
+
+class ReadOnlyAdmin(admin.ModelAdmin):
+    """Rows that only services write."""
+
+    def has_add_permission(self, request: HttpRequest) -> bool:
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj=None) -> bool:
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj=None) -> bool:
+        return False
+
+
+@admin.register(Vehicle)
+class VehicleAdmin(ReadOnlyAdmin):
+    list_display = ["public_id", "name", "owner", "neural_network", "shell", "created_at"]
+    search_fields = ["public_id", "name", "owner__alias"]
+    list_select_related = ["owner"]
+
+
+@admin.register(TrainingJob)
+class TrainingJobAdmin(ReadOnlyAdmin):
+    list_display = ["public_id", "name", "owner", "track", "algorithm", "state", "attempt", "steps_done", "created_at"]
+    list_filter = ["state", "algorithm", "race_type"]
+    search_fields = ["public_id", "name", "owner__alias"]
+    list_select_related = ["owner", "track"]
+    date_hierarchy = "created_at"
+    exclude = ["driving"]
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[TrainingJob]:
+        return super().get_queryset(request).defer("driving", "log")
+
+
+@admin.register(TrainingIteration)
+class TrainingIterationAdmin(ReadOnlyAdmin):
+    list_display = ["job", "number", "steps", "seconds", "mean_reward", "eval_progress", "eval_lap_ms", "is_best"]
+    list_select_related = ["job"]
+    search_fields = ["job__public_id", "job__name"]
+
+
+@admin.register(Checkpoint)
+class CheckpointAdmin(ReadOnlyAdmin):
+    list_display = ["job", "iteration", "steps", "seconds", "created_at"]
+    list_select_related = ["job"]
+    search_fields = ["job__public_id", "job__name"]

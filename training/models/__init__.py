@@ -1,0 +1,28 @@
+"""Vehicles, training jobs and what a job leaves behind. The table of jobs is the queue."""
+
+from .choices import (
+    FINAL_STATES,
+    Algorithm,
+    BestMetric,
+    JobState,
+    NeuralNetwork,
+    RewardSignature,
+    Shell,
+)
+from .job import TrainingJob
+from .record import Checkpoint, TrainingIteration
+from .vehicle import Vehicle
+
+__all__ = [
+    "FINAL_STATES",
+    "Algorithm",
+    "BestMetric",
+    "Checkpoint",
+    "JobState",
+    "NeuralNetwork",
+    "RewardSignature",
+    "Shell",
+    "TrainingIteration",
+    "TrainingJob",
+    "Vehicle",
+]

@@ -1,0 +1,66 @@
+"""The words that a training job and a vehicle choose from."""
+
+from __future__ import annotations
+
+from django.db import models
+from django.utils.translation import gettext_lazy as _
+
+
+class Algorithm(models.TextChoices):
+    """How the policy is learned."""
+
+    PPO = "ppo", _("PPO")
+    SAC = "sac", _("SAC")
+
+
+class JobState(models.TextChoices):
+    """The states of a training job. FINISHED, FAILED and STOPPED are final."""
+
+    QUEUED = "queued", _("queued")
+    RUNNING = "running", _("training")
+    FINISHED = "finished", _("finished")
+    FAILED = "failed", _("failed")
+    STOPPED = "stopped", _("stopped")
+
+
+FINAL_STATES = (JobState.FINISHED, JobState.FAILED, JobState.STOPPED)
+
+
+class BestMetric(models.TextChoices):
+    """What makes one evaluation better than another (deepracer-simapp, BEST_MODEL_METRIC)."""
+
+    PROGRESS = "progress", _("progress")
+    REWARD = "reward", _("reward")
+    LAP_TIME = "lap_time", _("lap time")
+
+
+class RewardSignature(models.TextChoices):
+    """How a reward function takes the car's state: one dict, or the first form of 2018 with separate values."""
+
+    PARAMS = "params", _("reward_function(params)")
+    POSITIONAL = "positional", _("the 2018 form with separate values")
+
+
+class NeuralNetwork(models.TextChoices):
+    """The depth of a network, by the names of ``model_metadata.json``."""
+
+    SHALLOW = "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", _("shallow")
+    MIDDLE = "DEEP_CONVOLUTIONAL_NETWORK", _("middle")
+    DEEP = "DEEP_CONVOLUTIONAL_NETWORK_DEEP", _("deep")
+
+
+class Shell(models.TextChoices):
+    """The shells that a vehicle may wear."""
+
+    PADDOCK = "paddock", _("Paddock")
+    FORMULA = "formula", _("Formula")
+    COUPE = "coupe", _("Coupé")
+    HATCH = "hatch", _("Hatchback")
+    BUGGY = "buggy", _("Buggy")
+    KART = "kart", _("Kart")
+    PICKUP = "pickup", _("Pick-up")
+    VAN = "van", _("Van")
+    WAGON = "wagon", _("Estate")
+    ROVER = "rover", _("Rover")
+    ROADSTER = "roadster", _("Roadster")
+    WEDGE = "wedge", _("Wedge")

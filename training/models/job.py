@@ -1,0 +1,254 @@
+"""A training job, its place in the queue and how it ended."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.db.models import Q
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.ids import new_public_id
+from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES
+from faults.reasons import REASONS
+from races.models import RaceType
+from tracks.models import Direction
+
+from .choices import FINAL_STATES, Algorithm, BestMetric, JobState, NeuralNetwork, RewardSignature, Shell
+from .vehicle import DEFAULT_COLOUR
+
+MAX_MINUTES = 1440
+MAX_TRIALS = 10
+
+
+class TrainingJob(models.Model):
+    """One training, frozen when it was made but for its state and what it measures.
+
+    A worker claims a row by a guarded UPDATE that writes its lease; every later write names that lease. ``driving`` is
+    the newest evaluation as ``[[x, y, yaw, speed], ...]``, one point a control step, in metres, radians and m/s.
+    """
+
+    public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
+    owner = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="training_jobs", verbose_name=_("owner")
+    )
+    name = models.CharField(_("name"), max_length=64)
+    description = models.CharField(_("description"), max_length=255, blank=True)
+
+    track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="training_jobs", verbose_name=_("track"))
+    direction = models.CharField(_("direction"), max_length=3, choices=Direction.choices, default=Direction.CCW)
+    race_type = models.CharField(_("race type"), max_length=16, choices=RaceType.choices, default=RaceType.TIME_TRIAL)
+    boxes = models.JSONField(_("boxes in fixed places"), default=list, blank=True)
+    random_boxes = models.PositiveSmallIntegerField(_("boxes in drawn places"), default=0)
+    bots = models.PositiveSmallIntegerField(_("bot cars"), default=0)
+    bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=1.0)
+    bot_lane_changes = models.BooleanField(_("bot cars change lanes"), default=False)
+
+    algorithm = models.CharField(_("algorithm"), max_length=3, choices=Algorithm.choices, default=Algorithm.PPO)
+    hyperparameters = models.JSONField(_("hyperparameters"))
+    action_space_type = models.CharField(_("kind of action space"), max_length=10)
+    action_space = models.JSONField(_("action space"))
+    vehicle = models.ForeignKey(
+        "training.Vehicle",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="jobs",
+        verbose_name=_("vehicle"),
+    )
+    sensors = models.JSONField(_("sensors"))
+    lidar_config = models.JSONField(_("lidar settings"), default=dict, blank=True)
+    neural_network = models.CharField(_("network"), max_length=40, choices=NeuralNetwork.choices)
+    shell = models.CharField(_("shell"), max_length=16, choices=Shell.choices, default=Shell.PADDOCK)
+    colour = models.CharField(_("colour"), max_length=7, default=DEFAULT_COLOUR)
+    reward_code = models.TextField(_("reward function"))
+    reward_signature = models.CharField(
+        _("form of the reward function"),
+        max_length=10,
+        choices=RewardSignature.choices,
+        default=RewardSignature.PARAMS,
+    )
+    stop_minutes = models.PositiveSmallIntegerField(
+        _("minutes of training"), default=10, validators=[MinValueValidator(1), MaxValueValidator(MAX_MINUTES)]
+    )
+    stop_steps = models.PositiveIntegerField(_("steps of training"), null=True, blank=True)
+    stop_clean_laps = models.PositiveSmallIntegerField(_("clean laps that end the training"), null=True, blank=True)
+    trials = models.PositiveSmallIntegerField(_("trials of an evaluation"), default=3)
+    best_metric = models.CharField(_("best by"), max_length=8, choices=BestMetric.choices, default=BestMetric.PROGRESS)
+    seed = models.PositiveIntegerField(_("seed"), default=0)
+    submit_to_race = models.ForeignKey(
+        "races.Race",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="training_jobs",
+        verbose_name=_("race to submit to"),
+    )
+    cloned_from = models.ForeignKey(
+        "evaluation.TrainedModel",
+        models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="clones",
+        verbose_name=_("cloned from"),
+    )
+
+    state = models.CharField(_("state"), max_length=8, choices=JobState.choices, default=JobState.QUEUED)
+    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
+    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
+    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
+    worker = models.CharField(_("worker"), max_length=128, blank=True)
+    stop_asked_at = models.DateTimeField(_("asked to stop"), null=True, blank=True)
+    progress = models.JSONField(_("progress"), default=dict, blank=True)
+    driving = models.JSONField(_("newest drive"), default=list, blank=True)
+    steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
+    seconds_done = models.FloatField(_("seconds of training"), default=0.0)
+    best_model = models.ForeignKey(
+        "evaluation.TrainedModel",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="best_of_jobs",
+        verbose_name=_("best model"),
+    )
+    last_model = models.ForeignKey(
+        "evaluation.TrainedModel",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="last_of_jobs",
+        verbose_name=_("last model"),
+    )
+    sb3_zip = models.FileField(_("stable-baselines3 model"), upload_to="training/", blank=True)
+    log = models.TextField(_("log"), blank=True)
+    submission = models.OneToOneField(
+        "races.Submission",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="training_job",
+        verbose_name=_("submission"),
+    )
+    submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
+    submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
+    reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    operator_detail = models.TextField(_("for operators"), blank=True)
+
+    created_at = models.DateTimeField(_("made"), default=timezone.now)
+    started_at = models.DateTimeField(_("started"), null=True, blank=True)
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("training job")
+        verbose_name_plural = _("training jobs")
+        ordering = ["-created_at", "-pk"]
+        indexes = [
+            models.Index(fields=["created_at", "id"], condition=Q(state="queued"), name="training_queue"),
+            models.Index(fields=["leased_until"], condition=Q(state="running"), name="training_leases"),
+        ]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["owner", "name"],
+                condition=Q(state__in=["queued", "running"]),
+                name="training_name_unique_while_it_runs",
+            ),
+            models.CheckConstraint(condition=Q(name__regex=r"^[A-Za-z0-9-]{1,64}$"), name="training_name_form"),
+            models.CheckConstraint(condition=Q(state__in=JobState.values), name="training_state_known"),
+            models.CheckConstraint(
+                condition=Q(state="running", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
+                | (~Q(state="running") & Q(lease__isnull=True, leased_until__isnull=True)),
+                name="training_lease_while_running",
+            ),
+            models.CheckConstraint(
+                condition=Q(state__in=["finished", "failed", "stopped"], ended_at__isnull=False)
+                | Q(state__in=["queued", "running"], ended_at__isnull=True),
+                name="training_ended_when_final",
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="failed") | ~Q(reason_code=""), name="training_failure_has_reason"
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="finished") | Q(steps_done__gt=0), name="training_finished_has_steps"
+            ),
+            models.CheckConstraint(
+                condition=Q(race_type="time_trial", boxes=[], random_boxes=0, bots=0)
+                | Q(race_type="object_avoidance", bots=0, random_boxes__gte=1, random_boxes__lte=MAX_BOXES, boxes=[])
+                | Q(race_type="object_avoidance", bots=0, random_boxes=0) & ~Q(boxes=[])
+                | Q(race_type="head_to_head", boxes=[], random_boxes=0, bots__gte=1, bots__lte=MAX_BOTS),
+                name="training_race_type_options",
+            ),
+            models.CheckConstraint(
+                condition=Q(bot_speed_mps__gte=BOT_SPEED_RANGE_MPS[0], bot_speed_mps__lte=BOT_SPEED_RANGE_MPS[1]),
+                name="training_bot_speed_range",
+            ),
+            models.CheckConstraint(
+                condition=Q(algorithm="ppo", action_space_type__in=["discrete", "continuous"])
+                | Q(algorithm="sac", action_space_type="continuous"),
+                name="training_algorithm_takes_action_space",
+            ),
+            models.CheckConstraint(
+                condition=Q(stop_minutes__gte=1, stop_minutes__lte=MAX_MINUTES), name="training_minutes_range"
+            ),
+            models.CheckConstraint(
+                condition=Q(stop_steps__isnull=True) | Q(stop_steps__gte=1), name="training_steps_positive"
+            ),
+            models.CheckConstraint(
+                condition=Q(stop_clean_laps__isnull=True) | Q(stop_clean_laps__gte=1, stop_clean_laps__lte=MAX_TRIALS),
+                name="training_clean_laps_range",
+            ),
+            models.CheckConstraint(condition=Q(trials__gte=1, trials__lte=MAX_TRIALS), name="training_trials_range"),
+            models.CheckConstraint(condition=Q(best_metric__in=BestMetric.values), name="training_best_metric_known"),
+            models.CheckConstraint(condition=~Q(reward_code=""), name="training_has_reward_function"),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def get_absolute_url(self) -> str:
+        return reverse("training", args=[self.public_id])
+
+    @property
+    def is_final(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in FINAL_STATES
+
+    @property
+    def reason(self) -> str:
+        """Why it ended, in the reader's language, or ``""``."""
+        return _sentence(self.reason_code, self.reason_params)
+
+    @property
+    def submit_reason(self) -> str:
+        """Why its model was not submitted to the chosen race, in the reader's language, or ``""``."""
+        return _sentence(self.submit_reason_code, self.submit_reason_params)
+
+    @property
+    def seconds_left(self) -> float:
+        """Seconds of wall time until it ends at the latest, counted by the training itself."""
+        return max(0.0, self.stop_minutes * 60.0 - self.seconds_done)
+
+    @property
+    def metadata(self) -> dict:
+        """``model_metadata.json`` of the model that it makes."""
+        metadata = {
+            "action_space": self.action_space,
+            "action_space_type": self.action_space_type,
+            "sensor": self.sensors,
+            "neural_network": self.neural_network,
+            "training_algorithm": "sac" if self.algorithm == Algorithm.SAC else "clipped_ppo",
+            "version": "5",
+        }
+        if self.lidar_config:
+            metadata["lidar_config"] = self.lidar_config
+        return metadata
+
+
+def _sentence(code: str, params: dict) -> str:
+    if not code:
+        return ""
+    reason = REASONS[code]
+    return reason.render(params, _now(reason.sentence))
