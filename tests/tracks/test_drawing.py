@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from tracks.catalogue import CATALOGUE
-from tracks.drawing import SPEED_CLASSES, DrivenLine, draw_png, draw_svg, svg_path
+from tracks.catalogue import CATALOGUE, by_slug
+from tracks.drawing import SPEED_CLASSES, BoxMark, DrivenLine, draw_png, draw_svg, svg_path
 from tracks.drawing.lines import ERROR_M, simplify, simplify_loop
 from tracks.drawing.png import SCHEMES
 from tracks.geometry import TrackGeometry
@@ -171,3 +171,41 @@ def test_the_preview_shows_the_line_where_it_was_driven():
 def test_a_preview_of_nonsense_is_refused(options):
     with pytest.raises(ValueError, match=r"scheme|side"):
         draw_png(CATALOGUE[0].geometry(), **options)
+
+
+def test_boxes_stand_on_the_map_where_they_stand_on_the_track_with_number_and_title():
+    track = by_slug("oval").geometry()
+    boxes = [
+        BoxMark(*track.lane_centre(4.0, "inner"), 0.15, 0.2, 1, "first <box>"),
+        BoxMark(*track.lane_centre(9.0, "outer"), 0.15, 0.2),
+    ]
+    picture = draw_svg(track, boxes=boxes)
+    first, second = drawn(picture, "track-box")
+    assert first.find(f"{SVG}title").text == "first <box>" and first.find(f"{SVG}text").text == "1"
+    assert second.find(f"{SVG}title") is None and second.find(f"{SVG}text") is None
+    x_min, _, _, y_max = track.bounds
+    for box, group in zip(boxes, (first, second), strict=True):
+        corners = points_of(group.find(f"{SVG}path"))
+        assert len(corners) == 4
+        middle = np.mean(corners, axis=0)
+        assert middle == pytest.approx((box.x - x_min + 0.3, y_max + 0.3 - box.y), abs=0.02)
+        assert math.dist(corners[0], corners[1]) == pytest.approx(0.3, rel=0.05), "true to scale on a small track"
+
+
+def test_a_box_stays_visible_on_the_map_of_a_long_track():
+    track = by_slug("kuei-super-raceway").geometry()
+    picture = draw_svg(track, boxes=[BoxMark(*track.lane_centre(20.0, "inner"), 0.15, 0.2)])
+    corners = points_of(drawn(picture, "track-box")[0].find(f"{SVG}path"))
+    x_min, y_min, x_max, y_max = track.bounds
+    assert math.dist(corners[0], corners[1]) > 0.025 * max(x_max - x_min, y_max - y_min)
+
+
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_lanes_are_drawn_between_the_centre_line_and_their_border_in_either_direction(direction):
+    track = by_slug("oval").geometry().in_direction(direction)
+    assert not drawn(draw_svg(track), "track-lane")
+    length = {}
+    for path in drawn(draw_svg(track, lanes=True), "track-lane"):
+        points = points_of(path)
+        length[path.get("class")] = sum(math.dist(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True))
+    assert length["track-lane inner"] < track.length < length["track-lane outer"]
