@@ -37,7 +37,8 @@ from .lock import VARIABLE, LockSpec
 LEVEL_NONE, LEVEL_PARTIAL, LEVEL_LOCK, LEVEL_NAMESPACES = 0, 1, 2, 3
 
 CODE_ROOT = Path(__file__).resolve().parent.parent.parent
-_CODE = ("evaluation", "faults", "tracks")
+# racers who practise have the simulator without the rooms above it
+_CODE = tuple(name for name in ("evaluation", "faults", "tracks", "training") if (CODE_ROOT / name).is_dir())
 _PIPE_SIZE = 1024 * 1024
 _GRACE_S = 5.0
 _PR_SET_CHILD_SUBREAPER = 36
@@ -234,7 +235,7 @@ def launch(
     python_path: Sequence[str | Path] = (),
     level: int | None = None,
 ) -> SandboxedProcess:
-    """Start ``module`` (``evaluation.*``, ``tracks.*`` or something below ``python_path``) behind the wall.
+    """Start ``module`` (``evaluation.*``, ``tracks.*``, ``training.*`` or something below ``python_path``) behind the wall.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
     of code to import from. Files can be read until the lock only. ``level``: a level to start at instead of the best

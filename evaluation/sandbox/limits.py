@@ -36,4 +36,6 @@ class Limits:
 POLICY = Limits("policy", address_space_mb=1024, cpu_s=300, open_files=16, wall_s=600)
 CONVERTER = Limits("converter", address_space_mb=2048, cpu_s=30, open_files=16, wall_s=60)
 RUNNER = Limits("runner", address_space_mb=1024, cpu_s=1200, open_files=64, wall_s=1200)
+# torch alone maps 0.85 GB; processor and wall time are those of the job, see training.trainer.client
+TRAINER = Limits("trainer", address_space_mb=2560, cpu_s=2 * 86_400, open_files=16, wall_s=2 * 86_400)
 PROBE = Limits("probe", address_space_mb=512, cpu_s=2, open_files=16, wall_s=5)
