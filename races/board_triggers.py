@@ -14,10 +14,10 @@ from typing import Any
 
 from django.db import connections, transaction
 
-from .models.counting import CLASSIFIED, LEVEL_BITS, RACERS, ROWS, SHIFTS, TOTAL, BoardCount
+from .models.counting import CLASSIFIED, EVERYBODY, LEVEL_BITS, SHIFTS, TOTAL, BoardCount
 from .ranking import MOST_DRIVEN, NOT_CLASSIFIED
 
-VERSION = 1  # of the statements below: a change of theirs needs the next number
+VERSION = 2  # of the statements below: a change of theirs needs the next number
 ENTRIES, COUNTS = "races_entry", BoardCount._meta.db_table
 _RANKED = NOT_CLASSIFIED - MOST_DRIVEN
 _NAME = f"races_board_v{VERSION}"
@@ -49,22 +49,19 @@ def rebuild(*, using: str = "default", race: int | None = None) -> None:
     """Work out the counts of a race, or of all, from its entries."""
     only = "" if race is None else f" AND race_id = {int(race)}"
     counted = f"SELECT race_id, rank_score, is_baseline FROM {ENTRIES} WHERE withdrawn_at IS NULL{only}"
+    sums = "COUNT(*), SUM(CASE WHEN is_baseline THEN 0 ELSE 1 END)"
     parts = [
-        f"SELECT race_id, {shift}, rank_score >> {shift}, COUNT(*) FROM ({counted}) AS e GROUP BY 1, 3"
+        f"SELECT race_id, {shift}, rank_score >> {shift}, {sums} FROM ({counted}) AS e GROUP BY 1, 3"
         for shift in SHIFTS
     ]
     parts += [
-        f"SELECT race_id, {TOTAL}, {bucket}, COUNT(*) FROM ({counted}) AS e {condition} GROUP BY 1"
-        for bucket, condition in (
-            (ROWS, ""),
-            (RACERS, "WHERE NOT is_baseline"),
-            (CLASSIFIED, f"WHERE NOT is_baseline AND rank_score < {_RANKED}"),
-        )
+        f"SELECT race_id, {TOTAL}, {bucket}, {sums} FROM ({counted}) AS e {condition} GROUP BY 1"
+        for bucket, condition in ((EVERYBODY, ""), (CLASSIFIED, f"WHERE rank_score < {_RANKED}"))
     ]
     with transaction.atomic(using=using), connections[using].cursor() as cursor:
         cursor.execute(f"DELETE FROM {COUNTS} WHERE 1 = 1{only}")
         for part in parts:
-            cursor.execute(f"INSERT INTO {COUNTS} (race_id, shift, bucket, rows) {part}")
+            cursor.execute(f"INSERT INTO {COUNTS} (race_id, shift, bucket, rows, racers) {part}")
 
 
 def installed_after_migrate(sender: Any, using: str, **kwargs: Any) -> None:
@@ -97,22 +94,19 @@ def _sqlite() -> list[str]:
 
 def _sqlite_step(row: str, delta: int) -> list[str]:
     keys = [(shift, f"{row}.rank_score >> {shift}", "") for shift in SHIFTS]
-    keys += [
-        (TOTAL, str(ROWS), ""),
-        (TOTAL, str(RACERS), f" AND NOT {row}.is_baseline"),
-        (TOTAL, str(CLASSIFIED), f" AND NOT {row}.is_baseline AND {row}.rank_score < {_RANKED}"),
-    ]
+    keys += [(TOTAL, str(EVERYBODY), ""), (TOTAL, str(CLASSIFIED), f" AND {row}.rank_score < {_RANKED}")]
+    racers = f"CASE WHEN {row}.is_baseline THEN 0 ELSE {delta} END"
     steps = []
     for shift, bucket, condition in keys:
         here = f"{row}.withdrawn_at IS NULL{condition}"
         if delta > 0:
             # two statements: an upsert would follow the conflict clause of the statement that fired the trigger
             steps.append(
-                f"INSERT OR IGNORE INTO {COUNTS} (race_id, shift, bucket, rows) "
-                f"SELECT {row}.race_id, {shift}, {bucket}, 0 WHERE {here}"
+                f"INSERT OR IGNORE INTO {COUNTS} (race_id, shift, bucket, rows, racers) "
+                f"SELECT {row}.race_id, {shift}, {bucket}, 0, 0 WHERE {here}"
             )
         steps.append(
-            f"UPDATE {COUNTS} SET rows = rows + {delta} "
+            f"UPDATE {COUNTS} SET rows = rows + {delta}, racers = racers + {racers} "
             f"WHERE race_id = {row}.race_id AND shift = {shift} AND bucket = {bucket} AND {here}"
         )
     return steps
@@ -157,30 +151,30 @@ def _postgresql_steps(event: str, source: str) -> str:
         "GROUP BY race_id, rank_score, is_baseline HAVING SUM(delta) <> 0"
     )
     levels = ", ".join(f"({shift})" for shift in SHIFTS)
+    each = "delta, CASE WHEN is_baseline THEN 0 ELSE delta END AS racer FROM moved"
     sums = (
-        "SELECT race_id, shift, bucket, SUM(delta) AS delta FROM ("
-        f"SELECT race_id, shift, rank_score >> shift AS bucket, delta FROM moved, (VALUES {levels}) AS levels (shift) "
-        f"UNION ALL SELECT race_id, {TOTAL}, {ROWS}, delta FROM moved "
-        f"UNION ALL SELECT race_id, {TOTAL}, {RACERS}, delta FROM moved WHERE NOT is_baseline "
-        f"UNION ALL SELECT race_id, {TOTAL}, {CLASSIFIED}, delta FROM moved "
-        f"WHERE NOT is_baseline AND rank_score < {_RANKED}"
-        ") AS keys GROUP BY race_id, shift, bucket HAVING SUM(delta) <> 0 ORDER BY race_id, shift DESC, bucket"
+        "SELECT race_id, shift, bucket, SUM(delta) AS delta, SUM(racer) AS racer FROM ("
+        f"SELECT race_id, shift, rank_score >> shift AS bucket, {each}, (VALUES {levels}) AS levels (shift) "
+        f"UNION ALL SELECT race_id, {TOTAL}, {EVERYBODY}, {each} "
+        f"UNION ALL SELECT race_id, {TOTAL}, {CLASSIFIED}, {each} WHERE rank_score < {_RANKED}"
+        ") AS keys GROUP BY race_id, shift, bucket HAVING SUM(delta) <> 0 OR SUM(racer) <> 0 "
+        "ORDER BY race_id, shift DESC, bucket"
     )
     lock = (
         f"IF NOT EXISTS (WITH moved AS ({moved}) SELECT 1 FROM moved) THEN RETURN NULL; END IF; "
-        f"PERFORM 1 FROM {COUNTS} WHERE shift = {TOTAL} AND bucket = {ROWS} AND race_id IN "
+        f"PERFORM 1 FROM {COUNTS} WHERE shift = {TOTAL} AND bucket = {EVERYBODY} AND race_id IN "
         f"(WITH moved AS ({moved}) SELECT race_id FROM moved) ORDER BY race_id FOR UPDATE; "
     )
     if event == "DELETE":  # a race is deleted with its counts: nothing is written for it again
         return lock + (
             f"WITH moved AS ({moved}), sums AS ({sums}) "
-            f"UPDATE {COUNTS} AS c SET rows = c.rows + s.delta FROM sums AS s "
+            f"UPDATE {COUNTS} AS c SET rows = c.rows + s.delta, racers = c.racers + s.racer FROM sums AS s "
             "WHERE c.race_id = s.race_id AND c.shift = s.shift AND c.bucket = s.bucket;"
         )
     return lock + (
-        f"WITH moved AS ({moved}), sums AS ({sums}) INSERT INTO {COUNTS} (race_id, shift, bucket, rows) "
-        "SELECT race_id, shift, bucket, delta FROM sums "
-        f"ON CONFLICT (race_id, shift, bucket) DO UPDATE SET rows = {COUNTS}.rows + EXCLUDED.rows;"
+        f"WITH moved AS ({moved}), sums AS ({sums}) INSERT INTO {COUNTS} (race_id, shift, bucket, rows, racers) "
+        "SELECT race_id, shift, bucket, delta, racer FROM sums ON CONFLICT (race_id, shift, bucket) DO UPDATE "
+        f"SET rows = {COUNTS}.rows + EXCLUDED.rows, racers = {COUNTS}.racers + EXCLUDED.racers;"
     )
 
 

@@ -10,13 +10,14 @@ from .race import Race
 # second, a millisecond. A bucket's number is the score shifted right by this many bits.
 SHIFTS = (27, 18, 9, 0)
 LEVEL_BITS = 9
-# Three rows of a race are totals instead: of all on its board, of those of them who are racers, of those with a rank.
+# Two rows of a race are totals instead: of all on its board, and of those with a score to be ranked by.
 TOTAL = 63
-ROWS, RACERS, CLASSIFIED = 0, 1, 2
+EVERYBODY, CLASSIFIED = 0, 1
 
 
 class BoardCount(models.Model):
-    """The number of entries on a race's board in one bucket of ``rank_score``. Written by the database itself.
+    """The entries on a race's board in one bucket of ``rank_score``: all ``rows``, and those of ``racers``, which house
+    cars are not. Written by the database itself.
 
     Triggers (:mod:`races.board_triggers`) change these rows in the statement that changes an entry, whoever writes it,
     so they are right whenever a transaction ends.
@@ -26,6 +27,7 @@ class BoardCount(models.Model):
     shift = models.SmallIntegerField()
     bucket = models.BigIntegerField()
     rows = models.IntegerField(default=0)
+    racers = models.IntegerField(default=0)
 
     class Meta:
         verbose_name = "count of a board"

@@ -108,10 +108,6 @@ class Entry(models.Model):
                 condition=Q(withdrawn_at=None),
                 name="entry_board",
             ),
-            # house cars are few: their places are looked up when a page is ranked
-            models.Index(
-                fields=["race"], condition=Q(is_baseline=True, withdrawn_at=None), name="entry_baselines_of_race"
-            ),
         ]
 
     def __str__(self) -> str:

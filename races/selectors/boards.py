@@ -10,7 +10,7 @@ from django.db.models import OuterRef, Q, QuerySet, Subquery
 
 from ..models import Entry, Race
 from ..ranking import MOST_DRIVEN, NOT_CLASSIFIED, rule_for
-from .counting import count_of, page_of, rows_before, totals_of
+from .counting import page_of, places_of, totals_of
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 PER_PAGE = 50
 PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 ORDER = ("rank_score", "rank_lap", "resets", "achieved_at", "pk")
-RANKED = {"withdrawn_at": None, "is_baseline": False}  # who may have a rank
 # A range of the index, unlike the column ``classified``, which says the same.
 CLASSIFIED = Q(rank_score__lt=NOT_CLASSIFIED - MOST_DRIVEN)
 
@@ -101,8 +100,8 @@ class Board:
 def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
 
-    Four queries, two more when the reader's row is on another page, four more in the middle of a long board; the cost
-    does not grow with the board.
+    Three queries, two more when the reader's row is on another page, one more on later pages and four more in the
+    middle of a long board; the cost does not grow with the board.
     """
     totals = totals_of(race)
     pages = max(1, -(-totals.rows // per_page))
@@ -144,34 +143,8 @@ def ranks_of(entries: Sequence[Entry]) -> dict[int, int | None]:
     ranks: dict[int, int | None] = {entry.pk: None for entry in entries}
     ranked = [e.pk for e in entries if e.classified and not e.is_baseline and not e.is_withdrawn]
     if ranked:
-        own = Entry.objects.filter(pk__in=ranked).order_by()
-        on_board = Entry.objects.filter(race=OuterRef("race"), withdrawn_at=None)
-        key = [OuterRef(name) for name in ORDER]
-        rank = 1 + rows_before(OuterRef("race"), OuterRef("rank_score"))
-        rank += count_of(on_board.filter(tied_before(*key)))
-        rank -= count_of(on_board.filter(ahead_of(*key), is_baseline=True))
-        ranks.update(own.annotate(rank=rank).values_list("pk", "rank"))
+        ranks |= {pk: 1 + before for pk, before in places_of(ranked).items()}
     return ranks
-
-
-def tied_before(score: object, lap: object, resets: object, achieved: object, pk: object) -> Q:
-    """Condition for the entries of the same score before the one with this key."""
-    return Q(rank_score=score) & _earlier(lap, resets, achieved, pk)
-
-
-def ahead_of(score: object, lap: object, resets: object, achieved: object, pk: object) -> Q:
-    """Condition for the entries before the one with this key (values or expressions, in the order of ``ORDER``): a
-    range of the index, then the ties."""
-    return Q(rank_score__lte=score) & (Q(rank_score__lt=score) | _earlier(lap, resets, achieved, pk))
-
-
-def _earlier(lap: object, resets: object, achieved: object, pk: object) -> Q:
-    return (
-        Q(rank_lap__lt=lap)
-        | Q(rank_lap=lap, resets__lt=resets)
-        | Q(rank_lap=lap, resets=resets, achieved_at__lt=achieved)
-        | Q(rank_lap=lap, resets=resets, achieved_at=achieved, pk__lt=pk)
-    )
 
 
 def podiums(races: Iterable[Race], size: int = 3) -> dict[int, list[BoardRow]]:
@@ -207,16 +180,13 @@ class _View:
         classified = board_entries(race).filter(CLASSIFIED)
         leader = classified.filter(is_baseline=False).values_list("score_ms", "seed").first()
         self.leader_ms = None if leader is None else _lead(*leader)
-        self.baselines = sorted(entry.rank_key for entry in classified.filter(is_baseline=True))
 
     def rows(self, entries: Iterable[Entry], offset: int) -> Iterator[BoardRow]:
         """Rows for entries that follow each other on the board, the first of them at position ``offset`` (from 0)."""
-        rank = None
-        for position, entry in enumerate(entries, start=offset):
+        rank = None if offset else 0
+        for entry in entries:
             if entry.classified and not entry.is_baseline:
-                if rank is None:
-                    rank = position - sum(key < entry.rank_key for key in self.baselines)
-                rank += 1
+                rank = rank_of(entry) if rank is None else rank + 1
                 yield self._row(entry, rank)
             else:
                 yield self._row(entry, None)
