@@ -111,4 +111,5 @@ def _crash_rule(race: Race) -> str:
         )
     else:
         rule = _("Of two cars that touch, the one behind is at fault: it stands still for %(seconds)s s where it is.")
-    return f"{rule % values} {_('The clock goes on.')}"
+    clock = _("The clock goes on.")  # not inside the f-string, where gettext does not look
+    return f"{rule % values} {clock}"
