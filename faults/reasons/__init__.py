@@ -13,6 +13,7 @@ from . import (
     run_time,
     traces,
     tracks,
+    training,
     upload,
 )
 from .reason import Reason, gettext_noop
@@ -31,6 +32,7 @@ REASONS: dict[str, Reason] = {
     **rivals.REASONS,
     **duels.REASONS,
     **account.REASONS,
+    **training.REASONS,
 }
 
 __all__ = ["REASONS", "Reason", "gettext_noop"]

@@ -1,0 +1,70 @@
+"""Why a reward function is refused, or ends the training that it was written for."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+REWARD_REASONS = table(
+    "user",
+    {
+        "reward_length": _(
+            "The reward function has %(length)s characters. It must have at least one and at most %(limit)s."
+        ),
+        "reward_syntax": _("Line %(line)s of the reward function is not Python: %(detail)s."),
+        "reward_function_missing": _(
+            "There is no function “reward_function”. Define one at the left margin: “def reward_function(params):”."
+        ),
+        "reward_function_twice": _(
+            "Line %(line)s defines “reward_function” a second time. Keep one of them; other functions are free in "
+            "name and number."
+        ),
+        "reward_function_kind": _(
+            "Line %(line)s makes “reward_function” something that answers later instead of at once (“async”, “yield”). "
+            "Write a plain function that returns a number."
+        ),
+        "reward_arguments": _(
+            "“reward_function” in line %(line)s takes %(count)s arguments. It must take one (params), or the twelve of "
+            "the form of 2018, without defaults that are asked for by name."
+        ),
+        "reward_undefined_name": _("Line %(line)s uses the name “%(name)s”, which nothing defines."),
+        "reward_mistake": _("Line %(line)s will fail when it runs: %(detail)s."),
+        "reward_forbidden_name": _(
+            "Line %(line)s uses “%(name)s”, which a reward function may not: it has no files, no network and no other "
+            "programs. Compute with what params hold."
+        ),
+        "reward_import_not_allowed": _(
+            "Line %(line)s imports “%(name)s”. Only math, random, numpy, scipy and shapely can be imported."
+        ),
+        "reward_import_inside": _(
+            "Line %(line)s imports “%(name)s” inside of a function or another block. Move the import to the top of the "
+            "file, to the left margin."
+        ),
+        "reward_import_failed": _("The import in line %(line)s failed: %(detail)s."),
+        "reward_raised": _("Line %(line)s of the reward function failed: %(error)s."),
+        "reward_not_a_number": _(
+            "What the reward function returned in line %(line)s is no number. Each of its ways must end with “return” "
+            "and a number."
+        ),
+        "reward_not_finite": _(
+            "The reward function returned %(value)s in line %(line)s. It must return a finite number: look for a "
+            "division by something very small, or a logarithm of zero."
+        ),
+        "reward_too_large": _(
+            "The reward function returned %(value)s in line %(line)s. A reward must be between -100000 and 100000."
+        ),
+        "reward_too_slow": _(
+            "The reward function did not end: after 5 s of computing it was in line %(line)s. Look for a loop without "
+            "end there."
+        ),
+        "reward_memory": _("The reward function used up the memory in line %(line)s. Keep less from step to step."),
+        "reward_prints_too_much": _(
+            "The reward function printed more than 64,000 characters in one call, the last of them in line %(line)s. "
+            "Print less."
+        ),
+        "reward_stuck": _(
+            "The reward function ended the process that it ran in (%(how)s). Leave out whatever is not plain computing "
+            "with what params hold."
+        ),
+    },
+)
+
+REASONS = {**REWARD_REASONS}

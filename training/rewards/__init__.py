@@ -1,0 +1,5 @@
+"""Reward functions: a stranger's Python, which runs behind the wall only. Nothing here imports Django.
+
+Inside the wall: :mod:`.function` (load and call), :mod:`.watch` (its time and its prints), :mod:`.modules` (what it may
+import), :mod:`.check` (help before it runs), :mod:`.process`. Outside: :mod:`.validate` and :mod:`.laboratory`.
+"""

@@ -1,0 +1,219 @@
+"""A racer's reward function: loaded from its text, called with a car's state, and each way it can fail.
+
+Only behind the wall: to load it is to run it. In the trainer it shares a process with the simulator that it is trained
+in, so it can spoil its own training and nothing else; a result on a board always comes from an evaluation in other
+processes, where no reward function runs.
+
+Rules (deepracer-simapp, agent_ctrl/rollout_agent_ctrl.py): it gets a deep copy of the params; what it returns is cast
+to float; NaN, infinity, more than 1e5 either way and every exception end the training.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+from collections.abc import Callable
+from types import CodeType, FrameType, ModuleType, TracebackType
+from typing import Any
+
+from evaluation.simulator.physics import PADDOCK_CAR
+from faults import UserFault
+
+from .watch import TooLong, TooMuchPrinted, watch
+
+NAME = "reward_function"
+FILENAME = "<reward function>"
+MAX_REWARD = 1e5
+PARAMS, POSITIONAL = "params", "positional"  # the two forms
+POSITIONAL_NAMES = (
+    *("on_track", "x", "y", "distance_from_center", "car_orientation", "progress", "steps", "throttle", "steering"),
+    *("track_width", "waypoints", "closest_waypoint"),
+)
+_TEXT = 300
+
+Params = dict[str, Any]
+
+
+class Reward:
+    """One loaded reward function, callable with params; what it keeps from step to step is its own.
+
+    ``form``: ``"params"`` or ``"positional"``. ``line``: where it is defined.
+    """
+
+    def __init__(self, program: CodeType) -> None:
+        """Runs the program's top level. Raises UserFault."""
+        module = ModuleType(NAME)
+        watch.begin()
+        try:
+            exec(program, module.__dict__)
+        except BaseException as error:
+            raise _fault(error, 1) from None
+        finally:
+            watch.end()
+        function = module.__dict__.get(NAME)
+        if not inspect.isfunction(function):
+            raise UserFault("reward_function_missing")
+        self.line = function.__code__.co_firstlineno
+        self.form = form_of(function.__code__.co_argcount, function.__code__.co_kwonlyargcount, self.line)
+        self._function: Callable[..., Any] = function
+        self._module = module  # the function's globals live as long as it does
+
+    def __call__(self, params: Params) -> float:
+        """The reward, finite and within 1e5. Raises UserFault (codes ``reward_...``, with the ``line``)."""
+        watch.begin()
+        try:
+            return self._reward(params)
+        except (TooLong, TooMuchPrinted) as error:  # while a fault was being described
+            raise _fault(error, self.line) from None
+        finally:
+            watch.end()
+
+    def _reward(self, params: Params) -> float:
+        try:
+            value = float(self._call(params))
+        except BaseException as error:
+            if not _lines(error.__traceback__):  # the cast
+                if isinstance(error, TypeError | ValueError):
+                    raise UserFault("reward_not_a_number", line=self._return_line(params)) from None
+                if isinstance(error, OverflowError):
+                    raise UserFault("reward_too_large", line=self._return_line(params), value="1e308") from None
+            raise _fault(error, self.line) from None
+        if not math.isfinite(value):
+            raise UserFault("reward_not_finite", line=self._return_line(params), value=str(value))
+        if abs(value) > MAX_REWARD:
+            raise UserFault("reward_too_large", line=self._return_line(params), value=f"{value:g}")
+        return value
+
+    def _call(self, params: Params) -> Any:
+        # A deep copy: all that can change in params are the dict and its flat lists (of numbers and pairs).
+        copy = {key: list(value) if type(value) is list else value for key, value in params.items()}
+        if self.form == PARAMS:
+            return self._function(copy)
+        return self._function(*positional(copy))
+
+    def _return_line(self, params: Params) -> int:
+        """The line of the return that a bad value came from: it is called once more and followed. The definition's
+        line where that does not tell."""
+        line = self.line
+        code = self._function.__code__
+
+        def follow(frame: FrameType, event: str, _value: object) -> Any:
+            nonlocal line
+            if frame.f_code is not code:
+                return None
+            if event == "return":
+                line = frame.f_lineno
+            return follow
+
+        before = sys.gettrace()
+        sys.settrace(follow)
+        try:
+            self._call(params)
+        except Exception:
+            return self.line
+        finally:
+            sys.settrace(before)
+        return line
+
+
+def compile_reward(code: str) -> CodeType:
+    """The program of a reward function's text; nothing of it runs. Raises UserFault ``reward_syntax``."""
+    try:
+        return compile(code, FILENAME, "exec", dont_inherit=True)
+    except SyntaxError as error:
+        raise UserFault("reward_syntax", line=error.lineno or 1, detail=printable(error.msg)) from None
+    except (ValueError, RecursionError, MemoryError, OverflowError) as error:
+        raise UserFault("reward_syntax", line=1, detail=printable(str(error) or type(error).__name__)) from None
+
+
+def load_reward(code: str) -> Reward:
+    """Load one reward function. Raises UserFault."""
+    return Reward(compile_reward(code))
+
+
+def load_rewards(code: str, count: int) -> list[Reward]:
+    """The function ``count`` times, each with globals of its own: one for each car of a vectorised environment, so that
+    what it remembers of the step before is of the same car. Raises UserFault."""
+    program = compile_reward(code)
+    return [Reward(program) for _ in range(count)]
+
+
+def form_of(arguments: int, by_name: int, line: int) -> str:
+    """The form by the number of arguments, and of those that can be given by name only. Raises UserFault
+    ``reward_arguments``."""
+    if arguments == 1 and not by_name:
+        return PARAMS
+    if arguments == len(POSITIONAL_NAMES) and not by_name:
+        return POSITIONAL
+    raise UserFault("reward_arguments", line=line, count=arguments + by_name)
+
+
+def positional(params: Params) -> tuple[Any, ...]:
+    """The separate values of the first form (2018), in the order of ``POSITIONAL_NAMES``, from today's params.
+
+    ``on_track``: the nose is between the borders. ``x``, ``y`` and ``waypoints`` in metres and ``progress`` in percent,
+    as that year's simulator handed them out (its documentation said shares of 1); ``car_orientation`` in radians;
+    ``throttle`` from 0 to 1 (the greatest speed) and ``steering`` from -1 (right) to 1 (left), of the last command.
+    """
+    waypoints = params["waypoints"]
+    here = params["x"], params["y"]
+    return (
+        params["distance_from_center"] <= params["track_width"] / 2,
+        *here,
+        params["distance_from_center"],
+        math.radians(params["heading"]),
+        params["progress"],
+        params["steps"],
+        params["speed"] / PADDOCK_CAR.max_speed,
+        params["steering_angle"] / PADDOCK_CAR.max_steering_deg,
+        params["track_width"],
+        waypoints,
+        min(params["closest_waypoints"], key=lambda index: math.dist(waypoints[index], here)),
+    )
+
+
+def printable(text: str) -> str:
+    """A stranger's text as one short printable line."""
+    text = text[:_TEXT]
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def _fault(error: BaseException, otherwise: int) -> UserFault:
+    """What an exception that came out of the racer's code means; ``otherwise``: the line, if none of it is known."""
+    lines = _lines(error.__traceback__)
+    line = lines[-1] if lines else otherwise
+    if isinstance(error, UserFault):
+        return error
+    BaseException.with_traceback(error, None)  # its frames hold all that the function had in memory
+    if isinstance(error, TooLong):
+        return UserFault("reward_too_slow", line=line)
+    if isinstance(error, TooMuchPrinted):
+        return UserFault("reward_prints_too_much", line=line)
+    if isinstance(error, MemoryError):
+        return UserFault("reward_memory", line=line)
+    if isinstance(error, ImportError):
+        return UserFault("reward_import_failed", line=line, detail=_described(error))
+    return UserFault("reward_raised", line=line, error=_described(error))
+
+
+def _described(error: BaseException) -> str:
+    """Type and text, as a traceback's last line; its class may be the racer's own and fail to say anything."""
+    name = printable(type(error).__name__)
+    try:
+        text = printable(str(error))
+    except (TooLong, TooMuchPrinted):
+        raise
+    except BaseException:
+        text = ""
+    return f"{name}: {text}" if text else name
+
+
+def _lines(trace: TracebackType | None) -> list[int]:
+    """The racer's own lines in a traceback, outermost first."""
+    lines = []
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == FILENAME:
+            lines.append(trace.tb_lineno)
+        trace = trace.tb_next
+    return lines
