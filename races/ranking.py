@@ -227,12 +227,16 @@ def drawn_rank(points: int, lap_ms: int | None, seed: int) -> tuple[int, int]:
     return -1 - points, (NO_LAP_MS if lap_ms is None else lap_ms) * SEEDS + seed
 
 
-def order_rule() -> str:
-    """How ties are broken and where unclassified cars stand, in the reader's language."""
-    return _(
+def order_rule(race: Race) -> str:
+    """How ties are broken in ``race`` and where unclassified cars stand, in the reader's language."""
+    rule = _(
         "Equal scores: the faster best lap stands first, then fewer resets, then the earlier submission. "
         "Cars that are not classified stand below all others, the one that drove farther first."
     )
+    if race.opponents != "models":
+        return rule
+    duels = _("At equal points and average laps the better qualifier stands first; who was not drawn stands below.")
+    return f"{duels} {_('Qualifying: %(rule)s') % {'rule': rule}}"
 
 
 def best_of_sectors(sectors: Any) -> tuple[int, ...]:

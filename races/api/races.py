@@ -83,7 +83,7 @@ class RaceDetailSerializer(RaceSerializer):
         return rule_for(race).rule(race)
 
     def get_tie_rule(self, race: Race) -> str:
-        return order_rule()
+        return order_rule(race)
 
     def get_invitation(self, race: Race) -> str | None:
         hidden = race.visibility != Visibility.INVITATION or not can_organise(self.context["request"].user, race)

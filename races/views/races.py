@@ -95,7 +95,7 @@ def race_rules(request: HttpRequest, slug: str) -> HttpResponse:
     """What a race's rules are, in sentences and in figures."""
     shown = visible_race(request, slug)
     context = race_context(request, shown)
-    context |= {"tab": "rules", "order_rule": order_rule(), "boxes": box_marks(shown)}
+    context |= {"tab": "rules", "order_rule": order_rule(shown), "boxes": box_marks(shown)}
     return render(request, "races/rules.html", context)
 
 

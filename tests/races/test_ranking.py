@@ -10,7 +10,8 @@ from django.utils import translation
 from hypothesis import given
 from hypothesis import strategies as st
 
-from races.ranking import LAST, NO_RESULT, NOT_CLASSIFIED, RULES, best_of_sectors, order_rule
+from races.models import Race
+from races.ranking import LAST, NO_RESULT, NOT_CLASSIFIED, RULES, best_of_sectors, drawn_rank, order_rule, rule_for
 from tests.factories import lap, laps
 
 AVERAGE, BEST, TOTAL = RULES["average"], RULES["best"], RULES["total"]
@@ -166,7 +167,7 @@ def test_the_best_of_several_submissions_does_not_depend_on_their_order(submissi
 @pytest.mark.parametrize("method", sorted(RULES))
 @pytest.mark.parametrize("count", [1, 3])
 def test_every_method_says_its_rule_in_sentences_with_the_numbers_of_the_race(method, count):
-    race = SimpleNamespace(minimum_laps=count, laps=count)
+    race = SimpleNamespace(minimum_laps=count, laps=count, opponents="")
     with translation.override("en"):
         sentence = RULES[method].rule(race)
         assert sentence.startswith("Ranked by the ")
@@ -174,4 +175,33 @@ def test_every_method_says_its_rule_in_sentences_with_the_numbers_of_the_race(me
         assert "%" not in sentence
         assert ("3" in sentence) == (count == 3)
         assert "not classified" in sentence
-        assert "fewer resets" in order_rule()
+        assert "fewer resets" in order_rule(race)
+
+
+@pytest.mark.parametrize("method", RULES)
+@pytest.mark.parametrize(("format_", "words"), [("round_robin", "3 in a heat"), ("bracket", "knock-out bracket")])
+def test_a_race_of_duels_says_how_it_qualifies_and_how_it_ranks(method, format_, words):
+    options = {"ranking_method": method, "laps": 3, "minimum_laps": 3}
+    race = Race(opponents="models", duel_format=format_, duel_cars=3, **options)
+    sentence = rule_for(race).rule(race)
+    assert sentence.startswith(f"Qualifying: {RULES[method].rule(race)}") and words in sentence
+    assert "better qualifier" in order_rule(race) and "fewer resets" in order_rule(race)
+    assert rule_for(Race(**options)) is RULES[method]
+
+
+@given(
+    st.integers(0, 1000),
+    st.integers(1, 127),
+    st.none() | st.integers(1, 1_200_000),
+    st.integers(0, 1000),
+    st.integers(1, 127),
+    st.none() | st.integers(1, 1_200_000),
+)
+def test_drawn_cars_rank_by_points_then_average_lap_then_seed(points, seed, lap_ms, others, other_seed, other_ms):
+    one, other = (points, lap_ms, seed), (others, other_ms, other_seed)
+
+    def key(points: int, lap_ms: int | None, seed: int) -> tuple:
+        return -points, lap_ms is None, lap_ms or 0, seed
+
+    assert (drawn_rank(*one) < drawn_rank(*other)) == (key(*one) < key(*other))
+    assert drawn_rank(*one)[0] < 0 and drawn_rank(*one)[1] < LAST
