@@ -1,8 +1,8 @@
 """The bubblewrap command line: empty namespaces, and the few files that a Python process needs, read-only.
 
 Inside there is the interpreter, its standard library, the installed packages, the system's shared libraries, the
-processor's description and the code that is to run. No ``/etc``, ``/dev`` or ``/tmp``, no process list, no network,
-nothing writable.
+processor's description, the kernel's random numbers (torch asks for them when it is imported) and the code that is to
+run. No ``/etc`` or ``/tmp``, no other device, no process list, no network, nothing writable.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 
 # onnxruntime chooses its kernels by what it reads here: without them it might compute other last bits than elsewhere.
 _PROCESSOR = ("/proc/cpuinfo", "/sys/devices/system/cpu")
+_RANDOM = "/dev/urandom"
 _SYSTEM_LIBRARIES = ("/usr/lib", "/usr/lib32", "/usr/lib64", "/lib", "/lib32", "/lib64")
 
 
@@ -82,6 +83,7 @@ def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_
     else:
         arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534", "--disable-userns"]
     arguments += _mounts([*home.parts, *home.packages, *filter(os.path.exists, _PROCESSOR), *code])
+    arguments += ["--perms", "0755", "--dir", "/dev", "--dev-bind", _RANDOM, _RANDOM]
     arguments += ["--chdir", "/", "--remount-ro", "/", "--info-fd", str(info_fd), "--"]
     return arguments
 

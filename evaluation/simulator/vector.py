@@ -17,6 +17,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, create_empty_array, iterate
 
+from .contestant import Contestant
 from .envs.drive import Drive, Outcome, Readings
 from .envs.setting import Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
@@ -143,6 +144,10 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
             picture({name: batch[number] for name, batch in self._observations.items()})
             for number in range(self.num_envs)
         )
+
+    def car(self, number: int) -> Contestant:
+        """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""
+        return self._drives[number].car
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the world."""

@@ -1,0 +1,242 @@
+"""PPO and SAC of stable-baselines3 with the console's hyperparameters.
+
+How the console's names map onto stable-baselines3's:
+
+- ``batch_size``, ``num_epochs`` (SAC: passes over as many steps as were just driven), ``lr``, ``discount_factor``:
+  ``batch_size``, ``n_epochs``, ``learning_rate``, ``gamma``.
+- ``beta_entropy``: ``ent_coef`` of PPO; ``sac_alpha``: a fixed ``ent_coef`` of SAC.
+- ``loss_type``: the loss of the value function (SAC: of both critics), Huber with delta 1 or mean squared error.
+- ``num_episodes_between_training``: steps between two updates, see ``TrainerSpec.steps_each``.
+- The field's fixed values: clip 0.2, GAE lambda 0.95, Adam epsilon 1e-5.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cloudpickle
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
+from stable_baselines3.common.utils import polyak_update
+from stable_baselines3.common.vec_env import VecEnv
+from torch.nn import functional
+
+from . import torso
+from .network import FEATURES, Layout
+from .spec import TrainerSpec
+from .warm import torso_arguments
+
+HUBER = "huber"
+_CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
+_SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
+_CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
+
+cloudpickle.register_pickle_by_value(torso)
+warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the last one of an update may be smaller
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Means over one update. ``entropy`` of SAC is minus the mean log probability of its actions."""
+
+    entropy: float
+    policy: float
+    value: float
+
+
+class Learner:
+    """One of the two algorithms on a set of cars; :meth:`update` is one iteration."""
+
+    def __init__(self, spec: TrainerSpec, layout: Layout, cars: VecEnv, callback: BaseCallback) -> None:
+        self.spec, self.layout = spec, layout
+        self.sac = spec.algorithm == "sac"
+        values = spec.hyperparameters
+        self.loss = functional.huber_loss if values["loss_type"] == HUBER else functional.mse_loss
+        policy = {
+            "features_extractor_class": torso.Torso,
+            "features_extractor_kwargs": torso_arguments(layout),
+        }
+        common: dict[str, Any] = {
+            "learning_rate": values["lr"],
+            "batch_size": values["batch_size"],
+            "gamma": values["discount_factor"],
+            "seed": spec.seed,
+            "device": "cpu",
+        }
+        if self.sac:
+            self.model = SAC(
+                "MlpPolicy",
+                cars,
+                buffer_size=_SAC_MEMORY,
+                learning_starts=0,
+                ent_coef=values["sac_alpha"],
+                policy_kwargs={**policy, "net_arch": {"pi": [], "qf": [FEATURES]}},
+                **common,
+            )
+        else:
+            self.model = PPO(
+                "MlpPolicy",
+                cars,
+                n_steps=spec.steps_each,
+                n_epochs=values["num_epochs"],
+                gae_lambda=_LAMBDA,
+                clip_range=_CLIP,
+                ent_coef=values["beta_entropy"],
+                max_grad_norm=_GRADIENT_NORM,
+                policy_kwargs={**policy, "net_arch": []},
+                **common,
+            )
+        self.model.set_logger(Logger(folder=None, output_formats=[]))
+        _, self._callback = self.model._setup_learn(2**31 - 1, callback)
+
+    def drive(self) -> bool:
+        """Drive until the next update is due. False: the callback said stop."""
+        model = self.model
+        if self.sac:
+            rollout = model.collect_rollouts(
+                model.env,
+                train_freq=TrainFreq(self.spec.steps_each, TrainFrequencyUnit.STEP),
+                action_noise=None,
+                callback=self._callback,
+                learning_starts=0,
+                replay_buffer=model.replay_buffer,
+            )
+            return rollout.continue_training
+        return model.collect_rollouts(model.env, self._callback, model.rollout_buffer, model.n_steps)
+
+    def update(self) -> Losses:
+        """Learn from what was driven."""
+        self.model.policy.set_training_mode(True)
+        return self._update_sac() if self.sac else self._update_ppo()
+
+    def _update_ppo(self) -> Losses:
+        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss."""
+        model, policy, told = self.model, self.model.policy, []
+        discrete = self.spec.metadata["action_space_type"] == "discrete"
+        for _ in range(model.n_epochs):
+            for batch in model.rollout_buffer.get(model.batch_size):
+                actions = batch.actions.long().flatten() if discrete else batch.actions
+                values, log_prob, entropy = policy.evaluate_actions(batch.observations, actions)
+                advantages = batch.advantages
+                if len(advantages) > 1:
+                    advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+                ratio = torch.exp(log_prob - batch.old_log_prob)
+                clipped = torch.clamp(ratio, 1 - _CLIP, 1 + _CLIP)
+                policy_loss = -torch.min(advantages * ratio, advantages * clipped).mean()
+                value_loss = self.loss(values.flatten(), batch.returns)
+                spread = entropy.mean()
+                loss = policy_loss - model.ent_coef * spread + model.vf_coef * value_loss
+                policy.optimizer.zero_grad()
+                loss.backward()
+                torch.nn.utils.clip_grad_norm_(policy.parameters(), model.max_grad_norm)
+                policy.optimizer.step()
+                told.append((spread.item(), policy_loss.item(), value_loss.item()))
+            model._n_updates += 1
+        return _means(told)
+
+    def _update_sac(self) -> Losses:
+        """As ``SAC.train`` of stable-baselines3 2.9 with a fixed alpha, with a choice of the critics' loss."""
+        model, told = self.model, []
+        driven = self.spec.steps_each * model.env.num_envs
+        alpha = float(self.spec.hyperparameters["sac_alpha"])
+        for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * driven // model.batch_size)):
+            batch = model.replay_buffer.sample(model.batch_size)
+            actions, log_prob = model.actor.action_log_prob(batch.observations)
+            log_prob = log_prob.reshape(-1, 1)
+            with torch.no_grad():
+                next_actions, next_log_prob = model.actor.action_log_prob(batch.next_observations)
+                following = torch.cat(model.critic_target(batch.next_observations, next_actions), dim=1)
+                following = following.min(dim=1, keepdim=True).values - alpha * next_log_prob.reshape(-1, 1)
+                target = batch.rewards + (1 - batch.dones) * model.gamma * following
+            judged = model.critic(batch.observations, batch.actions)
+            value_loss = 0.5 * sum(self.loss(one, target) for one in judged)
+            model.critic.optimizer.zero_grad()
+            value_loss.backward()
+            model.critic.optimizer.step()
+            least = torch.cat(model.critic(batch.observations, actions), dim=1).min(dim=1, keepdim=True).values
+            policy_loss = (alpha * log_prob - least).mean()
+            model.actor.optimizer.zero_grad()
+            policy_loss.backward()
+            model.actor.optimizer.step()
+            polyak_update(model.critic.parameters(), model.critic_target.parameters(), model.tau)
+            told.append((-log_prob.mean().item(), policy_loss.item(), value_loss.item()))
+        model._n_updates += len(told)
+        return _means(told)
+
+    def act(self, rows: np.ndarray) -> np.ndarray:
+        """What the policy does without exploring, for rows (n, length): the outputs of the network as raced."""
+        policy = self.model.policy
+        policy.set_training_mode(False)
+        with torch.no_grad():
+            seen = torch.from_numpy(rows)
+            if self.sac:
+                return torch.tanh(policy.actor.mu(policy.actor.features_extractor(seen))).numpy()
+            return policy.action_net(policy.features_extractor(seen)).numpy()
+
+    def weights(self) -> dict[str, np.ndarray]:
+        """The policy's weights by the names of :attr:`.network.Layout.shapes`."""
+        return {name: tensor.detach().numpy().copy() for name, tensor in self._tensors().items()}
+
+    def take(self, weights: Mapping[str, np.ndarray]) -> None:
+        """Begin with these weights, as a clone does."""
+        with torch.no_grad():
+            for name, tensor in self._tensors().items():
+                tensor.copy_(torch.from_numpy(np.ascontiguousarray(weights[name])))
+            if not self.sac and hasattr(self.model.policy, "log_std"):
+                self.model.policy.log_std.fill_(_CLONE_LOG_STD)
+            if self.sac:
+                self.model.critic_target.load_state_dict(self.model.critic.state_dict())
+
+    def _tensors(self) -> dict[str, torch.Tensor]:
+        policy = self.model.policy
+        eyes = policy.actor.features_extractor if self.sac else policy.features_extractor
+        head = policy.actor.mu if self.sac else policy.action_net
+        found: dict[str, torch.Tensor] = {}
+        for sense, eye in zip(self.layout.senses, eyes.eyes, strict=True):
+            weighing = [layer for layer in eye if hasattr(layer, "weight")]
+            for number, layer in enumerate(weighing):
+                name = f"{sense.name}.conv{number}" if sense.spec.is_picture else f"{sense.name}.dense"
+                found[name], found[f"{name}_bias"] = layer.weight, layer.bias
+        found["dense"], found["dense_bias"] = eyes.dense.weight, eyes.dense.bias
+        found["head"], found["head_bias"] = head.weight, head.bias
+        return found
+
+    def state(self) -> dict[str, Any]:
+        """What :meth:`restore` needs to learn on: weights and the optimisers' memory, and how many steps were driven.
+
+        SAC's memory of what it drove is not in it (0.2 GB): it drives anew.
+        """
+        policy = self.model.policy
+        optimisers = [policy.actor.optimizer, policy.critic.optimizer] if self.sac else [policy.optimizer]
+        return {
+            "policy": policy.state_dict(),
+            "optimisers": [one.state_dict() for one in optimisers],
+            "steps": self.model.num_timesteps,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on where :meth:`state` was taken."""
+        policy = self.model.policy
+        policy.load_state_dict(state["policy"])
+        optimisers = [policy.actor.optimizer, policy.critic.optimizer] if self.sac else [policy.optimizer]
+        for one, kept in zip(optimisers, state["optimisers"], strict=True):
+            one.load_state_dict(kept)
+        self.model.num_timesteps = int(state["steps"])
+
+    def to_zip(self) -> bytes:
+        """The file that ``PPO.load`` or ``SAC.load`` of stable-baselines3 reads."""
+        file = io.BytesIO()
+        self.model.save(file, exclude=["_last_obs", "_last_original_obs", "rollout_buffer", "replay_buffer"])
+        return file.getvalue()
+
+
+def _means(told: list[tuple[float, float, float]]) -> Losses:
+    return Losses(*(float(value) for value in np.mean(told, axis=0)))

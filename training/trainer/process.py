@@ -1,0 +1,244 @@
+"""The training, inside the wall: stable-baselines3 on the vectorised simulator. Started by :mod:`.client`.
+
+Everything it needs is imported at the top: a locked process opens no file. It says ``{"ready": versions}``, reads
+``{"spec": ..., "start": "" | "weights" | "checkpoint"}`` (the latter with a blob), and then writes, until it ends:
+
+- ``{"iteration": {...}, "driving": [...]}`` with two blobs: the network as ONNX, and a gzipped sim-trace (or nothing);
+- ``{"checkpoint": {"iteration", "steps", "seconds"}}`` with one blob, which is only ever given back to this module;
+- ``{"done": why, "steps", "seconds"}`` with the stable-baselines3 file, or ``{"error": {"code", "params"}}``.
+
+``{"stop": true}`` at any time ends it after the present control step. The reward function may do in this process what
+it likes; that is why nothing here is believed outside.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import select
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from . import lean  # isort: skip  before everything that imports torch
+
+import cv2
+import numpy as np
+import onnx  # noqa: F401  used in .network, which workers import without it
+import stable_baselines3
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+
+from evaluation.sandbox.frames import read_message, write_message
+from evaluation.simulator.rewards import RewardFunction, follow_centre_line
+from evaluation.simulator.world import make_ready
+from faults import PaddockError
+from tracks.geometry import TrackGeometry
+from training.rewards.function import load_rewards
+from training.rewards.modules import preload
+from training.rewards.watch import arm
+
+from .cars import Cars
+from .judging import Judge
+from .learners import Learner
+from .network import Layout, from_onnx, to_onnx
+from .spec import CARS, TrainerSpec
+from .warm import warm_up
+
+cv2.setNumThreads(1)
+
+CHECKPOINT_EVERY_S = 10.0
+EVERY_UPDATE = 100  # so many updates are looked at one by one; then ever fewer of them, about 1 % of the way apart
+CLEAN, TIME, STEPS, ASKED = "clean_laps", "time", "steps", "stopped"
+
+
+def main(frames_in: int, frames_out: int) -> None:
+    """Run one training; see the module."""
+    make_ready()
+    write_message(frames_out, {"ready": {"torch": torch.__version__, "stable-baselines3": stable_baselines3.__version__}})
+    message, blobs = read_message(frames_in)
+    try:
+        training = Training(TrainerSpec.from_dict(message["spec"]), frames_in, frames_out)
+        training.begin(message.get("start", ""), blobs[0] if blobs else b"")
+        training.run()
+    except MemoryError:
+        raise
+    except PaddockError as fault:
+        write_message(frames_out, {"error": {"code": fault.code, "params": fault.params}})
+    except Exception as error:
+        traceback.print_exc()  # for operators, on stderr
+        detail = f"{type(error).__name__}: {error}"[:500]
+        write_message(frames_out, {"error": {"code": "trainer_error", "params": {"detail": detail}}})
+
+
+class Training:
+    """One training from its specification to its end."""
+
+    def __init__(self, spec: TrainerSpec, frames_in: int, frames_out: int) -> None:
+        self.began = time.monotonic()
+        self.spec = spec
+        self._out = frames_out
+        self._poller = select.poll()
+        self._poller.register(frames_in, select.POLLIN)
+        self.layout = Layout.of(spec.metadata)
+        self._senses = list(self.layout.senses)
+        self._track = TrackGeometry.from_trusted_dict(spec.track)
+        self.number = self._looked_at = 0  # the iteration, and the update that it looked at
+        self._updates = 0
+        self._best: tuple[float, ...] | None = None
+        self._ended = ""
+        self._saved = self.began
+        self._told_at, self._told_steps = self.began, 0
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds of this training, with those of earlier attempts."""
+        return self.spec.seconds_before + time.monotonic() - self.began
+
+    def begin(self, start: str, blob: bytes) -> None:
+        """Build cars and learner; ``start`` names what ``blob`` is. Raises UserFault of the reward function, and
+        ``clone_not_ours`` for a network that is built in another way."""
+        state = torch.load(io.BytesIO(blob), weights_only=True) if start == "checkpoint" else None
+        # A training that goes on draws other starts than the one before it.
+        seed = self.spec.seed if state is None else self.spec.seed + 1_000_003 * int(state["number"])
+        rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials)
+        self._cars = Cars(self.spec, self._track, rewards[:CARS], self._senses, seed)
+        self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses)
+        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on))
+        if start == "weights":
+            self._learner.take(_weights(self.layout, blob))
+        if state is not None:
+            self._learner.restore(state["learner"])
+            self.number, self._updates = int(state["number"]), int(state["updates"])
+            self._looked_at, self._cars.episode = self._updates, int(state["episode"])
+            self._best = tuple(state["best"]) if state["best"] is not None else None
+            self._told_steps = self._learner.model.num_timesteps
+            torch.manual_seed(seed)
+            np.random.seed(seed % 2**32)
+
+    def run(self) -> None:
+        """Drive, learn and look until something ends it."""
+        learner = self._learner
+        while learner.drive():
+            losses = learner.update()
+            self._updates += 1
+            if self._updates - self._looked_at >= 1 + self._updates // EVERY_UPDATE or self._steps_are_up():
+                self._look(losses)
+            if self._ended or not self._may_go_on():
+                break
+        if not self.number:
+            self._look(None)  # stopped at once: what there is is a model all the same
+        done = {"done": self._ended or TIME, "steps": learner.model.num_timesteps, "seconds": self.seconds}
+        write_message(self._out, done, [learner.to_zip()])
+        self._cars.close()
+        self._judge.close()
+
+    def _may_go_on(self) -> bool:
+        """Asked after each control step; writes down why not."""
+        if self._poller.poll(0):
+            self._ended = ASKED
+        elif self.seconds >= self.spec.stop_seconds:
+            self._ended = TIME
+        elif self._steps_are_up():
+            self._ended = STEPS
+        return not self._ended
+
+    def _steps_are_up(self) -> bool:
+        return self.spec.stop_steps is not None and self._learner.model.num_timesteps >= self.spec.stop_steps
+
+    def _look(self, losses: Any) -> None:
+        learner = self._learner
+        verdict = self._judge.look(learner.act)
+        key = verdict.key(self.spec.best_metric)
+        best = self._best is None or key >= self._best
+        if best:
+            self._best = key
+        if verdict.confirmed:
+            self._ended = CLEAN
+        self.number += 1
+        self._looked_at = self._updates
+        episodes, simtrace = self._cars.harvest()
+        now, steps = time.monotonic(), learner.model.num_timesteps
+        iteration = {
+            "number": self.number,
+            "steps": steps,
+            "seconds": round(self.seconds, 3),
+            "steps_per_second": round((steps - self._told_steps) / max(now - self._told_at, 1e-6), 1),
+            "episodes": episodes[-200:],
+            "mean_reward": _mean(episodes, "reward"),
+            "mean_progress": _mean(episodes, "progress"),
+            "eval_trials": verdict.trials,
+            "eval_progress": round(verdict.progress, 3),
+            "eval_reward": round(verdict.reward, 4),
+            "eval_lap_ms": verdict.lap_ms,
+            "eval_clean_laps": verdict.clean_laps,
+            "entropy": losses and losses.entropy,
+            "policy_loss": losses and losses.policy,
+            "value_loss": losses and losses.value,
+            "is_best": best,
+            "confirmed": verdict.confirmed,
+        }
+        self._told_at, self._told_steps = now, steps
+        network = to_onnx(self.layout, learner.weights(), squash=learner.sac)
+        write_message(self._out, {"iteration": iteration, "driving": verdict.driving}, [network, simtrace])
+        if self.number == 1 or now - self._saved >= CHECKPOINT_EVERY_S:
+            self._save()
+
+    def _save(self) -> None:
+        self._saved = time.monotonic()
+        state = {
+            "learner": self._learner.state(),
+            "number": self.number,
+            "updates": self._updates,
+            "episode": self._cars.episode,
+            "best": None if self._best is None else [float(value) for value in self._best],
+        }
+        file = io.BytesIO()
+        torch.save(state, file)
+        about = {"iteration": self.number, "steps": self._learner.model.num_timesteps, "seconds": self.seconds}
+        write_message(self._out, {"checkpoint": about}, [file.getvalue()])
+
+
+class _Watch(BaseCallback):
+    """Lets the learner ask after each control step whether it may go on."""
+
+    def __init__(self, may_go_on: Callable[[], bool]) -> None:
+        super().__init__()
+        self._may_go_on = may_go_on
+
+    def _on_step(self) -> bool:
+        return self._may_go_on()
+
+
+def reward_functions(code: str, count: int) -> list[RewardFunction]:
+    """As many functions as there are cars: one may keep something from step to step. Raises UserFault."""
+    if not code:
+        return [follow_centre_line] * count
+    return list(load_rewards(code, count))
+
+
+def _weights(layout: Layout, onnx_bytes: bytes) -> dict[str, np.ndarray]:
+    from faults import UserFault
+
+    try:
+        return from_onnx(layout, onnx_bytes)
+    except Exception as error:  # whatever the reader of the file meets
+        raise UserFault("clone_not_ours") from error
+
+
+def _mean(episodes: list[dict[str, Any]], key: str) -> float | None:
+    return round(sum(one[key] for one in episodes) / len(episodes), 4) if episodes else None
+
+
+def _before_the_lock(planned: str, modules: str) -> None:
+    """What a locked process could not do any more; see :mod:`.warm` and ``training.rewards``."""
+    warm_up(json.loads(planned))
+    preload(modules.split(",") if modules else ())
+    arm()
+
+
+if sys.argv[0] == __name__:  # started behind the wall: nothing of the stranger's is here yet
+    _before_the_lock(*sys.argv[1:3])
+assert lean

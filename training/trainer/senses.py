@@ -1,0 +1,73 @@
+"""What the learner sees: all sensors of a car in one row of numbers, pictures pooled.
+
+Pooling happens here, outside the learner: a rollout then stores a sixteenth, and learning is about twice as fast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluation.packages.inputs import InputSpec, input_spec
+
+POOL = 4  # a picture's 4 x 4 pixels become their mean
+_LIDAR_SCALE = {"LIDAR": 0.25}  # metres (up to 12): numbers of about 1 learn best; sector lidars are 0 or 1
+
+
+@dataclass(frozen=True)
+class Sense:
+    """One sensor's place in the row: ``[start, stop)``, for a picture as (channels, rows, columns) of ``shape``."""
+
+    spec: InputSpec
+    start: int
+    shape: tuple[int, ...]
+    scale: float  # of the network's own input
+
+    @property
+    def name(self) -> str:
+        """The sensor's name."""
+        return self.spec.sensor
+
+    @property
+    def stop(self) -> int:
+        """Where the next one begins."""
+        return self.start + int(np.prod(self.shape))
+
+
+def senses_of(sensors: list[str] | tuple[str, ...], lidar_config: Mapping[str, float] | None = None) -> list[Sense]:
+    """The sensors in the order of their names, as they lie in the row."""
+    senses: list[Sense] = []
+    start = 0
+    for name in sorted(sensors):
+        spec = input_spec(name, lidar_config)
+        if spec.is_picture:
+            rows, columns, channels = spec.shape
+            sense = Sense(spec, start, (channels, rows // POOL, columns // POOL), 1.0 / 255.0)
+        else:
+            sense = Sense(spec, start, spec.shape, _LIDAR_SCALE.get(name, 1.0))
+        senses.append(sense)
+        start = sense.stop
+    return senses
+
+
+def look(senses: list[Sense], readings: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Readings of n cars (each sensor's array with the car first) as float32 (n, length of the row)."""
+    rows = []
+    for sense in senses:
+        batch = readings[sense.name]
+        if sense.spec.is_picture:
+            channels, height, width = sense.shape
+            # whole numbers below 2**12: uint16 sums of 16 pixels are exact, and fast
+            columns = batch[:, 0::POOL].astype(np.uint16)
+            for offset in range(1, POOL):
+                columns += batch[:, offset::POOL]
+            blocks = columns[:, :, 0::POOL].copy()
+            for offset in range(1, POOL):
+                blocks += columns[:, :, offset::POOL]
+            pooled = blocks.transpose(0, 3, 1, 2).reshape(len(batch), channels * height * width)
+            rows.append(pooled.astype(np.float32) * np.float32(sense.scale / POOL**2))
+        else:
+            rows.append(batch.astype(np.float32) * np.float32(sense.scale))
+    return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)

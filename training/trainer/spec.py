@@ -1,0 +1,70 @@
+"""What a training is, as plain values that cross a pipe as JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+PROGRESS, REWARD, LAP_TIME = "progress", "reward", "lap_time"
+CARS = 16  # that drive at the same time
+EPISODE_STEPS = 100  # what one episode counts for when the steps between two updates are reckoned
+
+
+@dataclass(frozen=True)
+class TrainerSpec:
+    """All that a training depends on. ``track``: ``TrackGeometry.to_dict()`` in the driven direction.
+
+    ``course``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
+    ``model_metadata.json`` of the model to be made. ``hyperparameters``: checked, see :mod:`training.hyperparameters`.
+    ``reward_code``: the source of the reward function; ``""`` is the console's default, which needs no stranger's code.
+
+    It stops at the first of: ``stop_seconds`` of wall time (those of earlier attempts, ``seconds_before``, count),
+    ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line.
+    """
+
+    track: dict[str, Any]
+    race_type: str
+    metadata: dict[str, Any]
+    algorithm: str
+    hyperparameters: dict[str, Any]
+    reward_code: str = ""
+    course: dict[str, Any] = field(default_factory=dict)
+    stop_seconds: float = 600.0
+    stop_steps: int | None = None
+    stop_clean_laps: int | None = None
+    trials: int = 3
+    best_metric: str = PROGRESS
+    seed: int = 0
+    seconds_before: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> TrainerSpec:
+        """The inverse of :meth:`to_dict`. Raises TypeError for an unknown key."""
+        return cls(**data)
+
+    @property
+    def warmth(self) -> dict[str, Any]:
+        """What the process must know before its lock (:mod:`.warm`): our own numbers, nothing of a stranger.
+
+        ``learned`` and ``driven``: the sizes of the batches.
+        """
+        batch = self.hyperparameters["batch_size"]
+        ppo = self.algorithm == "ppo"
+        keys = ("sensor", "lidar_config", "neural_network", "action_space_type", "action_space")
+        return {
+            "metadata": {key: self.metadata[key] for key in keys if key in self.metadata},
+            "learned": sorted({batch, CARS * self.steps_each % batch or batch} if ppo else {batch}),
+            "driven": [*range(1, self.trials + 1), CARS],
+        }
+
+    @property
+    def steps_each(self) -> int:
+        """Control steps of each car between two updates: the field counts episodes (5 to 100), stable-baselines3 steps.
+        An episode counts :data:`EPISODE_STEPS`, so 100 of them are the field's own cap of 10,000 steps an update."""
+        return -(-self.hyperparameters["num_episodes_between_training"] * EPISODE_STEPS // CARS)

@@ -1,0 +1,40 @@
+"""The learner's eyes. It stands alone: a downloaded stable-baselines3 file carries this class by value."""
+
+from __future__ import annotations
+
+import torch
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from torch import nn
+
+
+class Torso(BaseFeaturesExtractor):
+    """A row of numbers (see ``training.trainer.senses``) to features: convolutions for each pooled picture, a dense
+    layer for a lidar, and one dense layer for all."""
+
+    def __init__(self, observation_space, senses, convolutions, lidar_features: int, joined: int, features: int):
+        """``senses``: for each sensor (is a picture, start, shape); the others as in ``network.Layout``."""
+        super().__init__(observation_space, features)
+        self.senses = [(bool(picture), int(start), tuple(shape)) for picture, start, shape in senses]
+        self.eyes = nn.ModuleList()
+        for picture, _, shape in self.senses:
+            layers: list[nn.Module] = []
+            if picture:
+                channels = shape[0]
+                for filters, size, stride in convolutions:
+                    layers += [nn.Conv2d(channels, filters, size, stride=stride), nn.ReLU()]
+                    channels = filters
+                layers.append(nn.Flatten())
+            else:
+                layers += [nn.Linear(shape[0], lidar_features), nn.ReLU()]
+            self.eyes.append(nn.Sequential(*layers))
+        self.dense = nn.Linear(joined, features)
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        """Features of a batch of rows."""
+        seen = []
+        for (picture, start, shape), eye in zip(self.senses, self.eyes, strict=True):
+            size = shape[0] * shape[1] * shape[2] if picture else shape[0]
+            part = observations[:, start : start + size]
+            seen.append(eye(part.reshape(-1, *shape) if picture else part))
+        joined = seen[0] if len(seen) == 1 else torch.cat(seen, dim=1)
+        return torch.relu(self.dense(joined))

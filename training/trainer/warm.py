@@ -1,0 +1,54 @@
+"""What must be there before the lock: afterwards no file can be opened and no memory made executable.
+
+Torch's convolutions are compiled for each size of a batch when they first meet it (oneDNN; without it learning takes
+half as long again), so every size that this training will have is met once before.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.save_util import save_to_zip_file
+
+from .network import FEATURES, LIDAR_FEATURES, Layout
+from .torso import Torso
+
+
+def make_torso(layout: Layout) -> Torso:
+    """The learner's eyes for a layout."""
+    return Torso(spaces.Box(-np.inf, np.inf, (layout.senses[-1].stop,), np.float32), **torso_arguments(layout))
+
+
+def torso_arguments(layout: Layout) -> dict[str, Any]:
+    """The arguments of :class:`.torso.Torso` but for the observation space."""
+    return {
+        "senses": [(sense.spec.is_picture, sense.start, sense.shape) for sense in layout.senses],
+        "convolutions": layout.convolutions,
+        "lidar_features": LIDAR_FEATURES,
+        "joined": layout.joined,
+        "features": FEATURES,
+    }
+
+
+def warm_up(planned: Mapping[str, Any]) -> None:
+    """Meet every size of a batch once, forwards, and backwards where it will be learned from; and write and read what
+    will be written and read. ``planned``: :attr:`.spec.TrainerSpec.warmth`."""
+    layout = Layout.of(planned["metadata"])
+    torso = make_torso(layout)
+    optimiser = torch.optim.Adam(torso.parameters())
+    for size in planned["learned"]:
+        optimiser.zero_grad()
+        torso(torch.zeros(size, layout.senses[-1].stop)).sum().backward()
+        optimiser.step()
+    with torch.no_grad():
+        for size in {*planned["driven"], *planned["learned"]}:
+            torso(torch.zeros(size, layout.senses[-1].stop))
+    file = io.BytesIO()
+    torch.save({"policy": torso.state_dict(), "optimisers": [optimiser.state_dict()]}, file)
+    torch.load(io.BytesIO(file.getvalue()), weights_only=True)
+    save_to_zip_file(io.BytesIO(), data={"class": Torso}, params={"policy": torso.state_dict()})
