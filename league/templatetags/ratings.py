@@ -7,15 +7,25 @@ from typing import Any
 from django import template
 
 from league.models import Racer, Season
-from league.selectors import racer_ratings, season_ratings
+from league.selectors import racer_ratings, season_of, season_ratings
+from races.models import Kind, Race
 
 register = template.Library()
+TOP = 10
 
 
 @register.inclusion_tag("league/parts/season_ratings.html", takes_context=True)
 def ratings_of_season(context: template.Context, season: Season) -> dict[str, Any]:
     """A card with the ratings of a season."""
     return {"ratings": season_ratings(season), "user": context.get("user")}
+
+
+@register.inclusion_tag("league/parts/race_ratings.html", takes_context=True)
+def ratings_of_race(context: template.Context, race: Race) -> dict[str, Any]:
+    """A small card with the best ratings of the season that a race is a round of."""
+    season = season_of(race) if race.kind == Kind.LEAGUE else None
+    ratings = season_ratings(season, TOP) if season else []
+    return {"ratings": ratings, "season": season, "user": context.get("user")}
 
 
 @register.inclusion_tag("league/parts/racer_ratings.html")

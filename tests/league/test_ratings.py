@@ -120,3 +120,22 @@ def test_a_racer_has_one_rating_a_season(season, racers, now):
         DuelRating.objects.create(season=season, racer=racers[0], mu=25, sigma=8, duels=1)
     with pytest.raises(IntegrityError), transaction.atomic():
         DuelRating.objects.create(season=season, racer=racers[1], mu=25, sigma=0, duels=1)
+
+
+def test_the_duels_of_a_round_show_the_season_s_ratings_and_other_races_none(client, season, racers, now):
+    race = a_round(season, racers, now)
+    assert "Rating in duels" not in client.get(f"/races/{race.slug}/duels/").content.decode()
+    end_all(race, now, choose=max)
+    html = client.get(f"/races/{race.slug}/duels/").content.decode()
+    card = html[html.index("Rating in duels") :]
+    assert card.index(">car-3</a>") < card.index(">car-2</a>") < card.index(">car-1</a>")
+    other = a_duel_race(now)
+    assert "Rating in duels" not in client.get(f"/races/{other.slug}/duels/").content.decode()
+
+
+def test_equal_ratings_share_a_place(season, racers):
+    for racer, mu in zip(racers, (25, 30, 25), strict=True):
+        DuelRating.objects.create(season=season, racer=racer, mu=mu, sigma=5, duels=1)
+    assert table(season) == [(1, "car-2", 1), (2, "car-1", 1), (2, "car-3", 1)]
+    assert [one.place for one in season_ratings(season, 2)] == [1, 2]
+    assert [one.place for one in racer_ratings(racers[2])] == [2]
