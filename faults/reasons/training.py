@@ -67,4 +67,13 @@ REWARD_REASONS = table(
     },
 )
 
-REASONS = {**REWARD_REASONS}
+_PLATFORM = table(
+    "platform",
+    {
+        "reward_check_failed": _(
+            "Trying the reward function failed on our side. Nothing is wrong with it: try again in a minute."
+        ),
+    },
+)
+
+REASONS = {**REWARD_REASONS, **_PLATFORM}

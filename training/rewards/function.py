@@ -20,10 +20,9 @@ from typing import Any
 from evaluation.simulator.physics import PADDOCK_CAR
 from faults import UserFault
 
-from .watch import TooLong, TooMuchPrinted, watch
+from .watch import FILENAME, TooLong, TooMuchPrinted, watch
 
 NAME = "reward_function"
-FILENAME = "<reward function>"
 MAX_REWARD = 1e5
 PARAMS, POSITIONAL = "params", "positional"  # the two forms
 POSITIONAL_NAMES = (

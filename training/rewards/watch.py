@@ -6,11 +6,14 @@ between two of its own instructions, so one endless call into C outlives it, and
 
 from __future__ import annotations
 
+import faulthandler
 import io
+import re
 import signal
 import sys
 from types import FrameType
 
+FILENAME = "<reward function>"  # in tracebacks
 TICK_S = 0.1
 LIMIT_S = 5.0  # DeepRacer on AWS: a validation may take 5 s
 KEPT_CHARACTERS = 16 * 1024  # of what it prints in its life
@@ -28,18 +31,20 @@ class TooMuchPrinted(BaseException):
 class Watch(io.TextIOBase):
     """The time and the prints of the present call; as ``sys.stdout`` it keeps the first of what is printed.
 
-    ``printed``: the first ``KEPT_CHARACTERS`` of it. Outside of a call nothing is limited, and nothing kept.
+    ``printed``: the first ``KEPT_CHARACTERS`` of it. ``limit_s``: seconds of processor time that a call may take.
+    Outside of a call nothing is limited, and nothing kept.
     """
 
     def __init__(self) -> None:
+        self.limit_s = LIMIT_S
         self._ticks: int | None = None
         self._room = 0
         self.printed = ""
 
-    def begin(self, seconds: float = LIMIT_S) -> None:
-        """A call begins that may take so many seconds of processor time."""
+    def begin(self) -> None:
+        """A call begins."""
         self._room = PRINTED_CHARACTERS
-        self._ticks = round(seconds / TICK_S)
+        self._ticks = round(self.limit_s / TICK_S)
 
     def end(self) -> None:
         """The call is over."""
@@ -70,9 +75,25 @@ class Watch(io.TextIOBase):
 
 watch = Watch()
 
+_INNERMOST_FIRST = "(most recent call first):"
+_LINE = re.compile(rf'File "{FILENAME}", line (\d{{1,6}}) in')
+
+
+def line_in(stderr: str) -> int | None:
+    """The reward function's innermost line in the last report that :func:`arm` had written; None if there is none.
+    What it reads may come from a stranger; a number is all that it gives back."""
+    found = _LINE.search(stderr, max(stderr.rfind(_INNERMOST_FIRST), 0))
+    return int(found[1]) if found else None
+
 
 def arm() -> None:
-    """Start the timer and take over ``sys.stdout``. Once, when a process starts, before its lock."""
+    """Start the timer and take over ``sys.stdout``. Once, when a process starts, before its lock.
+
+    Crashes, the end of the process's own time and SIGUSR1 write the present line to stderr: :func:`line_in` finds it.
+    """
+    faulthandler.enable(all_threads=False)
+    faulthandler.register(signal.SIGXCPU, all_threads=False, chain=True)
+    faulthandler.register(signal.SIGUSR1, all_threads=False)
     signal.signal(signal.SIGPROF, watch.tick)
     signal.siginterrupt(signal.SIGPROF, False)  # no system call of a library ends early because of it
     signal.setitimer(signal.ITIMER_PROF, TICK_S, TICK_S)

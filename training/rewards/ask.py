@@ -1,0 +1,130 @@
+"""From outside of the wall: one reward function, its states, and what came of them. A process for each question.
+
+What comes back is believed as little as the code: a reward function could write the answer itself, and would fool
+nobody but whoever wrote it.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
+from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
+from evaluation.sandbox.limits import REWARD
+from evaluation.sandbox.lock import EXIT_MEMORY
+from faults import PlatformFault, UserFault
+from faults.reasons.training import REWARD_REASONS
+
+from .function import Params, printable
+from .modules import wanted_modules
+from .watch import KEPT_CHARACTERS, LIMIT_S, line_in
+from .wire import to_wire
+
+MODULE = "training.rewards.process"
+_JSON_LIMIT = 1024 * 1024
+_MOST = 64
+_GREATEST = 10**6  # no line or length is larger
+
+
+@dataclass(frozen=True)
+class Answer:
+    """``faults``: each with the number of the state in which it came (None: before any). ``rewards``: one for each
+    state that was come to, None where it failed. ``printed``: the first of what the function printed."""
+
+    faults: list[tuple[UserFault, int | None]] = field(default_factory=list)
+    rewards: list[float | None] = field(default_factory=list)
+    printed: str = ""
+
+
+def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None = None) -> Answer:
+    """Try ``code`` on ``states`` (of one drive) behind the wall; see :mod:`.process` for ``check``.
+
+    A fault of the code is in the answer. Raises PlatformFault (``reward_check_failed``, and those of the sandbox).
+    Leaves no process behind. ``level``: as for :func:`evaluation.sandbox.launch.launch`.
+    """
+    with launch(MODULE, limits=REWARD, arguments=wanted_modules(code), level=level) as process:
+        widen_pipe(process.stdin)
+        question = {"code": code, "check": check, **to_wire(states)}
+        try:
+            write_message(process.stdin, question, deadline=process.deadline)
+            header, _ = read_message(process.stdout, process.deadline, json_limit=_JSON_LIMIT, blob_limit=0)
+            return _checked(header, len(states))
+        except FrameTimeout as error:
+            raised = _too_long(process)
+            if isinstance(raised, PlatformFault):
+                raise raised from error
+        except FrameClosed as error:
+            raised = _death(process)
+            if isinstance(raised, PlatformFault):
+                raise raised from error
+        except (FrameError, ValueError):
+            raised = _stuck(process, "it wrote into the pipe that is not its own")
+    return Answer([(raised, None)])
+
+
+def _too_long(process: SandboxedProcess) -> UserFault | PlatformFault:
+    """Out of wall time: the function's fault if it had the processor, or did not want it."""
+    if process.wants_processor() and process.cpu_seconds() < LIMIT_S:
+        return PlatformFault("reward_check_failed")
+    return _stuck(process, "it waited for something")
+
+
+def _death(process: SandboxedProcess) -> UserFault | PlatformFault:
+    status = process.wait(2.0)
+    said = process.stderr_text()
+    if status == EXIT_MEMORY:
+        return _at("reward_memory", said)
+    if status in (-signal.SIGXCPU, -signal.SIGKILL):
+        return _at("reward_too_slow", said)
+    if status is not None and (status < 0 or status == 0):
+        how = "it ended it" if status == 0 else signal.Signals(-status).name
+        return _stuck(process, how)
+    fault = PlatformFault("reward_check_failed")
+    fault.add_note(said)
+    return fault
+
+
+def _stuck(process: SandboxedProcess, how: str) -> UserFault:
+    return _at("reward_stuck", process.stderr_text(), how=how)
+
+
+def _at(code: str, stderr: str, **params: str) -> UserFault:
+    line = line_in(stderr)
+    fault = UserFault(code, **params, **({} if line is None else {"line": line}))
+    fault.add_note(stderr)
+    return fault
+
+
+def _checked(header: dict[str, Any], states: int) -> Answer:
+    """The answer, if it has the form of one. Raises ValueError."""
+    faults, rewards, printed = header.get("faults"), header.get("rewards"), header.get("printed")
+    if not (isinstance(faults, list) and isinstance(rewards, list) and isinstance(printed, str)):
+        raise ValueError("not an answer")
+    if len(faults) > _MOST or len(rewards) > states or len(printed) > KEPT_CHARACTERS:
+        raise ValueError("too much for an answer")
+    for reward in rewards:
+        if reward is not None and not (type(reward) is float and math.isfinite(reward)):
+            raise ValueError("not a reward")
+    text = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in printed)
+    return Answer([_fault(one, states) for one in faults], rewards, text)
+
+
+def _fault(told: Any, states: int) -> tuple[UserFault, int | None]:
+    if not isinstance(told, dict) or told.get("code") not in REWARD_REASONS or not isinstance(told.get("params"), dict):
+        raise ValueError("not a fault")
+    state = told.get("state")
+    if state is not None and not (type(state) is int and 0 <= state < states):
+        raise ValueError("not a state")
+    params = {}
+    for name, value in told["params"].items():
+        if type(value) is int and 0 <= value <= _GREATEST:
+            params[name] = value
+        elif isinstance(value, str):
+            params[name] = printable(value)
+        else:
+            raise ValueError("not a parameter")
+    return UserFault(told["code"], **params), state

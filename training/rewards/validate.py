@@ -1,0 +1,80 @@
+"""Is this a reward function? It is read and tried behind the wall, in five states of a car on a real track."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from faults import Param, UserFault
+from faults.reasons import REASONS
+
+from .ask import ask
+from .check import MAX_CHARACTERS
+from .states import STATES, five_states
+
+SYNTAX, IMPORT, TEST = "syntax", "import", "test"
+_TESTS = frozenset(
+    {
+        "reward_raised",
+        "reward_not_a_number",
+        "reward_not_finite",
+        "reward_too_large",
+        "reward_too_slow",
+        "reward_memory",
+        "reward_prints_too_much",
+        "reward_stuck",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong. ``kind``: "syntax", "import" or "test" (it failed when it ran). ``code``: of
+    :data:`faults.reasons.REASONS`, whose sentence ``params`` fill. ``line``: counted from 1, None where it is not
+    known. ``state``: one of :data:`.states.STATES`, None outside of them."""
+
+    kind: str
+    code: str
+    line: int | None
+    params: dict[str, Param] = field(default_factory=dict)
+    state: str | None = None
+
+    @property
+    def message(self) -> str:
+        """The sentence, in English."""
+        return REASONS[self.code].render(self.params)
+
+    @classmethod
+    def of(cls, fault: UserFault, state: str | None = None) -> Problem:
+        """A fault (code ``reward_...``) as a problem."""
+        line = fault.params.get("line")
+        kind = TEST if fault.code in _TESTS else IMPORT if fault.code.startswith("reward_import") else SYNTAX
+        return cls(kind, fault.code, line if isinstance(line, int) else None, fault.params, state)
+
+
+@dataclass(frozen=True)
+class Report:
+    """``problems``: none if the function may be trained with. ``rewards``: by the state's name, for those it survived.
+    ``printed``: the first of what it printed."""
+
+    problems: list[Problem]
+    rewards: dict[str, float]
+    printed: str
+
+
+def check_reward(code: str, *, race_type: str = "time_trial", level: int | None = None) -> Report:
+    """Read the text, and if it may run, call it in five states of a race of this type, 5 s of computing in all.
+
+    Raises PlatformFault (``reward_check_failed``, and those of the sandbox) where Paddock itself failed.
+    """
+    if not 1 <= len(code) <= MAX_CHARACTERS:
+        fault = UserFault("reward_length", length=len(code), limit=MAX_CHARACTERS)
+        return Report([Problem.of(fault)], {}, "")
+    answer = ask(code, five_states(race_type), check=True, level=level)
+    problems = [Problem.of(fault, None if state is None else STATES[state]) for fault, state in answer.faults]
+    rewards = {name: reward for name, reward in zip(STATES, answer.rewards, strict=False) if reward is not None}
+    return Report(problems, rewards, answer.printed)
+
+
+def validate_reward(code: str, *, race_type: str = "time_trial", level: int | None = None) -> list[Problem]:
+    """The problems of :func:`check_reward`; empty if the function may be trained with."""
+    return check_reward(code, race_type=race_type, level=level).problems
