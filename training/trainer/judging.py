@@ -72,9 +72,15 @@ class Judge:
     the track; the first from the finish line. The simulator repeats itself, so trials from one place would be one."""
 
     def __init__(
-        self, spec: TrainerSpec, track: TrackGeometry, rewards: Sequence[RewardFunction], senses: list[Sense]
+        self,
+        spec: TrainerSpec,
+        track: TrackGeometry,
+        rewards: Sequence[RewardFunction],
+        senses: list[Sense],
+        pulse: Callable[[], None] = lambda: None,
     ) -> None:
-        """``rewards``: one function for each trial."""
+        """``rewards``: one function for each trial. ``pulse`` is called after each control step."""
+        self._pulse = pulse
         self._senses, self._spec = senses, spec
         self._settings = [self._setting(track, reward, 1) for reward in rewards]
         self._starts = [number * track.length / len(rewards) for number in range(len(rewards))]
@@ -126,6 +132,7 @@ class Judge:
                 else:
                     going.append(number)
             live = going
+            self._pulse()
         return told
 
     def _action(self, output: np.ndarray) -> Any:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,8 +55,17 @@ class Losses:
 class Learner:
     """One of the two algorithms on a set of cars; :meth:`update` is one iteration."""
 
-    def __init__(self, spec: TrainerSpec, layout: Layout, cars: VecEnv, callback: BaseCallback) -> None:
+    def __init__(
+        self,
+        spec: TrainerSpec,
+        layout: Layout,
+        cars: VecEnv,
+        callback: BaseCallback,
+        pulse: Callable[[], None] = lambda: None,
+    ) -> None:
+        """``callback`` is asked after each control step; ``pulse`` is called between the steps of learning."""
         self.spec, self.layout = spec, layout
+        self._pulse = pulse
         self.sac = spec.algorithm == "sac"
         values = spec.hyperparameters
         self.loss = functional.huber_loss if values["loss_type"] == HUBER else functional.mse_loss
@@ -138,6 +147,7 @@ class Learner:
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), model.max_grad_norm)
                 policy.optimizer.step()
+                self._pulse()
                 told.append((spread.item(), policy_loss.item(), value_loss.item()))
             model._n_updates += 1
         return _means(told)
@@ -167,6 +177,7 @@ class Learner:
             policy_loss.backward()
             model.actor.optimizer.step()
             polyak_update(model.critic.parameters(), model.critic_target.parameters(), model.tau)
+            self._pulse()
             told.append((-log_prob.mean().item(), policy_loss.item(), value_loss.item()))
         model._n_updates += len(told)
         return _means(told)

@@ -4,6 +4,7 @@ Everything it needs is imported at the top: a locked process opens no file. It s
 ``{"spec": ..., "start": "" | "weights" | "checkpoint"}`` (the latter with a blob), and then writes, until it ends:
 
 - ``{"iteration": {...}, "driving": [...]}`` with two blobs: the network as ONNX, and a gzipped sim-trace (or nothing);
+- ``{"alive": {"steps", "seconds"}}`` about once a second;
 - ``{"checkpoint": {"iteration", "steps", "seconds"}}`` with one blob, which is only ever given back to this module;
 - ``{"done": why, "steps", "seconds"}`` with the stable-baselines3 file, or ``{"error": {"code", "params"}}``.
 
@@ -50,6 +51,7 @@ from .warm import warm_up
 cv2.setNumThreads(1)
 
 CHECKPOINT_EVERY_S = 10.0
+PULSE_S = 1.0
 EVERY_UPDATE = 100  # so many updates are looked at one by one; then ever fewer of them, about 1 % of the way apart
 CLEAN, TIME, STEPS, ASKED = "clean_laps", "time", "steps", "stopped"
 
@@ -57,7 +59,9 @@ CLEAN, TIME, STEPS, ASKED = "clean_laps", "time", "steps", "stopped"
 def main(frames_in: int, frames_out: int) -> None:
     """Run one training; see the module."""
     make_ready()
-    write_message(frames_out, {"ready": {"torch": torch.__version__, "stable-baselines3": stable_baselines3.__version__}})
+    write_message(
+        frames_out, {"ready": {"torch": torch.__version__, "stable-baselines3": stable_baselines3.__version__}}
+    )
     message, blobs = read_message(frames_in)
     try:
         training = Training(TrainerSpec.from_dict(message["spec"]), frames_in, frames_out)
@@ -91,6 +95,7 @@ class Training:
         self._ended = ""
         self._saved = self.began
         self._told_at, self._told_steps = self.began, 0
+        self._pulse_at = self.began
 
     @property
     def seconds(self) -> float:
@@ -105,8 +110,8 @@ class Training:
         seed = self.spec.seed if state is None else self.spec.seed + 1_000_003 * int(state["number"])
         rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials)
         self._cars = Cars(self.spec, self._track, rewards[:CARS], self._senses, seed)
-        self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses)
-        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on))
+        self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
+        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._pulse)
         if start == "weights":
             self._learner.take(_weights(self.layout, blob))
         if state is not None:
@@ -137,6 +142,7 @@ class Training:
 
     def _may_go_on(self) -> bool:
         """Asked after each control step; writes down why not."""
+        self._pulse()
         if self._poller.poll(0):
             self._ended = ASKED
         elif self.seconds >= self.spec.stop_seconds:
@@ -144,6 +150,14 @@ class Training:
         elif self._steps_are_up():
             self._ended = STEPS
         return not self._ended
+
+    def _pulse(self) -> None:
+        """Tell about once a second that it goes on; called in everything that takes long."""
+        now = time.monotonic()
+        if now - self._pulse_at >= PULSE_S:
+            self._pulse_at = now
+            about = {"steps": self._learner.model.num_timesteps, "seconds": self.seconds}
+            write_message(self._out, {"alive": about})
 
     def _steps_are_up(self) -> bool:
         return self.spec.stop_steps is not None and self._learner.model.num_timesteps >= self.spec.stop_steps

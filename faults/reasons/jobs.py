@@ -1,0 +1,92 @@
+"""Why a training is not begun, or ended early for another reason than its reward function."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+_USER = table(
+    "user",
+    {
+        "training_name_form": _(
+            "A model's name has 1 to 64 letters (A to Z), digits and hyphens, without blanks. Choose another one."
+        ),
+        "training_name_taken": _("You have a model or a training named “%(name)s” already. Choose another name."),
+        "training_algorithm": _("There is no algorithm “%(algorithm)s”. Choose ppo or sac."),
+        "training_hyperparameter_unknown": _(
+            "There is no hyperparameter “%(name)s” for this algorithm. It has: %(known)s."
+        ),
+        "training_hyperparameter": _("The hyperparameter “%(name)s” must be %(kind)s from %(low)s to %(high)s."),
+        "training_loss_type": _("The loss is “huber” or “mean squared error”."),
+        "training_sac_continuous": _(
+            "SAC learns continuous actions only. Choose a continuous action space, or train with PPO."
+        ),
+        "training_action_space": _(
+            "An action space is “discrete”, a list of actions with steering_angle and speed, or “continuous”, with low "
+            "and high of both."
+        ),
+        "training_action_count": _("A discrete action space has %(low)s to %(high)s actions, not %(count)s."),
+        "training_action_value": _("%(where)s: %(name)s must be a number from %(low)s to %(high)s."),
+        "training_action_bounds": _("The lowest %(name)s must be less than the highest."),
+        "training_minutes": _("A training lasts a whole number of minutes from %(low)s to %(high)s."),
+        "training_steps": _("The number of steps that ends the training must be a whole number of at least 1."),
+        "training_clean_laps": _(
+            "The number of clean laps that ends the training must be a whole number from %(low)s to %(high)s."
+        ),
+        "training_trials": _("An evaluation has %(low)s to %(high)s trials."),
+        "training_best_metric": _("The best model is the best by progress, reward or lap_time."),
+        "training_seed": _("The seed must be a whole number from 0 to 2147483647."),
+        "training_course": _(
+            "The race type and what stands on the track contradict each other (%(problem)s). Object avoidance has "
+            "boxes, head-to-head has bot cars, a time trial has neither."
+        ),
+        "training_reward_missing": _("Write a reward function, or choose one of the examples."),
+        "training_jobs_at_once": _(
+            "You have %(limit)s trainings that wait or run, as many as you may have at once. Stop one, or wait for its "
+            "end."
+        ),
+        "training_minutes_left": _(
+            "Of the %(limit)s minutes of training that you have each month %(left)s are left (what waits or runs is "
+            "taken off in full). Choose a shorter training."
+        ),
+        "clone_not_yours": _("Only a model of your own garage or one of the house's can be cloned."),
+        "clone_sensors": _(
+            "The model to be cloned sees with %(has)s, this vehicle with %(wanted)s. Choose a vehicle with the same "
+            "sensors."
+        ),
+        "clone_network": _(
+            "The model to be cloned has the network %(has)s, this vehicle %(wanted)s. Choose a vehicle with the same "
+            "network."
+        ),
+        "clone_actions": _(
+            "The model to be cloned chooses among %(has)s, this training among %(wanted)s. Their values may differ, "
+            "their number and kind may not."
+        ),
+        "clone_not_ours": _(
+            "This model's network is not built like the ones that are trained here, so its weights cannot be learned "
+            "on. Clone a model that was trained on this site, or one of the house's."
+        ),
+        "training_memory": _(
+            "The training needed more than the %(limit_mb)s MB of memory that it may use. Keep less in the reward "
+            "function from step to step."
+        ),
+        "training_over": _("This training is over."),
+    },
+)
+
+_PLATFORM = table(
+    "platform",
+    {
+        "training_unavailable": _(
+            "Training is not installed on this site. Whoever operates it can add it with “make training”."
+        ),
+        "training_paused": _("No trainings are taken on at the moment: whoever operates this site has paused them."),
+        "trainer_died": _("The training ended unexpectedly (%(how)s). It will go on from its last checkpoint."),
+        "trainer_protocol": _("The training sent something unreadable. It will go on from its last checkpoint."),
+        "trainer_error": _("The training failed (%(detail)s). It will go on from its last checkpoint."),
+        "training_gave_up": _(
+            "Paddock failed to train this model %(attempts)s times. Nothing is wrong with it, and its minutes do not "
+            "count: train it again later."
+        ),
+    },
+)
+
+REASONS = {**_USER, **_PLATFORM}
