@@ -289,6 +289,13 @@ def test_the_live_box_asks_again_only_while_there_is_something_to_see(world: Wor
     assert "0:09.000" in html and "hx-get" not in html
 
 
+def test_board_and_figures_beside_it_come_anew_together(world: World) -> None:
+    html = world.client("alice").get("/races/open-race/").content.decode()
+    assert re.search(r'id="board"[^>]* hx-select-oob="#race-facts"', html)
+    beside = html[html.index('id="race-facts"') :]
+    assert html.count('id="race-facts"') == 1 and "Classified" in beside and "Position" in beside
+
+
 def test_a_race_that_is_full_of_my_submissions_offers_no_form(world: World) -> None:
     race = a_race(world.now, slug="one-shot", max_submissions=1)
     drive(race, world.alice, laps(9_000, 9_000, 9_000), world.now)
