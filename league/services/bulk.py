@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
-from django.db import connection, models
+from django.db import connection, models, transaction
 
 BATCH = 1000  # rows of up to 65 columns: PostgreSQL takes 65,535 values in a statement
 # What the database's driver takes as it is. Others are prepared value by value.
@@ -16,7 +16,8 @@ _PLAIN = (models.IntegerField, models.BooleanField, models.CharField, models.Flo
 def insert_rows(model: type[models.Model], columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> int:
     """Insert ``rows``, the values of the fields ``columns`` (foreign keys: the id); all other fields get their default.
 
-    A third of the time of ``bulk_create``, which makes an object of every row. Returns how many. Raises IntegrityError.
+    All or none, and several times as fast as ``bulk_create``, which makes an object of every row. Returns how many.
+    Raises IntegrityError.
     """
     named: Mapping[str, models.Field] = {field.name: field for field in model._meta.concrete_fields}
     rest = [field for name, field in named.items() if name not in columns and not isinstance(field, models.AutoField)]
@@ -31,7 +32,7 @@ def insert_rows(model: type[models.Model], columns: Sequence[str], rows: Iterabl
     into = f"INSERT INTO {quote(model._meta.db_table)} ({', '.join(quote(field.column) for field in fields)}) VALUES "
     one = f"({', '.join(['%s'] * len(fields))})"
     count = 0
-    with connection.cursor() as cursor:
+    with transaction.atomic(), connection.cursor() as cursor:
         while batch := list(islice(values, BATCH)):
             count += len(batch)
             if connection.vendor == "sqlite":

@@ -11,6 +11,8 @@ from faults import UserFault
 from league.models import Season
 from league.services.exporting import export_season
 
+REFUSED = 2
+
 
 class Command(BaseCommand):
     """Writes what ``import_season`` reads again, in the columns of the old service's own export."""
@@ -29,7 +31,7 @@ class Command(BaseCommand):
         try:
             left_out = export_season(season=row, folder=folder)
         except UserFault as fault:
-            raise CommandError(f"{fault.code}: {fault}") from fault
+            raise CommandError(f"{fault.code}: {fault}", returncode=REFUSED) from fault
         for round_ in left_out:
             self.stderr.write(f"Left out, not official yet: {round_.race.name}")
         self.stdout.write(f"{row.name}: {row.rounds.count() - len(left_out)} races in {folder}")

@@ -15,6 +15,8 @@ from faults import UserFault
 from league.selectors.proof import proof_of, total_proof
 from league.services.importing import import_folder
 
+REFUSED = 2
+
 # options of the command by the setting of a season that each is
 SETTINGS = {
     "promotion_percent": ("--cut", Decimal, "per cent of an open race that are promoted (default: 10)"),
@@ -47,7 +49,7 @@ class Command(BaseCommand):
                 settings["points"] = _points(points)
             seasons = import_folder(folder=folder, now=timezone.now(), season=season, **settings)
         except UserFault as fault:
-            raise CommandError(f"{fault.code}: {fault}") from fault
+            raise CommandError(f"{fault.code}: {fault}", returncode=REFUSED) from fault
         proofs = [proof_of(one) for one in seasons]
         proof = proofs[0] if len(proofs) == 1 else total_proof(proofs)
         self.stdout.write(_dumps(proof) if json else "\n".join(_lines(proof)))
