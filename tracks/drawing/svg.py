@@ -49,6 +49,8 @@ def draw_svg(
     lanes: bool = False,
     title: str | None = None,
     standalone: bool = False,
+    marks: str = "",
+    below_m: float = 0.0,
 ) -> str:
     """The map: road, centre line, finish and driving direction, then driven lines, boxes and a car's place.
 
@@ -57,6 +59,9 @@ def draw_svg(
     ``line`` is the short form of one :class:`DrivenLine`; ``car`` a point (x, y) in metres. ``width`` and ``height``
     are pixels, left out so that the page's layout decides. ``title`` (default: the track's name) is what a screen
     reader says; it may come from a stranger and is escaped. ``standalone`` adds a small style for use outside a page.
+
+    ``marks``: SVG of the caller's own, in the map's coordinates (see :func:`svg_path`), drawn on top of the road;
+    ``below_m``: room for it below the map.
     """
     frame = _Frame(track)
     size = "".join(f' {word}="{int(value)}"' for word, value in (("width", width), ("height", height)) if value)
@@ -65,7 +70,7 @@ def draw_svg(
         lines = (*lines, DrivenLine(line))
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="track-map" role="img"{size} '
-        f'viewBox="0 0 {_number(frame.width)} {_number(frame.height)}">',
+        f'viewBox="0 0 {_number(frame.width)} {_number(frame.height + below_m)}">',
         f"<title>{_text(track.name if title is None else title)}</title>",
         _STYLE if standalone else "",
         f'<path class="track-road" fill-rule="evenodd" {_THIN} d="{ring}"/>',
@@ -75,6 +80,7 @@ def draw_svg(
         f'<path class="track-finish" fill="none" {_THIN} d="{frame.path(finish_line(track))}"/>',
         f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track))}"/>',
     ]
+    parts.append(marks)
     parts += [_box(frame, box) for box in boxes]
     if car is not None and math.isfinite(car[0]) and math.isfinite(car[1]):
         x, y = frame.place(car)

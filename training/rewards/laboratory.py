@@ -1,0 +1,127 @@
+"""The reward laboratory: a recorded lap, the params at each of its points, and what a reward function gives there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from evaluation.simulator.action import Action
+from evaluation.simulator.car import Pose
+from evaluation.simulator.contestant import Contestant
+from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.policies import CentreLinePilot
+from evaluation.simulator.race import run_race
+from evaluation.simulator.rewards import Objects, reward_params
+from evaluation.simulator.rules import RaceRules
+from evaluation.simulator.solids import Solid
+from evaluation.simulator.trace import Trace
+from tracks.geometry import TrackGeometry
+
+from .ask import ask
+from .function import Params
+from .validate import Problem
+
+MAX_POINTS = 3000  # more is no lap that anybody looks at: 200 s of driving
+_LAP_MS = 180_000
+
+
+@dataclass(frozen=True)
+class Rewarded:
+    """What a function gives along a drive: one reward a point, None where it failed; ``problems`` without states (empty
+    rewards if it could not even start); ``printed``, the first of what it printed."""
+
+    rewards: list[float | None]
+    problems: list[Problem]
+    printed: str
+
+
+def record_lap(
+    track: TrackGeometry, direction: str = "ccw", *, speed_mps: float = 1.5, offset_m: float = 0.0
+) -> list[Params]:
+    """One lap of the scripted pilot: see :class:`evaluation.simulator.policies.CentreLinePilot` for the arguments.
+
+    Takes a few tenths of a second; the same every time. ``track`` as the catalogue has it.
+    """
+    pilot = CentreLinePilot(track, direction, speed=speed_mps, offset=offset_m)
+    rules = RaceRules(laps=1, max_resets=0, max_simulated_ms=_LAP_MS, direction=direction)
+    trace = run_race(track, rules, pilot.action_space, pilot.sensors, pilot).trace
+    return params_along(track.in_direction(direction), trace.columns)
+
+
+def params_along(
+    track: TrackGeometry,
+    columns: Trace | Mapping[str, Sequence[Any] | np.ndarray],
+    *,
+    solids: Sequence[Solid] = (),
+    episode: int | None = None,
+) -> list[Params]:
+    """The params after each driven step of a sim-trace, made by the code that makes them in training.
+
+    ``track`` in the driven direction; ``columns`` by the trace's names, rows in order. ``solids``: what stood on the
+    track, for the object keys. ``episode``: only rows of this value in that column (of our own results: the lap, from
+    0). The steps of a penalty are left out, as in training. At most ``MAX_POINTS``. Raises KeyError for a missing
+    column.
+    """
+    names = ("episode", "steps", "X", "Y", "yaw", "steer", "throttle", "all_wheels_on_track", "progress", "tstamp")
+    columns = {name: np.asarray(columns[name]).tolist() for name in (*names, "episode_status")}
+    objects = Objects(track)
+    waypoints = [(float(x), float(y)) for x, y in track.centre]
+    states: list[Params] = []
+    hint: int | None = None
+    for row in range(1, len(columns["X"])):
+        driven = columns["throttle"][row - 1] > 0.0  # a car that stands out a penalty has no command
+        if not driven or (episode is not None and columns["episode"][row] != episode):
+            continue
+        now = {name: values[row] for name, values in columns.items()}
+        command = Action(columns["steer"][row - 1], columns["throttle"][row - 1], None)
+        place = track.project(now["X"], now["Y"], hint)
+        if abs(place.offset) > track.width_at(place.distance):  # put back elsewhere, or far from where it was
+            place = track.project(now["X"], now["Y"])
+        hint = place.index
+        pose = Pose(*_base(now["X"], now["Y"], math.radians(now["yaw"])), math.radians(now["yaw"]))
+        referee = SimpleNamespace(
+            track=track,
+            odometer=SimpleNamespace(place=place),
+            pose=pose,
+            all_wheels_on_track=bool(now["all_wheels_on_track"]),
+            percent=now["progress"],
+            time_ms=round(1000 * now["tstamp"]),
+        )
+        seen = SimpleNamespace(
+            referee=referee,
+            car=SimpleNamespace(physics=PADDOCK_CAR),
+            action=command,
+            lap_steps=now["steps"],
+            status=now["episode_status"],
+        )
+        around = objects.params(pose, place.distance, solids)
+        params = reward_params(_as_contestant(seen), waypoints, track.direction == "cw", around)
+        params["x"], params["y"] = now["X"], now["Y"]  # to the last bit, instead of there and back
+        states.append(params)
+        if len(states) == MAX_POINTS:
+            break
+    return states
+
+
+def rewards_along(code: str, states: Sequence[Params], *, level: int | None = None) -> Rewarded:
+    """What the function gives at each of the states, called in their order, 5 s of computing in all.
+
+    Raises PlatformFault as :func:`.validate.check_reward` does.
+    """
+    answer = ask(code, states, check=True, level=level)
+    return Rewarded(answer.rewards, [Problem.of(fault) for fault, _ in answer.faults], answer.printed)
+
+
+def _base(x: float, y: float, yaw: float) -> tuple[float, float]:
+    """The base of a car whose nose is at (x, y)."""
+    return x - PADDOCK_CAR.nose_x * math.cos(yaw), y - PADDOCK_CAR.nose_x * math.sin(yaw)
+
+
+def _as_contestant(seen: SimpleNamespace) -> Contestant:
+    """All that :func:`reward_params` asks of a car, from a row of a trace."""
+    return seen  # type: ignore[return-value]
