@@ -10,7 +10,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: help setup run test lint bench clean system-run system-test
+.PHONY: help setup run training test lint bench clean system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -19,6 +19,8 @@ setup: system-run $(VENV)/.run ## virtual environment and dependencies
 
 run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 	@exec $(BIN)/python manage.py run --host $(HOST) --port $(PORT)
+
+training: setup $(VENV)/.training ## what training models needs (torch without CUDA), for the next "make run"
 
 test: system-test $(VENV)/.test ## every test (PYTEST_ARGS= for more)
 	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
@@ -49,6 +51,12 @@ $(VENV)/bin/python:
 
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	@touch $@
+
+# PyPI's torch carries gigabytes of CUDA: TORCH_INDEX= names an index with builds for the processor alone
+TORCH_INDEX ?=
+$(VENV)/.training: $(VENV)/.run
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) --editable '.[training]'
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.run

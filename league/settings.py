@@ -6,6 +6,7 @@ all state below one folder (PADDOCK_DATA).
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import dj_database_url
@@ -144,6 +145,7 @@ CELERY_BEAT_SCHEDULE = {
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
+    "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 
@@ -159,6 +161,13 @@ RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
 DUELS_IN_ROUND_ROBIN = env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
 DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=127)
 TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
+
+# --- training: it needs the extra packages of "make training" on the machines that train ------------------------------
+TRAINING = env_bool("PADDOCK_TRAINING", all(find_spec(name) for name in ("torch", "stable_baselines3")))
+TRAINING_PAUSED = env_bool("PADDOCK_TRAINING_PAUSED", False)
+TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
+TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 2, minimum=1)
+TRAINING_MINUTES_A_MONTH = env_int("PADDOCK_TRAINING_MINUTES_A_MONTH", 1440, minimum=0)
 
 # --- files ---------------------------------------------------------------------------------------------------------
 STORAGE = env_str("STORAGE", "local")

@@ -54,7 +54,7 @@ def upload_model(
     if name is not None:
         name = _valid_name(name)
     description = _valid_description(description)
-    _refuse_full_garage(owner)
+    refuse_full_garage(owner)
     limits = replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE)
     admitted = admit(files, limits, who=owner.pk)
     # once before anything is stored, and once more under the lock
@@ -128,7 +128,7 @@ def _known_model(owner: Racer, sha256: str, name: str | None) -> TrainedModel | 
     """The owner's model of this network. None when there is none, and one of this name may be added."""
     known = _garage(owner).filter(network=sha256).first()
     if known is None:
-        _refuse_full_garage(owner)
+        refuse_full_garage(owner)
         if name is not None:
             _refuse_taken_name(owner, name)
     return known
@@ -160,7 +160,7 @@ def _garage(owner: Racer):
     return TrainedModel.objects.filter(owner=owner, deleted_at=None)
 
 
-def _refuse_full_garage(owner: Racer) -> None:
+def refuse_full_garage(owner: Racer) -> None:
     if _garage(owner).count() >= settings.MODELS_PER_RACER:
         raise UserFault("garage_full", limit=settings.MODELS_PER_RACER)
     # with the deleted ones, whose files are still there: else one racer could fill the disk by deleting

@@ -46,10 +46,9 @@ class Layout:
     def picture_features(self, shape: tuple[int, ...]) -> int:
         """How many numbers the convolutions make of a pooled picture (channels, rows, columns)."""
         _, rows, columns = shape
-        filters = 0
-        for filters, size, stride in self.convolutions:
+        for _, size, stride in self.convolutions:
             rows, columns = (rows - size) // stride + 1, (columns - size) // stride + 1
-        return filters * rows * columns
+        return self.convolutions[-1][0] * rows * columns
 
     @property
     def joined(self) -> int:
@@ -83,8 +82,8 @@ class Layout:
 
 
 def to_onnx(layout: Layout, weights: Mapping[str, np.ndarray], squash: bool) -> bytes:
-    """The deterministic policy by the ONNX contract: each sensor as it is read, to one row. ``squash``: tanh at the end,
-    for a policy that was learned so.
+    """The deterministic policy by the ONNX contract: each sensor as it is read, to one row. ``squash``: tanh at the
+    end, for a policy that was learned so.
 
     The pictures' pooling comes first; the scale of an input goes into the weights that meet it. Written operator by
     operator, so that the file holds nothing but what is needed.

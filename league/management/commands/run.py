@@ -92,6 +92,7 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
             *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.WORKER_CONCURRENCY)),
             *("--without-gossip", "--without-mingle"),
         ],
+        **_trainer(celery),
         "beat": [
             *(*celery, "beat", "--pidfile", ""),
             *("--schedule", str(settings.DATA_DIR / "celerybeat-schedule")),
@@ -105,6 +106,18 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
             raise CommandError(f"The broker has no folder to work in: {error}.") from error
         programs = {"broker": broker.server_command(settings.VALKEY_DIR, settings.VALKEY_SOCKET), **programs}
     return programs
+
+
+def _trainer(celery: list[str]) -> dict[str, list[str]]:
+    """The worker for trainings, where they are installed: a process of its own, so that evaluations go on beside it."""
+    if not settings.TRAINING:
+        return {}
+    return {
+        "trainer": [
+            *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.TRAINING_CONCURRENCY)),
+            *("--without-gossip", "--without-mingle", "--queues", "training", "--hostname", "trainer@%h"),
+        ]
+    }
 
 
 def _lock(path: Path) -> IO[str]:

@@ -1,0 +1,89 @@
+"""What pages and the API show of training."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.db.models import Q, QuerySet
+from django.utils import timezone
+
+from evaluation.models import TrainedModel
+from faults.reasons import REASONS
+
+from .models import JobState, TrainingJob
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+_PLATFORM_CODES = [code for code, reason in REASONS.items() if reason.fault == "platform"]
+
+
+def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
+    """The racer's trainings, newest first, without what only single pages need. Twin of :func:`can_see_training`."""
+    return (
+        TrainingJob.objects.filter(owner_id=racer.pk).select_related("track", "best_model", "last_model").defer("log")
+    )
+
+
+def visible_trainings(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
+    """All that the racer may look at: their own; for admins all. Twin of :func:`can_see_training`."""
+    if racer.is_staff:
+        return TrainingJob.objects.all()
+    return TrainingJob.objects.filter(owner_id=racer.pk)
+
+
+def can_see_training(racer: Racer | AnonymousUser, job: TrainingJob) -> bool:
+    """Whether the racer may look at the training: its owner, or an admin."""
+    return racer.pk is not None and (racer.pk == job.owner_id or racer.is_staff)
+
+
+def can_stop_training(racer: Racer | AnonymousUser, job: TrainingJob) -> bool:
+    """Whether the racer may stop the training while it waits or runs: its owner, or an admin."""
+    return not job.is_final and can_see_training(racer, job)
+
+
+def clonable_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
+    """Models whose weights the racer may begin with: their own, uploaded ones too, and the house's. Whether the network
+    is one that is trained here shows at :func:`training.services.create_training`. Twin of :func:`can_clone_model`."""
+    if racer.pk is None:
+        return TrainedModel.objects.none()
+    return TrainedModel.objects.filter(Q(owner_id=racer.pk) | Q(owner__is_house=True), deleted_at=None).select_related(
+        "network", "owner"
+    )
+
+
+def can_clone_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
+    """Whether the racer may begin with the weights of this model."""
+    if racer.pk is None or model.deleted_at is not None:
+        return False
+    return model.owner_id == racer.pk or model.owner.is_house
+
+
+def training_queue_position(job: TrainingJob) -> int | None:
+    """The place in the queue, 1 for the next one to run; None when it does not wait."""
+    if job.state != JobState.QUEUED:
+        return None
+    before = Q(created_at__lt=job.created_at) | Q(created_at=job.created_at, pk__lt=job.pk)
+    return TrainingJob.objects.filter(before, state=JobState.QUEUED).count() + 1
+
+
+def minutes_used(racer: Racer, now: datetime) -> float:
+    """Minutes of training since the month began (in the site's time zone): what ended counts as long as it took, what
+    waits or runs for as long as it may. What failed through our fault does not count."""
+    month = timezone.localtime(now).replace(day=1, hour=0, minute=0, second=0, microsecond=0)
+    jobs = TrainingJob.objects.filter(owner=racer, created_at__gte=month).exclude(
+        state=JobState.FAILED, reason_code__in=_PLATFORM_CODES
+    )
+    return sum(
+        seconds / 60.0 if state not in (JobState.QUEUED, JobState.RUNNING) else float(minutes)
+        for state, seconds, minutes in jobs.values_list("state", "seconds_done", "stop_minutes")
+    )
+
+
+def minutes_left(racer: Racer, now: datetime) -> float:
+    """Minutes of training that the racer may still ask for this month."""
+    return max(0.0, settings.TRAINING_MINUTES_A_MONTH - minutes_used(racer, now))

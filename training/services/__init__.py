@@ -1,0 +1,32 @@
+"""Every write to training jobs and what they leave behind."""
+
+from .bell import ring_training_bell
+from .create import clone_settings, create_training
+from .leases import (
+    beat,
+    claim_next_training,
+    fail_training,
+    release_training,
+    sweep_trainings,
+)
+from .records import keep_checkpoint, record_iteration
+from .results import finish_training
+from .stop import stop_training
+from .work import run_next_training, spec_of
+
+__all__ = [
+    "beat",
+    "claim_next_training",
+    "clone_settings",
+    "create_training",
+    "fail_training",
+    "finish_training",
+    "keep_checkpoint",
+    "record_iteration",
+    "release_training",
+    "ring_training_bell",
+    "run_next_training",
+    "spec_of",
+    "stop_training",
+    "sweep_trainings",
+]

@@ -1,0 +1,271 @@
+"""Taking on a training: everything that can be refused is refused here, before anything runs."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from django.conf import settings
+from django.db import IntegrityError, transaction
+
+from evaluation.models import TrainedModel
+from evaluation.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
+from evaluation.services.garage import refuse_full_garage
+from evaluation.simulator.course import lay_course
+from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault, UserFault
+from races.models import Race, RaceType
+from tracks.locks import hold
+from tracks.models import Direction, Track
+
+from ..hyperparameters import check_action_space, check_hyperparameters
+from ..models import BestMetric, JobState, NeuralNetwork, RewardSignature, Shell, TrainingJob, Vehicle
+from ..models.job import MAX_MINUTES, MAX_TRIALS
+from ..models.vehicle import DEFAULT_COLOUR, default_sensors
+from ..selectors import can_clone_model, minutes_left
+from ..trainer.network import Layout
+from .bell import ring_training_bell
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+NAME = re.compile(r"[A-Za-z0-9-]{1,64}")
+DESCRIPTION_LIMIT = TrainingJob._meta.get_field("description").max_length
+_GREATEST_SEED = 2**31 - 1
+
+
+def create_training(
+    *,
+    owner: Racer,
+    name: str,
+    track: Track,
+    reward_code: str,
+    action_space_type: str,
+    action_space: Any,
+    now: datetime,
+    description: str = "",
+    direction: str = Direction.CCW,
+    race_type: str = RaceType.TIME_TRIAL,
+    boxes: Sequence[Mapping[str, Any]] = (),
+    random_boxes: int = 0,
+    bots: int = 0,
+    bot_speed_mps: float = 1.0,
+    bot_lane_changes: bool = False,
+    algorithm: str = "ppo",
+    hyperparameters: Mapping[str, Any] | None = None,
+    vehicle: Vehicle | None = None,
+    reward_signature: str = RewardSignature.PARAMS,
+    stop_minutes: int = 10,
+    stop_steps: int | None = None,
+    stop_clean_laps: int | None = None,
+    trials: int = 3,
+    best_metric: str = BestMetric.PROGRESS,
+    seed: int | None = None,
+    submit_to_race: Race | None = None,
+    clone_from: TrainedModel | None = None,
+) -> TrainingJob:
+    """Put a training into the queue; a trainer is woken once the transaction is committed.
+
+    ``vehicle=None``: one camera and the shallow network. ``seed=None`` draws one. ``clone_from``: the training begins
+    with the weights of this model. ``boxes``: ``{"fraction", "lane"}`` each.
+
+    Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
+    ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape`` and
+    what :func:`evaluation.simulator.course.lay_course` says of boxes.
+    """
+    refuse_when_closed()
+    if not NAME.fullmatch(name):
+        raise UserFault("training_name_form")
+    if len(description) > DESCRIPTION_LIMIT:
+        raise UserFault("description_too_long", limit=DESCRIPTION_LIMIT)
+    if not reward_code.strip():
+        raise UserFault("training_reward_missing")
+    if vehicle is not None and vehicle.owner_id != owner.pk:
+        raise UserFault("vehicle_not_yours")
+    _check_numbers(stop_minutes, stop_steps, stop_clean_laps, trials, seed)
+    if best_metric not in BestMetric.values:
+        raise UserFault("training_best_metric")
+    job = TrainingJob(
+        owner=owner,
+        name=name,
+        description=description,
+        track=track,
+        direction=direction,
+        race_type=race_type,
+        boxes=[dict(box) for box in boxes],
+        random_boxes=random_boxes,
+        bots=bots,
+        bot_speed_mps=bot_speed_mps,
+        bot_lane_changes=bot_lane_changes,
+        algorithm=algorithm,
+        hyperparameters=check_hyperparameters(algorithm, hyperparameters or {}),
+        action_space_type=action_space_type,
+        action_space=check_action_space(algorithm, action_space_type, action_space),
+        vehicle=vehicle,
+        reward_code=reward_code,
+        reward_signature=reward_signature,
+        stop_minutes=stop_minutes,
+        stop_steps=stop_steps,
+        stop_clean_laps=stop_clean_laps,
+        trials=trials,
+        best_metric=best_metric,
+        seed=secrets.randbelow(_GREATEST_SEED) if seed is None else seed,
+        submit_to_race=submit_to_race,
+        cloned_from=clone_from,
+        created_at=now,
+        **_worn(vehicle),
+    )
+    _check_sensors(job)
+    check_course(job)
+    if clone_from is not None:
+        _check_clone(job, clone_from)
+    refuse_full_garage(owner)
+    with transaction.atomic():
+        hold(owner)
+        _refuse_taken_name(owner, name)
+        _refuse_full_quota(owner, stop_minutes, now)
+        try:
+            with transaction.atomic():
+                job.save(force_insert=True)
+        except IntegrityError as error:
+            if "name" in str(error):
+                raise UserFault("training_name_taken", name=name) from None
+            raise
+        ring_training_bell()
+    return job
+
+
+def refuse_when_closed() -> None:
+    """Raises PlatformFault ``training_paused`` or ``training_unavailable``."""
+    if settings.TRAINING_PAUSED:
+        raise PlatformFault("training_paused")
+    if not settings.TRAINING:
+        raise PlatformFault("training_unavailable")
+
+
+def clone_settings(model: TrainedModel) -> dict[str, Any]:
+    """What a training that clones this model must have, and what it did have where it was trained here: keyword
+    arguments of :func:`create_training`. Action values and reward function may be changed; sensors and network not."""
+    metadata = model.metadata
+    settings_: dict[str, Any] = {
+        "action_space_type": metadata.get("action_space_type", "discrete"),
+        "action_space": metadata["action_space"],
+        "algorithm": "sac" if metadata.get("training_algorithm") == "sac" else "ppo",
+        "clone_from": model,
+    }
+    job = TrainingJob.objects.filter(best_model=model).first() or TrainingJob.objects.filter(last_model=model).first()
+    if job is not None:
+        names = ("track", "direction", "race_type", "boxes", "random_boxes", "bots", "bot_speed_mps")
+        names += ("bot_lane_changes", "hyperparameters", "reward_code", "reward_signature", "vehicle", "best_metric")
+        settings_ |= {name: getattr(job, name) for name in names}
+    return settings_
+
+
+def check_course(job: TrainingJob) -> None:
+    """Whether race type, boxes and bots go together and have room. Raises UserFault."""
+    if not job.track.has_shape:
+        raise UserFault("race_track_without_shape", track=job.track.name)
+    if job.race_type == RaceType.HEAD_TO_HEAD and not job.bots:
+        raise UserFault("training_course", problem="no bot cars")
+    try:
+        rules = RaceRules.from_dict({**course_of(job), "race_type": job.race_type, "direction": job.direction})
+    except (ValueError, TypeError) as error:
+        raise UserFault("training_course", problem=str(error)[:200]) from None
+    lay_course(job.track.geometry.in_direction(job.direction), rules)
+
+
+def course_of(job: TrainingJob) -> dict[str, Any]:
+    """The rules of what stands and drives on the track, as the race type's environment takes them; nothing for a time
+    trial without any."""
+    course: dict[str, Any] = {}
+    if job.boxes or job.random_boxes:
+        course |= {"boxes": job.boxes, "random_boxes": job.random_boxes}
+    if job.bots:
+        course |= {
+            "bots": job.bots,
+            "bot_speed_mps": job.bot_speed_mps,
+            "bot_lane_changes": job.bot_lane_changes,
+        }
+    return course
+
+
+def _worn(vehicle: Vehicle | None) -> dict[str, Any]:
+    """The vehicle's columns of a job."""
+    if vehicle is None:
+        return {
+            "sensors": default_sensors(),
+            "lidar_config": {},
+            "neural_network": NeuralNetwork.SHALLOW,
+            "shell": Shell.PADDOCK,
+            "colour": DEFAULT_COLOUR,
+        }
+    return {name: getattr(vehicle, name) for name in ("sensors", "lidar_config", "neural_network", "shell", "colour")}
+
+
+def _check_sensors(job: TrainingJob) -> None:
+    """A vehicle's sensors are checked when it is made; this one may have been made by hand."""
+    unknown = [sensor for sensor in job.sensors if sensor not in SENSOR_NAMES]
+    if unknown:
+        raise UserFault("metadata_sensor", sensor=str(unknown[0])[:40])
+    if sum(sensor in CAMERAS for sensor in job.sensors) != 1 or sum(sensor in LIDARS for sensor in job.sensors) > 1:
+        raise UserFault("metadata_sensor_set")
+
+
+def _check_clone(job: TrainingJob, model: TrainedModel) -> None:
+    if not can_clone_model(job.owner, model):
+        raise UserFault("clone_not_yours")
+    has, wanted = model.metadata, job.metadata
+    if sorted(has["sensor"]) != sorted(wanted["sensor"]) or (
+        "DISCRETIZED_SECTOR_LIDAR" in has["sensor"]
+        and lidar_settings(has.get("lidar_config")) != lidar_settings(wanted.get("lidar_config"))
+    ):
+        raise UserFault("clone_sensors", has=", ".join(has["sensor"]), wanted=", ".join(wanted["sensor"]))
+    networks = [one.get("neural_network", NeuralNetwork.SHALLOW.value) for one in (has, wanted)]
+    if networks[0] != networks[1]:
+        raise UserFault("clone_network", has=networks[0], wanted=networks[1])
+    actions = [_actions(one) for one in (has, wanted)]
+    if actions[0] != actions[1]:
+        raise UserFault("clone_actions", has=actions[0], wanted=actions[1])
+    if Layout.of(wanted).parameters != model.network.parameters:
+        raise UserFault("clone_not_ours")
+
+
+def _actions(metadata: Mapping[str, Any]) -> str:
+    kind = metadata.get("action_space_type", "discrete")
+    return f"{len(metadata['action_space'])} {kind}" if kind == "discrete" else kind
+
+
+def _check_numbers(minutes: object, steps: object, clean_laps: object, trials: object, seed: object) -> None:
+    if not _is_whole(minutes, 1, MAX_MINUTES):
+        raise UserFault("training_minutes", low=1, high=MAX_MINUTES)
+    if steps is not None and not _is_whole(steps, 1, _GREATEST_SEED):
+        raise UserFault("training_steps")
+    if clean_laps is not None and not _is_whole(clean_laps, 1, MAX_TRIALS):
+        raise UserFault("training_clean_laps", low=1, high=MAX_TRIALS)
+    if not _is_whole(trials, 1, MAX_TRIALS):
+        raise UserFault("training_trials", low=1, high=MAX_TRIALS)
+    if seed is not None and not _is_whole(seed, 0, _GREATEST_SEED):
+        raise UserFault("training_seed")
+
+
+def _is_whole(value: object, least: int, most: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+
+
+def _refuse_taken_name(owner: Racer, name: str) -> None:
+    waiting = TrainingJob.objects.filter(owner=owner, name=name, state__in=(JobState.QUEUED, JobState.RUNNING))
+    if waiting.exists() or TrainedModel.objects.filter(owner=owner, name=name, deleted_at=None).exists():
+        raise UserFault("training_name_taken", name=name)
+
+
+def _refuse_full_quota(owner: Racer, minutes: int, now: datetime) -> None:
+    limit = settings.TRAININGS_AT_ONCE
+    active = TrainingJob.objects.filter(owner=owner, state__in=(JobState.QUEUED, JobState.RUNNING)).count()
+    if active >= limit:
+        raise UserFault("training_jobs_at_once", limit=limit)
+    left = minutes_left(owner, now)
+    if minutes > left:
+        raise UserFault("training_minutes_left", left=int(left), limit=settings.TRAINING_MINUTES_A_MONTH)

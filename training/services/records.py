@@ -1,0 +1,109 @@
+"""What a running training reports, written under its lease."""
+
+from __future__ import annotations
+
+import uuid
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.core.files.base import ContentFile
+from django.core.files.storage import default_storage
+from django.db import transaction
+
+from ..models import Checkpoint, TrainingIteration, TrainingJob
+from .leases import held
+
+if TYPE_CHECKING:
+    from ..trainer.client import Iteration, SavedState
+
+SIMTRACES_KEPT = 100  # of a job; the newest
+CHECKPOINTS_KEPT = 2
+_LOG_LIMIT = 100_000
+
+
+def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration, now: datetime) -> bool:
+    """Write one look at the car. False: the lease is gone. After a resume a number may come again: the newer counts."""
+    values = dict(iteration.values)
+    number = values.pop("number")
+    name = ""
+    if iteration.simtrace:
+        path = f"training/{job.public_id}/{lease.hex[:8]}-{number}-iteration.csv.gz"
+        name = default_storage.save(path, ContentFile(iteration.simtrace))
+    old: list[str] = []
+    try:
+        with transaction.atomic():
+            mine = held(job.pk, lease).update(
+                steps_done=values["steps"], seconds_done=values["seconds"], driving=iteration.driving
+            )
+            if mine:
+                replaced = TrainingIteration.objects.filter(job=job, number__gte=number)
+                old += [one for one in replaced.values_list("simtrace", flat=True) if one]
+                replaced.delete()
+                if values["is_best"]:
+                    TrainingIteration.objects.filter(job=job, is_best=True).update(is_best=False)
+                TrainingIteration.objects.create(job=job, number=number, simtrace=name, **values)
+                stale = TrainingIteration.objects.filter(job=job, number__lte=number - SIMTRACES_KEPT).exclude(
+                    simtrace=""
+                )
+                old += list(stale.values_list("simtrace", flat=True))
+                stale.update(simtrace="")
+    except BaseException:
+        delete_stored([name])
+        raise
+    delete_stored(old if mine else [name])
+    return bool(mine)
+
+
+def keep_checkpoint(*, job: TrainingJob, lease: uuid.UUID, saved: SavedState, now: datetime) -> bool:
+    """Keep where the training can go on from, and the one before it. False: the lease is gone."""
+    path = f"training/{job.public_id}/{lease.hex[:8]}-{saved.iteration}.checkpoint"
+    name = default_storage.save(path, ContentFile(saved.state))
+    old: list[str] = []
+    try:
+        with transaction.atomic():
+            mine = held(job.pk, lease).exists()
+            if mine:
+                again = Checkpoint.objects.filter(job=job, iteration__gte=saved.iteration)
+                old += list(again.values_list("file", flat=True))
+                again.delete()
+                Checkpoint.objects.create(
+                    job=job,
+                    iteration=saved.iteration,
+                    steps=saved.steps,
+                    seconds=saved.seconds,
+                    file=name,
+                    created_at=now,
+                )
+                kept = Checkpoint.objects.filter(job=job).order_by("-iteration").values_list("pk", flat=True)
+                stale = Checkpoint.objects.filter(job=job).exclude(pk__in=list(kept[:CHECKPOINTS_KEPT]))
+                old += list(stale.values_list("file", flat=True))
+                stale.delete()
+    except BaseException:
+        delete_stored([name])
+        raise
+    delete_stored(old if mine else [name])
+    return mine
+
+
+def append_log(*, job_id: int, line: str, now: datetime) -> None:
+    """Add a line to the log that the owner reads; at most 100,000 characters are kept, the first."""
+    with transaction.atomic():
+        log = TrainingJob.objects.filter(pk=job_id).values_list("log", flat=True).first()
+        if log is not None and len(log) < _LOG_LIMIT:
+            TrainingJob.objects.filter(pk=job_id).update(log=f"{log}{now:%Y-%m-%d %H:%M:%S} {line}\n")
+
+
+def drop_checkpoints(job: TrainingJob) -> None:
+    """Remove what an ended training does not need any more."""
+    names = list(Checkpoint.objects.filter(job=job).values_list("file", flat=True))
+    Checkpoint.objects.filter(job=job).delete()
+    transaction.on_commit(lambda: delete_stored(names), robust=True)
+
+
+def delete_stored(names: list[str]) -> None:
+    """Delete these files; what is gone already is no matter."""
+    for name in filter(None, names):
+        try:
+            default_storage.delete(name)
+        except OSError:
+            continue

@@ -1,0 +1,110 @@
+"""From the networks that a training made to models in its owner's garage, and on to a race."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import uuid
+from datetime import datetime
+
+from django.core.files.base import ContentFile
+from django.core.files.storage import default_storage
+from django.db import transaction
+
+from evaluation.models import TrainedModel
+from evaluation.packages.read import UploadPart
+from evaluation.services import upload_model
+from faults import PaddockError, UserFault
+from races.services import submit_model
+
+from ..models import JobState, TrainingJob
+from ..trainer.client import Ended
+from .leases import held
+from .records import delete_stored, drop_checkpoints
+
+logger = logging.getLogger(__name__)
+_NAMES_TRIED = 50
+_NAME_LIMIT = 64
+
+
+def admit_networks(*, job: TrainingJob, best: bytes, last: bytes, now: datetime) -> tuple[TrainedModel, TrainedModel]:
+    """Both networks as models of the owner, by the way of every upload: the gate, canonical bytes, the garage's limits.
+
+    The best takes the training's name, the last that name with ``-last``; where both are the same network they are one
+    model. Raises what :func:`evaluation.services.upload_model` raises.
+    """
+    model = _admit(job, best, job.name, now)
+    return model, model if last == best else _admit(job, last, f"{job.name[: _NAME_LIMIT - 5]}-last", now)
+
+
+def finish_training(
+    *,
+    job: TrainingJob,
+    lease: uuid.UUID,
+    ended: Ended | None,
+    models: tuple[TrainedModel, TrainedModel],
+    fault: PaddockError | None = None,
+    now: datetime,
+) -> bool:
+    """Write how a training ended that leaves models, once, and submit the best to the race that was chosen. False: the
+    lease is gone.
+
+    ``ended=None``: it was stopped, and its process did not answer any more. ``fault``: what ended it early; what it
+    had learned until then is kept.
+    """
+    name = ""
+    if ended is not None:
+        path = f"training/{job.public_id}/{lease.hex[:8]}-sb3.zip"
+        name = default_storage.save(path, ContentFile(ended.sb3_zip))
+    best, last = models
+    changes: dict = {"state": JobState.FINISHED}
+    if fault is not None:
+        changes = {"state": JobState.FAILED, "reason_code": fault.code, "reason_params": fault.params}
+    elif ended is None or ended.why == "stopped":
+        changes = {"state": JobState.STOPPED}
+    if ended is not None:
+        changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}
+    with transaction.atomic():
+        finished = held(job.pk, lease).update(
+            lease=None, leased_until=None, ended_at=now, best_model=best, last_model=last, sb3_zip=name, **changes
+        )
+        if finished:
+            drop_checkpoints(job)
+    if not finished:
+        delete_stored([name])
+        return False
+    if fault is None and job.submit_to_race_id is not None:
+        _submit(job, best, now)
+    return True
+
+
+def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
+    """Send the model to its race; where it is refused, the reason stands with the training."""
+    try:
+        with transaction.atomic():
+            submission = submit_model(race=job.submit_to_race, racer=job.owner, model=model, now=now)
+            TrainingJob.objects.filter(pk=job.pk).update(submission=submission)
+    except UserFault as fault:
+        TrainingJob.objects.filter(pk=job.pk).update(submit_reason_code=fault.code, submit_reason_params=fault.params)
+    except Exception:
+        logger.exception("The model of training %s cannot be submitted.", job.public_id)
+
+
+def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedModel:
+    metadata = json.dumps(job.metadata).encode()
+    for number in range(1, _NAMES_TRIED):
+        ending = f"-{number}" if number > 1 else ""
+        parts = [
+            UploadPart("model.onnx", io.BytesIO(onnx)),
+            UploadPart("model_metadata.json", io.BytesIO(metadata)),
+        ]
+        wanted = name[: _NAME_LIMIT - len(ending)] + ending
+        try:
+            uploaded = upload_model(owner=job.owner, files=parts, name=wanted, description=job.description, now=now)
+        except UserFault as fault:
+            if fault.code != "model_name_taken":
+                raise
+        else:
+            return uploaded.model
+    raise UserFault("training_name_taken", name=name)

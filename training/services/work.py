@@ -1,0 +1,233 @@
+"""One turn of a trainer: claim a training, run it under a heartbeat, write down how it ended."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import traceback
+import uuid
+from collections.abc import Callable
+from time import monotonic, sleep
+from typing import Any
+
+from django.conf import settings
+from django.db import connections
+from django.utils import timezone
+
+from evaluation.models import TrainedModel
+from faults import PaddockError, PlatformFault, UserFault
+
+from ..models import Checkpoint, TrainingJob
+from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
+from ..trainer.spec import TrainerSpec
+from .create import course_of
+from .leases import beat, claim_next_training, fail_training, held, release_training
+from .records import append_log, keep_checkpoint, record_iteration
+from .results import admit_networks, finish_training
+
+logger = logging.getLogger(__name__)
+BEAT_S = 1.0
+_ADMISSIONS_TRIED, _ADMISSION_WAIT_S = 5, 5.0
+
+
+def run_next_training(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
+    """Run the training that has waited longest to its end. False: nothing waits.
+
+    ``interrupted`` turns true when the worker is told to shut down: the training is then handed back, and goes on from
+    its last checkpoint.
+    """
+    job = claim_next_training(worker=worker, now=timezone.now())
+    if job is None:
+        return False
+    logger.info("Training %s attempt %s starts.", job.public_id, job.attempt)
+    with _Heart(job) as heart:
+        how = _Turn(job, heart, interrupted).take()
+    logger.info("Training %s %s.", job.public_id, how)
+    return True
+
+
+def spec_of(job: TrainingJob, seconds_before: float = 0.0) -> TrainerSpec:
+    """What the trainer gets to know of a job."""
+    return TrainerSpec(
+        track=job.track.geometry.in_direction(job.direction).to_dict(),
+        race_type=job.race_type,
+        course=course_of(job),
+        metadata=job.metadata,
+        algorithm=job.algorithm,
+        hyperparameters=job.hyperparameters,
+        reward_code=job.reward_code,
+        stop_seconds=job.stop_minutes * 60.0,
+        stop_steps=job.stop_steps,
+        stop_clean_laps=job.stop_clean_laps,
+        trials=job.trials,
+        best_metric=job.best_metric,
+        seed=job.seed,
+        seconds_before=seconds_before,
+    )
+
+
+class _Turn(Listener):
+    """One claimed training in this worker's hands."""
+
+    def __init__(self, job: TrainingJob, heart: _Heart, interrupted: Callable[[], bool]) -> None:
+        self._job, self._heart, self._interrupted = job, heart, interrupted
+        self._lease: uuid.UUID = job.lease
+        self._best = self._last = b""
+
+    def take(self) -> str:
+        """Run it. How it ended, for our log."""
+        job, ended, fault = self._job, None, None
+        detail = ""
+        try:
+            ended = self._train()
+        except Exception as error:
+            if self._heart.lost:
+                return "was given to somebody else"
+            if self._interrupted():
+                release_training(job_id=job.pk, lease=self._lease, now=timezone.now())
+                return "handed back"
+            fault, detail = _fault_of(error)
+            if isinstance(fault, PlatformFault) or not self._best:
+                return self._fail(fault, detail)
+        try:
+            models = self._admitted()
+        except Exception as error:
+            return self._fail(*_fault_of(error))
+        if fault is not None:
+            self._log(f"ended early: {fault}")
+        else:
+            self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
+        done = finish_training(job=job, lease=self._lease, ended=ended, models=models, fault=fault, now=timezone.now())
+        return ("failed" if fault else "finished") if done else "was given to somebody else"
+
+    def _train(self) -> Ended:
+        job = self._job
+        start, blob, seconds_before = "", b"", 0.0
+        checkpoint = Checkpoint.objects.filter(job=job).order_by("-iteration").first()
+        if checkpoint is not None:
+            start, blob, seconds_before = CHECKPOINT, _read(checkpoint.file), checkpoint.seconds
+            self._log(f"goes on from its checkpoint after iteration {checkpoint.iteration}")
+        elif job.cloned_from is not None:
+            start, blob = WEIGHTS, _read(job.cloned_from.network.onnx)
+        return train(
+            spec_of(job, seconds_before),
+            self,
+            start=start,
+            blob=blob,
+            asked_to_stop=lambda: self._heart.stop_asked,
+            abandoned=lambda: self._heart.lost or self._interrupted(),
+        )
+
+    def ready(self) -> None:
+        self._log(f"training starts on {self._job.worker}")
+
+    def alive(self, steps: int, seconds: float) -> None:
+        self._heart.tell({**self._heart.progress, "steps": steps, "seconds": seconds})
+
+    def iteration(self, iteration: Iteration) -> None:
+        values = iteration.values
+        self._last = iteration.onnx
+        if values["is_best"]:
+            self._best = iteration.onnx
+        self._heart.tell(
+            {
+                "iteration": values["number"],
+                "steps": values["steps"],
+                "seconds": values["seconds"],
+                "steps_per_second": values["steps_per_second"],
+            }
+        )
+        record_iteration(job=self._job, lease=self._lease, iteration=iteration, now=timezone.now())
+        lap = f", lap {values['eval_lap_ms'] / 1000:.3f} s" if values["eval_lap_ms"] else ""
+        best = ", the best so far" if values["is_best"] else ""
+        self._log(
+            f"iteration {values['number']}: {values['steps']} steps, progress {values['eval_progress']:.0f} %, "
+            f"reward {values['eval_reward']:.1f}{lap}{best}"
+        )
+
+    def checkpoint(self, state: SavedState) -> None:
+        keep_checkpoint(job=self._job, lease=self._lease, saved=state, now=timezone.now())
+
+    def _admitted(self) -> tuple[TrainedModel, TrainedModel]:
+        """The models; a garage that others keep busy is asked again."""
+        for left in reversed(range(_ADMISSIONS_TRIED)):
+            try:
+                return admit_networks(job=self._job, best=self._best or self._last, last=self._last, now=timezone.now())
+            except PlatformFault as fault:
+                if fault.code != "upload_busy" or not left:
+                    raise
+                sleep(_ADMISSION_WAIT_S)
+        raise AssertionError("unreachable")
+
+    def _fail(self, fault: PaddockError, detail: str) -> str:
+        self._log(f"failed: {fault}")
+        ended = fail_training(job_id=self._job.pk, lease=self._lease, fault=fault, now=timezone.now(), detail=detail)
+        return f"failed: {fault.code}" if ended else "was given to somebody else"
+
+    def _log(self, line: str) -> None:
+        if held(self._job.pk, self._lease).exists():
+            append_log(job_id=self._job.pk, line=line, now=timezone.now())
+
+
+class _Heart(threading.Thread):
+    """Keeps the lease alive while the training goes on, and carries the progress to the database about once a second.
+
+    ``lost``: the lease is gone, or the database could not be reached for as long as a lease lasts. ``stop_asked``: the
+    owner wants it to end.
+    """
+
+    def __init__(self, job: TrainingJob) -> None:
+        super().__init__(name=f"heart of training {job.public_id}", daemon=True)
+        self._held: dict[str, Any] = {"job_id": job.pk, "lease": job.lease}
+        self._ended = threading.Event()
+        self._told = False
+        self.progress: dict[str, Any] = {}
+        self.lost = False
+        self.stop_asked = job.stop_asked_at is not None
+
+    def __enter__(self) -> _Heart:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._ended.set()
+        self.join()
+
+    def tell(self, progress: dict[str, Any]) -> None:
+        """Take the newest progress; the next beat writes it."""
+        self.progress, self._told = progress, True
+
+    def run(self) -> None:
+        last = monotonic()
+        every = min(BEAT_S, settings.LEASE_SECONDS / 6)
+        try:
+            while not self._ended.wait(every) and not self.lost:
+                told, self._told = self._told, False
+                try:
+                    pulse = beat(**self._held, progress=self.progress if told else None, now=timezone.now())
+                except Exception as error:  # the database may be away in many ways
+                    logger.warning("A heartbeat could not be written: %s", error)
+                    connections.close_all()
+                    self.lost = monotonic() - last > settings.LEASE_SECONDS
+                else:
+                    last = monotonic()
+                    self.lost = not pulse.held
+                    self.stop_asked = self.stop_asked or pulse.stop_asked
+        finally:
+            connections.close_all()
+
+
+def _read(stored: Any) -> bytes:
+    try:
+        with stored.open("rb") as file:
+            return file.read()
+    except OSError as error:
+        raise PlatformFault("storage_failed") from error
+
+
+def _fault_of(error: Exception) -> tuple[PaddockError, str]:
+    """The fault to record for whatever was raised, and what operators read about it."""
+    if isinstance(error, UserFault):
+        return error, "\n".join(getattr(error, "__notes__", ()))
+    fault = error if isinstance(error, PlatformFault) else PlatformFault("internal_error")
+    return fault, "".join(traceback.format_exception(error))

@@ -1,0 +1,45 @@
+"""Celery's side of training: thin, because the table of jobs is the truth and a message only a bell.
+
+Trainings have a queue and workers of their own (``--queues training``), so that an evaluation never waits for one.
+"""
+
+from __future__ import annotations
+
+import logging
+
+from celery import shared_task
+from django.conf import settings
+from django.utils import timezone
+
+from evaluation.services import note_worker
+from evaluation.tasks import shutdown_flag
+from faults import PlatformFault
+
+from .services import ring_training_bell, run_next_training, sweep_trainings
+
+logger = logging.getLogger(__name__)
+
+
+@shared_task(bind=True)
+def train(self) -> bool:
+    """Run one training; ring again if it was one. Without torch, or below the sandbox's minimum, none runs."""
+    worker = self.request.hostname or "local"
+    if not settings.TRAINING or settings.TRAINING_PAUSED:
+        return False
+    try:
+        note_worker(name=worker, now=timezone.now())
+    except PlatformFault as fault:
+        logger.error("%s trains nothing: %s", worker, fault)
+        return False
+    sweep_trainings(now=timezone.now(), ring=False)
+    with shutdown_flag() as told_to_stop:
+        ran = run_next_training(worker=worker, interrupted=told_to_stop.is_set)
+        if ran and not told_to_stop.is_set():
+            ring_training_bell()
+    return ran
+
+
+@shared_task
+def sweep() -> int:
+    """Requeue trainings that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
+    return sweep_trainings(now=timezone.now())
