@@ -6,8 +6,11 @@ nobody but whoever wrote it.
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import signal
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -66,11 +69,31 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
     return Answer([(raised, None)])
 
 
+def line_of(process: SandboxedProcess, patience_s: float = 1.0) -> int | None:
+    """The reward function's line in which a process that has called :func:`.watch.arm` is right now; None if it does
+    not say in time (it is busy elsewhere, or the racer's code took that away)."""
+    before = len(process.stderr_text())
+    with contextlib.suppress(OSError, TypeError):
+        os.kill(process.inner_pid, signal.SIGUSR1)
+        until = time.monotonic() + patience_s
+        while time.monotonic() < until:
+            line = line_in(process.stderr_text()[before:])
+            if line is not None:
+                return line
+            time.sleep(0.02)
+    return None
+
+
 def _too_long(process: SandboxedProcess) -> UserFault | PlatformFault:
-    """Out of wall time: the function's fault if it had the processor, or did not want it."""
-    if process.wants_processor() and process.cpu_seconds() < LIMIT_S:
+    """Out of wall time: the function's fault if it had its time of the processor, or did not want it."""
+    computes, seconds = process.wants_processor(), process.cpu_seconds()
+    if not computes:
+        line_of(process)
+        return _stuck(process, "it waited for something")
+    if seconds < LIMIT_S:
         return PlatformFault("reward_check_failed")
-    return _stuck(process, "it waited for something")
+    line_of(process)
+    return _at("reward_too_slow", process.stderr_text())
 
 
 def _death(process: SandboxedProcess) -> UserFault | PlatformFault:

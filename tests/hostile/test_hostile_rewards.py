@@ -1,0 +1,97 @@
+"""Every hostile reward function ends with the code that its folder is named after, in a line marked ``# here``.
+
+``tests/hostile/reward_<...>/<case>.txt`` is the function itself.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from evaluation.sandbox.limits import REWARD
+from faults.reasons.training import REWARD_REASONS
+from training.rewards.validate import check_reward, validate_reward
+
+from .test_hostile import children, descriptors
+
+HERE = Path(__file__).parent
+CASES = sorted(path.relative_to(HERE).with_suffix("").as_posix() for path in HERE.glob("reward_*/*.txt"))
+COMPUTING = ("reward_too_slow", "reward_memory")  # these take seconds
+GOOD = "def reward_function(params):\n    return params['progress']\n"
+SLOW = ("reward_stuck/waits_for_ever", "reward_prints_too_much/a_gigabyte_at_once")
+
+
+def source(case: str) -> str:
+    return (HERE / f"{case}.txt").read_text()
+
+
+def marked_lines(text: str) -> set[int | None]:
+    """The lines to be told, one of them; a loop may be stopped at its head or in its body."""
+    return {number for number, line in enumerate(text.splitlines(), 1) if line.endswith("# here")} or {None}
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=pytest.mark.slow if case.startswith(COMPUTING) or case in SLOW else ())
+        for case in CASES
+    ],
+)
+def test_a_hostile_reward_function_ends_with_its_code_and_line(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = source(case)
+    before, began = (descriptors(), children()), time.monotonic()
+    problems = validate_reward(text)
+    (problem,) = problems
+    assert problem.code == case.split("/")[0]
+    assert problem.line in marked_lines(text)
+    assert problem.message == REWARD_REASONS[problem.code].sentence % problem.params, "a parameter is missing"
+    assert problem.message.isprintable()
+    assert (descriptors(), children()) == before, "something was left open or running"
+    assert list(tmp_path.iterdir()) == [], "something was written"
+    assert time.monotonic() - began < REWARD.wall_s + 5.0
+
+
+def test_what_writes_its_own_answer_fools_nobody_else() -> None:
+    """It may say of itself that all is well, as it may say so by returning a 1; the next function is judged anew."""
+    liar = source("reward_stuck/answers_with_an_endless_reward").replace("1e999", "1e9").replace("[:43]", "")
+    liar = liar.replace(r"\x2b", r"\x2a")
+    assert check_reward(liar).rewards == {"start": 1e9}
+    assert validate_reward(GOOD) == []
+    assert [problem.code for problem in validate_reward(source("reward_not_finite/nan"))] == ["reward_not_finite"]
+
+
+def test_one_character_more_than_allowed_is_too_long() -> None:
+    longest = GOOD + "#" * (140_000 - len(GOOD))
+    assert validate_reward(longest) == []
+    assert [problem.code for problem in validate_reward(longest + "#")] == ["reward_length"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" * 50_000,
+        "-" * 100_000 + "1",
+        "a." * 60_000 + "a",
+        "[" * 90 + "]" * 90 + "\n" + "if 1:\n" + " if 1:\n" * 1,
+        "x = '\0'",
+        "x = '\ud800'",
+        "\ufeff\x0c" * 1000 + "%",
+        "lambda: " * 15_000 + "1",
+        "f(" * 30_000,
+        "x" + "[0]" * 40_000,
+    ],
+    ids=range(10),
+)
+def test_a_text_that_is_meant_for_the_parser_ends_as_no_python(text: str) -> None:
+    (problem,) = validate_reward(text)
+    assert problem.code in ("reward_syntax", "reward_stuck", "reward_function_missing", "reward_memory")
+    assert problem.message.isprintable()
+
+
+def test_every_code_of_a_reward_function_has_a_case() -> None:
+    assert {case.split("/")[0] for case in CASES} == set(REWARD_REASONS)
