@@ -6,7 +6,6 @@ with ``benchmarks/training.py``. How they map onto stable-baselines3: :mod:`trai
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -107,7 +106,7 @@ def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str,
 
 def _in_range(name: str, value: Any) -> int | float:
     bounds = RANGES[name]
-    right = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    right = isinstance(value, int | float) and not isinstance(value, bool)
     if not right or not bounds.low <= value <= bounds.high or (bounds.whole and value != int(value)):
         kind = "a whole number" if bounds.whole else "a number"
         raise UserFault("training_hyperparameter", name=name, kind=kind, low=f"{bounds.low:g}", high=f"{bounds.high:g}")

@@ -1,0 +1,209 @@
+"""Real trainings behind the wall: they learn, end in good order whatever happens, and leave what they promise."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import zipfile
+from datetime import timedelta
+from time import monotonic, sleep
+
+import pandas
+import pytest
+from django.core.files.storage import default_storage
+from django.db import connections
+from django.utils import timezone
+
+from evaluation.models import TrainedModel
+from evaluation.simulator.trace import COLUMNS
+from races.models import Submission
+from tests.evaluation.processes import environment
+from tests.factories import a_race
+from tests.shared import CHECKOUT
+from tests.training.jobs import REWARD, a_training
+from training.files import logs_zip, simtrace, training_metrics
+from training.hyperparameters import DEFAULT_BOUNDS
+from training.models import Checkpoint, JobState, TrainingJob, Vehicle
+from training.services import run_next_training, stop_training, sweep_trainings
+
+pytest.importorskip("torch", reason="training is not installed: make training")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.django_db(transaction=True),
+    pytest.mark.usefixtures("training_bell", "bell"),
+    pytest.mark.xdist_group("training"),
+]
+SHORT = {"hyperparameters": {"num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3}, "trials": 1}
+
+
+def run(job: TrainingJob) -> TrainingJob:
+    assert run_next_training(worker="tester")
+    job.refresh_from_db()
+    return job
+
+
+def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval, now):
+    race = a_race(now=timezone.now(), track=oval)
+    job = run(a_training(alice, oval, now, stop_clean_laps=3, stop_minutes=5, submit_to_race=race))
+    assert (job.state, job.reason, job.operator_detail) == (JobState.FINISHED, "", "")
+    assert job.best_model.name == "first"
+    assert job.best_model.metadata["action_space"] == job.action_space
+    last = job.iterations.last()
+    assert (last.eval_progress, last.eval_clean_laps, last.is_best) == (100.0, 3, True)
+    assert 5_000 < last.eval_lap_ms < 30_000
+    assert [one.is_best for one in job.iterations.all()].count(True) == 1
+    assert len(job.driving) > 50 and all(len(place) == 4 for place in job.driving)
+    assert job.submission == Submission.objects.get()
+    assert job.submission.evaluation.model == job.best_model
+    assert not Checkpoint.objects.exists()
+    assert not [name for name in default_storage.listdir(f"training/{job.public_id}")[1] if "checkpoint" in name]
+    assert "the best so far" in job.log
+
+    trace = pandas.read_csv(io.BytesIO(simtrace(job.iterations.first())))
+    assert tuple(trace.columns) == COLUMNS
+    assert trace["reward"].max() == 1.0
+    metrics = training_metrics(job)
+    assert {one["phase"] for one in metrics["metrics"]} == {"training", "evaluation"}
+    assert metrics["best_model_metric"] == "progress"
+    with zipfile.ZipFile(io.BytesIO(logs_zip(job))) as archive:
+        assert json.loads(archive.read("metrics/training/training-metrics.json")) == metrics
+        assert archive.read("reward_function.py").decode() == REWARD
+        assert "sim-trace/training/training-simtrace/0-iteration.csv" in archive.namelist()
+
+    from stable_baselines3 import PPO
+
+    with job.sb3_zip.open("rb") as file:
+        learner = PPO.load(io.BytesIO(file.read()))
+    assert learner.num_timesteps == job.steps_done
+
+    clone = run(a_training(alice, oval, now, name="clone", clone_from=job.best_model, stop_steps=1, **SHORT))
+    assert clone.state == JobState.FINISHED
+    assert clone.iterations.first().eval_progress > 50.0, "it begins with what the other has learned"
+
+
+def test_the_same_seed_makes_the_same_weights(alice, oval, now):
+    first = run(a_training(alice, oval, now, stop_steps=1000, **SHORT))
+    kept = (first.best_model_id, first.last_model_id)
+    TrainedModel.objects.filter(owner=alice).update(name="renamed", deleted_at=None)
+    second = run(a_training(alice, oval, now, name="second", stop_steps=1000, **SHORT))
+    assert (second.best_model_id, second.last_model_id) == kept, "the same network is the same model of the garage"
+    other = run(a_training(alice, oval, now, name="third", stop_steps=1000, **SHORT | {"seed": 1}))
+    assert other.last_model_id not in kept
+
+
+def test_sac_learns_with_two_sensors(alice, oval, now):
+    vehicle = Vehicle.objects.create(owner=alice, name="Both", sensors=["STEREO_CAMERAS", "SECTOR_LIDAR"])
+    job = run(
+        a_training(
+            alice,
+            oval,
+            now,
+            vehicle=vehicle,
+            algorithm="sac",
+            action_space_type="continuous",
+            action_space=DEFAULT_BOUNDS,
+            race_type="object_avoidance",
+            random_boxes=2,
+            stop_steps=1000,
+            trials=1,
+            hyperparameters={"num_episodes_between_training": 5, "batch_size": 64},
+        )
+    )
+    assert (job.state, job.operator_detail) == (JobState.FINISHED, "")
+    assert job.best_model.metadata["training_algorithm"] == "sac"
+    assert all(one.value_loss is not None for one in job.iterations.all())
+
+
+def test_one_that_is_stopped_at_once_leaves_a_model(alice, oval, now):
+    job = a_training(alice, oval, now, **SHORT)
+    thread = threading.Thread(target=stop_soon, args=(job.pk,))
+    thread.start()
+    run(job)
+    thread.join()
+    assert job.state == JobState.STOPPED
+    assert job.best_model is not None and job.sb3_zip
+
+
+def stop_soon(pk: int) -> None:
+    """Stop the training as its owner would, as soon as it runs."""
+    deadline = monotonic() + 60
+    while monotonic() < deadline:
+        job = TrainingJob.objects.get(pk=pk)
+        if job.state == JobState.RUNNING:
+            stop_training(job=job, now=timezone.now())
+            break
+        sleep(0.1)
+    connections.close_all()
+
+
+def test_one_that_waits_is_stopped_at_once(alice, oval, now):
+    job = a_training(alice, oval, now)
+    assert stop_training(job=job, now=now)
+    assert (job.state, job.ended_at) == (JobState.STOPPED, now)
+    assert not stop_training(job=job, now=now)
+    assert not run_next_training(worker="tester")
+
+
+def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
+    job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
+    command = [sys.executable, "-m", "tests.training.train_worker"]
+    worker = subprocess.Popen(command, cwd=CHECKOUT, env=environment("redis://127.0.0.1:1/0"), start_new_session=True)
+    try:
+        wait_for(lambda: Checkpoint.objects.filter(job=job).exists(), worker)
+    finally:
+        os.kill(worker.pid, signal.SIGKILL)
+        worker.wait()
+    checkpoint = Checkpoint.objects.filter(job=job).first()
+    job.refresh_from_db()
+    assert (job.state, job.attempt, job.worker) == (JobState.RUNNING, 1, "to be killed")
+    assert not run_next_training(worker="other"), "the lease is still good"
+
+    sweep_trainings(now=job.leased_until + timedelta(seconds=1))
+    job.refresh_from_db()
+    assert job.state == JobState.QUEUED
+    TrainingJob.objects.filter(pk=job.pk).update(stop_steps=checkpoint.steps + 1500)
+    run(job)
+    assert (job.state, job.attempt) == (JobState.FINISHED, 2), job.operator_detail
+    assert f"goes on from its checkpoint after iteration {checkpoint.iteration}" in job.log
+    assert job.steps_done >= checkpoint.steps + 1500
+    assert job.seconds_done > checkpoint.seconds
+    numbers = list(job.iterations.values_list("number", flat=True))
+    assert numbers == list(range(1, len(numbers) + 1))
+    steps = list(job.iterations.values_list("steps", flat=True))
+    assert steps == sorted(set(steps))
+    assert not Checkpoint.objects.exists()
+
+
+def wait_for(condition, worker: subprocess.Popen) -> None:
+    deadline = monotonic() + 120
+    while not condition():
+        assert worker.poll() is None, "the worker ended"
+        assert monotonic() < deadline, "it took too long"
+        sleep(0.1)
+
+
+def test_a_reward_function_that_fails_ends_the_training_with_code_and_line(alice, oval, now):
+    code = "def reward_function(params):\n    return 1 / params['nothing']\n"
+    job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
+    assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 2)
+    assert job.best_model is None
+    assert not TrainedModel.objects.exists()
+
+
+def test_what_was_learned_before_the_reward_function_failed_is_kept(alice, oval, now):
+    code = "calls = 0\ndef reward_function(params):\n    global calls\n    calls += 1\n    return 1 / (60 - calls)\n"
+    job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
+    assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 5)
+    assert job.iterations.exists() and job.best_model is not None
+
+
+def test_a_reward_function_that_ends_its_process_hurts_nobody(alice, oval, now):
+    code = "def reward_function(params):\n    params.__class__.__base__\n    raise SystemExit(0)\n"
+    job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
+    assert job.state == JobState.FAILED
+    assert job.reason_code in ("reward_raised", "reward_stuck")
