@@ -8,13 +8,14 @@ from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
 from django.db.models import QuerySet
-from django.forms import BaseInlineFormSet
+from django.forms import BaseInlineFormSet, ModelForm
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .models import Membership, Racer, Round, Season
+from .models.season import usual_stage
 
 # E-mail addresses are shown with their racer and nowhere else.
 for model in (EmailAddress, EmailConfirmation):
@@ -117,26 +118,37 @@ class RacerAdmin(UserAdmin):
         self.message_user(request, ngettext("%d racer was changed.", "%d racers were changed.", done) % done)
 
 
+class RoundForm(ModelForm):
+    """A round; its stage is the usual one of its race's division unless another is chosen."""
+
+    def clean(self) -> dict:
+        data = super().clean() or self.cleaned_data
+        if data.get("race") is not None and not data.get("stage"):
+            data["stage"] = usual_stage(data["race"])
+        return data
+
+
 class RoundFormSet(BaseInlineFormSet):
     """Rounds that are written together are held against each other too."""
 
     def clean(self) -> None:
-        super().clean()
         seen = set()
         for form in self.forms:
             data = getattr(form, "cleaned_data", {})
             if data.get("race") is None or data.get("DELETE"):
                 continue
-            place = data.get("number"), data["race"].division
+            place = data.get("number"), data.get("stage")
             if place in seen:
                 form.add_error("number", _("This division already has a race in this round of the season."))
             seen.add(place)
+        super().clean()
 
 
 class RoundInline(admin.TabularInline):
     """The races that are the season's rounds. A race is made first, under Races, then named here."""
 
     model = Round
+    form = RoundForm
     formset = RoundFormSet
     extra = 1
     autocomplete_fields = ("race",)

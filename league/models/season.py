@@ -9,10 +9,11 @@ from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
+from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
 from races.errors import problem
-from races.models import ONE_LINE, Division, Kind, RankingMethod
+from races.models import ONE_LINE, Division, Kind, Race, RankingMethod
 
 # The table of a round that many championships use. Nobody is bound to it.
 DEFAULT_POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
@@ -45,6 +46,11 @@ DIVISION_OF = {
 }
 WITH_POINTS = (Stage.OPEN, Stage.PRO, Stage.SINGLE)
 WITH_FIELD = (Stage.FINALE, Stage.CHAMPIONSHIP)
+
+
+def usual_stage(race: Race) -> Stage:
+    """What a race of the league is in its round unless somebody says otherwise."""
+    return {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO}.get(race.division, Stage.SINGLE)
 
 
 class Season(models.Model):
@@ -107,6 +113,9 @@ class Season(models.Model):
 
     def __str__(self) -> str:
         return self.name
+
+    def get_absolute_url(self) -> str:
+        return reverse("season", args=[self.slug])
 
     @property
     def steward_window(self) -> timedelta:
@@ -255,7 +264,8 @@ class Round(models.Model):
         return f"{self.season} · {self.number}"
 
     def save(self, *args: object, **kwargs: object) -> None:
-        self.stage = self.stage or self._usual_stage()
+        if not self.stage and self.race_id:
+            self.stage = usual_stage(self.race)
         super().save(*args, **kwargs)
 
     def clean(self) -> None:
@@ -267,7 +277,7 @@ class Round(models.Model):
             return
         if self.race.kind != Kind.LEAGUE:
             raise ValidationError({"race": _("Only a league race can be a round. This is a community race.")})
-        self.stage = self.stage or self._usual_stage()
+        self.stage = self.stage or usual_stage(self.race)
         if self.stage in DIVISION_OF and self.race.division != DIVISION_OF[Stage(self.stage)]:
             division = Division(DIVISION_OF[Stage(self.stage)]).label
             raise ValidationError({"stage": problem("round_of_another_division", division=str(division))})
@@ -284,10 +294,6 @@ class Round(models.Model):
         other = overlap.select_related("race").first()
         if other is not None:
             raise ValidationError({"race": problem("rounds_overlap", race=self.race.name, other=other.race.name)})
-
-    def _usual_stage(self) -> str:
-        stages = {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO}
-        return stages.get(self.race.division, Stage.SINGLE) if self.race_id else ""
 
     @property
     def division(self) -> str:

@@ -95,6 +95,17 @@ def test_only_superusers_give_power(client):
     assert client.get(reverse("admin:auth_user_password_change", args=[boss.pk])).status_code == 403
 
 
+# what the form of a season is filled with from the start
+NUMBERS = {
+    "promotion_percent": "10",
+    "finale_size": "16",
+    "championship_places": "3",
+    "points": "[25, 18, 15]",
+    "drop_worst": "0",
+    "steward_hours": "48",
+}
+
+
 def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(boss, now):
     opened = a_race(now, kind="league", division="open")
     again = a_race(now, kind="league", division="open")
@@ -104,6 +115,7 @@ def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(
         "name": "2026",
         "starts_on": "2026-01-01",
         "ends_on": "2026-12-31",
+        **NUMBERS,
         "rounds-TOTAL_FORMS": "1",
         "rounds-INITIAL_FORMS": "0",
         "rounds-0-number": "1",
@@ -119,6 +131,7 @@ def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(
     assert boss.post(reverse("admin:league_season_add"), data | {"rounds-0-race": str(opened.pk)}).status_code == 302
     season = Season.objects.get()
     assert season.rounds.get().race == opened
+    assert season.rounds.get().stage == "open-qualifier"
     data |= {
         "rounds-TOTAL_FORMS": "2",
         "rounds-INITIAL_FORMS": "1",
@@ -131,6 +144,25 @@ def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(
     }
     page = boss.post(reverse("admin:league_season_change", args=[season.pk]), data)
     assert "already has a race in this round" in page.content.decode()
+    data["rounds-1-race"] = str(a_race(now, kind="league", division="pro").pk)
+    assert boss.post(reverse("admin:league_season_change", args=[season.pk]), data).status_code == 302
+    assert set(season.rounds.values_list("number", "stage")) == {(1, "open-qualifier"), (1, "pro-qualifier")}
+
+
+@pytest.mark.parametrize(
+    "field, value, told",
+    [
+        ("promotion_percent", "100", "less than 100 per cent"),
+        ("points", "[1, 2]", "never rises"),
+        ("championship_places", "17", "cannot qualify more"),
+    ],
+)
+def test_numbers_that_make_no_season_are_told_on_their_field(boss, field, value, told):
+    data = {"slug": "x", "name": "X", "starts_on": "2026-01-01", "ends_on": "2026-02-01"} | NUMBERS
+    data |= {"rounds-TOTAL_FORMS": "0", "rounds-INITIAL_FORMS": "0", field: value}
+    page = boss.post(reverse("admin:league_season_add"), data)
+    assert told in page.content.decode() and field in page.context["adminform"].errors
+    assert not Season.objects.exists()
 
 
 def test_a_season_that_ends_before_it_starts_gives_a_readable_error(boss):
