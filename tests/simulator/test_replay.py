@@ -11,10 +11,11 @@ from django.core.management import call_command
 from evaluation.simulator.car import Pose
 from evaluation.simulator.physics import PADDOCK_CAR
 from evaluation.simulator.recording import State, read_drives
-from evaluation.simulator.replay import compare, estimate
+from evaluation.simulator.replay import compare, estimate, share_on_track
 from evaluation.simulator.response import Response
 from evaluation.simulator.world import World
 from tests.shared import SHARED, needs_shared
+from tracks.npy import read_npy
 
 TRACES = ("a-to-z-2023-evaluation", "spain-2026-training-0", "spain-2026-training-1")
 HEADER = "episode,steps,X,Y,yaw,steer,throttle,tstamp,episode_status"
@@ -39,7 +40,7 @@ def own_drive(steps=60, steering=lambda step: 20.0 * math.sin(step / 5), speed=1
 def test_the_car_drives_as_the_official_simulators_car_did(name):
     comparison = compare(read_drives((SHARED / "traces" / f"{name}.csv").read_bytes()))
     after_1_s = comparison.to_dict()["1"]
-    assert after_1_s["starts"] >= 40
+    assert comparison.replayed()["1"] >= 40
     assert after_1_s["position_m"]["median"] <= 0.15
     assert after_1_s["heading_deg"]["median"] <= 8
     # A third of the bicycle's error where turns last; in the drives of a network that still tries its actions at random
@@ -112,9 +113,35 @@ def test_the_command_prints_the_figures_of_each_horizon_as_json(run, tmp_path):
     assert report["track"] and report["engine"] and report["starts"] > 0
     assert report["physics"] == {"name": PADDOCK_CAR.name, "version": PADDOCK_CAR.version}
     assert set(report["horizons"]) == {"0.33", "1", "2"}
+    assert set(report["replayed"]) == {"0.33", "1", "2"}
     for found in report["horizons"].values():
-        for key in ("position_m", "heading_deg", "bicycle_position_m", "bicycle_heading_deg"):
-            assert 0 <= found[key]["median"] <= found[key]["p90"]
+        assert set(found) == {"position_m", "heading_deg", "bicycle_position_m", "bicycle_heading_deg"}
+        for spread in found.values():
+            assert set(spread) == {"median", "p90"}
+            assert 0 <= spread["median"] <= spread["p90"]
+
+
+def test_a_horizon_that_no_drive_reaches_has_no_figures(run, tmp_path):
+    path = write_csv(tmp_path / "drive.csv", own_drive(steps=25))
+    status, out, _ = run(path, "--json")
+    report = json.loads(out)
+    assert status == 0 and report["replayed"]["2"] == 0
+    assert report["horizons"]["2"]["position_m"] == {"median": None, "p90": None}
+    status, out, _ = run(path)
+    assert status == 0 and "   1 s" in out and "   2 s" not in out
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("trace", "track"),
+    [("a-to-z-2023-evaluation", "reInvent2019_wide"), ("spain-2026-training-0", "Spain_track")],
+)
+def test_a_recording_is_known_to_lie_on_its_track_wherever_the_file_has_its_origin(trace, track):
+    drives = read_drives((SHARED / "traces" / f"{trace}.csv").read_bytes())
+    geometry = read_npy((SHARED / "tracks" / f"{track}.npy").read_bytes(), track)
+    assert share_on_track(drives, geometry) > 0.95
+    other = read_npy((SHARED / "tracks" / "Bowtie_track.npy").read_bytes(), "other")
+    assert share_on_track(drives, other) < 0.8
 
 
 def test_the_command_prints_a_table(run, tmp_path):

@@ -57,6 +57,7 @@ class Command(BaseCommand):
             "on_track": round(share_on_track(drives, geometry), 3),
             "drives": len(drives),
             "starts": comparison.starts,
+            "replayed": comparison.replayed(),
             "horizons": comparison.to_dict(),
         }
         if report["on_track"] < ANOTHER_TRACK:
@@ -78,12 +79,14 @@ class Command(BaseCommand):
         self.stdout.write("                    our car                        bicycle")
         self.stdout.write("after    starts     median         p90             median         p90")
         for horizon, found in report["horizons"].items():
+            if not report["replayed"][horizon]:
+                continue
             cells = [
                 f"{found[prefix + 'position_m'][figure]:5.3f} m {found[prefix + 'heading_deg'][figure]:5.1f}°"
                 for prefix in ("", "bicycle_")
                 for figure in ("median", "p90")
             ]
-            self.stdout.write(f"{horizon:>4} s {found['starts']:>9}   " + "  ".join(cells))
+            self.stdout.write(f"{horizon:>4} s {report['replayed'][horizon]:>9}   " + "  ".join(cells))
 
 
 def _read(path: Path) -> bytes:
