@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from itertools import chain
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -40,17 +40,19 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
     must not be shared.
     """
 
+    make_setting: ClassVar[Callable[..., Setting]]  # of a child: one of :mod:`.envs.setting`
+
     def __init__(
         self,
-        make_setting: Callable[..., Setting],
-        options: dict[str, Any],
-        num_envs: int,
+        num_envs: int = 1,
+        *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
         render_mode: str | None = None,
+        **options: Any,
     ) -> None:
-        """``make_setting`` with its ``options``: see :mod:`.envs.setting`. ``copy=False`` returns the same observation
-        arrays from every call, which saves a copy of them.
+        """``options``: those of a single environment. ``copy=False`` returns the same observation arrays from every
+        call, which saves a copy of them.
 
         Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and too few or too many
         reward functions.
@@ -63,10 +65,10 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         if isinstance(rewards, Sequence):
             if len(rewards) != num_envs:
                 raise ValueError(f"{num_envs} cars need as many reward functions, not {len(rewards)}")
-            setting = make_setting(**{**options, "reward_function": rewards[0]})
+            setting = self.make_setting(**{**options, "reward_function": rewards[0]})
             self._settings = [replace(setting, reward_function=function) for function in rewards]
         else:
-            setting = make_setting(**options)
+            setting = self.make_setting(**options)
             self._settings = [setting] * num_envs
         self.num_envs = num_envs
         self.setting = setting
@@ -210,43 +212,16 @@ def _mask(mask: Any, count: int) -> np.ndarray:
 class TimeTrialVectorEnv(RacingVectorEnv):
     """Many cars of ``Paddock/TimeTrial-v1``, with the same arguments."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        copy: bool = True,
-        render_mode: str | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(time_trial, options, num_envs, autoreset_mode, copy, render_mode)
+    make_setting = staticmethod(time_trial)
 
 
 class ObjectAvoidanceVectorEnv(RacingVectorEnv):
     """Many cars of ``Paddock/ObjectAvoidance-v1``, with the same arguments; each has boxes of its own."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        copy: bool = True,
-        render_mode: str | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(object_avoidance, options, num_envs, autoreset_mode, copy, render_mode)
+    make_setting = staticmethod(object_avoidance)
 
 
 class HeadToHeadVectorEnv(RacingVectorEnv):
     """Many cars of ``Paddock/HeadToHead-v1``, with the same arguments; each has bots of its own."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        copy: bool = True,
-        render_mode: str | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(head_to_head, options, num_envs, autoreset_mode, copy, render_mode)
+    make_setting = staticmethod(head_to_head)
