@@ -38,6 +38,6 @@ CONVERTER = Limits("converter", address_space_mb=2048, cpu_s=30, open_files=16, 
 RUNNER = Limits("runner", address_space_mb=1024, cpu_s=1200, open_files=64, wall_s=1200)
 # torch alone maps 0.85 GB; processor and wall time are those of the job, see training.trainer.client
 TRAINER = Limits("trainer", address_space_mb=2560, cpu_s=2 * 86_400, open_files=16, wall_s=2 * 86_400)
-# 5 s of computing and a little for itself; scipy.stats alone maps 0.5 GB
-REWARD = Limits("reward", address_space_mb=1280, cpu_s=7, open_files=16, wall_s=20)
+# 5 s of computing and a little for itself; numpy, scipy and shapely together map 0.27 GB
+REWARD = Limits("reward", address_space_mb=768, cpu_s=7, open_files=16, wall_s=20)
 PROBE = Limits("probe", address_space_mb=512, cpu_s=2, open_files=16, wall_s=5)

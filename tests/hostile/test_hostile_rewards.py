@@ -58,9 +58,8 @@ def test_a_hostile_reward_function_ends_with_its_code_and_line(
 
 def test_what_writes_its_own_answer_fools_nobody_else() -> None:
     """It may say of itself that all is well, as it may say so by returning a 1; the next function is judged anew."""
-    liar = source("reward_stuck/answers_with_an_endless_reward").replace("1e999", "1e9").replace("[:43]", "")
-    liar = liar.replace(r"\x2b", r"\x2a")
-    assert check_reward(liar).rewards == {"start": 1e9}
+    liar = source("reward_stuck/answers_with_an_endless_reward").replace("1e999", "7.0")
+    assert check_reward(liar).rewards == {"start": 7.0}
     assert validate_reward(GOOD) == []
     assert [problem.code for problem in validate_reward(source("reward_not_finite/nan"))] == ["reward_not_finite"]
 

@@ -7,8 +7,8 @@ nobody but whoever wrote it.
 from __future__ import annotations
 
 import contextlib
-import math
 import os
+import re
 import signal
 import time
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from evaluation.sandbox.lock import EXIT_MEMORY
 from faults import PlatformFault, UserFault
 from faults.reasons.training import REWARD_REASONS
 
-from .function import Params, printable
+from .function import MAX_REWARD, Params, printable
 from .modules import wanted_modules
 from .watch import KEPT_CHARACTERS, LIMIT_S, line_in
 from .wire import to_wire
@@ -31,6 +31,7 @@ MODULE = "training.rewards.process"
 _JSON_LIMIT = 1024 * 1024
 _MOST = 64
 _GREATEST = 10**6  # no line or length is larger
+_PARAMETERS = frozenset(re.findall(r"%\((\w+)\)", " ".join(reason.sentence for reason in REWARD_REASONS.values())))
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
     """
     with launch(MODULE, limits=REWARD, arguments=wanted_modules(code), level=level) as process:
         widen_pipe(process.stdin)
+        _wait_for_lock(process)
         question = {"code": code, "check": check, **to_wire(states)}
         try:
             write_message(process.stdin, question, deadline=process.deadline)
@@ -67,6 +69,19 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
         except (FrameError, ValueError):
             raised = _stuck(process, "it wrote into the pipe that is not its own")
     return Answer([(raised, None)])
+
+
+def _wait_for_lock(process: SandboxedProcess) -> None:
+    """Until the process is locked it has seen nothing of the code: what goes wrong before is our fault."""
+    try:
+        header, _ = read_message(process.stdout, process.deadline, json_limit=_JSON_LIMIT, blob_limit=0)
+    except FrameError as error:
+        fault = PlatformFault("reward_check_failed")
+        fault.add_note(process.stderr_text())
+        raise fault from error
+    if header != {"state": "locked"}:
+        raise PlatformFault("reward_check_failed")
+    process.allow(REWARD.wall_s)
 
 
 def line_of(process: SandboxedProcess, patience_s: float = 1.0) -> int | None:
@@ -130,20 +145,24 @@ def _checked(header: dict[str, Any], states: int) -> Answer:
     if len(faults) > _MOST or len(rewards) > states or len(printed) > KEPT_CHARACTERS:
         raise ValueError("too much for an answer")
     for reward in rewards:
-        if reward is not None and not (type(reward) is float and math.isfinite(reward)):
+        if reward is not None and not (type(reward) is float and abs(reward) <= MAX_REWARD):
             raise ValueError("not a reward")
     text = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in printed)
     return Answer([_fault(one, states) for one in faults], rewards, text)
 
 
 def _fault(told: Any, states: int) -> tuple[UserFault, int | None]:
-    if not isinstance(told, dict) or told.get("code") not in REWARD_REASONS or not isinstance(told.get("params"), dict):
+    if not isinstance(told, dict) or not isinstance(told.get("code"), str) or not isinstance(told.get("params"), dict):
         raise ValueError("not a fault")
+    if told["code"] not in REWARD_REASONS:
+        raise ValueError("not a code of a reward function")
     state = told.get("state")
     if state is not None and not (type(state) is int and 0 <= state < states):
         raise ValueError("not a state")
     params = {}
     for name, value in told["params"].items():
+        if name not in _PARAMETERS:
+            raise ValueError("not a parameter's name")
         if type(value) is int and 0 <= value <= _GREATEST:
             params[name] = value
         elif isinstance(value, str):

@@ -1,6 +1,7 @@
 """Behind the wall: checks one reward function, calls it with the states that it is sent, and answers.
 
-``sys.argv[1:]``: modules to import before the lock (:func:`.modules.wanted_modules`). Question: ``{"code", "check",
+``sys.argv[1:]``: modules to import before the lock (:func:`.modules.wanted_modules`). It says ``{"state": "locked"}``
+when it can be asked. Question: ``{"code", "check",
 "waypoints", "states"}``. Answer: ``{"faults": [{"code", "params", "state"}], "rewards": [...], "printed"}`` with a
 reward (or null) for each state that was come to. ``check``: whether the text is checked first, as for somebody who is
 writing it; and all states are tried, where otherwise the first fault is the end.
@@ -29,6 +30,7 @@ preload(sys.argv[1:])
 
 def main(frames_in: int, frames_out: int) -> None:
     """Answer one question; see the module."""
+    write_message(frames_out, {"state": "locked"})
     question, _ = read_message(frames_in)
     found, rewards = _answer(question)
     answer = {"faults": found, "rewards": rewards, "printed": watch.watch.printed}

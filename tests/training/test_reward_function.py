@@ -1,0 +1,213 @@
+"""A reward function's text becomes a function that is called with params, and every way to fail has a code and a line."""
+
+from __future__ import annotations
+
+import copy
+import math
+import random
+
+import pytest
+
+from faults import UserFault
+from training.rewards.function import POSITIONAL_NAMES, load_reward, load_rewards, positional
+from training.rewards.modules import preload, wanted_modules
+from training.rewards.states import five_states
+from training.rewards.watch import KEPT_CHARACTERS, LIMIT_S, TICK_S, TooLong, TooMuchPrinted, Watch, line_in, watch
+
+PARAMS = five_states()[1]
+
+
+def failing(text: str, params=PARAMS) -> tuple[str, dict]:
+    with pytest.raises(UserFault) as fault:
+        load_reward(text)(params)
+    return fault.value.code, fault.value.params
+
+
+def test_the_function_gets_params_and_its_number_comes_back_as_a_float():
+    reward = load_reward("def reward_function(params):\n    return params['steps']")
+    assert reward(PARAMS) == float(PARAMS["steps"])
+    assert type(reward(PARAMS)) is float
+    assert reward.form == "params"
+
+
+@pytest.mark.parametrize("returned", ["True", "'1'", "1", "numpy.float32(1)", "numpy.array(1)"])
+def test_whatever_float_takes_is_a_reward(returned):
+    assert load_reward(f"import numpy\ndef reward_function(params):\n    return {returned}")(PARAMS) == 1.0
+
+
+def test_what_the_function_does_to_its_params_stays_there():
+    before = copy.deepcopy(PARAMS)
+    text = (
+        "def reward_function(params):\n"
+        "    for key, value in params.items():\n"
+        "        if type(value) is list:\n"
+        "            value.append(value)\n"
+        "            value.reverse()\n"
+        "    params.clear()\n"
+        "    return 1"
+    )
+    assert load_reward(text)(PARAMS) == 1.0
+    assert before == PARAMS
+
+
+def test_a_deep_copy_of_params_has_nothing_deeper_than_its_flat_lists():
+    """The copy that is made is cheaper than deepcopy and must not be shallower."""
+    for race_type in ("time_trial", "object_avoidance", "head_to_head"):
+        for params in five_states(race_type):
+            for value in params.values():
+                parts = value if type(value) is list else [value]
+                for part in parts:
+                    assert copy.deepcopy(part) is part
+
+
+def test_the_first_form_gets_twelve_values_in_its_order():
+    text = f"def reward_function({', '.join(POSITIONAL_NAMES)}):\n    return {{}}"
+    params = {**PARAMS, "speed": 1.0, "steering_angle": -15.0, "heading": 90.0, "closest_waypoints": [3, 4]}
+    params |= {"x": params["waypoints"][4][0], "y": params["waypoints"][4][1]}
+    for name, value in {
+        "on_track": 1.0,
+        "x": params["x"],
+        "y": params["y"],
+        "distance_from_center": params["distance_from_center"],
+        "car_orientation": math.pi / 2,
+        "progress": params["progress"],
+        "steps": params["steps"],
+        "throttle": 0.25,
+        "steering": -0.5,
+        "track_width": params["track_width"],
+        "waypoints[7][1]": params["waypoints"][7][1],
+        "closest_waypoint": 4,
+    }.items():
+        reward = load_reward(text.format(name))
+        assert reward.form == "positional"
+        assert reward(params) == pytest.approx(value), name
+
+
+def test_the_names_of_the_first_form_are_free():
+    text = "def reward_function(a, b, c, d, e, f, g, h, i, j, k, l):\n    return h"
+    assert load_reward(text)(PARAMS) == positional(PARAMS)[7]
+
+
+def test_the_nose_is_off_track_beyond_the_border():
+    params = {**PARAMS, "distance_from_center": PARAMS["track_width"] / 2 + 0.01}
+    assert positional(params)[0] is False
+
+
+@pytest.mark.parametrize(
+    ("body", "code", "line"),
+    [
+        ("return None", "reward_not_a_number", 2),
+        ("if params:\n        return float('nan')\n    return 1", "reward_not_finite", 3),
+        ("return float('-inf')", "reward_not_finite", 2),
+        ("return 100001", "reward_too_large", 2),
+        ("return 1 / 0", "reward_raised", 2),
+        ("def inner():\n        return params['?']\n    return inner()", "reward_raised", 3),
+        ("pass", "reward_not_a_number", 2),
+    ],
+)
+def test_a_bad_end_is_told_with_its_line(body, code, line):
+    found, params = failing(f"def reward_function(params):\n    {body}")
+    assert (found, params["line"]) == (code, line)
+
+
+def test_the_bound_itself_is_allowed():
+    assert load_reward("def reward_function(params):\n    return -1e5")(PARAMS) == -1e5
+
+
+def test_an_error_inside_of_a_library_is_told_with_the_line_that_called_it():
+    text = "import numpy\ndef reward_function(params):\n    return numpy.linalg.inv([[0.0]])[0, 0]"
+    assert failing(text) == ("reward_raised", {"line": 3, "error": "LinAlgError: Singular matrix"})
+
+
+def test_a_function_that_fails_the_second_time_only_is_told_with_its_definition():
+    text = (
+        "calls = []\ndef reward_function(params):\n    calls.append(1)\n"
+        "    if len(calls) > 1:\n        raise ValueError\n    return float('nan')"
+    )
+    assert failing(text)[1]["line"] == 2
+
+
+@pytest.mark.parametrize("text", ["x = 1", "reward_function = 1", "class reward_function:\n    pass"])
+def test_without_the_function_nothing_is_loaded(text):
+    assert failing(text)[0] == "reward_function_missing"
+
+
+def test_each_car_has_a_function_that_remembers_for_itself():
+    text = "steps = []\ndef reward_function(params):\n    steps.append(1)\n    return len(steps)"
+    first, second = load_rewards(text, 2)
+    assert [first(PARAMS), first(PARAMS), second(PARAMS)] == [1.0, 2.0, 1.0]
+
+
+def test_random_numbers_come_from_the_seed_of_the_process():
+    reward = load_reward("import random\ndef reward_function(params):\n    return random.random()")
+    random.seed(7)
+    first = reward(PARAMS)
+    random.seed(7)
+    assert reward(PARAMS) == first
+
+
+# --- time and prints
+
+
+def test_a_call_is_interrupted_when_its_ticks_are_used_up_and_again_if_it_swallows_that():
+    one = Watch()
+    one.begin()
+    for _ in range(round(LIMIT_S / TICK_S) - 1):
+        one.tick(0, None)
+    for _ in range(3):
+        with pytest.raises(TooLong):
+            one.tick(0, None)
+    one.end()
+    one.tick(0, None)
+
+
+def test_what_it_prints_is_kept_up_to_a_limit_and_too_much_in_one_call_ends_it():
+    one = Watch()
+    for _ in range(3):
+        one.begin()
+        one.write("x" * 30_000)
+        one.end()
+    assert one.printed == "x" * KEPT_CHARACTERS
+    one.begin()
+    with pytest.raises(TooMuchPrinted):
+        one.write("x" * 64 * 1024 + "x")
+    one.end()
+    assert one.write("x" * 10**6) == 10**6  # not a call: nobody's business
+
+
+def test_an_endless_call_ends_with_the_line_that_it_was_in(monkeypatch):
+    """The timer's signal is the trainer's and the validation's; here the function calls it itself."""
+    monkeypatch.setattr(watch, "limit_s", TICK_S)
+    monkeypatch.setattr("builtins.tick", lambda: watch.tick(0, None), raising=False)
+    assert failing("def reward_function(params):\n    while True:\n        tick()") == ("reward_too_slow", {"line": 3})
+
+
+def test_the_line_of_a_crash_is_the_innermost_of_the_last_report():
+    report = (
+        'Fatal Python error: Segmentation fault\n\nCurrent thread 0x1 (most recent call first):\n  File "numpy.py", '
+        'line 3 in f\n  File "<reward function>", line 12 in inner\n  File "<reward function>", line 20 in x\n'
+    )
+    assert line_in(report) == 12
+    assert line_in(report + report.replace("line 12", "line 13")) == 13
+    assert line_in("") is None
+    assert line_in('File "<reward function>", line 99999999999 in x') is None
+
+
+# --- modules
+
+
+def test_modules_are_found_by_the_words_of_the_text():
+    text = "import numpy as np\nfrom scipy.spatial import distance\nfrom shapely.geometry import Point"
+    assert wanted_modules(text) == [
+        "numpy",
+        "scipy",
+        "shapely",
+        "scipy.spatial",
+        "shapely.geometry",
+        "scipy.spatial.distance",
+    ]
+    assert wanted_modules("import os, torch; numpyx; __import__('evil')") == []
+
+
+def test_a_module_that_is_not_installed_is_left_to_the_import_that_asks_for_it():
+    preload(["scipy.nonsense", "nonsense"])

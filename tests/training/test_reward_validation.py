@@ -1,0 +1,220 @@
+"""Validation: a reward function is tried behind the wall, in five states, and its problems come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from evaluation.sandbox.launch import LEVEL_NAMESPACES
+from evaluation.sandbox.limits import REWARD
+from evaluation.sandbox.probe import probe
+from evaluation.simulator.rules import RACE_TYPES
+from faults import PlatformFault
+from training.rewards import ask, modules
+from training.rewards.states import STATES, five_states
+from training.rewards.validate import Problem, check_reward, validate_reward
+from training.rewards.wire import from_wire, to_wire
+
+GOOD = "def reward_function(params):\n    return params['progress'] + 1"
+
+
+@pytest.fixture(params=[2, 3], ids=["lock", "namespaces"])
+def level(request):
+    if probe().level < request.param:
+        pytest.skip(f"this host offers sandbox level {probe().level} only")
+    return request.param
+
+
+def test_a_good_function_has_no_problems_and_a_reward_in_every_state(level):
+    report = check_reward(GOOD, level=level)
+    assert report.problems == []
+    assert report.rewards == {name: params["progress"] + 1 for name, params in zip(STATES, five_states(), strict=True)}
+    assert validate_reward(GOOD, level=level) == []
+
+
+def test_the_libraries_work_behind_the_wall(level):
+    text = """
+import math
+import random
+import numpy as np
+from scipy.interpolate import splev, splprep
+from scipy.spatial import KDTree
+from shapely.geometry import Point, Polygon
+
+
+def reward_function(params):
+    points = np.array(params["waypoints"])
+    spline, _ = splprep(points[:-1].T, s=0.1, per=True)
+    x, y = splev(0.5, spline)
+    tree = KDTree(points)
+    apart, _ = tree.query((params["x"], params["y"]))
+    inside = Polygon(params["waypoints"]).contains(Point(params["x"], params["y"]))
+    return float(apart + math.hypot(x, y) + random.random() + inside + np.linalg.norm(points[0]))
+"""
+    report = check_reward(text, level=level)
+    assert report.problems == []
+    assert set(report.rewards) == set(STATES)
+
+
+def test_the_same_function_has_the_same_rewards_every_time():
+    text = "def reward_function(params):\n    return len({str(key): 1 for key in params}) + hash('x') % 97"
+    assert check_reward(text).rewards == check_reward(text).rewards
+
+
+def test_what_it_prints_comes_back():
+    report = check_reward(
+        "def reward_function(params):\n    print('step', params['steps'], '\\x1b[2J')\n    return 1.0"
+    )
+    assert report.printed.splitlines()[0] == f"step {five_states()[0]['steps']} ?[2J"
+
+
+def test_a_problem_in_one_state_names_it_and_the_other_states_have_rewards():
+    report = check_reward("def reward_function(params):\n    return 1 / (not params['is_offtrack'])")
+    (problem,) = report.problems
+    assert (problem.kind, problem.code, problem.line, problem.state) == ("test", "reward_raised", 2, "off_track")
+    assert problem.message == "Line 2 of the reward function failed: ZeroDivisionError: division by zero."
+    assert set(report.rewards) == set(STATES) - {"off_track"}
+
+
+def test_the_same_problem_in_all_states_is_told_once():
+    assert len(validate_reward("def reward_function(params):\n    return params['?']")) == 1
+
+
+def test_different_problems_in_different_states_are_all_told():
+    text = "def reward_function(params):\n    if params['is_offtrack']:\n        return None\n    return params['?']"
+    assert [(problem.code, problem.line) for problem in validate_reward(text)] == [
+        ("reward_raised", 4),
+        ("reward_not_a_number", 3),
+    ]
+
+
+def test_kinds_are_those_of_the_consoles_validation():
+    text = "import os\n\ndef reward_function(params):\n    return y"
+    assert [(problem.kind, problem.line) for problem in validate_reward(text)] == [("import", 1), ("syntax", 4)]
+
+
+@pytest.mark.parametrize("race_type", RACE_TYPES)
+def test_states_are_those_of_the_race_type(race_type):
+    text = "def reward_function(params):\n    return params['objects_distance'][params['closest_objects'][1]]"
+    codes = [problem.code for problem in validate_reward(text, race_type=race_type)]
+    assert codes == (["reward_raised"] if race_type == "time_trial" else [])
+
+
+def test_params_cross_the_wall_unchanged_in_value_and_type():
+    import json
+
+    for race_type in RACE_TYPES:
+        states = five_states(race_type)
+        again = from_wire(json.loads(json.dumps(to_wire(states))))
+        assert again == list(states)
+        for before, after in zip(states, again, strict=True):
+            assert [type(value) for value in before.values()] == [type(before[key]) for key in before]
+            assert all(type(place) is tuple for place in (*after["waypoints"], *after["objects_location"]))
+
+
+# --- when it is not the function's fault
+
+
+def test_a_process_that_cannot_be_started_is_our_fault(monkeypatch):
+    monkeypatch.setattr(ask, "MODULE", "training.rewards.nothing")
+    with pytest.raises(PlatformFault) as fault:
+        validate_reward(GOOD)
+    assert fault.value.code == "reward_check_failed"
+
+
+def test_a_host_that_is_too_busy_to_start_is_our_fault(monkeypatch):
+    monkeypatch.setattr(ask, "REWARD", replace(REWARD, wall_s=0.001))
+    with pytest.raises(PlatformFault) as fault:
+        validate_reward(GOOD)
+    assert fault.value.code == "reward_check_failed"
+
+
+def test_a_function_that_hardly_got_the_processor_is_not_blamed(monkeypatch):
+    """A tenth of a second of wall time is over while it computes: that is no 5 s of computing."""
+    launch = ask.launch
+
+    def impatient(*args, **options):
+        process = launch(*args, **options)
+        monkeypatch.setattr(process, "allow", lambda _: type(process).allow(process, 0.3))
+        return process
+
+    monkeypatch.setattr(ask, "launch", impatient)
+    with pytest.raises(PlatformFault) as fault:
+        validate_reward("def reward_function(params):\n    while True:\n        pass")
+    assert fault.value.code == "reward_check_failed"
+
+
+def test_below_the_least_wall_nothing_runs(monkeypatch):
+    with pytest.raises(PlatformFault) as fault:
+        validate_reward(GOOD, level=1)
+    assert fault.value.code == "sandbox_unavailable"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        {},
+        {"faults": [], "rewards": [], "printed": 1},
+        {"faults": [], "rewards": [1.0, 1.0], "printed": ""},
+        {"faults": [], "rewards": [True], "printed": ""},
+        {"faults": [], "rewards": ["1"], "printed": ""},
+        {"faults": [], "rewards": [], "printed": "x" * 20_000},
+        {"faults": [{}] * 65, "rewards": [], "printed": ""},
+        {"faults": [{"code": "not_finite", "params": {}}], "rewards": [], "printed": ""},
+        {"faults": [{"code": "reward_raised", "params": {"line": 1.5}}], "rewards": [], "printed": ""},
+        {"faults": [{"code": "reward_raised", "params": {"line": -1}}], "rewards": [], "printed": ""},
+        {"faults": [{"code": "reward_raised", "params": {}, "state": 7}], "rewards": [], "printed": ""},
+        {"faults": [], "rewards": [float("nan")], "printed": ""},
+        {"faults": [], "rewards": [100001.0], "printed": ""},
+        {"faults": [{"code": "reward_raised", "params": {"code": "x"}}], "rewards": [], "printed": ""},
+        {"faults": [{"code": ["reward_raised"], "params": {}}], "rewards": [], "printed": ""},
+    ],
+)
+def test_an_answer_without_the_form_of_one_is_not_believed(answer):
+    with pytest.raises(ValueError):
+        ask._checked(answer, 1)
+
+
+def test_text_of_an_answer_is_made_printable():
+    told = {"code": "reward_raised", "params": {"line": 1, "error": "\x1b[2J" + "x" * 1000}, "state": None}
+    ((fault, _),) = ask._checked({"faults": [told], "rewards": [], "printed": "a\x07\nb"}, 1).faults
+    assert Problem.of(fault).message.isprintable()
+    assert len(fault.params["error"]) <= 300
+
+
+# --- the wall's limits
+
+
+def test_everything_that_may_be_imported_needs_less_than_half_of_the_memory(monkeypatch):
+    names = [f"{package}.{part}" for package, parts in modules._PARTS.items() for part in parts]
+    text = "".join(f"import {name}\n" for name in names) + GOOD
+    peaks = []
+    launch, read = ask.launch, ask.read_message
+    started = []
+
+    def watched(*args, **options):
+        started.append(launch(*args, **options))
+        return started[-1]
+
+    def reading(*args, **options):
+        answer = read(*args, **options)
+        with open(f"/proc/{started[-1].inner_pid}/status") as lines:
+            peaks.append(next(int(line.split()[1]) for line in lines if line.startswith("VmPeak:")) / 1024)
+        return answer
+
+    monkeypatch.setattr(ask, "launch", watched)
+    monkeypatch.setattr(ask, "read_message", reading)
+    assert validate_reward(text) == []
+    assert max(peaks) < REWARD.address_space_mb / 2
+
+
+def test_at_the_strongest_level_our_own_files_are_out_of_sight():
+    """Even before the lock there is nothing but code; after it not even that can be opened."""
+    if probe().level < LEVEL_NAMESPACES:
+        pytest.skip("no namespaces here")
+    text = (
+        "import random\nfound = random._os.sys.modules['os']\n"
+        "def reward_function(params):\n    found.listdir('/')\n    return 1.0"
+    )
+    assert [(problem.code, problem.line) for problem in validate_reward(text)] == [("reward_raised", 4)]
