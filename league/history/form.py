@@ -225,11 +225,12 @@ def race_row(row: int, cells: Mapping[str, str]) -> RaceRow:
 def result_row(file: str, row: int, cells: Mapping[str, str], method: RankingMethod) -> ResultRow:
     """A row of results of a race ranked by ``method``. Raises UserFault("import_value")."""
     read = Cells(file, row, cells)
-    times = {name: read.whole(name, empty=True) for name in TIME_RANKED_BY.values()}
+    times = {name: read.whole(name, empty=True) for name in ("BestLapTime", "TotalLapTime")}
+    average = read.number("AvgLapTime", most=MOST, empty=True)
+    times["AvgLapTime"] = None if average is None else math.floor(average)  # as everywhere: rounded down
     score = min(read.whole("RankingScore", most=10**19), WORST_SCORE)
-    laps = read.whole("LapCount", most=MOST_LAPS)
     best = times["BestLapTime"]
-    classified = score < NO_SCORE and best is not None and laps > 0
+    classified = score < NO_SCORE and best is not None
     if score < NO_SCORE and score > MOST:
         raise read.refuse("RankingScore", f"a time of at most {MOST} ms, or no time at all ({NO_SCORE} or more)")
     ranked_by = times[TIME_RANKED_BY[method]]
@@ -239,7 +240,7 @@ def result_row(file: str, row: int, cells: Mapping[str, str], method: RankingMet
         alias=read.text("Alias", 64),
         racer=read.text("UserId", 64),
         submitted_at=_moment(read),
-        laps=laps,
+        laps=read.whole("LapCount", most=MOST_LAPS, empty=True) or 0,
         average_ms=times["AvgLapTime"],
         best_lap_ms=best,
         total_ms=times["TotalLapTime"],

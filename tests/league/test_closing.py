@@ -26,6 +26,7 @@ from races.models import Entry
 from races.services import cancel_race, enter_race, submit_model
 from tests.factories import a_model, a_racer, finish, laps
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers, stand
+from tests.races.test_concurrency import at_once
 
 pytestmark = pytest.mark.django_db
 
@@ -81,6 +82,16 @@ def test_a_round_becomes_official_once_whoever_is_asked_how_often(season):
     again = close_round(round=Round.objects.get(pk=january.pk), now=after(january, days=3))
     assert again.closed_at == first.closed_at and everything() == rows
     assert close_due_rounds(now=after(january, days=3)) == [] and close_rounds() == 0
+
+
+@pytest.mark.django_db(transaction=True)
+def test_six_who_ask_at_the_same_moment_close_a_round_once(season):
+    january, ten = a_round(season, 1, "open-qualifier"), racers(10)
+    board(january.race, ten)
+    closed = at_once([lambda: close_round(round=january, now=after(january))] * 6)
+    assert closed == [january] * 6
+    assert len({one.closed_at for one in closed}) == 1
+    assert Membership.objects.count() == 2 and RoundPoints.objects.count() == 4
 
 
 def test_nothing_is_official_before_the_race_closes(season):

@@ -226,7 +226,7 @@ RESULTS = FEW[0].file
     [
         *((name, "-1") for name in ("AvgLapTime", "BestLapTime", "TotalLapTime", "RankingScore", "ResetCount")),
         *((name, "fast") for name in ("BestLapTime", "TotalLapTime", "SubmissionTime", "Rank", "AvgResets")),
-        *((name, "") for name in ("RankingScore", "Rank", "Alias", "UserId", "SubmissionTime", "LapCount")),
+        *((name, "") for name in ("RankingScore", "Rank", "Alias", "UserId", "SubmissionTime")),
         *((name, "1.5") for name in ("BestLapTime", "OffTrackCount")),
         *(("BestLapTime", value) for value in ("nan", "inf", "1e400", "99999999999999999999", "१२", "0x10", "1_0")),
         ("Rank", "0"),
