@@ -1,0 +1,166 @@
+// The editor of a reward function: CodeMirror over the form's textarea, examples, reset, and the server's check with
+// its problems marked in their lines. Without this file the textarea and its button do the same.
+"use strict";
+
+(() => {
+  const CM = window.CodeMirror;
+
+  function theme() {
+    const { EditorView, HighlightStyle, tags } = CM;
+    const look = EditorView.theme({
+      "&": { color: "var(--text)", backgroundColor: "var(--sunken)", fontSize: "13.5px" },
+      "&.cm-focused": { outline: "2px solid var(--accent)", outlineOffset: "1px" },
+      ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.55", minHeight: "300px", maxHeight: "70vh" },
+      ".cm-content": { caretColor: "var(--text)", padding: "8px 0" },
+      ".cm-gutters": { backgroundColor: "var(--sunken)", color: "var(--muted)", border: "0" },
+      ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--raised) 70%, transparent)" },
+      ".cm-activeLineGutter": { backgroundColor: "var(--raised)", color: "var(--text)" },
+      ".cm-cursor": { borderLeftColor: "var(--text)" },
+      "&.cm-focused > .cm-scroller > .cm-selectionLayer .cm-selectionBackground, .cm-selectionBackground":
+        { backgroundColor: "color-mix(in srgb, var(--rival) 30%, transparent)" },
+      ".cm-tooltip": { backgroundColor: "var(--surface)", color: "var(--text)", border: "1px solid var(--line-strong)",
+        maxWidth: "min(46ch, 80vw)", font: "14px/1.4 var(--font)" },
+      ".cm-diagnostic-error": { borderLeftColor: "var(--bad)" },
+      ".cm-lintRange-error": { backgroundImage: "none", borderBottom: "2px solid var(--bad)" },
+    });
+    const colours = HighlightStyle.define([
+      { tag: [tags.keyword, tags.operatorKeyword, tags.controlKeyword], color: "var(--accent-strong)" },
+      { tag: [tags.string, tags.special(tags.string)], color: "var(--good)" },
+      { tag: [tags.number, tags.bool, tags.null], color: "var(--best)" },
+      { tag: tags.comment, color: "var(--muted)", fontStyle: "italic" },
+      { tag: [tags.function(tags.variableName), tags.function(tags.definition(tags.variableName))], color: "var(--rival)" },
+    ]);
+    return [look, CM.syntaxHighlighting(colours)];
+  }
+
+  function editorOver(area, label) {
+    const host = document.createElement("div");
+    host.className = "editor-host";
+    area.before(host);
+    const root = host.attachShadow({ mode: "open" });
+    const view = new CM.EditorView({
+      root,
+      parent: root,
+      state: CM.EditorState.create({
+        doc: area.value.replace(/\r\n/g, "\n"),
+        extensions: [
+          CM.lineNumbers(), CM.highlightActiveLine(), CM.highlightActiveLineGutter(), CM.drawSelection(), CM.history(),
+          CM.highlightSpecialChars(), CM.bracketMatching(), CM.closeBrackets(), CM.indentOnInput(),
+          CM.indentUnit.of("    "), CM.EditorState.tabSize.of(4), CM.python(), CM.lintGutter(), ...theme(),
+          // Escape, then Tab, leaves the editor by keyboard
+          CM.keymap.of([...CM.closeBracketsKeymap, ...CM.defaultKeymap, ...CM.historyKeymap, CM.indentWithTab]),
+          CM.EditorView.contentAttributes.of({ "aria-label": label, spellcheck: "false" }),
+          CM.EditorView.updateListener.of((update) => {
+            if (!update.docChanged) return;
+            area.value = update.state.doc.toString();
+            area.dispatchEvent(new Event("input", { bubbles: true }));
+          }),
+        ],
+      }),
+    });
+    area.hidden = true;
+    area.required = false;
+    area.form.addEventListener("reset", () => setTimeout(() => fill(view, area.value)));
+    return view;
+  }
+
+  const fill = (view, text) => view.dispatch({ changes: { from: 0, to: view.state.doc.length, insert: text } });
+
+  function mark(view, problems) {
+    const { doc } = view.state;
+    const found = problems.filter((each) => each.line).map((each) => {
+      const line = doc.line(Math.min(Math.max(1, each.line), doc.lines));
+      const from = line.from + (line.text.length - line.text.trimStart().length);
+      return { from: Math.min(from, line.to), to: line.to, severity: "error", message: each.message };
+    });
+    view.dispatch(CM.setDiagnostics(view.state, found.sort((a, b) => a.from - b.from)));
+  }
+
+  function element(tag, text, className) {
+    const made = document.createElement(tag);
+    if (text !== undefined) made.textContent = text;
+    if (className) made.className = className;
+    return made;
+  }
+
+  function tell(box, report, words, view) {
+    const list = element("ol", undefined, "problems");
+    for (const problem of report.problems) {
+      const row = element("li");
+      if (problem.line) {
+        const jump = element("button", `${words.line} ${problem.line}`, "link");
+        jump.type = "button";
+        jump.addEventListener("click", () => {
+          const line = view.state.doc.line(Math.min(problem.line, view.state.doc.lines));
+          view.dispatch({ selection: { anchor: line.from }, scrollIntoView: true });
+          view.focus();
+        });
+        row.append(jump, " ");
+      }
+      row.append(problem.message, " ", element("code", problem.code));
+      list.append(row);
+    }
+    const parts = [report.problems.length ? list : element("p", words.ok, "good")];
+    if (report.rewards.length) {
+      const states = element("dl", undefined, "state-rewards");
+      for (const [state, value] of report.rewards) {
+        const pair = element("div");
+        pair.append(element("dt", state), element("dd", String(Math.round(value * 1e4) / 1e4), "num"));
+        states.append(pair);
+      }
+      parts.push(states);
+    }
+    if (report.printed) parts.push(element("pre", report.printed));
+    box.replaceChildren(...parts);
+  }
+
+  function start(root) {
+    const area = root.querySelector("textarea");
+    const box = root.querySelector("[data-report]");
+    const first = area.value.replace(/\r\n/g, "\n");
+    const view = editorOver(area, root.dataset.label);
+    root.editor = { text: () => view.state.doc.toString(), fill: (text) => fill(view, text) };
+    const clear = () => { box.replaceChildren(); mark(view, []); };
+
+    const examples = root.querySelector("[data-examples]");
+    let taken = first;
+    examples.hidden = false;
+    examples.addEventListener("change", () => {
+      const chosen = root.querySelector(`template[data-example="${CSS.escape(examples.value)}"]`);
+      if (!chosen) return;
+      taken = chosen.content.textContent;
+      fill(view, taken);
+      clear();
+      box.replaceChildren(element("p", chosen.dataset.about, "muted"));
+      examples.value = "";
+    });
+    const reset = root.querySelector("[data-reset]");
+    reset.hidden = false;
+    reset.addEventListener("click", () => { fill(view, taken); clear(); });
+
+    const check = root.querySelector("[data-check]");
+    check.addEventListener("click", async (event) => {
+      event.preventDefault();
+      const idle = check.textContent;
+      check.disabled = true;
+      check.textContent = root.dataset.busy;
+      try {
+        const body = new URLSearchParams({ reward_code: area.value });
+        const type = area.form.querySelector("[name='race_type']:checked");
+        if (type) body.set("race_type", type.value);
+        body.set("csrfmiddlewaretoken", area.form.elements.csrfmiddlewaretoken.value);
+        const answer = await fetch(root.dataset.validate, { method: "POST", body, headers: { Accept: "application/json" } });
+        const report = await answer.json();
+        tell(box, report, { ok: root.dataset.ok, line: root.dataset.line }, view);
+        mark(view, report.problems);
+      } catch {
+        box.replaceChildren(element("p", root.dataset.failed, "bad"));
+      }
+      check.disabled = false;
+      check.textContent = idle;
+    });
+    root.querySelectorAll("[data-report] .problems").forEach(() => check.click());
+  }
+
+  if (CM) document.querySelectorAll("[data-reward-editor]").forEach(start);
+})();

@@ -1,0 +1,154 @@
+// The wizard: the fan of the action space drawn while it is typed, the sector of a continuous one dragged, the table
+// made from granularities; shells in the colour that is chosen. The form works without it.
+"use strict";
+
+(() => {
+  const SVG = "http://www.w3.org/2000/svg";
+  const RADIUS = 100;
+  const TOP_SPEED = 4;
+  const TURN = 2.4; // the fan opens wider than the wheels turn, so that neighbours can be told apart
+  const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+  const round = (value, digits) => Number(value.toFixed(digits));
+
+  function shape(tag, attributes, parent) {
+    const made = document.createElementNS(SVG, tag);
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+    if (parent) parent.append(made);
+    return made;
+  }
+
+  // where an action's ray ends: straight on is up, steering to the left is to the left
+  function place(angle, speed) {
+    const turn = (clamp(angle, -30, 30) * TURN * Math.PI) / 180;
+    const length = (RADIUS * clamp(speed, 0, TOP_SPEED)) / TOP_SPEED;
+    return [round(-length * Math.sin(turn), 2), round(-length * Math.cos(turn), 2)];
+  }
+
+  function sector(lowAngle, highAngle, slow, fast) {
+    const [outer, inner] = [(RADIUS * fast) / TOP_SPEED, (RADIUS * slow) / TOP_SPEED];
+    const [a, b, c, d] = [place(highAngle, fast), place(lowAngle, fast), place(lowAngle, slow), place(highAngle, slow)];
+    return `M${a}A${outer},${outer} 0 0 1 ${b}L${c}A${inner},${inner} 0 0 0 ${d}Z`;
+  }
+
+  function frame(holder) {
+    const svg = shape("svg", { class: "fan big-fan", viewBox: "-104 -112 208 126", role: "img" });
+    shape("title", {}, svg).textContent = holder.dataset.title;
+    for (const speed of [1, 2, 3, 4]) {
+      shape("path", { class: "fan-rim", d: sector(-30, 30, 0, speed) }, svg);
+      const [x, y] = place(-30, speed);
+      shape("text", { class: "fan-word", x: x + 3, y: y + 6 }, svg).textContent = speed;
+    }
+    for (const angle of [-30, 0, 30]) {
+      const [x, y] = place(angle, 4.25);
+      shape("text", { class: "fan-word", x, y, "text-anchor": "middle" }, svg).textContent = `${angle}°`;
+    }
+    const inside = shape("g", {}, svg);
+    holder.replaceChildren(svg);
+    return { svg, inside };
+  }
+
+  const number = (form, name) => Number(form.elements[name] ? form.elements[name].value : NaN);
+
+  function discrete(form, holder) {
+    const { inside } = frame(holder);
+    const rows = [...form.querySelectorAll("[data-action-row]")];
+    const fields = (row) => row.querySelectorAll("input");
+    const used = () => rows.filter((row) => fields(row)[0].value !== "");
+    const draw = () => {
+      inside.replaceChildren();
+      for (const row of used()) {
+        const [angle, speed] = [...fields(row)].map((field) => Number(field.value));
+        const [x, y] = place(angle, speed);
+        shape("line", { class: "fan-ray", x1: 0, y1: 0, x2: x, y2: y }, inside);
+        shape("circle", { class: "fan-tip", cx: x, cy: y, r: 3 }, inside);
+      }
+      const count = used().length;
+      rows.forEach((row, index) => { row.hidden = index > count; });
+    };
+    const make = () => {
+      const [steering, angles, speed, speeds] =
+        ["steering_max", "steering_granularity", "speed_max", "speed_granularity"].map((name) => number(form, name));
+      if (!(steering > 0 && angles > 1 && speed > 0 && speeds > 0)) return;
+      const actions = [];
+      for (let i = 0; i < angles; i += 1) {
+        for (let k = 1; k <= speeds; k += 1) {
+          actions.push([round(-steering + (2 * steering * i) / (angles - 1), 2) + 0, Math.max(0.1, round((speed * k) / speeds, 2))]);
+        }
+      }
+      rows.forEach((row, index) => fields(row).forEach((field, which) => {
+        field.value = index < actions.length ? actions[index][which] : "";
+      }));
+      draw();
+    };
+    form.addEventListener("input", (event) => {
+      if (/_(max|granularity)$/.test(event.target.name)) make();
+      else if (event.target.closest("[data-action-row]")) draw();
+    });
+    form.querySelector("[data-make-table]").addEventListener("click", (event) => { event.preventDefault(); make(); });
+    draw();
+  }
+
+  function continuous(form, holder) {
+    const { svg, inside } = frame(holder);
+    const names = ["steering_low", "steering_high", "speed_low", "speed_high"];
+    const area = shape("path", { class: "fan-area", d: "" }, inside);
+    const corners = [["steering_low", "speed_high"], ["steering_high", "speed_high"], ["steering_low", "speed_low"], ["steering_high", "speed_low"]];
+    const handles = corners.map(() => shape("circle", { class: "fan-handle", r: 5 }, inside));
+    const draw = () => {
+      const [low, high, slow, fast] = names.map((name) => number(form, name));
+      if (![low, high, slow, fast].every(Number.isFinite)) return;
+      area.setAttribute("d", sector(low, high, slow, fast));
+      corners.forEach(([angle, speed], index) => {
+        const [x, y] = place(number(form, angle), number(form, speed));
+        handles[index].setAttribute("cx", x);
+        handles[index].setAttribute("cy", y);
+      });
+    };
+    const point = (event) => {
+      const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+      return [(Math.atan2(-at.x, -at.y) * 180) / Math.PI / TURN, (Math.hypot(at.x, at.y) * TOP_SPEED) / RADIUS];
+    };
+    const put = (name, value, low, high, digits) => { form.elements[name].value = round(clamp(value, low, high), digits); };
+    handles.forEach((handle, index) => {
+      const [angleName, speedName] = corners[index];
+      handle.addEventListener("pointerdown", (event) => { handle.setPointerCapture(event.pointerId); event.preventDefault(); });
+      handle.addEventListener("pointermove", (event) => {
+        if (!handle.hasPointerCapture(event.pointerId)) return;
+        const [angle, speed] = point(event);
+        const [left, right] = [number(form, "steering_high"), number(form, "steering_low")];
+        const [slow, fast] = [number(form, "speed_low"), number(form, "speed_high")];
+        put(angleName, angle, angleName === "steering_low" ? -30 : right + 1, angleName === "steering_low" ? left - 1 : 30, 0);
+        put(speedName, speed, speedName === "speed_low" ? 0.1 : slow + 0.1, speedName === "speed_low" ? fast - 0.1 : 4, 1);
+        draw();
+      });
+    });
+    form.addEventListener("input", (event) => { if (names.includes(event.target.name)) draw(); });
+    const hint = form.querySelector("[data-drag-hint]");
+    if (hint) hint.hidden = false;
+    draw();
+  }
+
+  document.querySelectorAll("[data-fan]").forEach((holder) => {
+    (holder.dataset.fan === "discrete" ? discrete : continuous)(holder.closest("form"), holder);
+  });
+
+  // --- the step that is on screen --------------------------------------------------------------------------------------
+  const links = [...document.querySelectorAll(".wizard-steps a")];
+  if (links.length && "IntersectionObserver" in window) {
+    const seen = new Map();
+    const watcher = new IntersectionObserver((entries) => {
+      entries.forEach((entry) => seen.set(entry.target.id, entry.isIntersecting));
+      const now = links.find((link) => seen.get(link.hash.slice(1)));
+      links.forEach((link) => link.toggleAttribute("aria-current", link === now));
+    }, { rootMargin: "-20% 0px -60% 0px" });
+    links.forEach((link) => { const part = document.querySelector(link.hash); if (part) watcher.observe(part); });
+  }
+
+  // --- shells wear the colour that is chosen ---------------------------------------------------------------------------
+  document.querySelectorAll("[data-shells]").forEach((list) => {
+    const colour = list.closest("form").elements.colour;
+    colour.addEventListener("input", () => list.querySelectorAll(".shell-body").forEach((body) => {
+      body.setAttribute("fill", colour.value);
+    }));
+  });
+})();

@@ -1,0 +1,133 @@
+"""The lessons of "Learn": their order and titles, and what each proposes to try.
+
+Texts: ``training/templates/lessons``, a file for each language.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode
+
+from django.utils.functional import Promise
+from django.utils.translation import gettext_lazy as _
+
+# Ten seconds of training on the shortest track: it ends as soon as the car drives cleanly.
+QUICK = {"track": "oval", "stop_minutes": "1", "stop_clean_laps": "3", "seed": "1"}
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One lesson. ``tries``: (what its button says, the query that fills in the wizard) each."""
+
+    slug: str
+    title: Promise
+    summary: Promise
+    tries: tuple[tuple[Any, str], ...] = ()
+
+
+def _try(label: Promise, **fields: str) -> tuple[Promise, str]:
+    return label, urlencode({**QUICK, **fields})
+
+
+LESSONS = (
+    Lesson(
+        "agent",
+        _("Agent and environment"),
+        _("Who learns, from what, and what a training is."),
+        (_try(_("Train a first car"), name="first-car"),),
+    ),
+    Lesson(
+        "state-and-action",
+        _("State and action"),
+        _("What the car sees fifteen times a second, and what it may do."),
+        (
+            _try(_("Train with five actions"), name="five-actions"),
+            _try(
+                _("Train with twenty-one"),
+                name="many-actions",
+                steering_max="30",
+                steering_granularity="7",
+                speed_max="2.4",
+                speed_granularity="3",
+            ),
+        ),
+    ),
+    Lesson(
+        "reward",
+        _("Reward"),
+        _("The one number that says what you want."),
+        (
+            _try(_("Reward the centre line"), name="centre-line", example="follow_centre_line"),
+            _try(_("Reward being on the road"), name="inside-borders", example="stay_inside_borders"),
+        ),
+    ),
+    Lesson(
+        "policy",
+        _("Policy"),
+        _("What is learned: a network that turns pictures into actions."),
+        (_try(_("Train, then clone and go on"), name="policy"),),
+    ),
+    Lesson(
+        "episode-and-discount",
+        _("Episode and discount"),
+        _("How far ahead a car thinks."),
+        (
+            _try(_("Look two seconds ahead"), name="far-sighted", discount_factor="0.97"),
+            _try(_("Look at the next step only"), name="short-sighted", discount_factor="0"),
+        ),
+    ),
+    Lesson(
+        "exploration",
+        _("Exploration"),
+        _("Why a car that learns drives worse than it could."),
+        (
+            _try(_("Explore a little"), name="little-entropy", beta_entropy="0"),
+            _try(_("Explore a lot"), name="much-entropy", beta_entropy="0.3"),
+        ),
+    ),
+    Lesson(
+        "ppo-and-sac",
+        _("PPO and SAC"),
+        _("Two ways to learn from the same driving."),
+        (
+            _try(_("Train with PPO"), name="with-ppo", action_space_type="continuous", algorithm="ppo"),
+            _try(_("Train with SAC"), name="with-sac", action_space_type="continuous", algorithm="sac"),
+        ),
+    ),
+    Lesson(
+        "sparse-rewards",
+        _("Sparse rewards and shaping"),
+        _("Why paying for the finish alone teaches nothing at first."),
+        (
+            _try(_("Pay at the finish only"), name="sparse", lesson="sparse"),
+            _try(_("Pay for every metre"), name="shaped", example="race"),
+        ),
+    ),
+    Lesson(
+        "reward-graph",
+        _("Reading the reward graph"),
+        _("What rises, what should not fall, and when to stop."),
+        (_try(_("Watch a graph rise"), name="graph", stop_clean_laps="10"),),
+    ),
+    Lesson(
+        "zig-zag",
+        _("Why a car zig-zags"),
+        _("A habit of many trained cars, where it comes from, and three cures."),
+        (
+            _try(_("A car that sways"), name="swaying", example="follow_centre_line"),
+            _try(_("A calm one"), name="calm", example="prevent_zig_zag"),
+        ),
+    ),
+)
+BY_SLUG = {lesson.slug: lesson for lesson in LESSONS}
+
+# Reward functions that belong to a lesson and are no example to keep.
+LESSON_CODE = {
+    "sparse": '''def reward_function(params):
+    """Nothing on the way, much at the finish."""
+    if params["progress"] >= 100:
+        return 100.0
+    return 0.0
+''',
+}

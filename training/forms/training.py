@@ -1,0 +1,320 @@
+"""The wizard "Create a model" as one form. What a training may be is decided by its service, not here."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from django import forms
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.models import TrainedModel
+from faults import UserFault
+from races.course_form import DRAWN, CourseForm
+from races.fields import PlainNumberField
+from races.models import Opponents, Race, RaceType
+from races.selectors import racing_now
+from tracks.forms import add_fault
+from training.actions import (
+    SPEED_GRANULARITIES,
+    STEERING_GRANULARITIES,
+    discrete_actions,
+)
+from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, SPEED_MPS, STEERING_DEG, check_action_space
+from training.models import Algorithm, BestMetric, RewardSignature, Vehicle
+from training.models.job import MAX_MINUTES, MAX_TRIALS
+from training.selectors import clonable_models
+from training.vehicles import vehicles_of
+
+from .fields import ActionsField
+from .hyperparameters import HYPERPARAMETERS, HyperparametersForm
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+DISCRETE, CONTINUOUS = "discrete", "continuous"
+RANGES = ("steering_low", "steering_high", "speed_low", "speed_high")
+COURSE = ("boxes", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes")
+
+
+def _number(label: Any, least: float, most: float, step: float = 1, kind: type = PlainNumberField, **more: Any) -> Any:
+    return kind(
+        label=label,
+        min_value=least,
+        max_value=most,
+        widget=forms.NumberInput(attrs={"min": least, "max": most, "step": step}),
+        **more,
+    )
+
+
+class TrainingForm(HyperparametersForm, CourseForm):
+    """Everything that a training is made of. Values of choices not taken are dropped, whatever they are."""
+
+    name = forms.RegexField(
+        label=_("Name"),
+        regex=r"^[A-Za-z0-9-]+\Z",
+        max_length=64,
+        help_text=_("1 to 64 letters, digits and hyphens; no other model of yours may have it."),
+        error_messages={"invalid": _("Use letters from a to z, digits and hyphens only.")},
+        widget=forms.TextInput(attrs={"pattern": "[A-Za-z0-9\\-]+", "autocomplete": "off"}),
+    )
+    description = forms.CharField(
+        label=_("Description"),
+        required=False,
+        max_length=255,
+        help_text=_("What you want to find out. You will be glad of it when there are ten models."),
+    )
+    # only bots: models meet models in races
+    opponents = forms.CharField(required=False, widget=forms.HiddenInput)
+    algorithm = forms.ChoiceField(label=_("Algorithm"), choices=Algorithm.choices, widget=forms.RadioSelect)
+    action_space_type = forms.ChoiceField(
+        label=_("Kind"),
+        choices=[(DISCRETE, _("a table of actions")), (CONTINUOUS, _("ranges (continuous)"))],
+        widget=forms.RadioSelect,
+    )
+    steering_max = _number(_("Greatest steering angle (°)"), 1, STEERING_DEG[1], required=False)
+    steering_granularity = forms.TypedChoiceField(
+        label=_("Steering angles"), choices=[(n, n) for n in STEERING_GRANULARITIES], coerce=int, required=False
+    )
+    speed_max = _number(_("Greatest speed (m/s)"), *SPEED_MPS, 0.1, required=False)
+    speed_granularity = forms.TypedChoiceField(
+        label=_("Speeds"), choices=[(n, n) for n in SPEED_GRANULARITIES], coerce=int, required=False
+    )
+    actions = ActionsField(label=_("Actions"), required=False)
+    steering_low = _number(_("Steering to the right (°)"), *STEERING_DEG, required=False)
+    steering_high = _number(_("Steering to the left (°)"), *STEERING_DEG, required=False)
+    speed_low = _number(_("Slowest (m/s)"), *SPEED_MPS, 0.1, required=False)
+    speed_high = _number(_("Fastest (m/s)"), *SPEED_MPS, 0.1, required=False)
+    vehicle = forms.ModelChoiceField(
+        label=_("Vehicle"),
+        queryset=Vehicle.objects.none(),
+        to_field_name="public_id",
+        empty_label=None,
+        required=False,
+        widget=forms.RadioSelect,
+        error_messages={"invalid_choice": _("This vehicle is not in your garage. Choose one of yours.")},
+    )
+    clone = forms.ModelChoiceField(
+        label=_("Start from"),
+        queryset=TrainedModel.objects.none(),
+        to_field_name="public_id",
+        empty_label=_("nothing: a new network"),
+        required=False,
+        help_text=_(
+            "A model whose weights it begins with. It must have the same sensors, network and number of actions."
+        ),
+    )
+    reward_code = forms.CharField(
+        label=_("Reward function"),
+        strip=False,
+        widget=forms.Textarea(attrs={"rows": 18, "spellcheck": "false", "autocapitalize": "off", "class": "code"}),
+        error_messages={"required": _("Write a reward function, or take one of the examples.")},
+    )
+    stop_minutes = _number(
+        _("Minutes at most"), 1, MAX_MINUTES, kind=forms.IntegerField, help_text=_("Of wall time: 1 to 1440.")
+    )
+    stop_clean_laps = _number(
+        _("Clean laps in a row"),
+        1,
+        MAX_TRIALS,
+        kind=forms.IntegerField,
+        required=False,
+        help_text=_("It ends as soon as the car has driven so many without leaving the road."),
+    )
+    stop_steps = _number(
+        _("Steps"),
+        1,
+        2**31 - 1,
+        kind=forms.IntegerField,
+        required=False,
+        help_text=_("Fifteen steps are one second of driving."),
+    )
+    trials = _number(
+        _("Trials of an evaluation"),
+        1,
+        MAX_TRIALS,
+        kind=forms.IntegerField,
+        help_text=_("After each update the car drives so many laps without exploring."),
+    )
+    best_metric = forms.ChoiceField(
+        label=_("Best by"),
+        choices=BestMetric.choices,
+        help_text=_("What makes one of these evaluations the best; its model is kept beside the last one."),
+    )
+    submit_to_race = forms.ModelChoiceField(
+        label=_("Submit to a race when done"),
+        queryset=Race.objects.none(),
+        to_field_name="slug",
+        empty_label=_("no"),
+        required=False,
+        help_text=_("The best model is sent there by itself."),
+    )
+
+    def __init__(
+        self, *args: Any, owner: Racer, now: datetime, initial: dict[str, Any] | None = None, **kwargs: Any
+    ) -> None:
+        super().__init__(*args, initial={**INITIAL, **(initial or {})}, **kwargs)
+        self.fields["vehicle"].queryset = vehicles_of(owner)
+        self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
+        self.fields["clone"].queryset = clonable_models(owner)
+        self.fields["clone"].label_from_instance = lambda model: (
+            model.name if model.owner_id == owner.pk else f"{model.name} ({model.owner.alias})"
+        )
+        self.fields["submit_to_race"].queryset = racing_now(now, owner)
+        self.fields["submit_to_race"].label_from_instance = lambda race: f"{race.name} · {race.track.name}"
+
+    def clean_reward_code(self) -> str:
+        """The text with line ends as Python counts them; forms send CR LF."""
+        return self.cleaned_data["reward_code"].replace("\r\n", "\n")
+
+    def clean(self) -> dict[str, Any]:
+        """Drop what belongs to choices not taken; check the action space, which is one value of several fields."""
+        self.cleaned_data["opponents"] = ""
+        if self.cleaned_data.get("race_type") == RaceType.HEAD_TO_HEAD:
+            self.cleaned_data["opponents"] = Opponents.BOTS
+        cleaned = super().clean()
+        if cleaned.get("action_space_type") == CONTINUOUS:
+            self.errors.pop("actions", None)
+            own = RANGES
+        else:
+            for name in RANGES:
+                self.errors.pop(name, None)
+            own = ("actions",)
+        if cleaned.get("algorithm") and cleaned.get("action_space_type") and not set(own) & set(self.errors):
+            try:
+                check_action_space(cleaned["algorithm"], cleaned["action_space_type"], self.action_space(cleaned))
+            except UserFault as fault:
+                self.show(fault)
+        return cleaned
+
+    def action_space(self, said: dict[str, Any]) -> Any:
+        """The action space as ``model_metadata.json`` has it."""
+        if said["action_space_type"] == DISCRETE:
+            return said.get("actions") or []
+        return {
+            name: {end: said.get(f"{short}_{end}") for end in ("low", "high")}
+            for name, short in (("steering_angle", "steering"), ("speed", "speed"))
+        }
+
+    def _foreign(self, cleaned: dict[str, Any]) -> Iterable[str]:
+        other_boxes = "boxes" if cleaned.get("box_choice") == DRAWN else "random_boxes"
+        names = {
+            RaceType.OBJECT_AVOIDANCE: (other_boxes, "opponents", "bots", "bot_speed_mps", "bot_lane_changes"),
+            RaceType.HEAD_TO_HEAD: ("boxes", "random_boxes"),
+        }
+        return *names.get(cleaned.get("race_type"), (*COURSE, "opponents")), *_NEVER
+
+    def make_table(self) -> list[dict[str, float]]:
+        """The table of actions that the granularities on the form make, usual ones in place of nonsense."""
+        values = {name: self.cleaned_data.get(name) or INITIAL[name] for name in GRANULARITIES}
+        return discrete_actions(*values.values())
+
+    def values(self) -> dict[str, Any]:
+        """What the form says, for ``create_training``."""
+        said = self.cleaned_data
+        own = ("name", "description", "track", "direction", "race_type", *COURSE, "seed", "algorithm", "vehicle")
+        own += (
+            "reward_code",
+            "stop_minutes",
+            "stop_steps",
+            "stop_clean_laps",
+            "trials",
+            "best_metric",
+            "submit_to_race",
+        )
+        return {
+            **{name: said[name] for name in own},
+            "hyperparameters": self.hyperparameters(),
+            "action_space_type": said["action_space_type"],
+            "action_space": self.action_space(said),
+            "reward_signature": signature_of(said["reward_code"]),
+            "clone_from": said["clone"],
+        }
+
+    def show(self, fault: UserFault) -> None:
+        """Show a refusal of the service beside the field that it is about."""
+        add_fault(self, fault, self.place_of(fault))
+
+    def place_of(self, fault: UserFault) -> str | None:
+        """The field that a refusal is about, None for the training as a whole."""
+        if fault.code.startswith("reward_"):
+            return "reward_code"
+        if fault.code in ("training_action_value", "training_action_bounds"):
+            short = "speed" if named_in(fault) == "speed" else "steering"
+            return "actions" if self.cleaned_data.get("action_space_type") == DISCRETE else f"{short}_high"
+        if fault.code == "training_hyperparameter":
+            return named_in(fault)
+        return PLACES.get(fault.code)
+
+
+def signature_of(code: str) -> str:
+    """Which of the two forms a reward function has, by its arguments; today's form if that cannot be told."""
+    try:
+        functions = [each for each in ast.parse(code).body if isinstance(each, ast.FunctionDef)]
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return RewardSignature.PARAMS
+    for function in functions:
+        if function.name == "reward_function" and len(function.args.posonlyargs + function.args.args) > 1:
+            return RewardSignature.POSITIONAL
+    return RewardSignature.PARAMS
+
+
+def named_in(fault: UserFault) -> str:
+    """What a refusal names."""
+    return str(fault.params.get("name", ""))
+
+
+PLACES = {
+    "training_name_form": "name",
+    "training_name_taken": "name",
+    "training_algorithm": "algorithm",
+    "training_loss_type": "loss_type",
+    "training_sac_continuous": "action_space_type",
+    "training_action_count": "actions",
+    "training_minutes": "stop_minutes",
+    "training_minutes_left": "stop_minutes",
+    "training_steps": "stop_steps",
+    "training_clean_laps": "stop_clean_laps",
+    "training_trials": "trials",
+    "training_best_metric": "best_metric",
+    "training_seed": "seed",
+    "training_course": "race_type",
+    "training_reward_missing": "reward_code",
+    "clone_not_yours": "clone",
+    "clone_sensors": "clone",
+    "clone_network": "clone",
+    "clone_actions": "clone",
+    "clone_not_ours": "clone",
+}
+_NEVER = ("box_distance_m", "duel_format", "duel_cars")
+GRANULARITIES = ("steering_max", "steering_granularity", "speed_max", "speed_granularity")
+INITIAL: dict[str, Any] = {
+    "track": "oval",
+    "direction": "ccw",
+    "race_type": RaceType.TIME_TRIAL,
+    "box_choice": DRAWN,
+    "random_boxes": 6,
+    "opponents": Opponents.BOTS,
+    "bots": 4,
+    "bot_speed_mps": 1.0,
+    "bot_lane_changes": False,
+    "seed": 0,
+    "algorithm": Algorithm.PPO,
+    "action_space_type": DISCRETE,
+    "steering_max": 30.0,
+    "steering_granularity": 5,
+    "speed_max": 1.4,
+    "speed_granularity": 1,
+    "steering_low": DEFAULT_BOUNDS["steering_angle"]["low"],
+    "steering_high": DEFAULT_BOUNDS["steering_angle"]["high"],
+    "speed_low": DEFAULT_BOUNDS["speed"]["low"],
+    "speed_high": DEFAULT_BOUNDS["speed"]["high"],
+    "actions": [dict(action) for action in DEFAULT_ACTIONS],
+    "stop_minutes": 10,
+    "stop_clean_laps": None,
+    "trials": 3,
+    "best_metric": BestMetric.PROGRESS,
+    **HYPERPARAMETERS,
+}

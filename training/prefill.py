@@ -1,0 +1,100 @@
+"""What the wizard proposes: for the query of its address, which lessons and buttons write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from evaluation.models import TrainedModel
+from races.course_form import DRAWN, FIXED
+
+from .actions import discrete_actions
+from .course import LESSON_CODE
+from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
+from .models import TrainingJob
+from .rewards.examples import DEFAULT, EXAMPLES
+from .selectors import clonable_models
+from .vehicles import vehicles_of
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+LONGEST = 255
+BOOKED = ("track", "direction", "race_type", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes", "boxes")
+TAKEN_OVER = (*BOOKED, "algorithm", "action_space_type", "reward_code", "stop_minutes", "stop_steps")
+TAKEN_OVER += ("stop_clean_laps", "trials", "best_metric", "seed")
+# Fields that an address may fill in. Whatever it says is checked when the form is sent, as if it had been typed.
+NAMED = (
+    *("name", "description", "track", "direction", "race_type", "random_boxes", "bots", "algorithm", "vehicle"),
+    *("batch_size", "num_epochs", "lr", "beta_entropy", "sac_alpha", "discount_factor", "loss_type"),
+    *("num_episodes_between_training", "action_space_type", *GRANULARITIES, "steering_low", "steering_high"),
+    *("speed_low", "speed_high", "stop_minutes", "stop_steps", "stop_clean_laps", "trials", "best_metric", "seed"),
+)
+
+
+def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
+    """Initial values of the wizard. ``job`` takes over the settings of one of the racer's trainings, ``clone`` those of
+    a model and its weights, ``example`` a reward function; then come single fields by their names."""
+    initial: dict[str, Any] = {"reward_code": DEFAULT.code}
+    job = TrainingJob.objects.filter(owner=owner, public_id=asked.get("job", "")).select_related("track", "vehicle")
+    for one in job:
+        initial |= _of_job(one)
+    model = clonable_models(owner).filter(public_id=asked.get("clone", "")).first()
+    if model is not None:
+        initial |= _of_model(owner, model)
+    for example in EXAMPLES:
+        if example.slug == asked.get("example"):
+            initial["reward_code"] = example.code
+    initial["reward_code"] = LESSON_CODE.get(asked.get("lesson", ""), initial["reward_code"])
+    said = {name: asked[name][:LONGEST] for name in NAMED if asked.get(name)}
+    initial |= said
+    if said.keys() & set(GRANULARITIES):
+        initial["actions"] = table({**INITIAL, **said})
+    return initial
+
+
+def table(values: Mapping[str, Any]) -> list[dict[str, float]]:
+    """The table of actions that granularities make; where one of them is no number, the usual one is taken."""
+    numbers = []
+    for name in GRANULARITIES:
+        try:
+            numbers.append(type(INITIAL[name])(values.get(name) or INITIAL[name]))
+        except (TypeError, ValueError):
+            numbers.append(INITIAL[name])
+    steering, angles, speed, speeds = numbers
+    return discrete_actions(steering, min(max(angles, 2), 15), speed, min(max(speeds, 1), 30 // max(angles, 2)))
+
+
+def _of_job(job: TrainingJob) -> dict[str, Any]:
+    initial: dict[str, Any] = {name: getattr(job, name) for name in TAKEN_OVER}
+    initial |= job.hyperparameters | _of_actions(job.action_space)
+    initial["track"] = job.track.slug
+    initial["vehicle"] = job.vehicle.public_id if job.vehicle else None
+    initial["box_choice"] = FIXED if job.boxes else DRAWN
+    initial |= {name: INITIAL[name] for name in ("random_boxes", "bots") if not initial[name]}
+    return initial
+
+
+def _of_model(owner: Racer, model: TrainedModel) -> dict[str, Any]:
+    """The model's weights, and a vehicle and action space that go with them."""
+    metadata = model.metadata
+    initial = {"clone": model.public_id, "action_space_type": metadata.get("action_space_type", DISCRETE)}
+    initial["algorithm"] = "sac" if metadata.get("training_algorithm") == "sac" else "ppo"
+    initial |= _of_actions(metadata["action_space"])
+    sensors, network = set(model.sensors), metadata.get("neural_network")
+    for vehicle in vehicles_of(owner):
+        if set(vehicle.sensors) == sensors and network in (None, vehicle.neural_network):
+            initial["vehicle"] = vehicle.public_id
+            break
+    return initial
+
+
+def _of_actions(space: Any) -> dict[str, Any]:
+    if isinstance(space, list):
+        return {"actions": [{key: float(action[key]) for key in ("steering_angle", "speed")} for action in space]}
+    ends = ("low", "high")
+    return {
+        "action_space_type": CONTINUOUS,
+        **{f"steering_{end}": float(space["steering_angle"][end]) for end in ends},
+        **{f"speed_{end}": float(space["speed"][end]) for end in ends},
+    }

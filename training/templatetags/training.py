@@ -1,0 +1,98 @@
+"""What pages show of trainings and vehicles."""
+
+from __future__ import annotations
+
+from django import template
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_noop
+
+from evaluation.templatetags.garage import sensor_name
+from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
+from training.models.choices import Shell
+from training.shells import DRAWINGS, GROUND
+
+register = template.Library()
+
+HYPERPARAMETER_NAMES = {
+    "batch_size": gettext_noop("Batch size"),
+    "num_epochs": gettext_noop("Epochs"),
+    "lr": gettext_noop("Learning rate"),
+    "beta_entropy": gettext_noop("Entropy"),
+    "sac_alpha": gettext_noop("SAC alpha"),
+    "discount_factor": gettext_noop("Discount factor"),
+    "loss_type": gettext_noop("Loss"),
+    "num_episodes_between_training": gettext_noop("Episodes between updates"),
+}
+LOSS_NAMES = {HUBER: gettext_noop("Huber"), MEAN_SQUARED_ERROR: gettext_noop("mean squared error")}
+
+
+@register.simple_tag
+def shell_picture(shell: str, colour: str, label: str = "") -> SafeString:
+    """A shell in a colour (``#rrggbb``), as a picture from the side. Without a ``label`` it is decoration."""
+    drawing = DRAWINGS.get(shell, DRAWINGS[Shell.PADDOCK])
+    rear, front, radius = drawing.wheels
+    wheels = [
+        format_html(
+            '<circle class="shell-tyre" cx="{0}" cy="{1}" r="{2}"/>'
+            '<circle class="shell-rim" cx="{0}" cy="{1}" r="{3}"/>',
+            x,
+            GROUND - radius,
+            radius,
+            radius * 0.45,
+        )
+        for x in (rear, front)
+    ]
+    named = format_html(' role="img" aria-label="{}"', label) if label else SafeString(' aria-hidden="true"')
+    return format_html(
+        '<svg class="shell" viewBox="0 0 120 52"{}><path class="shell-body" fill="{}" d="{}"/>'
+        '<path class="shell-dark" d="{}"/><path class="shell-glass" d="{}"/>{}{}</svg>',
+        named,
+        colour,
+        drawing.body,
+        drawing.dark,
+        drawing.glass,
+        *wheels,
+    )
+
+
+@register.filter
+def sensor_words(sensors: list[str]) -> str:
+    """Names of sensors in the reader's language."""
+    return ", ".join(sensor_name(sensor) for sensor in sensors)
+
+
+@register.filter
+def span(seconds: float | None) -> str:
+    """A time of training as ``m:ss`` (``h:mm:ss`` from an hour on)."""
+    whole = max(0, round(seconds or 0))
+    hours, rest = divmod(whole, 3600)
+    minutes, left = divmod(rest, 60)
+    return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"
+
+
+@register.filter
+def figure(value: float | None, digits: int = 2) -> str:
+    """A measured number with so many decimals; a dash for none."""
+    return "–" if value is None else f"{value:,.{digits}f}"
+
+
+@register.filter
+def item_of(key: str, mapping: dict) -> object:
+    """``mapping[key]``, or nothing."""
+    return mapping.get(key)
+
+
+@register.filter
+def hyperparameter_name(name: str) -> str:
+    """A hyperparameter's name in the reader's language."""
+    return _(HYPERPARAMETER_NAMES[name]) if name in HYPERPARAMETER_NAMES else name
+
+
+@register.filter
+def plain_value(value: object) -> str:
+    """A hyperparameter's value: small numbers without an exponent, words in the reader's language."""
+    if isinstance(value, float):
+        return f"{value:.8f}".rstrip("0").rstrip(".")
+    return _(LOSS_NAMES[value]) if value in LOSS_NAMES else str(value)

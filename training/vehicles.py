@@ -1,0 +1,55 @@
+"""Writes and lists of a racer's vehicles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from django.db import transaction
+from django.db.models import QuerySet
+
+from faults import UserFault
+from tracks.locks import hold
+
+from .models import Vehicle
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+VEHICLES_PER_RACER = 50
+FIRST_NAME = "The Original"
+
+
+def vehicles_of(racer: Racer | AnonymousUser) -> QuerySet[Vehicle]:
+    """The racer's vehicles by name; none for somebody who is not logged in."""
+    return Vehicle.objects.filter(owner_id=racer.pk)
+
+
+@transaction.atomic
+def save_vehicle(*, owner: Racer, vehicle: Vehicle | None = None, **values: Any) -> Vehicle:
+    """Add a vehicle, or change ``vehicle``. Raises UserFault ``vehicle_name_taken``, ``vehicle_limit``."""
+    hold(owner)
+    mine = vehicles_of(owner)
+    if vehicle is None:
+        if mine.count() >= VEHICLES_PER_RACER:
+            raise UserFault("vehicle_limit", limit=VEHICLES_PER_RACER)
+        vehicle = Vehicle(owner=owner)
+    if mine.filter(name=values["name"]).exclude(pk=vehicle.pk).exists():
+        raise UserFault("vehicle_name_taken", name=values["name"])
+    for name, value in values.items():
+        setattr(vehicle, name, value)
+    vehicle.save()
+    return vehicle
+
+
+def delete_vehicle(*, vehicle: Vehicle) -> None:
+    """Take a vehicle out of the garage. What was trained with it keeps its copy."""
+    vehicle.delete()
+
+
+@transaction.atomic
+def first_vehicle(*, owner: Racer) -> Vehicle:
+    """A racer's first vehicle, made if there is none: a front camera and the shallow network."""
+    hold(owner)
+    return vehicles_of(owner).first() or Vehicle.objects.create(owner=owner, name=FIRST_NAME)

@@ -1,0 +1,86 @@
+"""What a training is downloaded as."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+
+from django.contrib.auth.decorators import login_required
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.views.decorators.http import require_safe
+
+from evaluation.models import TrainedModel
+from training.files import logs_zip, simtrace, training_metrics
+
+from .common import visible_training
+
+
+@login_required
+@require_safe
+def training_package(request: HttpRequest, public_id: str, which: str) -> HttpResponse:
+    """The best or the last model as a package: ONNX and model_metadata.json in a zip."""
+    job = visible_training(request, public_id)
+    model = job.best_model if which == "best" else job.last_model
+    if model is None or model.deleted_at is not None:
+        raise Http404
+    return _file(package_of(model), "application/zip", f"{model.name}.zip")
+
+
+@login_required
+@require_safe
+def training_sb3(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The model as stable-baselines3 saves it."""
+    job = visible_training(request, public_id)
+    if not job.sb3_zip:
+        raise Http404
+    with job.sb3_zip.open("rb") as file:
+        return _file(file.read(), "application/zip", f"{job.name}-sb3.zip")
+
+
+@login_required
+@require_safe
+def training_logs(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Log, reward function, settings, metrics and sim-traces in one zip."""
+    job = visible_training(request, public_id)
+    return _file(logs_zip(job), "application/zip", f"{job.name}-logs.zip")
+
+
+@login_required
+@require_safe
+def training_metrics_file(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The training metrics JSON, as the community's tools read it."""
+    job = visible_training(request, public_id)
+    response = JsonResponse(training_metrics(job), json_dumps_params={"indent": 1})
+    return _named(response, f"{job.name}-training-metrics.json")
+
+
+@login_required
+@require_safe
+def training_trace(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The newest sim-trace as CSV."""
+    job = visible_training(request, public_id)
+    newest = job.iterations.exclude(simtrace="").order_by("-number").first()
+    if newest is None:
+        raise Http404
+    return _file(simtrace(newest), "text/csv; charset=utf-8", f"{job.name}-{newest.number}-sim-trace.csv")
+
+
+def package_of(model: TrainedModel) -> bytes:
+    """A zip of the network and its ``model_metadata.json``, as this site, and any other Paddock, takes it."""
+    file = io.BytesIO()
+    with model.network.onnx.open("rb") as onnx, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("model.onnx", onnx.read())
+        archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
+    return file.getvalue()
+
+
+def _file(data: bytes, kind: str, name: str) -> HttpResponse:
+    return _named(HttpResponse(data, content_type=kind), name)
+
+
+def _named(response: HttpResponse, name: str) -> HttpResponse:
+    safe = "".join(letter if (letter.isalnum() and letter.isascii()) or letter in "-_." else "-" for letter in name)
+    response["Content-Disposition"] = f'attachment; filename="{safe}"'
+    response["Cache-Control"] = "private, no-store"
+    return response

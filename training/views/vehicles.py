@@ -1,0 +1,64 @@
+"""The garage's vehicles: see them, add, change and delete one."""
+
+from __future__ import annotations
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_http_methods, require_safe
+
+from faults import UserFault
+from tracks.forms import add_fault
+from training.forms.vehicle import VehicleForm
+from training.models import Vehicle
+from training.vehicles import VEHICLES_PER_RACER, delete_vehicle, save_vehicle, vehicles_of
+
+
+@login_required
+@require_safe
+def vehicles(request: HttpRequest) -> HttpResponse:
+    """My vehicles."""
+    context = {"vehicles": vehicles_of(request.user), "limit": VEHICLES_PER_RACER}
+    return render(request, "training/vehicles.html", context)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def vehicle_new(request: HttpRequest) -> HttpResponse:
+    """Add a vehicle."""
+    return _form(request, None)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def vehicle_edit(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Change one of my vehicles. What was trained with it stays as it is."""
+    return _form(request, get_object_or_404(vehicles_of(request.user), public_id=public_id))
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def vehicle_delete(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Ask, then take one of my vehicles out of the garage."""
+    vehicle = get_object_or_404(vehicles_of(request.user), public_id=public_id)
+    if request.method == "POST":
+        delete_vehicle(vehicle=vehicle)
+        messages.success(request, _("The vehicle is deleted. Models that were trained with it stay."))
+        return redirect("vehicles")
+    return render(request, "training/vehicle_delete.html", {"vehicle": vehicle})
+
+
+def _form(request: HttpRequest, vehicle: Vehicle | None) -> HttpResponse:
+    form = VehicleForm(request.POST or None, vehicle=vehicle)
+    if request.method == "POST" and form.is_valid():
+        try:
+            save_vehicle(owner=request.user, vehicle=vehicle, **form.values())
+        except UserFault as fault:
+            add_fault(form, fault, "name" if fault.code == "vehicle_name_taken" else None)
+        else:
+            messages.success(request, _("Saved."))
+            return redirect("vehicles")
+    status = 422 if form.errors else 200
+    return render(request, "training/vehicle.html", {"form": form, "vehicle": vehicle}, status=status)

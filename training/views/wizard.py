@@ -1,0 +1,152 @@
+"""The wizard "Create a model", and what it asks the server while it is filled in."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from django import forms
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.http import HttpRequest, HttpResponse, JsonResponse, QueryDict
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.http import require_http_methods, require_POST
+
+from faults import PaddockError, PlatformFault, UserFault
+from races.course_form import preview
+from races.models import RaceType
+from tracks.forms import add_fault, explain
+from training.forms.fields import MOST
+from training.forms.training import TrainingForm
+from training.models import TrainingJob
+from training.prefill import proposals, table
+from training.rewards.examples import EXAMPLES
+from training.services import create_training
+from training.vehicles import vehicles_of
+
+from .common import one_check, usage_of
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+STATE_NAMES = {
+    "start": gettext_lazy("at the start"),
+    "valid": gettext_lazy("on the road"),
+    "progress": gettext_lazy("further on"),
+    "off_track": gettext_lazy("off the track"),
+    "finish": gettext_lazy("at the finish"),
+}
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def training_new(request: HttpRequest) -> HttpResponse:
+    """Make a model: fill in the wizard, then train. Without a script two of its buttons come back to it: one makes the
+    table of actions, one checks the reward function."""
+    now = timezone.now()
+    owner = request.user
+    status, checked = 200, None
+    if request.method == "POST":
+        step = request.POST.get("do")
+        form = TrainingForm(_with_table(request.POST) if step == "table" else request.POST, owner=owner, now=now)
+        if step == "table":
+            form.errors.clear()
+        elif step == "validate":
+            form.errors.clear()
+            checked = _report(owner, request.POST)
+        else:
+            job, status = _create(form, owner, now)
+            if job is not None:
+                messages.success(request, _("The training is on its way. This page follows it."))
+                return redirect(job)
+    else:
+        initial = proposals(owner, request.GET)
+        first = vehicles_of(owner).first()
+        initial.setdefault("vehicle", first.public_id if first else None)
+        form = TrainingForm(owner=owner, now=now, initial=initial)
+    context = {
+        "form": form,
+        "course": preview(form),
+        "vehicles": {vehicle.public_id: vehicle for vehicle in vehicles_of(owner)},
+        "examples": EXAMPLES,
+        "usage": usage_of(owner, now),
+        "checked": checked,
+    }
+    return render(request, "training/new.html", context, status=status)
+
+
+def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJob | None, int]:
+    """The training, or None and the status of the answer that says why not."""
+    if not form.is_valid():
+        return None, 422
+    try:
+        with one_check(owner):
+            problems = _problems(form.cleaned_data["reward_code"], form.cleaned_data["race_type"])
+        for problem in problems:
+            form.add_error("reward_code", forms.ValidationError(problem["message"], code=problem["code"]))
+        if problems:
+            return None, 422
+        return create_training(owner=owner, now=now, **form.values()), 302
+    except UserFault as fault:
+        form.show(fault)
+        return None, 422
+    except PlatformFault as fault:
+        add_fault(form, fault)
+        return None, 503
+
+
+@login_required
+@require_POST
+def reward_validate(request: HttpRequest) -> JsonResponse:
+    """Check the reward function of the editor: ``{"problems": [{"line", "kind", "code", "message"}], "rewards": {state:
+    number}, "printed"}``; 409 while another one of the same racer is checked, 503 when Paddock could not."""
+    answer = _report(request.user, request.POST)
+    return JsonResponse(answer, status=answer.pop("status"))
+
+
+def _report(owner: Racer, said: QueryDict) -> dict[str, Any]:
+    # brings the physics along, which no other page needs
+    from training.rewards.validate import check_reward
+
+    race_type = said.get("race_type", "")
+    try:
+        with one_check(owner):
+            report = check_reward(
+                said.get("reward_code", "").replace("\r\n", "\n"),
+                race_type=race_type if race_type in RaceType.values else RaceType.TIME_TRIAL,
+            )
+    except PaddockError as fault:
+        status = 503 if isinstance(fault, PlatformFault) else 409
+        told = {"line": None, "kind": "", "code": fault.code, "message": explain(fault)}
+        return {"problems": [told], "rewards": {}, "printed": "", "status": status}
+    return {
+        "problems": [_told(problem) for problem in report.problems],
+        "rewards": [[STATE_NAMES[name], value] for name, value in report.rewards.items()],
+        "printed": report.printed,
+        "status": 200,
+    }
+
+
+def _problems(code: str, race_type: str) -> list[dict[str, Any]]:
+    from training.rewards.validate import validate_reward
+
+    return [_told(problem) for problem in validate_reward(code, race_type=race_type)]
+
+
+def _told(problem: Any) -> dict[str, Any]:
+    fault = UserFault(problem.code, **problem.params)
+    return {"line": problem.line, "kind": problem.kind, "code": problem.code, "message": explain(fault)}
+
+
+def _with_table(said: QueryDict) -> QueryDict:
+    """The same form with the table of actions that its granularities make."""
+    data = said.copy()
+    actions = table(said)
+    for number in range(1, MOST + 1):
+        action = actions[number - 1] if number <= len(actions) else None
+        data[f"actions-{number}-steering"] = f"{action['steering_angle']:g}" if action else ""
+        data[f"actions-{number}-speed"] = f"{action['speed']:g}" if action else ""
+    return data
