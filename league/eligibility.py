@@ -7,10 +7,11 @@ from datetime import datetime
 from faults import UserFault
 from races.models import Division, Kind, Race
 
-from .models import Racer, Round
+from .models import Racer
 from .models.season import WITH_FIELD
 from .selectors import division_of, field_of
-from .services.closing import close_what_is_due
+from .selectors.boards import round_of
+from .services.closing import close_due_rounds
 
 
 def check_division(race: Race, racer: Racer, now: datetime) -> None:
@@ -21,14 +22,18 @@ def check_division(race: Race, racer: Racer, now: datetime) -> None:
     """
     if race.kind != Kind.LEAGUE or race.division == Division.ALL:
         return
-    round_ = Round.objects.filter(race=race).select_related("season").first()
+    round_ = round_of(race, racer, now)
+    division = Division.OPEN
     if round_ is not None:
-        close_what_is_due(round_.season, now=now)
+        if round_.waits:
+            close_due_rounds(now=now, season=round_.season)
+            division = division_of(round_.season, racer)
+        elif round_.reader_division:
+            division = Division(round_.reader_division)
         if round_.stage in WITH_FIELD:
             if racer.pk not in (field_of(round_) or []):
                 raise UserFault("race_not_in_field")
             return
-    division = division_of(None if round_ is None else round_.season, racer)
     if race.division == division:
         return
     raise UserFault("race_pro_only" if race.division == Division.PRO else "race_open_only")

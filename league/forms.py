@@ -45,7 +45,8 @@ class ProfileForm(forms.ModelForm):
 
     class Meta:
         model = Racer
-        fields = ["country"]
+        fields = ["country", "team"]
+        help_texts = {"team": _("As it is to stand in the standings of teams: one spelling makes one team.")}
 
     def __init__(self, *args, **kwargs) -> None:
         super().__init__(*args, **kwargs)

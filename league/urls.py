@@ -5,12 +5,23 @@ from django.contrib import admin
 from django.urls import include, path
 
 from .forms import LoginForm, SignUpForm
-from .views import account, home, racers, site
+from .views import account, home, organising, racers, seasons, site
 
 urlpatterns = [
     path("", home.home, name="home"),
     path("about/", site.about, name="about"),
     path("racers/<str:alias>/", racers.racer, name="racer"),
+    path("seasons/", seasons.seasons, name="seasons"),
+    path("seasons/new/", organising.season_new, name="season_new"),
+    path("seasons/now/", seasons.season_now, name="season_now"),
+    path("seasons/<slug:slug>/", seasons.season, name="season"),
+    path("seasons/<slug:slug>/standings/", seasons.standings, name="season_standings"),
+    path("seasons/<slug:slug>/finales/", seasons.fields, name="season_fields"),
+    path("seasons/<slug:slug>/rules/", seasons.rules, name="season_rules"),
+    path("seasons/<slug:slug>/calendar/", seasons.calendar, name="season_calendar"),
+    path("seasons/<slug:slug>/calendar.ics", seasons.calendar_file, name="season_calendar_file"),
+    path("seasons/<slug:slug>/racers/<str:alias>/", seasons.season_racer, name="season_racer"),
+    path("hall-of-fame/", seasons.hall, name="hall"),
     path("settings/", account.settings_page, name="settings"),
     path("settings/tokens/", account.api_tokens, name="api_tokens"),
     path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),

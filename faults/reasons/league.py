@@ -17,6 +17,10 @@ REASONS = table(
         "season_more_places_than_cars": _(
             "A finale of %(size)s cars cannot qualify more than all of them. Choose fewer places or a larger finale."
         ),
+        "season_without_races": _(
+            "No month that is still to come has an open race. Choose a track for one, or a later year."
+        ),
+        "season_exists": _("There is a season at %(season)s already. Choose another address."),
         # the rounds of a season
         "rounds_overlap": _(
             "%(race)s and %(other)s overlap: a division has one race at a time. Choose times that follow each other."

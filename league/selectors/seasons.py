@@ -22,7 +22,7 @@ from ..models import (
     Stage,
     StewardDecision,
 )
-from .standings import season_standings
+from .standings import standings_of
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,12 @@ class HallOfFame:
     finales: list[Champion] = field(default_factory=list)
     divisions: dict[str, Racer] = field(default_factory=dict)
 
+    @property
+    def division_leaders(self) -> list[tuple[Division, Racer]]:
+        """Division and racer, the pro division first."""
+        order = (Division.PRO, Division.OPEN, Division.ALL)
+        return [(division, self.divisions[division]) for division in order if division in self.divisions]
+
 
 def months_of(season: Season) -> list[Month]:
     """The months of a season in their order, each with its rounds and their races and tracks: one query."""
@@ -111,19 +117,25 @@ def racer_season(season: Season, racer: Racer) -> list[RacerRound]:
 
 
 def hall_of_fame() -> list[HallOfFame]:
-    """Every season with an official round, the latest first, and who won what in it."""
-    halls = []
+    """Every season with an official round, the latest first, and who won what in it: seven queries for all."""
     official = Round.objects.filter(closed_at__isnull=False)
-    for season in Season.objects.filter(pk__in=official.values("season")).order_by("-starts_on", "-pk"):
-        finals = official.filter(season=season, stage__in=[Stage.FINALE, Stage.CHAMPIONSHIP])
-        rounds = {one.race_id: one for one in finals.select_related("race").order_by("race__closes_at", "pk")}
-        winners = podiums([one.race for one in rounds.values()], size=1)
-        won = {pk: Champion(rows[0].racer, rounds[pk]) for pk, rows in winners.items() if rows}
-        champion = next((won[pk] for pk, one in rounds.items() if pk in won and one.stage == Stage.CHAMPIONSHIP), None)
-        finales = [won[pk] for pk, one in rounds.items() if pk in won and one.stage == Stage.FINALE]
-        leaders = {division: season_standings(season, division) for division in Division.values}
-        first = {division: lines[0].who for division, lines in leaders.items() if lines}
-        racers = Racer.objects.in_bulk(first.values())
+    seasons = list(Season.objects.filter(pk__in=official.values("season")).order_by("-starts_on", "-pk"))
+    finals = official.filter(season__in=seasons, stage__in=[Stage.FINALE, Stage.CHAMPIONSHIP])
+    rounds = list(finals.select_related("race").order_by("race__closes_at", "pk"))
+    winners = podiums([one.race for one in rounds], size=1)
+    lines = standings_of(seasons)
+    leaders = {pk: {name: own[0].who for name, own in by.items()} for pk, by in lines.items()}
+    racers = Racer.objects.in_bulk({pk for first in leaders.values() for pk in first.values()})
+    halls = []
+    for season in seasons:
+        won = [
+            Champion(winners[one.race_id][0].racer, one)
+            for one in rounds
+            if one.season_id == season.pk and winners[one.race_id]
+        ]
+        champion = next((one for one in won if one.round.stage == Stage.CHAMPIONSHIP), None)
+        finales = [one for one in won if one.round.stage == Stage.FINALE]
+        first = leaders[season.pk]
         halls.append(HallOfFame(season, champion, finales, {name: racers[pk] for name, pk in first.items()}))
     return halls
 

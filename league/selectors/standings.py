@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from ..models import RoundPoints, Season
+from ..models import Round, RoundPoints, Season, Stage
 from ..models.season import DIVISION_OF, WITH_POINTS
 from ..rules import Line, Result, Standings
 
@@ -21,6 +21,25 @@ def season_standings(season: Season, division: Division | str) -> list[Line]:
     """
     rounds = _official(season, division)
     return Standings(season.drop_worst).lines(_results(rounds, lambda row: row.racer_id), len(rounds))
+
+
+def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
+    """The standings of every division that has points, by season: two queries for all seasons."""
+    seasons = {season.pk: season for season in seasons}
+    rounds: dict[tuple[int, str], dict[int, int]] = defaultdict(dict)
+    official = Round.objects.filter(season__in=seasons, stage__in=WITH_POINTS, closed_at__isnull=False)
+    for pk, season, stage in official.order_by("race__closes_at", "pk").values_list("pk", "season", "stage"):
+        own = rounds[season, str(DIVISION_OF[Stage(stage)])]
+        own[pk] = len(own) + 1
+    of = {pk: key for key, own in rounds.items() for pk in own}
+    results: dict[tuple[int, str], list[Result]] = defaultdict(list)
+    for row in RoundPoints.objects.filter(round__in=of, points__gt=0):
+        key = of[row.round_id]
+        results[key].append(Result(row.racer_id, rounds[key][row.round_id], row.rank, row.points))
+    found: dict[int, dict[str, list[Line]]] = {pk: {} for pk in seasons}
+    for (season, division), own in results.items():
+        found[season][division] = Standings(seasons[season].drop_worst).lines(own, len(rounds[season, division]))
+    return found
 
 
 def country_standings(season: Season, division: Division | str) -> list[Line]:

@@ -19,6 +19,7 @@ from races.models import Opponents, Race, RaceState
 from races.services.gates import moment
 
 from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season
+from ..selectors.boards import due_rounds
 from ..selectors.outcomes import Outcome, outcome_of
 from .fields import give_fields
 
@@ -99,7 +100,7 @@ def _fresh(round_: Round, season: Season) -> Round:
 
 
 def _due(now: datetime, season: Season | None):
-    due = Round.objects.filter(closed_at=None, held_at=None, race__cancelled_at=None, race__closes_at__lte=now)
+    due = due_rounds(now)
     if season is not None:
         due = due.filter(season=season)
     return due.select_related("race", "season").order_by("race__closes_at", "pk")

@@ -25,6 +25,8 @@ register = template.Library()
 
 THEMES = ("dark", "light")
 SECTIONS = (
+    ("/seasons/", "league"),
+    ("/hall-of-fame/", "league"),
     ("/races/", "races"),
     ("/community/", "races"),
     ("/join/", "races"),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from django.http import HttpRequest, HttpResponse
-from django.shortcuts import get_object_or_404, redirect, render
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
 from django.views.decorators.http import require_safe
 
-from league.models import Racer
+from league.selectors.racers import racer_shown
 from races.selectors import organised_by, racer_history
 
 ORGANISED = 10
@@ -15,7 +15,9 @@ ORGANISED = 10
 @require_safe
 def racer(request: HttpRequest, alias: str) -> HttpResponse:
     """Alias, country, races and ranks."""
-    shown = get_object_or_404(Racer, alias__iexact=alias, is_active=True)
+    shown = racer_shown(alias)
+    if shown is None:
+        raise Http404
     if shown.alias != alias:
         return redirect(shown, permanent=True)
     history = racer_history(shown, request.user)

@@ -1,0 +1,220 @@
+"""The one form that a season is made with."""
+
+from __future__ import annotations
+
+import itertools
+import zoneinfo
+from collections.abc import Iterator
+from datetime import datetime
+from typing import Any
+
+from django import forms
+from django.core.exceptions import ValidationError
+from django.utils import timezone
+from django.utils.dates import MONTHS
+from django.utils.translation import gettext_lazy as _
+
+from faults import UserFault
+from races.errors import RaceRefused, problem
+from races.fields import SecondsField
+from races.models import RankingMethod
+from tracks.forms import add_fault
+from tracks.models import Direction, Track
+
+from .calendars import zone_names
+from .models import Season, Stage, StageRules
+from .services.template import MonthPlan, SeasonPlan
+
+STAGES = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
+RULES = ("ranking_method", "laps", "minimum_laps", "off_track_penalty_ms", "max_submissions")
+# Newcomers' cars may leave the road; a finale asks for more, and lets one try less often.
+PROPOSALS: dict[str, tuple[Any, ...]] = {
+    Stage.OPEN: (RankingMethod.AVERAGE, 3, 3, 3000, 50),
+    Stage.PRO: (RankingMethod.AVERAGE, 5, 3, 5000, 50),
+    Stage.FINALE: (RankingMethod.TOTAL, 3, 3, 5000, 10),
+    Stage.CHAMPIONSHIP: (RankingMethod.TOTAL, 5, 5, 5000, 10),
+}
+DEFAULT_POINTS = "25, 18, 15, 12, 10, 8, 6, 4, 2, 1"
+
+
+class PointsField(forms.CharField):
+    """Points by place as a line of numbers."""
+
+    def to_python(self, value: Any) -> list[int]:
+        """Raises ValidationError("season_points_shape")."""
+        text = super().to_python(value)
+        try:
+            return [int(one) for one in text.replace(",", " ").split()]
+        except ValueError:
+            raise problem("season_points_shape", most=10_000, places=200) from None
+
+
+class SeasonForm(forms.Form):
+    """Year, tracks by month, ranking and limits by stage, and the numbers of the season."""
+
+    name = forms.CharField(label=_("Name"), max_length=40, help_text=_("Such as: Season 2027."))
+    slug = forms.SlugField(label=_("Address"), max_length=40, help_text=_("In links: /seasons/2027/."))
+    year = forms.IntegerField(label=_("Year"), min_value=2000, max_value=2200)
+    zone = forms.ChoiceField(
+        label=_("Time zone"), help_text=_("Races open and close at midnight of this zone, at the first of a month.")
+    )
+    finale_day = forms.IntegerField(label=_("Finale: day of the next month"), min_value=1, max_value=28, initial=10)
+    finale_hour = forms.IntegerField(label=_("Finale: opens at hour"), min_value=0, max_value=23, initial=18)
+    finale_hours = forms.IntegerField(label=_("Finale: hours open"), min_value=1, max_value=240, initial=24)
+    championship_days = forms.IntegerField(
+        label=_("Championship: days after the last finale"), min_value=1, max_value=120, initial=7
+    )
+    championship_hours = forms.IntegerField(label=_("Championship: hours open"), min_value=1, max_value=720, initial=48)
+    promotion_percent = forms.DecimalField(
+        label=_("Promoted, per cent"),
+        max_digits=4,
+        decimal_places=1,
+        initial=10,
+        help_text=_("Of the classified racers of a month's open race; at least one is promoted."),
+    )
+    finale_size = forms.IntegerField(label=_("Cars in a finale"), min_value=1, max_value=1000, initial=16)
+    championship_places = forms.IntegerField(
+        label=_("Places in the championship from each finale"), min_value=1, max_value=1000, initial=3
+    )
+    points = PointsField(
+        label=_("Points by place"), initial=DEFAULT_POINTS, help_text=_("The winner's first; the list never rises.")
+    )
+    drop_worst = forms.IntegerField(
+        label=_("Worst results dropped"),
+        min_value=0,
+        max_value=11,
+        initial=0,
+        help_text=_("A round that a racer missed is a result of no points."),
+    )
+    steward_hours = forms.IntegerField(
+        label=_("Steward window in hours"),
+        min_value=0,
+        max_value=24 * 60,
+        initial=48,
+        help_text=_("For so long after a round has closed its results can be corrected."),
+    )
+    prizes = forms.CharField(
+        label=_("Prizes"), required=False, max_length=4000, widget=forms.Textarea(attrs={"rows": 3})
+    )
+
+    OF_A_SEASON = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst", "steward_hours")
+
+    def __init__(self, *args: Any, now: datetime, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.tracks = {track.slug: track for track in Track.objects.order_by("name") if track.has_shape}
+        choices = [(slug, track.name) for slug, track in self.tracks.items()]
+        self.fields["zone"].choices = [(name, name) for name in zone_names()]
+        self.fields["zone"].initial = timezone.get_default_timezone_name()
+        year = now.year + (now.month > 6)
+        for name, value in {"year": year, "slug": str(year), "name": f"Season {year}"}.items():
+            self.fields[name].initial = value
+        slugs = list(self.tracks) or [""]
+        for month in range(1, 13):
+            self._month_fields(month, choices, slugs)
+        for stage in STAGES:
+            self._stage_fields(stage)
+
+    def clean(self) -> dict[str, Any]:
+        """Hold the numbers against the season's and the stages' own rules, each refusal on its field."""
+        cleaned = super().clean()
+        self._check(Season(), {name: name for name in self.OF_A_SEASON}, cleaned)
+        for stage in STAGES:
+            self._check(StageRules(stage=stage), {name: f"{stage.name.lower()}_{name}" for name in RULES}, cleaned)
+        if not any(cleaned.get(f"open_{month}") for month in range(1, 13)):
+            self.add_error(None, problem("season_without_races"))
+        if cleaned.get("slug") and Season.objects.filter(slug=cleaned["slug"]).exists():
+            self.add_error("slug", problem("season_exists", season=cleaned["slug"]))
+        return cleaned
+
+    def plan(self) -> SeasonPlan:
+        """What the valid form says."""
+        data = self.cleaned_data
+        months = [
+            MonthPlan(
+                month,
+                self.tracks[data[f"open_{month}"]],
+                self.tracks.get(data[f"pro_{month}"]),
+                data[f"direction_{month}"],
+            )
+            for month in range(1, 13)
+            if data[f"open_{month}"]
+        ]
+        times = ("finale_day", "finale_hour", "finale_hours", "championship_days", "championship_hours")
+        return SeasonPlan(
+            slug=data["slug"],
+            name=data["name"],
+            year=data["year"],
+            zone=zoneinfo.ZoneInfo(data["zone"]),
+            months=months,
+            rules={stage: {name: data[f"{stage.name.lower()}_{name}"] for name in RULES} for stage in STAGES},
+            settings={name: data[name] for name in (*self.OF_A_SEASON, "prizes")},
+            **{name: data[name] for name in times},
+        )
+
+    def show(self, refused: UserFault | ValidationError) -> None:
+        """Show above the form what the season or one of its races was refused for."""
+        if isinstance(refused, UserFault) and not isinstance(refused, RaceRefused):
+            add_fault(self, refused)
+            return
+        errors = refused.errors if isinstance(refused, RaceRefused) else refused
+        for error in itertools.chain(*errors.error_dict.values()) if hasattr(errors, "error_dict") else [errors]:
+            self.add_error(None, error)
+
+    def month_rows(self) -> Iterator[tuple[str, Any, Any, Any]]:
+        """Name of the month and its three fields."""
+        for month in range(1, 13):
+            yield MONTHS[month], self[f"open_{month}"], self[f"pro_{month}"], self[f"direction_{month}"]
+
+    def stage_rows(self) -> Iterator[tuple[str, list]]:
+        """Stage and its fields in the order of RULES."""
+        for stage in STAGES:
+            yield stage.label, [self[f"{stage.name.lower()}_{name}"] for name in RULES]
+
+    def _month_fields(self, month: int, choices: list[tuple[str, str]], slugs: list[str]) -> None:
+        nothing = [("", _("no race"))]
+        name = MONTHS[month]
+        self.fields[f"open_{month}"] = forms.ChoiceField(
+            label=_("Open race"), required=False, choices=nothing + choices, initial=slugs[(month - 1) % len(slugs)]
+        )
+        self.fields[f"pro_{month}"] = forms.ChoiceField(
+            label=_("Pro race and finale"), required=False, choices=nothing + choices, initial=slugs[month % len(slugs)]
+        )
+        self.fields[f"direction_{month}"] = forms.ChoiceField(
+            label=_("Direction"), choices=Direction.choices, initial=Direction.CCW
+        )
+        for kind in ("open", "pro", "direction"):
+            shown = self.fields[f"{kind}_{month}"]
+            shown.widget.attrs["aria-label"] = _("%(month)s: %(field)s") % {"month": name, "field": shown.label}
+
+    def _stage_fields(self, stage: Stage) -> None:
+        made = (
+            forms.ChoiceField(label=_("Ranked by"), choices=RankingMethod.choices),
+            forms.IntegerField(label=_("Laps driven"), min_value=1, max_value=20),
+            forms.IntegerField(label=_("Laps in a row"), min_value=1, max_value=20),
+            SecondsField(label=_("Penalty in seconds"), min_value=0, max_value=60),
+            forms.IntegerField(label=_("Submissions"), min_value=1, max_value=1000),
+        )
+        for name, shown, initial in zip(RULES, made, PROPOSALS[stage], strict=True):
+            shown.initial = initial
+            shown.widget.attrs["aria-label"] = _("%(stage)s: %(field)s") % {"stage": stage.label, "field": shown.label}
+            self.fields[f"{stage.name.lower()}_{name}"] = shown
+
+    def _check(self, row: Season | StageRules, names: dict[str, str], cleaned: dict[str, Any]) -> None:
+        for name, shown in names.items():
+            if shown not in cleaned:
+                return
+            setattr(row, name, cleaned[shown])
+        try:
+            row.clean() if isinstance(row, Season) else row.clean_fields(exclude=["season"])
+            if isinstance(row, StageRules):
+                _check_laps(row)
+        except ValidationError as refused:
+            for name, errors in refused.error_dict.items():
+                self.add_error(names[name], errors)
+
+
+def _check_laps(rules: StageRules) -> None:
+    if rules.minimum_laps > rules.laps:
+        raise ValidationError({"minimum_laps": problem("race_minimum_laps", laps=rules.laps)})
+    if rules.ranking_method == RankingMethod.TOTAL and rules.minimum_laps != rules.laps:
+        raise ValidationError({"minimum_laps": problem("race_total_needs_all_laps", laps=rules.laps)})

@@ -1,0 +1,103 @@
+"""What a season says about the board of one of its races, for the page that shows it: a few queries of fixed cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from django.db.models import Exists, OuterRef, QuerySet, Subquery, Value
+from django.db.models.functions import Coalesce
+
+from races.models import Kind, Race
+
+from ..models import ChampionshipPlace, Membership, Racer, Round, Stage
+from ..rules import ChampionshipField, FinaleField, Promotion
+from .outcomes import classified_order
+
+
+@dataclass(frozen=True)
+class BoardCut:
+    """The line through a board as a page draws it.
+
+    ``last_rank``: the last rank above the line, 0 while nobody is classified. ``moved``: ids of the racers of the page
+    whom the race moves on; ``held``: ids of those above the line whom it does not, since they are there already.
+    ``official``: whether it is so, or would be so if the race closed now. ``sentence``: the rule.
+    """
+
+    round: Round
+    last_rank: int
+    sentence: str
+    official: bool
+    moved: frozenset[int] = field(default_factory=frozenset)
+    held: frozenset[int] = field(default_factory=frozenset)
+
+
+def round_of(race: Race, racer: Racer | None = None, now: datetime | None = None) -> Round | None:
+    """The round that a race is, with its season; None for all others. One query, for league races only.
+
+    With ``racer`` and ``now`` it also has ``reader_division`` ("" for none of their own) and ``waits``: whether a round
+    of its season is due to become official. What was read once stays with the race, for the page that shows it.
+    """
+    if race.kind != Kind.LEAGUE:
+        return None
+    if racer is None and hasattr(race, "_round_shown"):
+        return race._round_shown
+    rounds = Round.objects.filter(race=race).select_related("season")
+    if racer is not None and now is not None:
+        due = due_rounds(now).filter(season=OuterRef("season")).order_by()
+        own = Membership.objects.filter(season=OuterRef("season"), racer=racer).order_by().values("division")[:1]
+        rounds = rounds.annotate(waits=Exists(due), reader_division=Coalesce(Subquery(own), Value("")))
+    race._round_shown = rounds.first()
+    if race._round_shown is not None:
+        race._round_shown.race = race
+    return race._round_shown
+
+
+def due_rounds(now: datetime) -> QuerySet[Round]:
+    """Rounds that could be official but are not yet, nobody holding them back."""
+    return Round.objects.filter(closed_at=None, held_at=None, race__cancelled_at=None, race__closes_at__lte=now)
+
+
+def board_cut(round_: Round, classified: int, racers: Iterable[int]) -> BoardCut | None:
+    """The line through the board of a round; None where no rule draws one, and where the race was cancelled.
+
+    ``classified``: how many have a rank; ``racers``: ids of those on the page. Two queries at most, of the size of the
+    page or of a finale, never of the board.
+    """
+    if round_.race.cancelled_at is not None:
+        return None
+    if round_.stage == Stage.OPEN:
+        return _promotion(round_, classified, racers)
+    if round_.stage in (Stage.PRO, Stage.FINALE):
+        return _field(round_)
+    return None
+
+
+def _promotion(round_: Round, classified: int, racers: Iterable[int]) -> BoardCut:
+    rule = Promotion(round_.season.promotion_percent)
+    racers, official = list(racers), round_.closed_at is not None
+    members = Membership.objects.filter(season=round_.season_id, racer__in=racers)
+    by = dict(members.values_list("racer_id", "promoted_in_id"))
+    moved = frozenset(racer for racer, promoted_in in by.items() if promoted_in == round_.pk)
+    held = frozenset(by) - moved
+    if not official:
+        moved = frozenset(racers) - held
+    return BoardCut(round_, rule.places(classified), rule.sentence(), official, moved, held)
+
+
+def _field(round_: Round) -> BoardCut:
+    season = round_.season
+    if round_.stage == Stage.PRO:
+        size, sentence = season.finale_size, FinaleField(season.finale_size).sentence()
+    else:
+        size, sentence = season.championship_places, ChampionshipField(season.championship_places).sentence()
+    places = ChampionshipPlace.objects.filter(season=season).exclude(round=round_.pk)
+    places = places.filter(round__race__closes_at__lte=round_.race.closes_at)
+    held = frozenset(places.values_list("racer_id", flat=True))
+    order = classified_order(round_.race, size + len(held))
+    free = [(rank, racer) for rank, racer in enumerate(order, start=1) if racer not in held][:size]
+    last = free[-1][0] if free else 0
+    return BoardCut(
+        round_, last, sentence, round_.closed_at is not None, frozenset(racer for _rank, racer in free), held
+    )

@@ -1,0 +1,209 @@
+"""Seasons as their pages show them: what is on, who stands where, whose the fields are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from django.db.models import Count, Q, QuerySet
+
+from races.models import Division, Race, RaceState
+from races.selectors import BoardRow, podiums
+
+from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, Season, Stage
+from ..rules import Line, Result
+from .outcomes import outcome_of
+from .seasons import Month
+from .standings import country_standings, season_standings, standings_of, team_standings
+
+RACERS, COUNTRIES, TEAMS = "racers", "countries", "teams"
+STANDINGS_OF = (RACERS, COUNTRIES, TEAMS)
+
+
+@dataclass(frozen=True)
+class MonthRace:
+    """One race of a season: its state at the moment of asking, and who leads or has won it (None: nobody yet)."""
+
+    round: Round
+    state: RaceState
+    leader: BoardRow | None
+
+    @property
+    def race(self) -> Race:
+        return self.round.race
+
+
+@dataclass(frozen=True)
+class StandingsRow:
+    """One line of standings for a page. ``name``: of a racer, country (code) or team.
+
+    ``cells``: for each round of the table in its order the result and whether it is dropped; None where none is.
+    """
+
+    place: int
+    name: str
+    racer: Racer | None
+    points: int
+    cells: list[tuple[Result, bool] | None]
+
+
+@dataclass(frozen=True)
+class StandingsTable:
+    """Standings with a column for each official round. ``rounds``: in their order, the latest last."""
+
+    rounds: list[Round]
+    rows: list[StandingsRow]
+
+
+@dataclass(frozen=True)
+class Field:
+    """Whose a finale or the championship is. ``places``: place and racer; ``official``: or as it stands now."""
+
+    round: Round | None
+    places: list[tuple[int, Racer]]
+    official: bool
+
+
+@dataclass(frozen=True)
+class MonthFields:
+    """The field of a month's finale, and who qualifies in it."""
+
+    month: Month
+    finale: Field
+    qualified: Field
+
+
+@dataclass(frozen=True)
+class Standpoint:
+    """Where a racer stands in a season. ``lines``: their line in the standings of each division that they are in."""
+
+    division: Division
+    promoted_in: Round | None
+    championship: ChampionshipPlace | None
+    lines: dict[str, Line] = field(default_factory=dict)
+
+
+def seasons_listed() -> QuerySet[Season]:
+    """All seasons, the latest first, each with ``race_count`` and ``official_count`` of its rounds."""
+    official = Count("rounds", filter=Q(rounds__closed_at__isnull=False))
+    return Season.objects.annotate(race_count=Count("rounds"), official_count=official).order_by("-starts_on", "-pk")
+
+
+def current_season(now: datetime) -> Season | None:
+    """The season of this day: of several the latest begun; between seasons the next one, after all the last one."""
+    today = now.date()
+    running = Season.objects.filter(starts_on__lte=today, ends_on__gte=today).order_by("-starts_on", "-pk").first()
+    return (
+        running
+        or Season.objects.filter(starts_on__gt=today).order_by("starts_on", "pk").first()
+        or Season.objects.order_by("-ends_on", "-pk").first()
+    )
+
+
+def month_races(months: Sequence[Month], now: datetime) -> dict[int, MonthRace]:
+    """The races of these months by the id of their round, with who leads or has won: two queries."""
+    rounds = [one for month in months for one in month]
+    leaders = podiums([one.race for one in rounds], size=1)
+    return {one.pk: MonthRace(one, one.race.state_at(now), next(iter(leaders[one.race_id]), None)) for one in rounds}
+
+
+def standings_table(season: Season, division: str, of: str, months: Sequence[Month]) -> StandingsTable:
+    """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round: three queries."""
+    by = {RACERS: season_standings, COUNTRIES: country_standings, TEAMS: team_standings}[of]
+    lines = by(season, division)
+    rounds = _official_rounds(months, division)
+    racers = Racer.objects.in_bulk([line.who for line in lines]) if of == RACERS else {}
+    rows = []
+    for line in lines:
+        results = {result.round: result for result in line.results}
+        cells = [
+            None if number not in results else (results[number], number in line.dropped)
+            for number in range(1, len(rounds) + 1)
+        ]
+        racer = racers.get(line.who)
+        rows.append(StandingsRow(line.place, racer.alias if racer else str(line.who), racer, line.points, cells))
+    return StandingsTable(rounds, rows)
+
+
+def leaders_shown(season: Season, size: int) -> list[tuple[Division, list[tuple[Line, Racer]]]]:
+    """The first of the standings of each division that has points, the pro division first: three queries."""
+    lines = {division: own[:size] for division, own in standings_of([season])[season.pk].items()}
+    racers = Racer.objects.in_bulk({line.who for own in lines.values() for line in own})
+    order = (Division.PRO, Division.OPEN, Division.ALL)
+    return [(name, [(line, racers[line.who]) for line in lines[name]]) for name in order if name in lines]
+
+
+def divisions_with_points(months: Iterable[Month]) -> list[Division]:
+    """The divisions that a season's standings are kept for, in their usual order."""
+    stages = {one.stage for month in months for one in month}
+    kept = {Division.PRO: Stage.PRO, Division.OPEN: Stage.OPEN, Division.ALL: Stage.SINGLE}
+    return [division for division, stage in kept.items() if stage in stages]
+
+
+def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[list[MonthFields], Field]:
+    """The fields of a season's finales, the latest month first, and the field of its championship.
+
+    What is official is read; of races that have opened and are not official it is worked out as it stands. Four
+    queries, and at most four more for each race that is open or waits to become official.
+    """
+    finales: dict[int, list] = {}
+    for place in FinalePlace.objects.filter(round__season=season).order_by("place"):
+        finales.setdefault(place.round_id, []).append((place.place, place.racer_id))
+    qualified: dict[int, list] = {}
+    everybody = ChampionshipPlace.objects.filter(season=season).order_by("round__race__closes_at", "place")
+    for place in everybody:
+        qualified.setdefault(place.round_id, []).append((place.place, place.racer_id))
+    found: list[tuple[Month, Any, Any]] = []
+    for month in months:
+        if month.pro is None and month.finale is None:
+            continue
+        field_ = _field(month.pro, season, finales, lambda outcome: outcome.finale, now)
+        winners = _field(month.finale, season, qualified, lambda outcome: outcome.qualified, now)
+        found.append((month, field_, winners))
+    ids = {racer for _month, *both in found for _round, places, _official in both for _place, racer in places}
+    racers = Racer.objects.in_bulk(ids | {one.racer_id for one in everybody})
+
+    def made(parts: tuple) -> Field:
+        round_, places, official = parts
+        return Field(round_, [(place, racers[racer]) for place, racer in places], official)
+
+    shown = [MonthFields(month, made(field_), made(winners)) for month, field_, winners in reversed(found)]
+    final = next((one for month in months for one in month if one.stage == Stage.CHAMPIONSHIP), None)
+    total = [(number, racers[one.racer_id]) for number, one in enumerate(everybody, start=1)]
+    return shown, Field(final, total, bool(total))
+
+
+def standpoint_of(season: Season, racer: Racer) -> Standpoint:
+    """Where a racer stands in a season: four queries."""
+    member = Membership.objects.filter(season=season, racer=racer).select_related("promoted_in__race").first()
+    place = ChampionshipPlace.objects.filter(season=season, racer=racer).select_related("round__race").first()
+    lines = {
+        name: line for name, own in standings_of([season])[season.pk].items() for line in own if line.who == racer.pk
+    }
+    division = Division.OPEN if member is None else Division(member.division)
+    return Standpoint(division, None if member is None else member.promoted_in, place, lines)
+
+
+def _official_rounds(months: Sequence[Month], division: str) -> list[Round]:
+    """In the order that the standings number them by."""
+    stages = {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO, Division.ALL: Stage.SINGLE}
+    rounds = [
+        one
+        for month in months
+        for one in month
+        if one.stage == stages[Division(division)] and one.closed_at is not None
+    ]
+    return sorted(rounds, key=lambda one: (one.race.closes_at, one.pk))
+
+
+def _field(round_: Round | None, season: Season, official: dict, chosen: Any, now: datetime) -> tuple:
+    if round_ is None:
+        return None, [], False
+    if round_.closed_at is not None:
+        return round_, official.get(round_.pk, []), True
+    if round_.race.state_at(now) not in (RaceState.OPEN, RaceState.CLOSED):
+        return round_, [], False
+    round_.season = season
+    return round_, list(enumerate(chosen(outcome_of(round_)), start=1)), False

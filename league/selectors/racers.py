@@ -1,0 +1,15 @@
+"""Racers as everybody may look them up."""
+
+from __future__ import annotations
+
+from django.db.models import Q
+
+from ..models import Racer
+
+# Deactivated accounts have no page; who is known from a record alone was never active and has one.
+SHOWN = Q(is_active=True) | Q(record_id__isnull=False)
+
+
+def racer_shown(alias: str) -> Racer | None:
+    """The racer with this alias in any case, if they have a page."""
+    return Racer.objects.filter(SHOWN, alias__iexact=alias).first()

@@ -1,0 +1,210 @@
+"""Seasons: what is on, standings, fields, calendar, rules, a racer's way through one; past seasons, hall of fame."""
+
+from __future__ import annotations
+
+import zoneinfo
+from typing import Any
+
+from django.core.paginator import Paginator
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_safe
+
+from league.calendars import season_calendar, zone_names
+from league.drawing import ChartPoint, progress_chart
+from league.models import Season, Stage
+from league.selectors import hall_of_fame, months_of, racer_season, rules_of
+from league.selectors.overview import (
+    RACERS,
+    STANDINGS_OF,
+    current_season,
+    divisions_with_points,
+    fields_of,
+    leaders_shown,
+    month_races,
+    seasons_listed,
+    standings_table,
+    standpoint_of,
+)
+from league.selectors.racers import racer_shown
+from races.models import Division, Race, RaceState
+from races.ranking import RULES, order_rule
+
+ROWS = 50
+LEADERS = 5
+
+
+@require_safe
+def seasons(request: HttpRequest) -> HttpResponse:
+    """All seasons, the running one first in sight."""
+    now = timezone.now()
+    listed = list(seasons_listed())
+    context = {"seasons": listed, "today": now.date(), "current": current_season(now)}
+    return render(request, "league/seasons.html", context)
+
+
+@require_safe
+def season_now(request: HttpRequest) -> HttpResponse:
+    """The season of today, under an address that stays."""
+    season = current_season(timezone.now())
+    return redirect("seasons") if season is None else redirect("season", season.slug)
+
+
+@require_safe
+def season(request: HttpRequest, slug: str) -> HttpResponse:
+    """The months of a season, who leads, who has qualified."""
+    shown, now = _season(slug), timezone.now()
+    months = months_of(shown)
+    races = month_races(months, now)
+    context = _context(request, shown, "overview") | {
+        "months": [(month, [races[one.pk] for one in month]) for month in months],
+        "tables": leaders_shown(shown, LEADERS),
+        "state": _state(shown, now),
+        "official": sum(one.closed_at is not None for month in months for one in month),
+        "race_count": len(races),
+        "racing": [one for one in races.values() if one.state == RaceState.OPEN],
+    }
+    return render(request, "league/season.html", context)
+
+
+@require_safe
+def standings(request: HttpRequest, slug: str) -> HttpResponse:
+    """Standings by ``division`` of ``of`` (racers, countries, teams) with every round, dropped results marked."""
+    shown = _season(slug)
+    months = months_of(shown)
+    divisions = divisions_with_points(months) or [Division.OPEN]
+    wanted = request.GET.get("division", "")
+    division = wanted if wanted in divisions else divisions[0]
+    of = request.GET.get("of", RACERS)
+    of = of if of in STANDINGS_OF else RACERS
+    table = standings_table(shown, division, of, months)
+    mine = next((row for row in table.rows if row.racer is not None and row.racer.pk == request.user.pk), None)
+    page = Paginator(table.rows, ROWS).get_page(request.GET.get("page"))
+    context = _context(request, shown, "standings") | {
+        "division": division,
+        "divisions": divisions,
+        "of": of,
+        "table": table,
+        "page": page,
+        "mine": mine if mine is not None and mine not in list(page.object_list) else None,
+    }
+    return render(request, "league/standings.html", context)
+
+
+@require_safe
+def fields(request: HttpRequest, slug: str) -> HttpResponse:
+    """Finales and championship: whose the fields are, official or as they stand."""
+    shown = _season(slug)
+    months, championship = fields_of(shown, months_of(shown), timezone.now())
+    context = _context(request, shown, "fields") | {"months": months, "championship": championship}
+    return render(request, "league/fields.html", context)
+
+
+@require_safe
+def rules(request: HttpRequest, slug: str) -> HttpResponse:
+    """The rules of a season in plain sentences, made from its settings."""
+    shown = _season(slug)
+    stages = list(shown.stage_rules.all())
+    order = list(Stage)
+    stages.sort(key=lambda one: order.index(one.stage))
+    context = _context(request, shown, "rules") | {
+        "sentences": rules_of(shown),
+        "stages": [(one, RULES[one.ranking_method].rule(one)) for one in stages],
+        "order_rule": order_rule(Race()),
+        "points": list(enumerate(shown.points, start=1)),
+    }
+    return render(request, "league/season_rules.html", context)
+
+
+@require_safe
+def calendar(request: HttpRequest, slug: str) -> HttpResponse:
+    """Every race of a season in time, in a time zone that is named (``zone``)."""
+    shown = _season(slug)
+    name = request.GET.get("zone", "")
+    known = zone_names()
+    name = name if name in known else timezone.get_default_timezone_name()
+    now = timezone.now()
+    months = months_of(shown)
+    races = sorted(
+        (one for month in months for one in month), key=lambda one: (one.race.opens_at, one.race.closes_at, one.pk)
+    )
+    context = _context(request, shown, "calendar") | {
+        "races": [(one, one.race.state_at(now)) for one in races],
+        "zone": zoneinfo.ZoneInfo(name),
+        "zone_name": name,
+        "zones": known,
+    }
+    return render(request, "league/calendar.html", context)
+
+
+@require_safe
+def calendar_file(request: HttpRequest, slug: str) -> HttpResponse:
+    """The calendar for calendar programs (iCalendar, RFC 5545)."""
+    shown = _season(slug)
+    text = season_calendar(shown, address=lambda path: request.build_absolute_uri(path))
+    response = HttpResponse(text, content_type="text/calendar; charset=utf-8")
+    response["Content-Disposition"] = f'inline; filename="{shown.slug}.ics"'
+    return response
+
+
+@require_safe
+def season_racer(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
+    """One racer's season: every round, what came of it, and how the ranks went."""
+    shown = _season(slug)
+    racer = racer_shown(alias)
+    if racer is None:
+        raise Http404
+    if racer.alias != alias:
+        return redirect("season_racer", shown.slug, racer.alias, permanent=True)
+    rows = racer_season(shown, racer)
+    points = [
+        ChartPoint(row.rank, row.round.stage, str(row.round.number), f"{row.round.race.name}: {row.rank}")
+        for row in rows
+        if row.rank is not None
+    ]
+    title = _("Ranks of %(racer)s in %(season)s") % {"racer": racer.alias, "season": shown.name}
+    stages = dict.fromkeys(row.round.stage for row in rows if row.rank is not None)
+    where = standpoint_of(shown, racer)
+    dropped = {
+        (division, result.round)
+        for division, line in where.lines.items()
+        for result in line.results
+        if result.round in line.dropped
+    }
+    context = _context(request, shown, "racer") | {
+        "racer": racer,
+        "rows": rows,
+        "where": where,
+        "lines": [(Division(name), line) for name, line in where.lines.items()],
+        "dropped_count": len(dropped),
+        "chart": progress_chart(points, title=title) if points else "",
+        "stages": [Stage(one) for one in stages],
+    }
+    return render(request, "league/season_racer.html", context)
+
+
+@require_safe
+def hall(request: HttpRequest) -> HttpResponse:
+    """The winners of every season."""
+    return render(request, "league/hall.html", {"halls": hall_of_fame()})
+
+
+def _season(slug: str) -> Season:
+    return get_object_or_404(Season, slug=slug)
+
+
+def _context(request: HttpRequest, season: Season, tab: str) -> dict[str, Any]:
+    return {
+        "season": season,
+        "tab": tab,
+        "can_edit": request.user.is_authenticated and request.user.has_perm("league.change_season"),
+    }
+
+
+def _state(season: Season, now: Any) -> RaceState:
+    today = timezone.localtime(now).date()
+    if today < season.starts_on:
+        return RaceState.UPCOMING
+    return RaceState.OPEN if today <= season.ends_on else RaceState.CLOSED

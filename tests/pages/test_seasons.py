@@ -1,0 +1,309 @@
+"""Seasons on the site: made from one form, shown to everybody, with feeds."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from zoneinfo import ZoneInfo
+
+import pytest
+from django.contrib.admin.models import LogEntry
+from django.test import Client
+from django.urls import reverse
+from icalendar import Calendar
+
+from league.models import Racer, Round, Season, Stage
+from league.season_form import SeasonForm
+from league.services import close_due_rounds, close_round
+from tests.factories import a_race, a_racer, a_track
+from tests.league.seasons import JANUARY, a_round, a_season, after, board, racers
+from tests.pages.test_pages import INLINE
+from tests.pages.test_queries import LIMIT, queries
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def _alone(bell: list[dict]) -> None:
+    """No broker."""
+
+
+@pytest.fixture
+def set_clock(monkeypatch: pytest.MonkeyPatch):
+    """Make it this moment for every view."""
+    return lambda moment: monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
+
+
+def logged_in(racer: Racer) -> Client:
+    client = Client()
+    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+def form_data(now: datetime, **changes: object) -> dict[str, object]:
+    """What the form sends when an admin changes nothing but ``changes``."""
+    form = SeasonForm(now=now)
+    data = {}
+    for name in form.fields:
+        value = form[name].value()
+        data[name] = "" if value is None else value
+    for stage in ("open", "pro", "finale", "championship"):
+        data[f"{stage}_off_track_penalty_ms"] = "3"
+    return data | changes
+
+
+@pytest.fixture
+def season(db: None) -> Season:
+    """January's open race is official and promoted four of twenty; its pro race is open with three on the board."""
+    made = a_season(drop_worst=1, prizes="A mug")
+    first, pro = a_round(made, 1, Stage.OPEN), a_round(made, 2, Stage.PRO)
+    a_round(made, 2, Stage.OPEN)
+    a_round(made, 2, Stage.FINALE)
+    field = racers(20)
+    Racer.objects.filter(pk=field[0].pk).update(country="KR", team="Seoul Racing")
+    board(first.race, field)
+    close_round(round=first, now=after(first))
+    board(pro.race, field[:3], first_ms=20_000)
+    return made
+
+
+class TestTheForm:
+    def test_one_post_schedules_a_whole_season_of_months_with_finales_and_a_championship(self, set_clock):
+        now = datetime(2026, 11, 15, 12, tzinfo=UTC)
+        set_clock(now)
+        a_track()
+        admin = a_racer("boss", is_staff=True, is_superuser=True)
+        client = logged_in(admin)
+        assert client.get("/seasons/new/").status_code == 200
+        answer = client.post("/seasons/new/", form_data(now, zone="Asia/Seoul", drop_worst="2", prizes="A mug"))
+        assert answer.status_code == 302, answer.context["form"].errors
+        season = Season.objects.get()
+        assert answer["Location"] == season.get_absolute_url() == "/seasons/2027/"
+        stages = list(season.rounds.values_list("stage", flat=True))
+        assert {stage: stages.count(stage) for stage in set(stages)} == {
+            "open-qualifier": 12,
+            "pro-qualifier": 12,
+            "pro-finale": 12,
+            "championship": 1,
+        }
+        seoul = ZoneInfo("Asia/Seoul")
+        march = season.rounds.get(number=3, stage=Stage.OPEN).race
+        assert march.opens_at == datetime(2027, 3, 1, tzinfo=seoul) and march.closes_at == datetime(
+            2027, 4, 1, tzinfo=seoul
+        )
+        finale = season.rounds.get(number=3, stage=Stage.FINALE).race
+        assert finale.opens_at == datetime(2027, 4, 10, 18, tzinfo=seoul)
+        assert finale.ranking_method == "total" and finale.max_submissions == 10
+        final = season.rounds.get(stage=Stage.CHAMPIONSHIP).race
+        assert final.opens_at == datetime(2028, 1, 18, 18, tzinfo=seoul) and season.ends_on == final.closes_at.date()
+        assert season.drop_worst == 2 and season.prizes == "A mug"
+        assert "37 races" in LogEntry.objects.get(user=admin).change_message
+
+    def test_months_that_are_over_are_left_out(self, set_clock):
+        now = datetime(2027, 10, 15, 12, tzinfo=UTC)
+        set_clock(now)
+        a_track()
+        client = logged_in(a_racer("boss", is_staff=True, is_superuser=True))
+        assert client.post("/seasons/new/", form_data(now, year="2027")).status_code == 302
+        season = Season.objects.get()
+        assert season.rounds.filter(stage=Stage.OPEN).count() == 3
+        assert season.starts_on.month == 10
+
+    @pytest.mark.parametrize(
+        ("changes", "field", "word"),
+        [
+            ({"promotion_percent": "0"}, "promotion_percent", "0 % cannot"),
+            ({"promotion_percent": "100"}, "promotion_percent", "cannot be promoted"),
+            ({"points": "5, 9"}, "points", "never rises"),
+            ({"points": "five"}, "points", "whole numbers"),
+            ({"championship_places": "17"}, "championship_places", "larger finale"),
+            ({"pro_minimum_laps": "9"}, "pro_minimum_laps", ""),
+            ({"zone": "Nowhere/Else"}, "zone", ""),
+            ({"year": "2020"}, "__all__", "later year"),
+            ({f"open_{month}": "" for month in range(1, 13)}, "__all__", "Choose a track"),
+            ({"finale_day": "1", "finale_hours": "240", "year": "2040"}, "__all__", "days from now"),
+        ],
+    )
+    def test_nonsense_is_refused_on_its_field_and_nothing_is_made(self, set_clock, changes, field, word):
+        now = datetime(2026, 11, 15, 12, tzinfo=UTC)
+        set_clock(now)
+        a_track()
+        answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post(
+            "/seasons/new/", form_data(now) | changes
+        )
+        assert answer.status_code == 422
+        assert word in " ".join(answer.context["form"].errors[field])
+        assert not Season.objects.exists() and not Round.objects.exists()
+
+    def test_an_address_is_taken_once(self, season, set_clock):
+        set_clock(JANUARY)
+        answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post(
+            "/seasons/new/", form_data(JANUARY, slug=season.slug)
+        )
+        assert "already" in " ".join(answer.context["form"].errors["slug"])
+
+    def test_nobody_else_makes_seasons(self):
+        assert Client().get("/seasons/new/").status_code == 302
+        for racer in (a_racer("member"), a_racer("helper", is_staff=True)):
+            assert logged_in(racer).get("/seasons/new/").status_code == 403
+
+
+PAGES = (
+    "/seasons/",
+    "/seasons/2027/",
+    "/seasons/2027/standings/",
+    "/seasons/2027/standings/?division=open",
+    "/seasons/2027/standings/?division=open&of=countries",
+    "/seasons/2027/standings/?division=open&of=teams",
+    "/seasons/2027/standings/?division=nonsense&of=nonsense&page=nonsense",
+    "/seasons/2027/finales/",
+    "/seasons/2027/calendar/",
+    "/seasons/2027/calendar/?zone=nonsense",
+    "/seasons/2027/rules/",
+    "/hall-of-fame/",
+)
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_everybody_sees_every_page_without_a_log_in(season, set_clock, language):
+    set_clock(JANUARY + timedelta(days=45))
+    first = Round.objects.get(number=1).race.entries.first().racer
+    for client in (Client(), logged_in(first)):
+        client.cookies["django_language"] = language
+        for path in (*PAGES, f"/seasons/2027/racers/{first.alias}/"):
+            answer = client.get(path)
+            assert answer.status_code == 200, path
+            html = answer.content.decode()
+            assert not INLINE.search(html), path
+            assert f'<html lang="{language}"' in html
+            assert len(queries(client, path)) <= (18 if "/racers/" in path else LIMIT), path
+
+
+def test_unknown_seasons_and_racers_are_not_found(season):
+    for path in ("/seasons/1999/", "/seasons/2027/racers/nobody/", "/seasons/1999/calendar.ics"):
+        assert Client().get(path).status_code == 404
+
+
+def test_the_board_draws_the_line_that_would_promote_and_then_the_one_that_did(season, set_clock):
+    second = Round.objects.get(number=2, stage=Stage.OPEN)
+    set_clock(second.race.opens_at + timedelta(days=3))
+    board(second.race, racers(10))
+    address = second.race.get_absolute_url()
+    html = Client().get(address).content.decode()
+    rows = html.split("<tr ")
+    line = next(index for index, row in enumerate(rows) if "would be promoted" in row)
+    assert sum("linked" in row for row in rows[:line]) == 2, "a fifth of ten"
+    assert "moves on" not in html and "would move on" in html
+    set_clock(after(second))
+    close_due_rounds(now=after(second))
+    html = Client().get(address).content.decode()
+    assert "↑ promoted to the pro division" in html and "would be promoted" not in html
+    assert html.count("moves on") == 2
+
+
+def test_the_line_of_a_pro_race_and_the_field_as_it_stands(season, set_clock):
+    pro = Round.objects.get(stage=Stage.PRO)
+    set_clock(pro.race.opens_at + timedelta(days=3))
+    assert "would be in the finale" in Client().get(pro.race.get_absolute_url()).content.decode()
+    page = Client().get("/seasons/2027/finales/")
+    assert "as it stands" in page.content.decode()
+    assert len(page.context["months"][0].finale.places) == 3
+    set_clock(after(pro))
+    close_due_rounds(now=after(pro))
+    assert page.context["months"][0].finale.official is False
+    assert Client().get("/seasons/2027/finales/").context["months"][0].finale.official is True
+
+
+def test_a_board_of_a_season_needs_few_queries_however_long_it_is(season, set_clock):
+    second = Round.objects.get(number=2, stage=Stage.OPEN)
+    set_clock(second.race.opens_at + timedelta(days=3))
+    entries = board(second.race, racers(5))
+    client = logged_in(entries[0].racer)
+    few = len(queries(client, second.race.get_absolute_url()))
+    board(second.race, racers(60), first_ms=50_000)
+    assert len(queries(client, second.race.get_absolute_url())) <= few
+    assert few <= LIMIT
+
+
+def test_standings_show_rounds_dropped_results_countries_and_teams(season, set_clock):
+    first = Round.objects.get(number=1)
+    set_clock(after(first))
+    page = Client().get("/seasons/2027/standings/?division=open")
+    table = page.context["table"]
+    assert [row.points for row in table.rows] == [10, 6, 3, 1]
+    assert (
+        "Seoul Racing".casefold()
+        in Client().get("/seasons/2027/standings/?division=open&of=teams").content.decode().casefold()
+    )
+    assert "KR" in Client().get("/seasons/2027/standings/?division=open&of=countries").content.decode()
+
+
+def test_a_racers_season_has_every_round_a_chart_and_what_came_of_it(season, set_clock):
+    first = Round.objects.get(number=1)
+    racer = first.race.entries.order_by("rank_score").first().racer
+    set_clock(after(first))
+    html = Client().get(f"/seasons/2027/racers/{racer.alias}/").content.decode()
+    assert 'class="progress-chart"' in html and "promoted" in html and "pro division" in html
+    assert Client().get(f"/seasons/2027/racers/{racer.alias.upper()}/").status_code == 301
+
+
+class TestTheCalendar:
+    def test_times_stand_in_the_zone_that_is_asked_for_and_named(self, season, set_clock):
+        set_clock(JANUARY)
+        html = Client().get("/seasons/2027/calendar/?zone=Asia/Seoul").content.decode()
+        assert "2027-01-01 09:00 KST" in html and "Times in Asia/Seoul." in html
+        assert "2027-01-01 00:00 UTC" in Client().get("/seasons/2027/calendar/").content.decode()
+
+    def test_the_file_is_icalendar_and_keeps_the_uid_of_a_postponed_race(self, season):
+        answer = Client().get("/seasons/2027/calendar.ics")
+        assert answer["Content-Type"].startswith("text/calendar")
+        calendar = Calendar.from_ical(answer.content)
+        events = list(calendar.walk("VEVENT"))
+        assert len(events) == 4 and calendar["x-wr-calname"] == "2027"
+        first = Round.objects.get(number=1).race
+        assert events[0].decoded("dtstart") == first.opens_at and events[0].decoded("dtend") == first.closes_at
+        first.closes_at += timedelta(days=1)
+        first.save()
+        moved = next(iter(Calendar.from_ical(Client().get("/seasons/2027/calendar.ics").content).walk("VEVENT")))
+        assert moved["uid"] == events[0]["uid"] and moved.decoded("dtend") == first.closes_at
+        assert all(len(line) <= 75 for line in answer.content.split(b"\r\n"))
+
+    def test_a_cancelled_race_says_so(self, season):
+        race = Round.objects.get(number=1).race
+        type(race).objects.filter(pk=race.pk).update(cancelled_at=JANUARY, cancel_reason="It rained.")
+        text = Client().get("/seasons/2027/calendar.ics").content.decode()
+        assert "STATUS:CANCELLED" in text and "It rained." in text
+
+
+def test_the_rules_are_printed_from_the_settings(season):
+    html = Client().get("/seasons/2027/rules/").content.decode()
+    for words in (
+        "best 20 %",
+        "best 3 who",
+        "First 2".casefold(),
+        "10, 6, 3, 1",
+        "The worst result is dropped",
+        "A mug",
+    ):
+        assert words.casefold() in html.casefold(), words
+
+
+def test_who_is_known_from_a_record_has_a_page_and_who_was_deactivated_has_none():
+    Racer.objects.create(alias="from-a-record", email="x@record.invalid", is_active=False, record_id="abc")
+    Racer.objects.create(alias="gone", email="gone@example.org", is_active=False)
+    assert Client().get("/racers/from-a-record/").status_code == 200
+    assert Client().get("/racers/gone/").status_code == 404
+
+
+def test_the_league_opens_at_the_season_of_today(season, set_clock):
+    set_clock(JANUARY)
+    assert Client().get(reverse("season_now"))["Location"] == "/seasons/2027/"
+    assert Client().get("/").status_code == 200
+
+
+def test_a_community_race_has_no_line(set_clock):
+    now = datetime(2027, 1, 15, tzinfo=UTC)
+    set_clock(now)
+    race = a_race(now)
+    board(race, racers(5))
+    html = Client().get(race.get_absolute_url()).content.decode()
+    assert "promoted" not in html
