@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from argparse import ArgumentParser
 from typing import Any
 
@@ -20,6 +21,7 @@ from evaluation.simulator.rules import (
     RaceRules,
 )
 from faults import UserFault
+from league.management import REFUSED
 
 
 def add_race_options(parser: ArgumentParser) -> None:
@@ -88,9 +90,9 @@ def rules_of(options: dict[str, Any]) -> RaceRules:
             seed=options["seed"],
             direction=options["direction"],
             max_resets=options["max_resets"],
-            off_track_penalty_ms=round(options["off_track_penalty"] * 1000),
-            collision_penalty_ms=round(options["collision_penalty"] * 1000),
-            max_simulated_ms=round(options["time_limit"] * 1000),
+            off_track_penalty_ms=_milliseconds(options, "off_track_penalty"),
+            collision_penalty_ms=_milliseconds(options, "collision_penalty"),
+            max_simulated_ms=_milliseconds(options, "time_limit"),
             boxes=boxes,
             random_boxes=options["obstacles"],
             box_distance_m=options["obstacle_distance"],
@@ -98,8 +100,15 @@ def rules_of(options: dict[str, Any]) -> RaceRules:
             bot_speed_mps=_bot_speed(options),
             bot_lane_changes=options["lane_changes"],
         )
-    except (ValueError, OverflowError) as error:
-        raise CommandError(f"These rules make no sense: {error}.") from error
+    except ValueError as error:
+        raise CommandError(f"These rules make no sense: {error}.", returncode=REFUSED) from error
+
+
+def _milliseconds(options: dict[str, Any], name: str) -> int:
+    seconds = options[name]
+    if not math.isfinite(seconds):
+        raise ValueError(f"{name} must be a number of seconds, not {seconds}")
+    return round(seconds * 1000)
 
 
 def _boxes(options: dict[str, Any]) -> tuple[BoxPlace, ...]:

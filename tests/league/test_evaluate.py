@@ -20,6 +20,7 @@ from faults import PlatformFault, UserFault
 from league.management.commands import evaluate as command
 from league.management.commands import verify as verifying
 from league.services import house_cars
+from tests.evaluation.stubs import outcome_of
 from tests.rows import track_row
 from tests.shared import CHECKOUT, CONSOLE_CAR, SHARED, needs_shared
 
@@ -141,13 +142,24 @@ class TestEvaluate:
             ((*CAR_FILES, "--track", "missing.npy"), "missing.npy cannot be read: No such file"),
             (("missing.onnx", "--track", "oval"), "missing.onnx cannot be read: No such file"),
             ((*CAR_FILES, "--track", "oval", "--laps", "0"), "laps must be a whole number of at least 1"),
-            ((*CAR_FILES, "--track", "oval", "--time-limit", "inf"), "These rules make no sense"),
-            ((*CAR_FILES, "--track", "oval", "--laps", "1", "--trace", "/no/such/folder/x"), "cannot be written"),
+            ((*CAR_FILES, "--track", "oval", "--time-limit", "inf"), "time_limit must be a number of seconds, not inf"),
+            ((*CAR_FILES, "--track", "oval", "--off-track-penalty", "nan"), "off_track_penalty must be a number"),
+            ((*CAR_FILES, "--track", "oval", "--collision-penalty", "-1"), "collision_penalty_ms must be a whole"),
         ],
     )
     def test_a_mistaken_call_says_what_is_wrong(self, arguments, says):
-        with pytest.raises(CommandError, match=says):
+        with pytest.raises(CommandError, match=says) as caught:
             evaluate(*arguments)
+        assert caught.value.returncode == 2
+
+    def test_where_the_trace_cannot_be_written_the_figures_have_been_told(self, monkeypatch):
+        monkeypatch.setattr(command, "evaluate", lambda job, **kwargs: outcome_of())
+        out = StringIO()
+        arguments = (*CAR_FILES, "--track", "oval", "--laps", "1", "--trace", "/no/such/folder/x", "--json")
+        with pytest.raises(CommandError, match="cannot be written") as caught:
+            call_command("evaluate", *arguments, stdout=out)
+        assert caught.value.returncode == 1
+        assert json.loads(out.getvalue())["end_reason"]
 
 
 @pytest.mark.django_db(transaction=True)

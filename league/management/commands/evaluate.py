@@ -21,13 +21,12 @@ from evaluation.rivals import check_rivals
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import MAX_CARS
 from faults import PaddockError, UserFault, fault_from_dict
+from league.management import OUR_FAULT, REFUSED
 from league.management.race_options import add_race_options, rules_of
 from league.templatetags.paddock import lap_time
 from tracks.catalogue import CATALOGUE
 from tracks.geometry import TrackGeometry
 from tracks.npy import MAX_BYTES, read_npy
-
-REFUSED, OUR_FAULT = 2, 3
 
 
 class Command(BaseCommand):
@@ -82,12 +81,12 @@ class Command(BaseCommand):
             sys.exit(REFUSED if isinstance(fault, UserFault) else OUR_FAULT)
         except KeyboardInterrupt:
             sys.exit(130)
-        if options["trace"] is not None:
-            _write_traces(options["trace"], outcome)
         if as_json:
             self.stdout.write(json.dumps(report(outcome, cars, admission_s), indent=2))
         else:
             self._table(outcome, geometry, admission_s)
+        if options["trace"] is not None:  # last: where it cannot be written, the figures have been told
+            _write_traces(options["trace"], outcome)
 
     def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
         self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")
@@ -180,12 +179,12 @@ def find_track(name: str) -> TrackGeometry:
     path = Path(name)
     if path.suffix != ".npy":
         known = ", ".join(track.slug for track in CATALOGUE)
-        raise CommandError(f"There is no track {name!r}. Name an .npy file or one of: {known}.")
+        raise CommandError(f"There is no track {name!r}. Name an .npy file or one of: {known}.", returncode=REFUSED)
     try:
         with path.open("rb") as file:
             return read_npy(file.read(MAX_BYTES + 1), path.stem)
     except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}.") from error
+        raise CommandError(f"{path} cannot be read: {error.strerror}.", returncode=REFUSED) from error
 
 
 def _admit(paths: list[Path]) -> AdmittedPackage:
@@ -193,7 +192,7 @@ def _admit(paths: list[Path]) -> AdmittedPackage:
         try:
             parts = [UploadPart(path.name, stack.enter_context(path.open("rb"))) for path in paths]
         except OSError as error:
-            raise CommandError(f"{error.filename} cannot be read: {error.strerror}.") from error
+            raise CommandError(f"{error.filename} cannot be read: {error.strerror}.", returncode=REFUSED) from error
         return admit(parts)
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from django.core.management.base import BaseCommand, CommandError
 
 from faults import UserFault
+from league.management import REFUSED
 from league.models import Season
 from league.services.exporting import export_season
-
-REFUSED = 2
 
 
 class Command(BaseCommand):

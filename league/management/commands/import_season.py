@@ -12,10 +12,9 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from faults import UserFault
+from league.management import REFUSED
 from league.selectors.proof import proof_of, total_proof
 from league.services.importing import import_folder
-
-REFUSED = 2
 
 # options of the command by the setting of a season that each is
 SETTINGS = {

@@ -15,7 +15,8 @@ from evaluation.simulator.physics import PADDOCK_CAR
 from evaluation.simulator.recording import MAX_BYTES, read_drives
 from evaluation.simulator.replay import compare, share_on_track
 from faults import PaddockError, UserFault
-from league.management.commands.evaluate import OUR_FAULT, REFUSED, find_track
+from league.management import OUR_FAULT, REFUSED
+from league.management.commands.evaluate import find_track
 
 # Less of a recording than this on the named track, and it is another one's.
 ANOTHER_TRACK = 0.5
@@ -94,4 +95,4 @@ def _read(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}.") from error
+        raise CommandError(f"{path} cannot be read: {error.strerror}.", returncode=REFUSED) from error
