@@ -5,6 +5,7 @@ from . import (
     conversion,
     duels,
     gate,
+    jobs,
     league,
     metadata,
     platform,
@@ -15,6 +16,7 @@ from . import (
     tracks,
     training,
     upload,
+    vehicles,
 )
 from .reason import Reason, gettext_noop
 
@@ -32,7 +34,9 @@ REASONS: dict[str, Reason] = {
     **rivals.REASONS,
     **duels.REASONS,
     **account.REASONS,
+    **vehicles.REASONS,
     **training.REASONS,
+    **jobs.REASONS,
 }
 
 __all__ = ["REASONS", "Reason", "gettext_noop"]
