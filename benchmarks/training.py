@@ -3,8 +3,8 @@
 For each track and seed a training as the wizard makes it (the default centre-line reward, all defaults) runs behind the
 wall, alone, until its car drives three clean laps in a row from the finish line: wall time from the call that starts
 the process to its end, imports, learning and every evaluation included. Three laps through the platform's own
-evaluation then confirm it. Times are medians over the seeds; ``cpu_s`` is the processor time of the same, and hardly depends on
-what else the machine does.
+evaluation then confirm it. Times are medians over the seeds; ``cpu_s`` is the processor time of the same, which depends
+less on what else the machine does.
 
 Environment steps a second are those of stable-baselines3's PPO gathering and learning: here (16 cars in one world) and,
 in the same run, on Gymnasium's CarRacing, where Box2D is installed (``pip install box2d==2.3.10 pygame-ce``).

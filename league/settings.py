@@ -163,7 +163,10 @@ DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=12
 TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
 
 # --- training: it needs the extra packages of "make training" on the machines that train ------------------------------
-TRAINING = env_bool("PADDOCK_TRAINING", all(find_spec(name) for name in ("torch", "stable_baselines3")))
+TRAINING = env_bool(
+    "PADDOCK_TRAINING",
+    all(find_spec(name) is not None for name in ("torch", "stable_baselines3")),
+)
 TRAINING_PAUSED = env_bool("PADDOCK_TRAINING_PAUSED", False)
 TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
 TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 2, minimum=1)

@@ -25,6 +25,9 @@ SECTIONS = {
     "The league": reasons.league.REASONS,
     "Several cars in a race": reasons.rivals.REASONS,
     "Duels": reasons.duels.REASONS,
+    "Vehicles": reasons.vehicles.REASONS,
+    "Reward functions": reasons.training.REASONS,
+    "Trainings": reasons.jobs.REASONS,
     "Account": reasons.account.REASONS,
 }
 
