@@ -1,4 +1,4 @@
-"""A reward function's text becomes a function that is called with params, and every way to fail has a code and a line."""
+"""A reward function's text becomes a function of params, and every way to fail has a code and a line."""
 
 from __future__ import annotations
 

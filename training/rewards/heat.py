@@ -203,7 +203,7 @@ def _legend(
         f'<text x="{x:.3f}" y="{top + 2.1 * size:.3f}" text-anchor="{anchor}" font-size="{size:.3f}" '
         f'fill="currentColor">{text}</text>'
         for x, anchor, text in texts
-        if known
+        if known and text
     ]
     parts.append(
         f'<text x="{left + bar / 2:.3f}" y="{top + 3.4 * size:.3f}" text-anchor="middle" font-size="{size:.3f}" '
