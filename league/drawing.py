@@ -1,4 +1,4 @@
-"""Drawings of the league as SVG, made on the server: they need no script and follow the page's colours by their classes."""
+"""Drawings of the league as SVG, made on the server: no script, and the page's own colours by their classes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ def progress_chart(points: Sequence[ChartPoint], *, title: str) -> str:
     for index, point in enumerate(points):
         place = f'cx="{x(index):.1f}" cy="{y(point.rank):.1f}"'
         parts.append(
-            f'<circle class="chart-point {escape(point.series)}" {place} r="5"><title>{escape(point.title)}</title></circle>'
+            f'<circle class="chart-point {escape(point.series)}" {place} r="5">'
+            f"<title>{escape(point.title)}</title></circle>"
         )
         parts.append(f'<text class="chart-label" x="{x(index):.1f}" y="{HEIGHT - 9}">{escape(point.label)}</text>')
     parts.append("</svg>")

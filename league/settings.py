@@ -146,6 +146,7 @@ CELERY_BEAT_SCHEDULE = {
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 

@@ -9,6 +9,7 @@ from celery.signals import worker_ready
 from django.utils import timezone
 
 from .services import close_due_rounds, enter_house_cars
+from .services.notices import send_mails, tell_what_happened
 
 logger = logging.getLogger(__name__)
 
@@ -23,6 +24,15 @@ def house_cars() -> int:
 def close_rounds() -> int:
     """Make the results of rounds official that have closed. Returns how many. Who needs them earlier does it too."""
     return len(close_due_rounds(now=timezone.now()))
+
+
+@shared_task
+def notices() -> int:
+    """Tell racers what has happened, in the site and by mail. Returns how many notices are new."""
+    now = timezone.now()
+    told = tell_what_happened(now=now)
+    send_mails(now=now)
+    return told
 
 
 @worker_ready.connect

@@ -5,7 +5,7 @@ from django.contrib import admin
 from django.urls import include, path
 
 from .forms import LoginForm, SignUpForm
-from .views import account, home, organising, racers, seasons, site
+from .views import account, home, notices, organising, racers, seasons, site
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -23,6 +23,10 @@ urlpatterns = [
     path("seasons/<slug:slug>/racers/<str:alias>/", seasons.season_racer, name="season_racer"),
     path("hall-of-fame/", seasons.hall, name="hall"),
     path("settings/", account.settings_page, name="settings"),
+    path("notices/", notices.notices, name="notices"),
+    path("notices/read/", notices.notices_read, name="notices_read"),
+    path("notices/<int:pk>/", notices.notice_open, name="notice_open"),
+    path("settings/notices/", notices.notice_settings, name="notice_settings"),
     path("settings/tokens/", account.api_tokens, name="api_tokens"),
     path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
     path("favicon.ico", site.favicon, name="favicon"),

@@ -1,5 +1,6 @@
 """Racers, seasons with their rounds, what came of the rounds, and what was recorded elsewhere."""
 
+from .notice import Announcement, Lead, Notice, NoticeChoice, NoticeKind
 from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
 from .rating import DuelRating
@@ -9,11 +10,16 @@ from .season import Round, Season, Stage, StageRules, default_points
 __all__ = [
     "ALIAS_PATTERN",
     "ALIAS_VALIDATORS",
+    "Announcement",
     "ChampionshipPlace",
     "Decision",
     "DuelRating",
     "FinalePlace",
+    "Lead",
     "Membership",
+    "Notice",
+    "NoticeChoice",
+    "NoticeKind",
     "Racer",
     "RacerManager",
     "RecordedRace",

@@ -1,0 +1,108 @@
+"""What racers are told, in the site and by e-mail, and what programs of organisers are told."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from .racer import Racer
+
+
+class NoticeKind(models.TextChoices):
+    """What a notice tells. Each can be turned off, in the site and by e-mail."""
+
+    OPENS = "opens", _("a race opens")
+    CLOSES = "closes", _("a race closes in a day")
+    RESULT = "result", _("a result is in")
+    LOST_LEAD = "lost_lead", _("the lead is lost")
+    PROMOTED = "promoted", _("promoted")
+    FINALE = "finale", _("in the finale")
+    QUALIFIED = "qualified", _("qualified for the championship")
+    OFFICIAL = "official", _("results are official")
+
+
+# A result comes seconds after sending a car: whoever wants that by mail turns it on.
+NOT_MAILED = (NoticeKind.RESULT,)
+
+
+class Notice(models.Model):
+    """One thing that a racer is told, once: ``about`` says what makes it the same thing.
+
+    ``mail_state``: "" for never by mail, ``due``, ``sent``, ``failed``. Its sentence is made of ``kind`` and ``params``
+    when it is read, in the reader's language (league.notices).
+    """
+
+    racer = models.ForeignKey(Racer, models.CASCADE, related_name="notices", verbose_name=_("racer"), db_index=False)
+    kind = models.CharField(_("kind"), max_length=9, choices=NoticeKind.choices)
+    about = models.CharField(_("about"), max_length=160)
+    params = models.JSONField(_("what it says"), default=dict, blank=True)
+    path = models.CharField(_("leads to"), max_length=200, blank=True)
+    at = models.DateTimeField(_("at"))
+    hidden = models.BooleanField(_("by mail only"), default=False)
+    read_at = models.DateTimeField(_("read"), null=True, blank=True)
+    mail_state = models.CharField(_("mail"), max_length=6, blank=True)
+    mail_tries = models.PositiveSmallIntegerField(_("tries"), default=0)
+
+    class Meta:
+        verbose_name = _("notice")
+        verbose_name_plural = _("notices")
+        ordering = ["-at", "-pk"]
+        indexes = [
+            models.Index(fields=["racer", "-at"], name="notice_by_racer"),
+            models.Index(fields=["at"], name="notice_mail_due", condition=Q(mail_state="due")),
+        ]
+        constraints = [
+            models.UniqueConstraint(fields=["racer", "kind", "about"], name="notice_once"),
+            models.CheckConstraint(condition=Q(kind__in=NoticeKind.values), name="notice_kind_known"),
+            models.CheckConstraint(condition=Q(mail_state__in=["", "due", "sent", "failed"]), name="notice_mail_state"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.racer}: {self.get_kind_display()}"
+
+
+class NoticeChoice(models.Model):
+    """What a racer wants to be told and how; who has no row is told everything in the usual way."""
+
+    racer = models.OneToOneField(Racer, models.CASCADE, primary_key=True, related_name="notice_choice")
+    site_off = models.JSONField(_("not in the site"), default=list, blank=True)
+    mail_off = models.JSONField(_("not by e-mail"), default=list, blank=True)
+    language = models.CharField(_("language of e-mails"), max_length=5, choices=settings.LANGUAGES, default="en")
+
+    class Meta:
+        verbose_name = _("choice of notices")
+        verbose_name_plural = _("choices of notices")
+
+    def __str__(self) -> str:
+        return str(self.racer)
+
+
+class Announcement(models.Model):
+    """Something that was told to everybody whom it concerns: made in the transaction that tells them, once."""
+
+    about = models.CharField(max_length=160, unique=True)
+    at = models.DateTimeField(default=timezone.now)
+
+    class Meta:
+        verbose_name = _("announcement")
+        verbose_name_plural = _("announcements")
+
+    def __str__(self) -> str:
+        return self.about
+
+
+class Lead(models.Model):
+    """Who was last seen leading a race, to tell them when they no longer do."""
+
+    race = models.OneToOneField("races.Race", models.CASCADE, primary_key=True, related_name="lead_seen")
+    racer = models.ForeignKey(Racer, models.CASCADE, related_name="+")
+
+    class Meta:
+        verbose_name = _("lead")
+        verbose_name_plural = _("leads")
+
+    def __str__(self) -> str:
+        return f"{self.race}: {self.racer}"

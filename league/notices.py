@@ -1,0 +1,29 @@
+"""The sentences of notices, in the reader's language."""
+
+from __future__ import annotations
+
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_noop
+
+from .models import Notice, NoticeKind
+
+SENTENCES = {
+    NoticeKind.OPENS: gettext_noop("%(race)s is open."),
+    NoticeKind.CLOSES: gettext_noop("%(race)s closes in less than a day, at %(closes)s."),
+    NoticeKind.RESULT: gettext_noop("The result of your car in %(race)s is in."),
+    NoticeKind.LOST_LEAD: gettext_noop("%(leader)s has taken the lead of %(race)s from you."),
+    NoticeKind.PROMOTED: gettext_noop("You are promoted: from now on you race in the pro division of %(season)s."),
+    NoticeKind.FINALE: gettext_noop("You are in the finale of %(month)s."),
+    NoticeKind.QUALIFIED: gettext_noop("You have qualified for the championship of %(season)s."),
+    NoticeKind.OFFICIAL: gettext_noop("The results of %(race)s are official."),
+}
+
+
+def sentence(notice: Notice) -> str:
+    """What the notice says. Parameters that are missing from an old one stand as dashes."""
+    return _(SENTENCES[NoticeKind(notice.kind)]) % _Params(notice.params)
+
+
+class _Params(dict):
+    def __missing__(self, key: str) -> str:
+        return "–"

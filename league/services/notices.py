@@ -1,0 +1,313 @@
+"""Telling racers what concerns them: worked out from what is in the database at a moment, so that a scheduler that
+stood still delays notices and nothing else, and each is sent once whoever is asked how often.
+
+What happened longer than ``REACH`` ago is not told any more.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any
+
+from allauth.account.models import EmailAddress
+from django.conf import settings
+from django.core.mail import get_connection
+from django.core.mail.message import EmailMessage
+from django.db import IntegrityError, transaction
+from django.db.models import Exists, F, OuterRef, Q, QuerySet
+from django.utils import translation
+from django.utils.translation import gettext as _
+
+from evaluation.models import Evaluation, State
+from races.models import Division, Entry, Kind, Race
+from races.selectors import podiums
+from races.services.gates import moment
+
+from ..models import (
+    Announcement,
+    ChampionshipPlace,
+    FinalePlace,
+    Lead,
+    Membership,
+    Notice,
+    NoticeChoice,
+    NoticeKind,
+    Racer,
+    Round,
+    Stage,
+)
+from ..models.notice import NOT_MAILED
+from ..models.season import WITH_FIELD
+from ..notices import sentence
+from .closing import cars_on_the_way
+
+logger = logging.getLogger(__name__)
+REACH = timedelta(days=3)
+A_DAY = timedelta(days=1)
+SEEN_LATELY = timedelta(days=60)  # who has not logged in for longer is not reminded of open races
+KEPT = timedelta(days=180)
+MAILS_A_TIME = 200
+MAIL_TRIES = 3
+BATCH = 500
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Something to tell racers (ids)."""
+
+    kind: NoticeKind
+    about: str
+    racers: Iterable[int]
+    path: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+
+def tell_what_happened(*, now: datetime) -> int:
+    """Write every notice that is due at ``now``; returns how many are new."""
+    told = sum(step(now) for step in (_openings, _closings, _results, _leads, _outcomes, _officials))
+    Notice.objects.filter(at__lt=now - KEPT).delete()
+    return told
+
+
+def mark_read(*, racer: Racer, now: datetime, notice: int | None = None) -> int:
+    """Mark one of the racer's notices as read, or all of them; returns how many were unread."""
+    unread = Notice.objects.filter(racer=racer, read_at=None, hidden=False)
+    if notice is not None:
+        unread = unread.filter(pk=notice)
+    return unread.update(read_at=now)
+
+
+@transaction.atomic
+def choose_notices(*, racer: Racer, site_off: Iterable[str], mail_off: Iterable[str], language: str) -> NoticeChoice:
+    """Say which kinds the racer does not want in the site or by mail, and the language of mails. Raises ValueError."""
+    site, mail = (sorted(set(kinds)) for kinds in (site_off, mail_off))
+    if not set(site + mail) <= set(NoticeKind.values) or language not in dict(settings.LANGUAGES):
+        raise ValueError("no such kind of notice, or no such language")
+    values = {"site_off": site, "mail_off": mail, "language": language}
+    return NoticeChoice.objects.update_or_create(racer=racer, defaults=values)[0]
+
+
+def choice_of(racer: Racer) -> NoticeChoice:
+    """What the racer has chosen, or what is usual; not saved then."""
+    chosen = NoticeChoice.objects.filter(racer=racer).first()
+    return chosen or NoticeChoice(racer=racer, mail_off=list(NOT_MAILED), language=translation.get_language() or "en")
+
+
+def send_mails(*, now: datetime) -> int:
+    """Send what is to go by mail: each at most once, three tries if the mail server refuses. Returns how many went."""
+    due = Notice.objects.filter(mail_state="due").order_by("at", "pk").values_list("pk", flat=True)
+    sent = 0
+    with get_connection() as server:
+        for pk in list(due[:MAILS_A_TIME]):
+            # claimed before it is sent: a second sender finds nothing, and a crash loses a mail rather than doubles it
+            if Notice.objects.filter(pk=pk, mail_state="due").update(mail_state="sent", mail_tries=F("mail_tries") + 1):
+                sent += _mail(Notice.objects.select_related("racer").get(pk=pk), server)
+    return sent
+
+
+def _mail(notice: Notice, server: Any) -> bool:
+    address = _verified([notice.racer_id]).get(notice.racer_id)
+    if address is None:
+        return False
+    with translation.override(choice_of(notice.racer).language):
+        text = sentence(notice)
+        body = "\n\n".join(
+            [
+                _("Hello %(racer)s,") % {"racer": notice.racer.alias},
+                text,
+                f"{settings.SITE_URL}{notice.path}",
+                _("Which notices you get is up to you: %(address)s")
+                % {"address": f"{settings.SITE_URL}/settings/notices/"},
+            ]
+        )
+    try:
+        EmailMessage(f"[Paddock] {text}", body + "\n", to=[address], connection=server).send()
+    except Exception as error:  # whatever the mail backend raises: it is tried again, then given up
+        state = "due" if notice.mail_tries < MAIL_TRIES else "failed"
+        Notice.objects.filter(pk=notice.pk).update(mail_state=state)
+        logger.warning("A mail to a racer could not be sent (try %s): %s", notice.mail_tries, error)
+        return False
+    return True
+
+
+def _tell(told: _Told, now: datetime) -> int:
+    """Write notices to all who can read them and want them; those who were told already are left out."""
+    ids = list(told.racers)
+    written = 0
+    for start in range(0, len(ids), BATCH):
+        readers = Racer.objects.filter(pk__in=ids[start : start + BATCH], is_active=True, is_house=False)
+        known = Notice.objects.filter(kind=told.kind, about=told.about, racer=OuterRef("pk"))
+        new = list(readers.exclude(Exists(known)).values_list("pk", flat=True))
+        choices = NoticeChoice.objects.in_bulk(new)
+        verified = _verified(new)
+        rows = []
+        for racer in new:
+            chosen = choices.get(racer) or NoticeChoice(mail_off=list(NOT_MAILED))
+            mailed = racer in verified and told.kind not in chosen.mail_off
+            hidden = told.kind in chosen.site_off
+            # also who wants none has a row, so that the next look finds nothing to tell
+            rows.append(
+                Notice(
+                    racer_id=racer,
+                    kind=told.kind,
+                    about=told.about,
+                    path=told.path,
+                    params=dict(told.params),
+                    at=now,
+                    hidden=hidden,
+                    mail_state="due" if mailed else "",
+                )
+            )
+        Notice.objects.bulk_create(rows, ignore_conflicts=True)
+        written += len(rows)
+    return written
+
+
+def _verified(racers: Iterable[int]) -> dict[int, str]:
+    """The confirmed address of each racer who has one: nobody else's mailbox is written to."""
+    found = EmailAddress.objects.filter(user__in=list(racers), verified=True).order_by("primary", "pk")
+    return dict(found.values_list("user_id", "email"))
+
+
+def _announce(about: str, now: datetime, tell: Callable[[], int]) -> int:
+    """Tell everybody at once, in one transaction, unless it was told."""
+    if Announcement.objects.filter(about=about).exists():
+        return 0
+    try:
+        with transaction.atomic():
+            Announcement.objects.create(about=about, at=now)
+            return tell()
+    except IntegrityError:  # another one was quicker
+        return 0
+
+
+def _concerned(race: Race, now: datetime) -> set[int]:
+    """Who is in a race, and for a league race who may be and looks in now and then."""
+    entered = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False)
+    racers = set(entered.values_list("racer", flat=True))
+    round_ = Round.objects.filter(race=race).first()
+    if round_ is None or race.kind != Kind.LEAGUE or round_.stage in WITH_FIELD:
+        return racers
+    pros = Membership.objects.filter(season=round_.season_id, division=Division.PRO).values("racer")
+    seen = Racer.objects.filter(Q(last_login__gt=now - SEEN_LATELY), is_active=True)
+    if race.division == Division.PRO:
+        seen = seen.filter(pk__in=pros)
+    elif race.division == Division.OPEN:
+        seen = seen.exclude(pk__in=pros)
+    return racers | set(seen.values_list("pk", flat=True))
+
+
+def _races(**conditions: Any) -> QuerySet[Race]:
+    return Race.objects.filter(cancelled_at=None, imported_at=None, **conditions).order_by("pk")
+
+
+def _openings(now: datetime) -> int:
+    opened = _races(opens_at__lte=now, opens_at__gt=now - REACH, closes_at__gt=now)
+    return sum(
+        _announce(f"opens:{race.slug}:{race.opens_at:%Y%m%d%H%M}", now, _about(race, NoticeKind.OPENS, now))
+        for race in opened
+    )
+
+
+def _closings(now: datetime) -> int:
+    # a race that lasts no longer than a day has only just told that it opens
+    closing = _races(opens_at__lte=now - A_DAY, closes_at__gt=now, closes_at__lte=now + A_DAY)
+    return sum(
+        _announce(f"closes:{race.slug}:{race.closes_at:%Y%m%d%H%M}", now, _about(race, NoticeKind.CLOSES, now))
+        for race in closing
+    )
+
+
+def _about(race: Race, kind: NoticeKind, now: datetime) -> Callable[[], int]:
+    when = race.opens_at if kind == NoticeKind.OPENS else race.closes_at
+    params = {"race": race.name, "closes": moment(race.closes_at)}
+
+    def tell() -> int:
+        about = f"{race.slug}:{when:%Y%m%d%H%M}"
+        return _tell(_Told(kind, about, sorted(_concerned(race, now)), race.get_absolute_url(), params), now)
+
+    return tell
+
+
+def _results(now: datetime) -> int:
+    ended = Evaluation.objects.filter(
+        submission__isnull=False,
+        ended_at__gt=now - REACH,
+        ended_at__lte=now,
+        state__in=[State.FINISHED, State.FAILED],
+    )
+    notice = Notice.objects.filter(kind=NoticeKind.RESULT, about=OuterRef("public_id"), racer=OuterRef("owner"))
+    new = ended.exclude(Exists(notice)).filter(owner__is_house=False, owner__is_active=True)
+    told = 0
+    for one in new.select_related("submission__entry__race").order_by("ended_at", "pk"):
+        params = {"race": one.submission.entry.race.name}
+        told += _tell(_Told(NoticeKind.RESULT, one.public_id, [one.owner_id], one.get_absolute_url(), params), now)
+    return told
+
+
+def _leads(now: datetime) -> int:
+    """Whoever was seen in the lead of a race that is open or has just closed, and is not any more."""
+    races = {race.pk: race for race in _races(opens_at__lte=now, closes_at__gt=now - A_DAY)}
+    seen = dict(Lead.objects.filter(race__in=races).values_list("race", "racer"))
+    told = 0
+    for pk, rows in podiums(races.values(), size=1).items():
+        leader = rows[0] if rows else None
+        if leader is None or seen.get(pk) == leader.racer.pk:
+            continue
+        if pk not in seen:
+            Lead.objects.get_or_create(race_id=pk, defaults={"racer": leader.racer})
+            continue
+        changed = Lead.objects.filter(race_id=pk, racer=seen[pk]).update(racer=leader.racer)
+        if changed and Entry.objects.filter(race_id=pk, racer=seen[pk], withdrawn_at=None).exists():
+            race, about = races[pk], f"{races[pk].slug}:{leader.entry.best_id or leader.entry.pk}"
+            params = {"race": race.name, "leader": leader.alias}
+            told += _tell(_Told(NoticeKind.LOST_LEAD, about, [seen[pk]], race.get_absolute_url(), params), now)
+    return told
+
+
+def _outcomes(now: datetime) -> int:
+    """Promotions, finale fields and qualifications of rounds that have just become official."""
+    rounds = Round.objects.filter(closed_at__gt=now - REACH, closed_at__lte=now).select_related("season", "race")
+    told = 0
+    for one in rounds.order_by("closed_at", "pk"):
+        season, page = one.season, one.season.get_absolute_url()
+        if one.stage == Stage.OPEN:
+            who = Membership.objects.filter(promoted_in=one).values_list("racer", flat=True)
+            told += _tell(_Told(NoticeKind.PROMOTED, season.slug, who, page, {"season": season.name}), now)
+        elif one.stage == Stage.PRO:
+            who = FinalePlace.objects.filter(round=one).values_list("racer", flat=True)
+            params = {"month": one.name or one.race.name, "season": season.name}
+            told += _tell(_Told(NoticeKind.FINALE, one.race.slug, who, f"{page}finales/", params), now)
+        elif one.stage == Stage.FINALE:
+            who = ChampionshipPlace.objects.filter(round=one).values_list("racer", flat=True)
+            told += _tell(
+                _Told(NoticeKind.QUALIFIED, season.slug, who, f"{page}finales/", {"season": season.name}), now
+            )
+    return told
+
+
+def _officials(now: datetime) -> int:
+    """Rounds that have become official, and community races that closed and have timed their last car."""
+    told = 0
+    rounds = Round.objects.filter(closed_at__gt=now - REACH, closed_at__lte=now, race__imported_at=None)
+    for one in rounds.select_related("race").order_by("closed_at", "pk"):
+        told += _official(one.race, f"{one.closed_at:%Y%m%d%H%M%S}", now)
+    for race in _races(closes_at__gt=now - REACH, closes_at__lte=now, kind=Kind.COMMUNITY):
+        if not Announcement.objects.filter(about=f"official:{race.slug}:").exists() and not cars_on_the_way(race):
+            told += _official(race, "", now)
+    return told
+
+
+def _official(race: Race, when: str, now: datetime) -> int:
+    entered = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False)
+
+    def tell() -> int:
+        racers = entered.order_by("pk").values_list("racer", flat=True)
+        params = {"race": race.name}
+        about = f"{race.slug}:{when}"
+        return _tell(_Told(NoticeKind.OFFICIAL, about, racers, race.get_absolute_url(), params), now)
+
+    return _announce(f"official:{race.slug}:{when}", now, tell)

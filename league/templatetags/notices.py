@@ -1,0 +1,24 @@
+"""The bell in the head of every page, and what a notice says."""
+
+from __future__ import annotations
+
+from django import template
+
+from league.models import Notice, Racer
+from league.notices import sentence
+
+register = template.Library()
+MOST = 99
+
+
+@register.simple_tag
+def unread_notices(racer: Racer) -> str:
+    """How many notices a racer has not read, as it stands beside the bell: empty for none, at most ``99+``."""
+    count = Notice.objects.filter(racer=racer, read_at=None, hidden=False)[: MOST + 1].count()
+    return f"{MOST}+" if count > MOST else str(count or "")
+
+
+@register.filter
+def notice_text(notice: Notice) -> str:
+    """What the notice says, in the reader's language."""
+    return sentence(notice)

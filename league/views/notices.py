@@ -1,0 +1,89 @@
+"""What a racer was told, and what they want to be told."""
+
+from __future__ import annotations
+
+from django import forms
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import get_language_info, gettext_lazy
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from league.models import Notice, NoticeKind
+from league.services.notices import choice_of, choose_notices, mark_read
+
+ROWS = 30
+
+
+class NoticesForm(forms.Form):
+    """A box in the site and one by e-mail for each kind, and the language of e-mails."""
+
+    language = forms.ChoiceField(
+        label=gettext_lazy("Language of e-mails"),
+        choices=[(code, get_language_info(code)["name_local"]) for code in ("en", "ko")],
+    )
+
+    def __init__(self, *args, **kwargs) -> None:
+        super().__init__(*args, **kwargs)
+        for kind in NoticeKind:
+            for way, label in (("site", _("in the site")), ("mail", _("by e-mail"))):
+                box = forms.BooleanField(required=False, label=f"{kind.label}: {label}")
+                box.widget.attrs["aria-label"] = box.label
+                self.fields[f"{way}_{kind.value}"] = box
+
+    def rows(self) -> list[tuple]:
+        """Each kind with its two boxes."""
+        return [(kind.label, self[f"site_{kind.value}"], self[f"mail_{kind.value}"]) for kind in NoticeKind]
+
+    def off(self, way: str) -> list[str]:
+        """The kinds that are turned off in the site or by mail."""
+        return [kind.value for kind in NoticeKind if not self.cleaned_data[f"{way}_{kind.value}"]]
+
+
+@login_required
+@never_cache
+@require_safe
+def notices(request: HttpRequest) -> HttpResponse:
+    """The racer's notices, the latest first."""
+    own = Notice.objects.filter(racer=request.user, hidden=False)
+    page = Paginator(own, ROWS).get_page(request.GET.get("page"))
+    return render(request, "league/notices.html", {"page": page, "unread": own.filter(read_at=None).exists()})
+
+
+@login_required
+@require_POST
+def notices_read(request: HttpRequest) -> HttpResponse:
+    """Mark all of the racer's notices as read."""
+    mark_read(racer=request.user, now=timezone.now())
+    return redirect("notices")
+
+
+@login_required
+@require_POST
+def notice_open(request: HttpRequest, pk: int) -> HttpResponse:
+    """Mark a notice as read and go where it leads."""
+    notice = get_object_or_404(Notice, pk=pk, racer=request.user, hidden=False)
+    mark_read(racer=request.user, now=timezone.now(), notice=notice.pk)
+    return redirect(notice.path or "notices")
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def notice_settings(request: HttpRequest) -> HttpResponse:
+    """Turn kinds of notices on and off."""
+    chosen = choice_of(request.user)
+    initial = {"language": chosen.language}
+    for kind in NoticeKind.values:
+        initial |= {f"site_{kind}": kind not in chosen.site_off, f"mail_{kind}": kind not in chosen.mail_off}
+    form = NoticesForm(request.POST or None, initial=initial)
+    if request.method == "POST" and form.is_valid():
+        language = form.cleaned_data["language"]
+        choose_notices(racer=request.user, site_off=form.off("site"), mail_off=form.off("mail"), language=language)
+        messages.success(request, _("Saved."))
+        return redirect("notice_settings")
+    return render(request, "league/notice_settings.html", {"form": form})

@@ -1,0 +1,232 @@
+"""Notices: who is told what, once, as a function of the moment."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from allauth.account.models import EmailAddress
+from django.core import mail
+from django.db import IntegrityError, transaction
+from django.test import Client
+
+from league.models import Notice, NoticeKind, Racer, Stage
+from league.services import close_due_rounds
+from league.services.notices import choice_of, choose_notices, mark_read, send_mails, tell_what_happened
+from tests.factories import a_race, a_racer, drive, laps
+from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
+
+pytestmark = pytest.mark.django_db
+
+
+def told(racer: Racer, kind: str = "") -> list[str]:
+    """The kinds of a racer's notices, the earliest first."""
+    own = Notice.objects.filter(racer=racer, hidden=False).order_by("pk")
+    return list((own.filter(kind=kind) if kind else own).values_list("kind", flat=True))
+
+
+def confirmed(racer: Racer) -> Racer:
+    EmailAddress.objects.create(user=racer, email=racer.email, verified=True, primary=True)
+    return racer
+
+
+class TestARaceInCommunity:
+    def test_who_is_in_it_is_told_that_it_opens_that_it_closes_and_how_it_ended(self, now):
+        race = a_race(now, opens_at=now, closes_at=now + timedelta(days=5))
+        racer, stranger = racers(2)
+        board(race, [racer])
+        assert tell_what_happened(now=now - HOUR) == 0
+        tell_what_happened(now=now)
+        tell_what_happened(now=race.closes_at - HOUR)
+        tell_what_happened(now=race.closes_at)
+        assert told(racer) == ["opens", "closes", "official"]
+        assert told(stranger) == []
+
+    def test_each_is_told_once_whoever_looks_how_often(self, now):
+        race = a_race(now, opens_at=now, closes_at=now + timedelta(days=5))
+        board(race, racers(3))
+        assert tell_what_happened(now=now) == 3
+        assert tell_what_happened(now=now) == tell_what_happened(now=now + HOUR) == 0
+        first = Notice.objects.first()
+        with pytest.raises(IntegrityError), transaction.atomic():
+            Notice.objects.create(racer=first.racer, kind=first.kind, about=first.about, at=now)
+
+    def test_a_scheduler_that_stood_still_tells_late_and_not_for_ever(self, now):
+        race = a_race(now, opens_at=now, closes_at=now + timedelta(days=20))
+        (racer,) = racers(1)
+        board(race, [racer])
+        tell_what_happened(now=now + timedelta(days=4))
+        assert told(racer) == []
+        other = a_race(now, opens_at=now, closes_at=now + timedelta(days=20))
+        board(other, [racer])
+        tell_what_happened(now=now + timedelta(days=2))
+        assert told(racer) == ["opens", "opens"]
+
+    def test_a_postponed_race_opens_again(self, now):
+        race = a_race(now, opens_at=now, closes_at=now + timedelta(days=9))
+        (racer,) = racers(1)
+        board(race, [racer])
+        tell_what_happened(now=now)
+        type(race).objects.filter(pk=race.pk).update(opens_at=now + timedelta(days=1))
+        tell_what_happened(now=now + timedelta(days=1))
+        assert told(racer) == ["opens", "opens"]
+
+    def test_a_cancelled_race_says_nothing(self, now):
+        race = a_race(now, opens_at=now, cancelled_at=now, cancel_reason="Rain")
+        board(race, racers(1))
+        assert tell_what_happened(now=now) == 0
+
+    def test_a_result_is_told_to_its_owner(self, now):
+        race, racer = a_race(now), a_racer()
+        drive(race, racer, laps(9_000, 9_000, 9_000), now)
+        tell_what_happened(now=now + HOUR)
+        assert told(racer, "result") == ["result"]
+        notice = Notice.objects.get(racer=racer, kind="result")
+        assert notice.path.startswith("/evaluations/")
+
+    def test_who_loses_the_lead_is_told_each_time_and_who_never_had_it_is_not(self, now):
+        race = a_race(now)
+        first, second, third = racers(3)
+        board(race, [first, second, third])
+        tell_what_happened(now=now)
+        assert told(second, "lost_lead") == []
+        board(race, [second], first_ms=20_000)
+        tell_what_happened(now=now)
+        tell_what_happened(now=now)
+        assert told(first, "lost_lead") == ["lost_lead"] and told(third, "lost_lead") == []
+        assert Notice.objects.get(kind="lost_lead").params["leader"] == second.alias
+
+    def test_house_cars_and_deactivated_racers_are_told_nothing(self, now):
+        race = a_race(now, opens_at=now)
+        house, gone = a_racer(is_house=True), a_racer(is_active=False)
+        board(race, [house, gone])
+        tell_what_happened(now=now)
+        assert not Notice.objects.exists()
+
+
+class TestASeason:
+    def test_open_race_promotion_finale_qualification_and_official_results(self):
+        season = a_season()
+        opened, pro = a_round(season, 1, Stage.OPEN), a_round(season, 1, Stage.PRO)
+        finale = a_round(season, 1, Stage.FINALE)
+        field = racers(10)
+        board(opened.race, field)
+        board(pro.race, field[:4])
+        tell_what_happened(now=opened.race.opens_at)
+        now = after(pro)
+        close_due_rounds(now=now)
+        tell_what_happened(now=now)
+        assert told(field[0]) == ["opens", "opens", "promoted", "finale", "official", "official"]
+        assert told(field[9]) == ["opens", "official"]
+        board(finale.race, field[:3])
+        close_due_rounds(now=after(finale))
+        tell_what_happened(now=after(finale))
+        assert "qualified" in told(field[1]) and "qualified" not in told(field[2])
+
+    def test_the_division_of_who_looks_in_decides_whom_an_open_race_is_told(self):
+        season = a_season()
+        opened = a_round(season, 1, Stage.OPEN)
+        now = opened.race.opens_at
+        lately, long_ago = racers(2)
+        Racer.objects.filter(pk=lately.pk).update(last_login=now - timedelta(days=5))
+        Racer.objects.filter(pk=long_ago.pk).update(last_login=now - timedelta(days=90))
+        tell_what_happened(now=now)
+        assert told(lately) == ["opens"] and told(long_ago) == []
+
+
+class TestMail:
+    def test_it_goes_to_confirmed_addresses_once_in_the_chosen_language(self, now):
+        race = a_race(now, opens_at=now, name="Night race")
+        reader, stranger = confirmed(a_racer()), a_racer()
+        choose_notices(racer=reader, site_off=[], mail_off=[], language="ko")
+        board(race, [reader, stranger])
+        tell_what_happened(now=now)
+        assert send_mails(now=now) == 1 and send_mails(now=now) == 0
+        (sent,) = mail.outbox
+        assert sent.to == [reader.email] and "열렸" in sent.subject and "Night race" in sent.body
+        assert race.get_absolute_url() in sent.body and "/settings/notices/" in sent.body
+
+    def test_a_kind_that_is_turned_off_is_neither_shown_nor_mailed(self, now):
+        race = a_race(now, opens_at=now)
+        reader = confirmed(a_racer())
+        choose_notices(racer=reader, site_off=["opens"], mail_off=["opens"], language="en")
+        board(race, [reader])
+        tell_what_happened(now=now)
+        assert told(reader) == [] and send_mails(now=now) == 0
+
+    def test_by_mail_only(self, now):
+        race = a_race(now, opens_at=now)
+        reader = confirmed(a_racer())
+        choose_notices(racer=reader, site_off=["opens"], mail_off=[], language="en")
+        board(race, [reader])
+        tell_what_happened(now=now)
+        assert told(reader) == [] and send_mails(now=now) == 1
+
+    def test_a_mail_server_that_refuses_is_asked_three_times(self, now, monkeypatch):
+        race = a_race(now, opens_at=now)
+        board(race, [confirmed(a_racer())])
+        tell_what_happened(now=now)
+
+        def refuse(self: object) -> None:
+            raise OSError("refused")
+
+        monkeypatch.setattr("league.services.notices.EmailMessage.send", refuse)
+        assert [send_mails(now=now) for _ in range(4)] == [0, 0, 0, 0]
+        notice = Notice.objects.get()
+        assert notice.mail_state == "failed" and notice.mail_tries == 3
+
+    def test_results_are_mailed_to_who_asks_for_it_only(self, now):
+        racer = confirmed(a_racer())
+        assert "result" in choice_of(racer).mail_off
+        drive(a_race(now), racer, laps(9_000, 9_000, 9_000), now)
+        tell_what_happened(now=now + HOUR)
+        assert Notice.objects.get(racer=racer, kind="result").mail_state == ""
+
+    def test_nonsense_is_refused(self, alice):
+        for site, language in ((["nonsense"], "en"), ([], "xx")):
+            with pytest.raises(ValueError):
+                choose_notices(racer=alice, site_off=site, mail_off=[], language=language)
+
+
+class TestPages:
+    @pytest.fixture
+    def client(self, alice) -> Client:
+        client = Client()
+        client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+        return client
+
+    def test_the_bell_counts_what_is_unread_and_the_list_marks_it_read(self, client, alice, now):
+        for number in range(3):
+            Notice.objects.create(
+                racer=alice, kind=NoticeKind.OPENS, about=str(number), params={"race": "X"}, path="/races/", at=now
+            )
+        assert 'class="bell-count">3<' in client.get("/about/").content.decode()
+        html = client.get("/notices/").content.decode()
+        assert html.count("X is open.") == 3
+        first = Notice.objects.first()
+        assert client.post(f"/notices/{first.pk}/")["Location"] == "/races/"
+        assert 'class="bell-count">2<' in client.get("/about/").content.decode()
+        client.post("/notices/read/")
+        assert "bell-count" not in client.get("/about/").content.decode()
+
+    def test_nobody_reads_or_marks_the_notices_of_others(self, client, bob, now):
+        notice = Notice.objects.create(racer=bob, kind=NoticeKind.OPENS, about="1", params={"race": "Y"}, at=now)
+        assert "Y is open" not in client.get("/notices/").content.decode()
+        assert client.post(f"/notices/{notice.pk}/").status_code == 404
+        client.post("/notices/read/")
+        notice.refresh_from_db()
+        assert notice.read_at is None
+        assert Client().get("/notices/").status_code == 302
+        assert mark_read(racer=bob, now=now) == 1
+
+    def test_kinds_are_turned_off_in_the_settings(self, client, alice):
+        page = client.get("/settings/notices/").content.decode()
+        assert page.count('type="checkbox"') == 2 * len(NoticeKind)
+        client.post("/settings/notices/", {"language": "ko", "site_opens": "on", "mail_official": "on"})
+        chosen = choice_of(alice)
+        assert "opens" not in chosen.site_off and "closes" in chosen.site_off
+        assert "official" not in chosen.mail_off and "opens" in chosen.mail_off and chosen.language == "ko"
+
+    def test_an_old_notice_without_a_parameter_still_reads(self, client, alice, now):
+        Notice.objects.create(racer=alice, kind=NoticeKind.LOST_LEAD, about="1", at=now)
+        assert client.get("/notices/").status_code == 200
