@@ -170,7 +170,7 @@ def test_what_it_prints_is_kept_up_to_a_limit_and_too_much_in_one_call_ends_it()
     assert one.printed == "x" * KEPT_CHARACTERS
     one.begin()
     with pytest.raises(TooMuchPrinted):
-        one.write("x" * 64 * 1024 + "x")
+        one.write("x" * 64_001)
     one.end()
     assert one.write("x" * 10**6) == 10**6  # not a call: nobody's business
 

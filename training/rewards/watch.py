@@ -16,8 +16,8 @@ from types import FrameType
 FILENAME = "<reward function>"  # in tracebacks
 TICK_S = 0.1
 LIMIT_S = 5.0  # DeepRacer on AWS: a validation may take 5 s
-KEPT_CHARACTERS = 16 * 1024  # of what it prints in its life
-PRINTED_CHARACTERS = 64 * 1024  # in one call
+KEPT_CHARACTERS = 16_000  # of what it prints in its life
+PRINTED_CHARACTERS = 64_000  # in one call
 
 
 class TooLong(BaseException):

@@ -1,0 +1,80 @@
+"""What racers.md says of reward functions is what the code does."""
+
+from __future__ import annotations
+
+import re
+
+from training.rewards.check import MAX_CHARACTERS
+from training.rewards.examples import EXAMPLES
+from training.rewards.function import MAX_REWARD, POSITIONAL_NAMES, load_reward
+from training.rewards.modules import ALLOWED
+from training.rewards.states import five_states
+from training.rewards.validate import validate_reward
+from training.rewards.watch import KEPT_CHARACTERS, LIMIT_S, PRINTED_CHARACTERS
+
+from .pages import code_blocks, section, text
+
+SECTION = section(text("racers.md"), "## Write a reward function")
+TABLES = [table for table in re.split(r"\n\n", SECTION) if table.startswith("|")]
+TYPES = {"bool": bool, "float": float, "int": int}
+
+
+def rows(table: str) -> list[tuple[list[str], str]]:
+    """(names, second cell) of each row."""
+    cells = [line.split(" | ") for line in table.splitlines()[2:]]
+    return [(re.findall(r"`(\w+)`", first), rest[0]) for first, *rest in cells]
+
+
+def test_every_key_of_params_is_explained_in_the_order_of_the_code_and_no_other():
+    explained = [name for names, _ in rows(TABLES[0]) for name in names]
+    assert explained == list(five_states()[0])
+    assert len(explained) == 27
+
+
+def test_the_types_are_those_of_the_values():
+    params = five_states("object_avoidance")[1]
+    for names, told in rows(TABLES[0]):
+        kind = told.split(",")[0]
+        for name in names:
+            value = params[name]
+            if kind.startswith("list of"):
+                assert type(value) is list, name
+                part = value[0]
+                expected = tuple if "(x" in kind else TYPES[kind.split()[2]]
+                assert type(part) is expected, name
+            elif kind.startswith("["):
+                assert [type(part) for part in value] == [int, int], name
+            else:
+                assert type(value) is TYPES[kind], name
+
+
+def test_every_argument_of_the_first_form_is_explained():
+    explained = {name for names, _ in rows(TABLES[1]) for name in names}
+    assert explained == set(POSITIONAL_NAMES)
+    block = next(block for block in code_blocks(SECTION, "python") if "on_track" in block)
+    assert re.findall(r"\w+", block.split("(", 1)[1].split(")")[0]) == list(POSITIONAL_NAMES)
+
+
+def test_the_snippets_pass_validation():
+    blocks = code_blocks(SECTION, "python")
+    assert [load_reward(block).form for block in blocks] == ["params", "positional"]
+    for block in blocks:
+        assert validate_reward(block) == []
+
+
+def test_the_bounds_are_those_of_the_code():
+    page = " ".join(SECTION.split())
+    assert f"1 to {MAX_CHARACTERS:,} characters" in page
+    assert f"more than {MAX_REWARD:.0f} either way" in page
+    assert f"compute for {LIMIT_S:.0f} seconds" in page
+    assert f"print {PRINTED_CHARACTERS:,} characters" in page
+    assert f"first {KEPT_CHARACTERS:,} characters" in page
+    for name in ALLOWED:
+        assert f"`{name}`" in page
+
+
+def test_every_example_is_named():
+    page = " ".join(SECTION.split()).lower()
+    for example in EXAMPLES[:-1]:
+        assert example.title.lower() in page
+    assert len(EXAMPLES) == 5
