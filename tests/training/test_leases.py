@@ -1,0 +1,171 @@
+"""Who holds a training, and what becomes of it when its worker goes."""
+
+from __future__ import annotations
+
+import uuid
+from datetime import timedelta
+
+import pytest
+from django.core.files.storage import default_storage
+
+from faults import PlatformFault, UserFault
+from tests.training.jobs import a_training
+from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
+from training.selectors import can_see_training, can_stop_training, training_queue_position, visible_trainings
+from training.services import (
+    beat,
+    claim_next_training,
+    fail_training,
+    keep_checkpoint,
+    record_iteration,
+    release_training,
+    stop_training,
+    sweep_trainings,
+)
+from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT
+from training.trainer.client import Iteration, SavedState
+
+from .test_listening import GOOD
+
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+
+
+@pytest.fixture
+def held(alice, oval, now) -> TrainingJob:
+    a_training(alice, oval, now)
+    job = claim_next_training(worker="w", now=now)
+    assert job is not None
+    return job
+
+
+def an_iteration(number: int, **changes) -> Iteration:
+    values = {name: value for name, value in GOOD.items() if name != "confirmed"}
+    return Iteration(
+        values | {"number": number, "steps": 100 * number} | changes, [[0.0, 0.0, 0.0, 1.0]], b"onnx", b"gz"
+    )
+
+
+def saved(iteration: int) -> SavedState:
+    return SavedState(iteration, 100 * iteration, float(iteration), b"state")
+
+
+def test_the_first_that_came_is_the_first_that_runs_and_nobody_runs_it_twice(alice, bob, oval, now):
+    second = a_training(bob, oval, now + timedelta(seconds=1))
+    first = a_training(alice, oval, now)
+    assert [training_queue_position(job) for job in (first, second)] == [1, 2]
+    assert claim_next_training(worker="a", now=now) == first
+    assert claim_next_training(worker="b", now=now) == second
+    assert claim_next_training(worker="c", now=now) is None
+
+
+def test_a_heartbeat_prolongs_the_lease_and_hears_of_a_stop(held, now):
+    pulse = beat(
+        job_id=held.pk, lease=held.lease, progress={"steps": 5, "seconds": 2.0}, now=now + timedelta(seconds=9)
+    )
+    assert (pulse.held, pulse.stop_asked) == (True, False)
+    before = held.leased_until
+    held.refresh_from_db()
+    assert held.leased_until == before + timedelta(seconds=9)
+    assert held.seconds_done == 2.0
+    assert stop_training(job=held, now=now)
+    assert held.state == JobState.RUNNING, "it ends with its models, in its worker's hands"
+    assert beat(job_id=held.pk, lease=held.lease, progress=None, now=now).stop_asked
+
+
+def test_whoever_lost_the_lease_changes_nothing(held, now):
+    other = uuid.uuid4()
+    assert not beat(job_id=held.pk, lease=other, progress={"seconds": 99.0}, now=now).held
+    assert not record_iteration(job=held, lease=other, iteration=an_iteration(1), now=now)
+    assert not keep_checkpoint(job=held, lease=other, saved=saved(1), now=now)
+    assert not fail_training(job_id=held.pk, lease=other, fault=UserFault("training_over"), now=now)
+    assert not release_training(job_id=held.pk, lease=other, now=now)
+    held.refresh_from_db()
+    assert (held.state, held.seconds_done) == (JobState.RUNNING, 0.0)
+    assert not TrainingIteration.objects.exists() and not Checkpoint.objects.exists()
+    assert (
+        not default_storage.exists(f"training/{held.public_id}")
+        or not default_storage.listdir(f"training/{held.public_id}")[1]
+    )
+
+
+def test_a_lease_that_ran_out_goes_back_to_the_queue_and_in_the_end_fails_as_our_fault(held, now, settings):
+    settings.EVALUATION_MAX_ATTEMPTS = 2
+    late = held.leased_until + timedelta(seconds=1)
+    assert sweep_trainings(now=held.leased_until) == 0
+    assert sweep_trainings(now=late) == 1
+    again = claim_next_training(worker="v", now=late)
+    assert (again.pk, again.attempt) == (held.pk, 2)
+    sweep_trainings(now=late + timedelta(hours=1))
+    held.refresh_from_db()
+    assert (held.state, held.reason_code, held.reason_params) == (JobState.FAILED, "training_gave_up", {"attempts": 2})
+
+
+def test_a_racers_fault_is_final_at_once(held, now):
+    fault = UserFault("reward_raised", line=2, error="ZeroDivisionError")
+    assert fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
+    held.refresh_from_db()
+    assert (held.state, held.reason_params["line"]) == (JobState.FAILED, 2)
+    assert "ZeroDivisionError" in held.reason
+
+
+def test_a_worker_that_is_told_to_end_hands_it_back_without_an_attempt(held, now):
+    assert release_training(job_id=held.pk, lease=held.lease, now=now)
+    held.refresh_from_db()
+    assert (held.state, held.attempt) == (JobState.QUEUED, 0)
+
+
+def test_our_faults_are_written_down_for_operators_only(held, now):
+    fault = PlatformFault("trainer_error", detail="x")
+    fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now, detail="Traceback")
+    held.refresh_from_db()
+    assert held.state == JobState.QUEUED
+    assert "Traceback" in held.operator_detail
+    assert held.reason == ""
+
+
+def test_checkpoints_are_kept_in_bounds_with_their_files(held, now):
+    for number in range(1, 6):
+        assert keep_checkpoint(job=held, lease=held.lease, saved=saved(number), now=now)
+    assert [one.iteration for one in Checkpoint.objects.all()] == [5, 4]
+    assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == CHECKPOINTS_KEPT
+
+
+def test_a_training_that_goes_on_writes_over_what_came_after_its_checkpoint(held, now):
+    for number in (1, 2, 3):
+        record_iteration(job=held, lease=held.lease, iteration=an_iteration(number, eval_reward=1.0), now=now)
+    record_iteration(job=held, lease=held.lease, iteration=an_iteration(2, eval_reward=7.0), now=now)
+    assert list(held.iterations.values_list("number", "eval_reward")) == [(1, 1.0), (2, 7.0)]
+    assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2
+
+
+def test_one_iteration_is_the_best(held, now):
+    record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=now)
+    record_iteration(job=held, lease=held.lease, iteration=an_iteration(2), now=now)
+    record_iteration(job=held, lease=held.lease, iteration=an_iteration(3, is_best=False), now=now)
+    assert list(held.iterations.values_list("is_best", flat=True)) == [False, True, False]
+
+
+def test_old_sim_traces_are_cleared_away(held, now, monkeypatch):
+    monkeypatch.setattr("training.services.records.SIMTRACES_KEPT", 2)
+    assert SIMTRACES_KEPT > 10
+    for number in range(1, 5):
+        record_iteration(job=held, lease=held.lease, iteration=an_iteration(number), now=now)
+    assert [bool(one.simtrace) for one in held.iterations.all()] == [False, False, True, True]
+    assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2
+
+
+def test_one_that_waits_to_go_on_from_a_checkpoint_is_stopped_by_its_worker(held, now):
+    keep_checkpoint(job=held, lease=held.lease, saved=saved(1), now=now)
+    release_training(job_id=held.pk, lease=held.lease, now=now)
+    assert stop_training(job=held, now=now)
+    assert (held.state, held.stop_asked_at) == (JobState.QUEUED, now)
+
+
+def test_who_may_see_and_stop_it(held, alice, bob, charlie):
+    charlie.is_staff = True
+    for racer, allowed in ((alice, True), (bob, False), (charlie, True)):
+        assert can_see_training(racer, held) is allowed
+        assert can_stop_training(racer, held) is allowed
+        assert (held in visible_trainings(racer)) is allowed
+    held.state = JobState.STOPPED
+    assert not can_stop_training(alice, held)
