@@ -48,6 +48,7 @@ class FakeProcess:
         self._their_in, self.stdin = os.pipe()
         self.status: int | None = 0
         self.cpu, self.wants = 0.0, False
+        self.inner_pid: int | None = None
 
     def __enter__(self) -> FakeProcess:
         return self

@@ -19,7 +19,9 @@ from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from faults.reasons import REASONS
 from faults.reasons.training import REWARD_REASONS
 
+from ..rewards.ask import line_of
 from ..rewards.modules import wanted_modules
+from ..rewards.watch import line_in
 from .spec import TrainerSpec
 
 MODULE = "training.trainer.process"
@@ -222,7 +224,9 @@ class _Run:
             return
         computed = self._process.cpu_seconds() - self._last_cpu
         if computed > _SILENCE_S / 2 or not self._process.wants_processor():
-            raise UserFault("reward_stuck", how=f"nothing was heard for {silent:.0f} s")
+            line = line_of(self._process)
+            where = {} if line is None else {"line": line}
+            raise UserFault("reward_stuck", how=f"nothing was heard for {silent:.0f} s", **where)
         if silent > _PATIENCE_S:
             raise PlatformFault("host_overloaded")
 
@@ -239,6 +243,9 @@ class _Run:
         status = self._process.wait(2.0)
         if status == EXIT_MEMORY:
             return UserFault("training_memory", limit_mb=self._process.limits.address_space_mb)
+        line = line_in(self._process.stderr_text()) if self._spec.reward_code else None
+        if line is not None:  # it crashed in the stranger's function
+            return UserFault("reward_stuck", how="it crashed", line=line)
         if status is not None and 0 <= status < 70 and self._spec.reward_code:
             return UserFault("reward_stuck", how=f"exit status {status}")
         how = "still there" if status is None else f"signal {-status}" if status < 0 else f"exit status {status}"
