@@ -6,10 +6,11 @@ from django.db import models
 
 from .race import Race
 
-# Buckets of a board's first column, each level's 512 times as wide as the next one's: 37 hours, 4 minutes, half a
-# second, a millisecond. A bucket's number is the score shifted right by this many bits.
-SHIFTS = (27, 18, 9, 0)
-LEVEL_BITS = 9
+# Buckets of a board's first column, each level's 32 times as wide as the next one's: 17 minutes, 33 seconds, a second,
+# 32 ms, a millisecond. A bucket's number is the score shifted right by this many bits. Levels are this narrow so that a
+# place is a sum of a few dozen rows on a board of any length; they could be fewer, but fuller where a board is long.
+SHIFTS = (20, 15, 10, 5, 0)
+LEVEL_BITS = 5
 # Two rows of a race are totals instead: of all on its board, and of those with a score to be ranked by.
 TOTAL = 63
 EVERYBODY, CLASSIFIED = 0, 1

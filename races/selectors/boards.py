@@ -100,8 +100,8 @@ class Board:
 def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
 
-    Three queries, two more when the reader's row is on another page, one more on later pages and four more in the
-    middle of a long board; the cost does not grow with the board.
+    Three queries, two more when the reader's row is on another page, one more on later pages and one more in
+    the middle of a long board; the cost does not grow with the board.
     """
     totals = totals_of(race)
     pages = max(1, -(-totals.rows // per_page))

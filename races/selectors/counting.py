@@ -1,4 +1,4 @@
-"""Places on a board without counting its rows: a few hundred bucket rows at most, however many entries there are."""
+"""Places on a board without counting its rows: a few dozen bucket rows, however many entries there are."""
 
 from __future__ import annotations
 
@@ -71,21 +71,38 @@ _PLACES = _places()
 def score_at(race: Race, position: int) -> tuple[int, int] | None:
     """The ``rank_score`` of the row at ``position`` (from 0) of a board, and how many of its equals stand before it.
 
-    None beyond the last row. Four queries.
+    None beyond the last row. One query, down the levels.
     """
-    bucket, left = None, position
-    for shift in SHIFTS:
-        level = BoardCount.objects.filter(race=race, shift=shift, rows__gt=0)
-        if bucket is not None:
-            level = level.filter(bucket__gte=bucket << LEVEL_BITS, bucket__lt=(bucket + 1) << LEVEL_BITS)
-        for number, rows in level.order_by("bucket").values_list("bucket", "rows"):
-            if left < rows:
-                bucket = number
-                break
-            left -= rows
-        else:
-            return None
-    return bucket, left
+    with connection.cursor() as cursor:
+        cursor.execute(_POSITION, {"race": race.pk, "position": position})
+        found = cursor.fetchone()
+    return None if found is None else (found[0], position - int(found[1]))
+
+
+def _position() -> str:
+    """SQL for the bucket of the last level that holds a position, and how many rows stand before that bucket.
+
+    Each level looks through the buckets that make up the one found on the level above.
+    """
+    counts = BoardCount._meta.db_table
+    levels = []
+    for number, shift in enumerate(SHIFTS):
+        above, base, inside = "", "0", ""
+        if number:
+            above, base = f", level_{number - 1} AS a", "a.passed"
+            inside = f" AND c.bucket >= a.bucket << {LEVEL_BITS} AND c.bucket < (a.bucket + 1) << {LEVEL_BITS}"
+        running = (
+            f"SELECT c.bucket, c.rows AS here, {base} + SUM(c.rows) OVER (ORDER BY c.bucket) - c.rows AS passed "
+            f"FROM {counts} AS c{above} WHERE c.race_id = %(race)s AND c.shift = {shift}{inside}"
+        )
+        levels.append(
+            f"level_{number} AS (SELECT bucket, passed FROM ({running}) AS running "
+            "WHERE passed <= %(position)s AND %(position)s < passed + here)"
+        )
+    return f"WITH {', '.join(levels)} SELECT bucket, passed FROM level_{len(SHIFTS) - 1}"
+
+
+_POSITION = _position()
 
 
 def page_of(
