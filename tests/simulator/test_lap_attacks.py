@@ -14,6 +14,7 @@ from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.car import Pose
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.physics import PADDOCK_CAR
+from evaluation.simulator.policies import CentreLinePilot
 from evaluation.simulator.progress import Reach, clear_distance
 from evaluation.simulator.race import run_race
 from evaluation.simulator.referee import LAPS_DONE, RESETS_USED, Referee
@@ -259,3 +260,18 @@ def test_no_sum_of_steps_on_the_road_shorter_than_a_lap_is_a_lap(moves, boxes):
         way += abs(along)
         judge.judge(pose_at(STADIUM, distance, offset))
     assert no_lap(judge)
+
+
+# --- being put back is no way to drive --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slug", ["oval", "baja-turnpike"])
+def test_flat_out_from_one_reset_to_the_next_is_slower_than_half_as_fast_on_the_road(slug):
+    track = next(entry.geometry() for entry in CATALOGUE if entry.slug == slug)
+    rules = RaceRules(laps=1, off_track_penalty_ms=1000)  # half of the usual one
+    flat_out = run_race(track, rules, CentreLinePilot.action_space, (), lambda readings: np.float32([0.0, 1.0]))
+    pilot = CentreLinePilot(track, speed=2.0)
+    tidy = run_race(track, rules, pilot.action_space, pilot.sensors, pilot)
+    assert tidy.laps[0].off_tracks == 0
+    assert flat_out.laps[0].off_tracks >= 10
+    assert flat_out.laps[0].time_ms > 1.5 * tidy.laps[0].time_ms
