@@ -193,3 +193,7 @@ class MembershipAdmin(admin.ModelAdmin):
         if not change or "division" in form.changed_data:
             obj.since = timezone.now()
         super().save_model(request, obj, form, change)
+
+
+# the rest of the league's admin pages register themselves
+from . import admin_log, admin_rounds  # noqa: E402, F401

@@ -16,6 +16,7 @@ SENTENCES = {
     NoticeKind.FINALE: gettext_noop("You are in the finale of %(month)s."),
     NoticeKind.QUALIFIED: gettext_noop("You have qualified for the championship of %(season)s."),
     NoticeKind.OFFICIAL: gettext_noop("The results of %(race)s are official."),
+    NoticeKind.MESSAGE: gettext_noop("%(race)s: %(text)s"),
 }
 
 

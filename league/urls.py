@@ -2,7 +2,7 @@
 
 from allauth.account.views import LoginView, SignupView
 from django.contrib import admin
-from django.urls import include, path
+from django.urls import include, path, re_path
 
 from .forms import LoginForm, SignUpForm
 from .views import account, home, notices, organising, racers, seasons, site
@@ -16,6 +16,9 @@ urlpatterns = [
     path("seasons/now/", seasons.season_now, name="season_now"),
     path("seasons/<slug:slug>/", seasons.season, name="season"),
     path("seasons/<slug:slug>/standings/", seasons.standings, name="season_standings"),
+    re_path(
+        r"^seasons/(?P<slug>[-\w]+)/standings\.(?P<form>json|csv|atom)$", seasons.standings_file, name="standings_file"
+    ),
     path("seasons/<slug:slug>/finales/", seasons.fields, name="season_fields"),
     path("seasons/<slug:slug>/rules/", seasons.rules, name="season_rules"),
     path("seasons/<slug:slug>/calendar/", seasons.calendar, name="season_calendar"),

@@ -32,6 +32,7 @@ REASONS = table(
             "The finale opens before its qualifier closes at %(closes)s, so nobody would be in it. Open it later."
         ),
         "race_not_in_field": _("The field of this race is given: it is raced by those who qualified for it."),
+        "postpone_hours": _("A race is postponed by 1 to %(most)s whole hours."),
         # results that become official
         "round_not_over": _("The race goes on until %(closes)s. Its results become official after that."),
         "round_still_driving": _(

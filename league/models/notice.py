@@ -22,6 +22,7 @@ class NoticeKind(models.TextChoices):
     FINALE = "finale", _("in the finale")
     QUALIFIED = "qualified", _("qualified for the championship")
     OFFICIAL = "official", _("results are official")
+    MESSAGE = "message", _("a word from the organisers")
 
 
 # A result comes seconds after sending a car: whoever wants that by mail turns it on.

@@ -128,6 +128,7 @@ class Decision(models.TextChoices):
     DISQUALIFIED = "disqualified", _("disqualified")
     RESTORED = "restored", _("put back")
     REOPENED = "reopened", _("results taken back")
+    LOCKED = "locked", _("results locked")
 
 
 class StewardDecision(models.Model):
@@ -152,7 +153,8 @@ class StewardDecision(models.Model):
             models.CheckConstraint(condition=~Q(reason=""), name="decision_has_a_reason"),
             models.CheckConstraint(condition=Q(decision__in=Decision.values), name="decision_known"),
             models.CheckConstraint(
-                condition=Q(decision="reopened", racer=None) | ~Q(decision="reopened") & Q(racer__isnull=False),
+                condition=Q(decision__in=["reopened", "locked"], racer=None)
+                | ~Q(decision__in=["reopened", "locked"]) & Q(racer__isnull=False),
                 name="decision_names_its_racer",
             ),
         ]

@@ -244,6 +244,9 @@ class Round(models.Model):
         editable=False,
         help_text=_("A steward took the results back: they become official again when an admin says so."),
     )
+    locked_at = models.DateTimeField(
+        _("locked"), null=True, blank=True, editable=False, help_text=_("Final from then on, whatever the window says.")
+    )
 
     class Meta:
         verbose_name = _("round")
@@ -252,6 +255,9 @@ class Round(models.Model):
         constraints = [
             models.CheckConstraint(condition=Q(number__gte=1), name="round_number_from_one"),
             models.CheckConstraint(condition=Q(closed_at=None) | Q(held_at=None), name="round_official_or_held_back"),
+            models.CheckConstraint(
+                condition=Q(locked_at=None) | Q(closed_at__isnull=False), name="round_locked_when_official"
+            ),
             models.CheckConstraint(condition=Q(stage__in=Stage.values), name="round_stage_known"),
             models.UniqueConstraint(
                 fields=["season", "number", "stage"],
@@ -302,8 +308,11 @@ class Round(models.Model):
 
     @property
     def settled_at(self) -> datetime | None:
-        """When the steward window ends and nothing changes any more; None while nothing is official."""
-        return None if self.closed_at is None else self.closed_at + self.season.steward_window
+        """When nothing changes any more: the end of the steward window, or the moment of locking. None before."""
+        if self.closed_at is None:
+            return None
+        end = self.closed_at + self.season.steward_window
+        return end if self.locked_at is None else min(end, self.locked_at)
 
     def is_under_review(self, now: datetime) -> bool:
         """Whether the results are official and stewards may still correct them."""

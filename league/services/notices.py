@@ -72,6 +72,17 @@ def tell_what_happened(*, now: datetime) -> int:
     return told
 
 
+def announce(*, race: Race, text: str, now: datetime) -> int:
+    """Tell everybody whom a race concerns a few words of its organisers; returns how many. Empty words tell nobody."""
+    text = " ".join(text.split())[:500]
+    if not text:
+        return 0
+    params = {"race": race.name, "text": text}
+    about = f"{race.slug}:{now:%Y%m%d%H%M%S%f}"
+    concerned = sorted(_concerned(race, now))
+    return _tell(_Told(NoticeKind.MESSAGE, about, concerned, race.get_absolute_url(), params), now)
+
+
 def mark_read(*, racer: Racer, now: datetime, notice: int | None = None) -> int:
     """Mark one of the racer's notices as read, or all of them; returns how many were unread."""
     unread = Notice.objects.filter(racer=racer, read_at=None, hidden=False)

@@ -65,6 +65,18 @@ def reopen_round(*, round: Round, by: Racer, reason: str, now: datetime) -> Stew
     return _decide(round_, Decision.REOPENED, by, reason, now, None)
 
 
+@transaction.atomic
+def lock_round(*, round: Round, by: Racer, reason: str, now: datetime) -> StewardDecision:
+    """Make official results final before the steward window ends. Raises UserFault("round_not_official"), or as
+    :func:`disqualify`."""
+    round_, reason = _review(round, by, reason, now)
+    if round_.closed_at is None:
+        raise UserFault("round_not_official")
+    Round.objects.filter(pk=round_.pk).update(locked_at=now)
+    round.refresh_from_db()
+    return _decide(round_, Decision.LOCKED, by, reason, now, None)
+
+
 def correct_results(*, round: Round, now: datetime) -> None:
     """Let the season follow what has changed on the board of an official round; nothing once the window is over."""
     if round.is_under_review(now):

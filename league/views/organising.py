@@ -13,9 +13,9 @@ from django.utils.translation import ngettext
 from django.views.decorators.http import require_http_methods
 
 from faults import UserFault
-from league.audit import log
 from league.season_form import SeasonForm
 from league.services.template import schedule_season
+from races.audit import log
 
 
 @login_required

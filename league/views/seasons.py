@@ -6,7 +6,7 @@ import zoneinfo
 from typing import Any
 
 from django.core.paginator import Paginator
-from django.http import Http404, HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -14,6 +14,7 @@ from django.views.decorators.http import require_safe
 
 from league.calendars import season_calendar, zone_names
 from league.drawing import ChartPoint, progress_chart
+from league.exports import standings_csv, standings_data, standings_feed
 from league.models import Season, Stage
 from league.selectors import hall_of_fame, months_of, racer_season, rules_of
 from league.selectors.overview import (
@@ -91,6 +92,22 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
         "mine": mine if mine is not None and mine not in list(page.object_list) else None,
     }
     return render(request, "league/standings.html", context)
+
+
+@require_safe
+def standings_file(request: HttpRequest, slug: str, form: str) -> HttpResponse:
+    """All standings of a season for programs: ``form`` json, csv or atom."""
+    shown = _season(slug)
+    rows = standings_data(shown, months_of(shown))
+    if form == "csv":
+        response = HttpResponse(standings_csv(rows), content_type="text/csv; charset=utf-8")
+        response["Content-Disposition"] = f'attachment; filename="{shown.slug}-standings.csv"'
+        return response
+    if form == "atom":
+        feed = standings_feed(shown, rows, address=request.build_absolute_uri)
+        return HttpResponse(feed.writeString("utf-8"), content_type=feed.content_type)
+    data = {"season": shown.slug, "name": shown.name, "drop_worst": shown.drop_worst, "standings": rows}
+    return JsonResponse(data, json_dumps_params={"indent": 1})
 
 
 @require_safe
@@ -199,7 +216,7 @@ def _context(request: HttpRequest, season: Season, tab: str) -> dict[str, Any]:
     return {
         "season": season,
         "tab": tab,
-        "can_edit": request.user.is_authenticated and request.user.has_perm("league.change_season"),
+        "can_edit": request.user.is_staff and request.user.has_perm("league.change_season"),
     }
 
 

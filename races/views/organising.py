@@ -14,6 +14,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from faults import UserFault
 from races import services
+from races.audit import log_if_admin
 from races.course_form import CourseForm, preview
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.models import Entry, Kind, Race, RaceState
@@ -67,6 +68,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
         except UserFault as fault:
             form.show(fault)
         else:
+            log_if_admin(request.user, race, f"Edited: {', '.join(form.changed_data)}")
             messages.success(request, _("Saved."))
             return redirect(race)
     state = race.state_at(now)
@@ -94,6 +96,7 @@ def race_cancel(request: HttpRequest, slug: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
         else:
+            log_if_admin(request.user, race, f"Cancelled: {form.cleaned_data['reason']}")
             messages.success(request, _("The race is cancelled."))
         return redirect(race)
     return render(request, "races/cancel.html", {"race": race, "form": form}, status=422 if form.errors else 200)
@@ -134,6 +137,7 @@ def racer_remove(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
         else:
+            log_if_admin(request.user, entry, f"Removed: {form.cleaned_data['reason']}")
             messages.success(request, _("%(alias)s is removed from the race.") % {"alias": alias})
         return redirect("race_racers", race.slug)
     context = {"race": race, "entry": entry, "form": form}
@@ -151,6 +155,7 @@ def racer_restore(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
     except UserFault as fault:
         tell_fault(request, fault)
     else:
+        log_if_admin(request.user, entry, "Restored")
         messages.success(request, _("%(alias)s is back in the race.") % {"alias": alias})
     return redirect("race_racers", race.slug)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from xml.etree import ElementTree
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -307,3 +308,62 @@ def test_a_community_race_has_no_line(set_clock):
     board(race, racers(5))
     html = Client().get(race.get_absolute_url()).content.decode()
     assert "promoted" not in html
+
+
+class TestFeeds:
+    def test_a_public_board_is_fed_without_a_log_in(self, set_clock):
+        now = datetime(2027, 1, 15, tzinfo=UTC)
+        set_clock(now)
+        race = a_race(now, name="Night & day")
+        entries = board(race, racers(3))
+        base = race.get_absolute_url()
+        for name, kind in (
+            ("board.json", "application/json"),
+            ("board.csv", "text/csv"),
+            ("board.atom", "application/atom"),
+        ):
+            answer = Client().get(base + name)
+            assert answer.status_code == 200 and answer["Content-Type"].startswith(kind)
+        feed = ElementTree.fromstring(Client().get(f"{base}board.atom").content)
+        titles = [one.text for one in feed.iter("{http://www.w3.org/2005/Atom}title")]
+        assert titles[1:] == [f"{n}. {e.racer.alias}, 0:{29 + n}.000" for n, e in enumerate(entries, 1)]
+        ids = [one.text for one in feed.iter("{http://www.w3.org/2005/Atom}id")]
+        assert len(set(ids)) == 4
+        assert "board.atom" in Client().get(base).content.decode()
+
+    def test_a_badge_names_the_leader_or_a_racer_and_escapes_what_it_shows(self, set_clock):
+        now = datetime(2027, 1, 15, tzinfo=UTC)
+        set_clock(now)
+        race = a_race(now, name='<b>"Night" & day')
+        address = f"{race.get_absolute_url()}badge.svg"
+        assert "nobody classified" in Client().get(address).content.decode()
+        entries = board(race, racers(3))
+        answer = Client().get(address)
+        assert answer["Content-Type"] == "image/svg+xml" and answer["Cache-Control"] == "public, max-age=60"
+        image = ElementTree.fromstring(answer.content)
+        assert f"{entries[0].racer.alias} 0:30.000" in "".join(image.itertext())
+        third = Client().get(address, {"racer": entries[2].racer.alias.upper()}).content.decode()
+        assert "place 3, 0:32.000" in third
+        assert "nobody classified" in Client().get(address, {"racer": "nobody"}).content.decode()
+
+    def test_a_secret_race_has_no_feed_for_strangers(self, set_clock):
+        now = datetime(2027, 1, 15, tzinfo=UTC)
+        set_clock(now)
+        organiser = a_racer()
+        race = a_race(now, visibility="invitation", organiser=organiser)
+        for name in ("board.atom", "badge.svg"):
+            assert Client().get(race.get_absolute_url() + name).status_code == 404
+            answer = logged_in(organiser).get(race.get_absolute_url() + name)
+            assert answer.status_code == 200 and answer["Cache-Control"] == "private, no-store"
+
+    def test_standings_are_fed_too(self, season, set_clock):
+        set_clock(after(Round.objects.get(number=1)))
+        data = Client().get("/seasons/2027/standings.json").json()
+        first = data["standings"][0]
+        assert (first["division"], first["of"], first["place"], first["points"]) == ("open", "racers", 1, 10)
+        assert first["rounds"][0]["rank"] == 1
+        lines = Client().get("/seasons/2027/standings.csv").content.decode().splitlines()
+        assert lines[0] == "division,of,place,name,country,points,rounds" and lines[1].endswith(",KR,10,10")
+        feed = ElementTree.fromstring(Client().get("/seasons/2027/standings.atom").content)
+        assert len(list(feed.iter("{http://www.w3.org/2005/Atom}entry"))) == 4
+        assert Client().get("/seasons/2027/standings.xml").status_code == 404

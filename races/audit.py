@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from django.contrib.admin.models import LogEntry
+from django.contrib.admin.models import CHANGE, LogEntry
 from django.db.models import Model
 
 if TYPE_CHECKING:
-    from .models import Racer
+    from league.models import Racer
 
 
 def log(by: Racer, row: Model, action: int, what: str) -> LogEntry:
@@ -16,3 +16,9 @@ def log(by: Racer, row: Model, action: int, what: str) -> LogEntry:
     return LogEntry.objects.log_actions(
         user_id=by.pk, queryset=[row], action_flag=action, change_message=what, single_object=True
     )
+
+
+def log_if_admin(by: Racer, row: Model, what: str) -> None:
+    """Write a line for what an admin did on the site itself; organisers' own races are their own business."""
+    if by.is_staff:
+        log(by, row, CHANGE, what)

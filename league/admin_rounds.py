@@ -1,0 +1,196 @@
+"""Rounds: publish, lock, take back, disqualify, postpone, announce. Each asks first and says what will follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from django.contrib import admin, messages
+from django.core.exceptions import ValidationError
+from django.db.models import QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+
+from faults import PaddockError
+from races.admin.actions import ReadOnly, sentence
+
+from .models import Racer, Round
+from .services.closing import close_round
+from .services.notices import announce
+from .services.organising import consequences_of, postpone_round
+from .services.stewards import disqualify, lock_round, put_back, reopen_round
+
+LABELS = {
+    "reason": gettext_lazy("Reason"),
+    "racer": gettext_lazy("Alias of the racer"),
+    "hours": gettext_lazy("Hours"),
+    "text": gettext_lazy("What to tell"),
+}
+Call = Callable[[Round, dict[str, str]], object]
+
+
+@admin.register(Round)
+class RoundAdmin(ReadOnly, admin.ModelAdmin):
+    """The races of seasons as rounds, and what is done with their results."""
+
+    list_display = ("season", "number", "stage", "race", "state", "closed_at", "settled")
+    list_display_links = ("number", "race")
+    list_filter = ("season", "stage", "closed_at")
+    list_select_related = ("season", "race")
+    search_fields = ("race__name", "race__slug", "name")
+    ordering = ("-race__closes_at", "pk")
+    actions = ("publish", "lock", "take_back", "disqualify", "put_back", "postpone", "announce")
+
+    def has_steward_permission(self, request: HttpRequest) -> bool:
+        """Whether the admin may act on rounds."""
+        return request.user.has_perm("league.change_round")
+
+    @admin.display(description=gettext_lazy("state"))
+    def state(self, round_: Round) -> str:
+        return round_.race.state_at(timezone.now()).label
+
+    @admin.display(description=gettext_lazy("final since"))
+    def settled(self, round_: Round) -> str:
+        if round_.closed_at is None:
+            return _("held back") if round_.held_at else "-"
+        return (
+            _("under review") if round_.is_under_review(timezone.now()) else f"{round_.settled_at:%Y-%m-%d %H:%M} UTC"
+        )
+
+    @admin.action(description=gettext_lazy("Publish: make the results official"), permissions=["steward"])
+    def publish(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            return close_round(round=round_, now=timezone.now())
+
+        follows = _("The results become official: promotions, fields, qualifications and points follow.")
+        return self._ask(request, queryset, "publish", _("Publish results"), follows, (), call)
+
+    @admin.action(description=gettext_lazy("Lock: end the steward window"), permissions=["steward"])
+    def lock(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            return lock_round(round=round_, by=request.user, reason=given["reason"], now=timezone.now())
+
+        follows = _("Nobody can correct these results any more. This cannot be taken back.")
+        return self._ask(request, queryset, "lock", _("Lock results"), follows, ("reason",), call)
+
+    @admin.action(description=gettext_lazy("Take the official results back"), permissions=["steward"])
+    def take_back(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            return reopen_round(round=round_, by=request.user, reason=given["reason"], now=timezone.now())
+
+        follows = _("What came of the round is undone until somebody publishes it again.")
+        return self._ask(request, queryset, "take_back", _("Take results back"), follows, ("reason",), call)
+
+    @admin.action(description=gettext_lazy("Disqualify a racer"), permissions=["steward"])
+    def disqualify(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            racer = _racer(given["racer"])
+            return disqualify(round=round_, racer=racer, by=request.user, reason=given["reason"], now=timezone.now())
+
+        follows = _(
+            "The racer leaves the board, their waiting cars are stopped, everybody reads the reason, and what came of "
+            "the round is worked out anew. It can be undone while the steward window is open."
+        )
+        return self._ask(request, queryset, "disqualify", _("Disqualify"), follows, ("racer", "reason"), call)
+
+    @admin.action(description=gettext_lazy("Put a disqualified racer back"), permissions=["steward"])
+    def put_back(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            racer = _racer(given["racer"])
+            return put_back(round=round_, racer=racer, by=request.user, reason=given["reason"], now=timezone.now())
+
+        follows = _("The racer stands on the board again, and what came of the round is worked out anew.")
+        return self._ask(request, queryset, "put_back", _("Put back"), follows, ("racer", "reason"), call)
+
+    @admin.action(description=gettext_lazy("Postpone"), permissions=["steward"])
+    def postpone(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            hours = int(given["hours"]) if given["hours"].isdecimal() and len(given["hours"]) < 6 else 0
+            return postpone_round(round=round_, hours=hours, reason=given["reason"], now=timezone.now())
+
+        follows = _("The race closes later, and opens later if it has not opened yet. Its racers read the reason.")
+        return self._ask(request, queryset, "postpone", _("Postpone"), follows, ("hours", "reason"), call)
+
+    @admin.action(description=gettext_lazy("Announce something to the racers"), permissions=["steward"])
+    def announce(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
+        def call(round_: Round, given: dict[str, str]) -> object:
+            return announce(race=round_.race, text=given["text"], now=timezone.now())
+
+        follows = _("Everybody whom the race concerns is told, in the site and by e-mail.")
+        return self._ask(request, queryset, "announce", _("Announce"), follows, ("text",), call)
+
+    def _ask(
+        self,
+        request: HttpRequest,
+        rounds: QuerySet[Round],
+        action: str,
+        title: str,
+        follows: str,
+        fields: Sequence[str],
+        call: Call,
+    ) -> HttpResponse | None:
+        """Ask for ``fields``, then show what would follow, then do it and log it, for each round."""
+        given = {name: " ".join(request.POST.get(name, "").split()) for name in fields}
+        asked = "step" in request.POST
+        complete = asked and all(given.values())
+        rows = list(rounds.select_related("season", "race").order_by("race__closes_at", "pk"))
+        lines: list[tuple[Round, list[str]]] = []
+        if complete:
+            lines, refused = self._tried(rows, given, call)
+            if not refused and request.POST["step"] == "confirmed":
+                self._do(request, rows, given, call, title)
+                return None
+            complete = not refused
+        context: dict[str, Any] = self.admin_site.each_context(request) | {
+            "title": title,
+            "action": action,
+            "consequence": follows,
+            "rows": rows,
+            "lines": lines,
+            "fields": [(name, LABELS[name], given[name]) for name in fields],
+            "complete": complete,
+            "missing": asked and fields and not all(given.values()),
+            "opts": self.model._meta,
+            "action_checkbox_name": admin.helpers.ACTION_CHECKBOX_NAME,
+        }
+        if not fields and not asked:
+            context["lines"], refused = self._tried(rows, given, call)
+            context["complete"] = not refused
+        return render(request, "admin/league/round_action.html", context, status=422 if context["missing"] else 200)
+
+    def _tried(
+        self, rows: Sequence[Round], given: dict[str, str], call: Call
+    ) -> tuple[list[tuple[Round, list[str]]], bool]:
+        lines, refused = [], False
+        for one in rows:
+            try:
+                lines.append((one, consequences_of(lambda one=one: call(one, given), one.season)))
+            except (PaddockError, ValidationError) as fault:
+                refused = True
+                lines.append((one, [_words(fault)]))
+        return lines, refused
+
+    def _do(self, request: HttpRequest, rows: Sequence[Round], given: dict[str, str], call: Call, title: str) -> None:
+        for one in rows:
+            try:
+                call(one, given)
+            except (PaddockError, ValidationError) as fault:
+                self.message_user(request, f"{one.race}: {_words(fault)}", messages.ERROR)
+            else:
+                what = ", ".join(f"{name}: {value}" for name, value in given.items())
+                self.log_change(request, one, f"{title}. {what}".strip())
+                self.message_user(request, _("%(race)s: done.") % {"race": one.race})
+
+
+def _racer(alias: str) -> Racer:
+    racer = Racer.objects.filter(alias__iexact=alias).first()
+    if racer is None:
+        raise ValidationError(_("There is no racer %(alias)s.") % {"alias": alias})
+    return racer
+
+
+def _words(fault: PaddockError | ValidationError) -> str:
+    return sentence(fault) if isinstance(fault, PaddockError) else " ".join(fault.messages)

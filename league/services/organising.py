@@ -1,0 +1,99 @@
+"""What organisers do to the races of a season, and what would follow from it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+from django.db import transaction
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+
+from faults import UserFault
+from races.models import Race, RaceState
+from races.services import edit_race
+
+from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season
+from .notices import announce
+
+Fact = tuple[str, str, str]
+
+
+@transaction.atomic
+def postpone_round(*, round: Round, hours: int, reason: str, now: datetime) -> Race:
+    """Move a round's race back by so many hours, 1 to 2,160, and tell those whom it concerns why.
+
+    An open race closes later; one that has not opened also opens later. Raises UserFault("postpone_hours" |
+    "race_closed" | "race_cancelled"), RaceRefused, ValidationError when it would overlap with another round.
+    """
+    if not 1 <= hours <= 90 * 24:
+        raise UserFault("postpone_hours", most=90 * 24)
+    race, by = Race.objects.get(pk=round.race_id), timedelta(hours=hours)
+    changes = {"closes_at": race.closes_at + by}
+    if race.state_at(now) == RaceState.UPCOMING:
+        changes["opens_at"] = race.opens_at + by
+    race = edit_race(race=race, now=now, **changes)
+    round.race = race
+    round.full_clean()
+    announce(race=race, text=reason, now=now)
+    return race
+
+
+class _Undone(Exception):
+    """Takes a transaction back that was only tried."""
+
+
+def consequences_of(call: Callable[[], object], season: Season) -> list[str]:
+    """What would follow for a season if ``call`` were done, in sentences of the reader's language; nothing is done.
+
+    The call is made in a transaction that is taken back, so that what it says is what it would do. Raises what it
+    raises.
+    """
+    before = _facts(season)
+    after: dict[Fact, str] = {}
+    try:
+        with transaction.atomic():
+            call()
+            after = _facts(season)
+            raise _Undone
+    except _Undone:
+        pass
+    lost, won = before.keys() - after.keys(), after.keys() - before.keys()
+    lines = [_("%(racer)s is no longer %(what)s (%(race)s).") % _named(fact) for fact in sorted(lost)]
+    lines += [_("%(racer)s is now %(what)s (%(race)s).") % _named(fact) for fact in sorted(won)]
+    moved = Counter(fact[1] for fact in before.keys() & after.keys() if before[fact] != after[fact])
+    for race, count in sorted(moved.items()):
+        text = ngettext(
+            "%(count)s racer gets another place or other points (%(race)s).",
+            "%(count)s racers get another place or other points (%(race)s).",
+            count,
+        )
+        lines.append(text % {"count": count, "race": race})
+    return lines or [_("No promotion, field, qualification or points change.")]
+
+
+def _facts(season: Season) -> dict[Fact, str]:
+    """What the season's official rounds gave: kind, race and racer, with the place or points."""
+    facts: dict[Fact, str] = {}
+    members = Membership.objects.filter(season=season, promoted_in__isnull=False)
+    for race, alias, place in members.values_list("promoted_in__race__name", "racer__alias", "place"):
+        facts["promoted", race, alias] = str(place)
+    for kind, model in (("finale", FinalePlace), ("qualified", ChampionshipPlace)):
+        rows = model.objects.filter(round__season=season)
+        for race, alias, place in rows.values_list("round__race__name", "racer__alias", "place"):
+            facts[kind, race, alias] = str(place)
+    points = RoundPoints.objects.filter(round__season=season)
+    for race, alias, rank, won in points.values_list("round__race__name", "racer__alias", "rank", "points"):
+        facts["points", race, alias] = f"{rank}:{won}"
+    return facts
+
+
+def _named(fact: Fact) -> dict[str, str]:
+    kinds = {
+        "promoted": _("promoted"),
+        "finale": _("in the finale"),
+        "qualified": _("qualified for the championship"),
+        "points": _("among those with points"),
+    }
+    return {"what": kinds[fact[0]], "race": fact[1], "racer": fact[2]}

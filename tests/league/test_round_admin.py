@@ -1,0 +1,185 @@
+"""What admins do with rounds: they are told what will follow, it is done once they say so, and it is logged."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.contrib.admin.models import LogEntry
+from django.contrib.auth.models import Permission
+from django.test import Client
+from django.urls import reverse
+
+from faults import UserFault
+from league.models import Decision, Membership, Notice, Racer, Round, Stage, StewardDecision
+from league.services import close_round, disqualify
+from league.services.organising import consequences_of, postpone_round
+from league.services.stewards import lock_round
+from tests.factories import a_racer
+from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
+
+pytestmark = pytest.mark.django_db
+LIST = "admin:league_round_changelist"
+
+
+@pytest.fixture(autouse=True)
+def _long_sessions(settings) -> None:
+    """Nobody is logged out while the clock moves."""
+    settings.SESSION_COOKIE_AGE = 10 * 365 * 24 * 3600
+
+
+@pytest.fixture
+def set_clock(monkeypatch: pytest.MonkeyPatch):
+    return lambda moment: monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
+
+
+@pytest.fixture
+def boss(client: Client) -> Client:
+    racer = Racer.objects.create_superuser("boss", "boss@example.org", None)
+    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+@pytest.fixture
+def played(set_clock) -> tuple[Round, list[Racer]]:
+    """An open race of ten that has closed an hour ago: two would be promoted. The clock stands there."""
+    round_ = a_round(a_season(), 1, Stage.OPEN)
+    field = racers(10)
+    board(round_.race, field)
+    set_clock(round_.race.closes_at + HOUR)
+    return round_, field
+
+
+def act(client: Client, round_: Round, action: str, **given: str):
+    return client.post(reverse(LIST), {"action": action, "_selected_action": [round_.pk], **given}, follow=True)
+
+
+def test_publishing_says_who_is_promoted_before_it_does_anything(boss, played):
+    round_, field = played
+    page = act(boss, round_, "publish").content.decode()
+    assert f"{field[0].alias} is now promoted" in page and f"{field[2].alias} is now promoted" not in page
+    assert not Membership.objects.exists() and Round.objects.get().closed_at is None
+    act(boss, round_, "publish", step="confirmed")
+    assert set(Membership.objects.values_list("racer", flat=True)) == {field[0].pk, field[1].pk}
+    assert "Publish results" in LogEntry.objects.get().change_message
+
+
+def test_a_disqualification_is_shown_first_and_moves_the_next_one_up(boss, played):
+    round_, field = played
+    close_round(round=round_, now=after(round_))
+    assert "Fill in all fields" in act(boss, round_, "disqualify", step="asked", racer="").content.decode()
+    given = {"racer": field[0].alias, "reason": "Two accounts"}
+    page = act(boss, round_, "disqualify", step="asked", **given).content.decode()
+    assert f"{field[0].alias} is no longer promoted" in page and f"{field[2].alias} is now promoted" in page
+    assert not StewardDecision.objects.exists()
+    act(boss, round_, "disqualify", step="confirmed", **given)
+    assert StewardDecision.objects.get().reason == "Two accounts"
+    assert set(Membership.objects.values_list("racer", flat=True)) == {field[1].pk, field[2].pk}
+    log = LogEntry.objects.get()
+    assert "Two accounts" in log.change_message and log.user.alias == "boss"
+    act(boss, round_, "put_back", step="confirmed", racer=field[0].alias, reason="It was a mistake")
+    assert set(Membership.objects.values_list("racer", flat=True)) == {field[0].pk, field[1].pk}
+
+
+def test_what_cannot_be_done_is_said_and_not_offered(boss, played):
+    round_, _field = played
+    page = act(boss, round_, "disqualify", step="confirmed", racer="nobody", reason="x").content.decode()
+    assert "This cannot be done" in page and "There is no racer nobody." in page
+    assert 'value="confirmed"' not in page
+    page = act(boss, round_, "take_back", step="asked", reason="x").content.decode()
+    assert "not official yet" in page and 'value="confirmed"' not in page
+
+
+def test_locked_results_stay(boss, played):
+    round_, field = played
+    close_round(round=round_, now=after(round_))
+    act(boss, round_, "lock", step="confirmed", reason="All checked")
+    locked = Round.objects.get()
+    assert locked.locked_at is not None and not locked.is_under_review(after(round_, hours=2))
+    assert StewardDecision.objects.get().decision == Decision.LOCKED
+    with pytest.raises(UserFault) as refused:
+        disqualify(
+            round=locked, racer=field[0], by=Racer.objects.get(alias="boss"), reason="x", now=after(round_, hours=2)
+        )
+    assert refused.value.code == "steward_window_over"
+
+
+def test_only_official_results_are_locked(played):
+    round_, _field = played
+    with pytest.raises(UserFault) as refused:
+        lock_round(round=round_, by=a_racer(is_staff=True), reason="x", now=after(round_))
+    assert refused.value.code == "round_not_official"
+
+
+class TestPostponing:
+    def test_the_race_moves_and_its_racers_read_why(self, boss, set_clock):
+        round_ = a_round(a_season(), 1, Stage.OPEN)
+        field = racers(2)
+        board(round_.race, field)
+        opens, closes = round_.race.opens_at, round_.race.closes_at
+        set_clock(opens - timedelta(days=1))
+        act(boss, round_, "postpone", step="confirmed", hours="48", reason="The track is wet")
+        round_.race.refresh_from_db()
+        assert (round_.race.opens_at, round_.race.closes_at) == (opens + 48 * HOUR, closes + 48 * HOUR)
+        assert "The track is wet" in Notice.objects.get(racer=field[0]).params["text"]
+        assert "48" in LogEntry.objects.get().change_message
+
+    def test_an_open_race_closes_later_only(self):
+        round_ = a_round(a_season(), 1, Stage.OPEN)
+        opens, closes = round_.race.opens_at, round_.race.closes_at
+        race = postpone_round(round=round_, hours=5, reason="x", now=opens + HOUR)
+        assert (race.opens_at, race.closes_at) == (opens, closes + 5 * HOUR)
+
+    def test_not_into_the_next_round_nor_after_the_end_nor_by_nothing(self, boss, set_clock):
+        season = a_season()
+        first = a_round(season, 1, Stage.OPEN)
+        a_round(season, 2, Stage.OPEN)
+        set_clock(first.race.opens_at + HOUR)
+        page = act(boss, first, "postpone", step="asked", hours="5", reason="x").content.decode()
+        assert "overlap" in page and 'value="confirmed"' not in page
+        for hours in ("0", "x", "99999"):
+            page = act(boss, first, "postpone", step="asked", hours=hours, reason="x").content.decode()
+            assert "whole hours" in page
+        set_clock(after(first))
+        assert (
+            'value="confirmed"'
+            not in act(boss, first, "postpone", step="asked", hours="5", reason="x").content.decode()
+        )
+        assert not Notice.objects.exists()
+
+
+def test_an_announcement_reaches_everybody_in_the_race(boss, played):
+    round_, field = played
+    act(boss, round_, "announce", step="confirmed", text="Well driven")
+    assert Notice.objects.filter(kind="message").count() == len(field)
+
+
+def test_trying_changes_nothing(played):
+    round_, _field = played
+    lines = consequences_of(lambda: close_round(round=round_, now=after(round_)), round_.season)
+    assert len(lines) == 2 + 4 and not Membership.objects.exists()
+    assert consequences_of(lambda: None, round_.season) == ["No promotion, field, qualification or points change."]
+
+
+def test_helpers_without_the_permission_do_nothing(played):
+    round_, _field = played
+    helper = a_racer("helper", is_staff=True)
+    helper.user_permissions.add(Permission.objects.get(codename="view_round"))
+    client = Client()
+    client.force_login(helper, backend="django.contrib.auth.backends.ModelBackend")
+    assert client.get(reverse(LIST)).status_code == 200
+    act(client, round_, "publish", step="confirmed")
+    assert Round.objects.get().closed_at is None
+    member = Client()
+    member.force_login(a_racer(), backend="django.contrib.auth.backends.ModelBackend")
+    assert member.get(reverse(LIST)).status_code == 302
+
+
+def test_the_log_is_looked_at_and_never_changed(boss, played):
+    round_, _field = played
+    act(boss, round_, "publish", step="confirmed")
+    page = boss.get(reverse("admin:admin_logentry_changelist")).content.decode()
+    assert "Publish results" in page and "boss" in page
+    entry = LogEntry.objects.get()
+    assert boss.post(reverse("admin:admin_logentry_delete", args=[entry.pk]), {"post": "yes"}).status_code == 403
+    assert LogEntry.objects.exists()
