@@ -108,8 +108,7 @@ def _in_range(name: str, value: Any) -> int | float:
     bounds = RANGES[name]
     right = isinstance(value, int | float) and not isinstance(value, bool)
     if not right or not bounds.low <= value <= bounds.high or (bounds.whole and value != int(value)):
-        kind = "a whole number" if bounds.whole else "a number"
-        raise UserFault("training_hyperparameter", name=name, kind=kind, low=f"{bounds.low:g}", high=f"{bounds.high:g}")
+        raise UserFault("training_hyperparameter", name=name, low=f"{bounds.low:g}", high=f"{bounds.high:g}")
     return int(value) if bounds.whole else float(value)
 
 

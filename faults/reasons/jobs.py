@@ -14,7 +14,10 @@ _USER = table(
         "training_hyperparameter_unknown": _(
             "There is no hyperparameter “%(name)s” for this algorithm. It has: %(known)s."
         ),
-        "training_hyperparameter": _("The hyperparameter “%(name)s” must be %(kind)s from %(low)s to %(high)s."),
+        "training_hyperparameter": _(
+            "The hyperparameter “%(name)s” must be a number from %(low)s to %(high)s (batch size, epochs and episodes "
+            "are whole numbers)."
+        ),
         "training_loss_type": _("The loss is “huber” or “mean squared error”."),
         "training_sac_continuous": _(
             "SAC learns continuous actions only. Choose a continuous action space, or train with PPO."
