@@ -36,6 +36,7 @@ urlpatterns = [
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),
     path("health/ready", site.health_ready, name="health_ready"),
+    path("", include("training.urls")),
     path("", include("races.urls")),
     path("", include("evaluation.urls")),
     path("", include("tracks.urls")),

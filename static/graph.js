@@ -63,7 +63,7 @@
     requestAnimationFrame(frame);
     if (!drive.length) return;
     const car = stage.querySelector("[data-drive-car]");
-    const all = still.matches ? drive.length - 1 : ((now - began) / STEP_MS) % (drive.length + 12);
+    const all = still.matches ? drive.length - 1 : (Math.max(0, now - began) / STEP_MS) % (drive.length + 12);
     const index = Math.min(drive.length - 1, Math.floor(all));
     const next = Math.min(drive.length - 1, index + 1);
     const share = Math.min(1, all - index) * (next > index);

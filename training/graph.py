@@ -96,9 +96,9 @@ def draw_graph(points: Sequence[Point], smoothing: int = 1) -> SafeString:
     if best is not None:
         parts.append(
             format_html(
-                '<g><title>{}</title><line class="graph-best" x1="{x}" x2="{x}" y1="{top}" y2="{bottom}"/>'
+                '<g><title>{title}</title><line class="graph-best" x1="{x}" x2="{x}" y1="{top}" y2="{bottom}"/>'
                 '<circle class="graph-best-mark" cx="{x}" cy="{y}" r="5"/></g>',
-                _("Best model"),
+                title=_("Best model"),
                 x=f"{x(best):.1f}",
                 top=f"{TOP:.1f}",
                 bottom=f"{HEIGHT - BOTTOM:.1f}",
@@ -153,7 +153,7 @@ def _axes(low: float, high: float, step: float, y: Any, y_percent: Any) -> SafeS
     words += [(f"{WIDTH - RIGHT + 8:g}", f"{y_percent(p) + 4:.1f}", "start", f"{p} %") for p in (0, 25, 50, 75, 100)]
     return format_html(
         "{}{}",
-        format_html_join("", '<line class="graph-grid" x1="{}" x2="{}" y1="{2}" y2="{2}"/>', lines),
+        format_html_join("", '<line class="graph-grid" x1="{0}" x2="{1}" y1="{2}" y2="{2}"/>', lines),
         format_html_join("", '<text x="{}" y="{}" text-anchor="{}">{}</text>', words),
     )
 

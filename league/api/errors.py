@@ -30,13 +30,17 @@ log = logging.getLogger(__name__)
 RETRY_AFTER_S = 30
 
 # Reason codes that are not plain bad input (400).
-_FORBIDDEN = "model_not_yours race_not_yours race_needs_invitation race_pro_only race_open_only entry_removed"
+_FORBIDDEN = (
+    "model_not_yours vehicle_not_yours clone_not_yours race_not_yours race_needs_invitation race_pro_only "
+    "race_open_only entry_removed"
+)
 _NOT_THERE = "invitation_unknown entry_missing race_has_no_duels"
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_has_opened race_is_over race_has_submissions race_limit "
     "entry_withdrawn car_already_submitted submission_running submissions_used_up submission_not_failed "
     "duels_before_closing duels_wait_for_qualifying duels_drawn "
-    "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens"
+    "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
+    "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs"
 )
 STATUS_OF: dict[str, int] = {
     **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),

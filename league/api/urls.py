@@ -28,6 +28,7 @@ version_1 = [
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
     path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
+    path("", include("training.api.urls")),
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
     path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),

@@ -33,6 +33,9 @@ SECTIONS = (
     ("/evaluations/", "races"),
     ("/tracks/", "tracks"),
     ("/models/", "garage"),
+    ("/vehicles/", "garage"),
+    ("/train/", "train"),
+    ("/learn/", "learn"),
     ("/about/", "about"),
 )
 

@@ -30,7 +30,8 @@ def test_every_address_and_method_is_described(schema):
     described = {(path, method) for path, item in schema["paths"].items() for method in item}
     offered = {
         ("/api/v1/" + re.sub(r"<\w+:(\w+)>", r"{\1}", str(route.pattern)), method)
-        for route in version_1
+        for entry in version_1
+        for route in getattr(entry, "url_patterns", [entry])  # a room that league does not import has its own list
         for method in ("get", "post", "put", "patch", "delete")
         if hasattr(route.callback.cls, method)
     }

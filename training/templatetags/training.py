@@ -75,7 +75,7 @@ def span(seconds: float | None) -> str:
 @register.filter
 def figure(value: float | None, digits: int = 2) -> str:
     """A measured number with so many decimals; a dash for none."""
-    return "–" if value is None else f"{value:,.{digits}f}"
+    return "–" if value in (None, "") else f"{value:,.{digits}f}"
 
 
 @register.filter

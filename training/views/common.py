@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.conf import settings
-from django.core.cache import cache
 from django.http import HttpRequest
 from django.shortcuts import get_object_or_404
 
-from faults import PlatformFault, UserFault
+from faults import PlatformFault
 from tracks.forms import explain
 from training.models import JobState, TrainingJob
 from training.selectors import minutes_left, visible_trainings
@@ -21,8 +18,6 @@ from training.services.create import refuse_when_closed
 
 if TYPE_CHECKING:
     from league.models import Racer
-
-CHECK_LOCK_S = 30
 
 
 @dataclass(frozen=True)
@@ -66,16 +61,3 @@ def visible_training(request: HttpRequest, public_id: str) -> TrainingJob:
     """The training, or 404 when there is none or the reader may not see it."""
     related = ("track", "owner", "best_model__network", "last_model__network", "cloned_from", "submit_to_race")
     return get_object_or_404(visible_trainings(request.user).select_related(*related), public_id=public_id)
-
-
-@contextmanager
-def one_check(owner: Racer) -> Iterator[None]:
-    """One check of a racer at a time: each takes a process and up to five seconds of a core. Raises UserFault
-    ``reward_check_runs``."""
-    key = f"reward-check-{owner.pk}"
-    if not cache.add(key, 1, CHECK_LOCK_S):
-        raise UserFault("reward_check_runs")
-    try:
-        yield
-    finally:
-        cache.delete(key)

@@ -22,9 +22,8 @@ from evaluation.simulator.solids import box
 from faults import PaddockError, PlatformFault, UserFault
 from tracks.forms import explain
 from tracks.models import Direction, Track
+from training.checks import one_check
 from training.rewards.examples import DEFAULT, EXAMPLES
-
-from .common import one_check
 
 if TYPE_CHECKING:
     from league.models import Racer

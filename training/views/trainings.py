@@ -64,7 +64,7 @@ def training_live(request: HttpRequest, public_id: str) -> HttpResponse:
     context = _context(request, job)
     if context["mark"] == request.GET.get("seen"):
         return HttpResponse(status=204)
-    response = render(request, "training/parts/live.html", context)
+    response = render(request, "training/parts/live.html", {**context, "renewed": True})
     if job.is_final:
         response = HttpResponse(status=204)
         response["HX-Refresh"] = "true"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from django import forms
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.http import HttpRequest, HttpResponse, JsonResponse, QueryDict
@@ -19,6 +18,7 @@ from faults import PaddockError, PlatformFault, UserFault
 from races.course_form import preview
 from races.models import RaceType
 from tracks.forms import add_fault, explain
+from training.checks import one_check, refusals
 from training.forms.fields import MOST
 from training.forms.training import TrainingForm
 from training.models import TrainingJob
@@ -27,7 +27,7 @@ from training.rewards.examples import EXAMPLES
 from training.services import create_training
 from training.vehicles import vehicles_of
 
-from .common import one_check, usage_of
+from .common import usage_of
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -83,11 +83,10 @@ def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJo
     if not form.is_valid():
         return None, 422
     try:
-        with one_check(owner):
-            problems = _problems(form.cleaned_data["reward_code"], form.cleaned_data["race_type"])
-        for problem in problems:
-            form.add_error("reward_code", forms.ValidationError(problem["message"], code=problem["code"]))
-        if problems:
+        found = refusals(owner, form.cleaned_data["reward_code"], form.cleaned_data["race_type"])
+        for fault in found:
+            form.show(fault)
+        if found:
             return None, 422
         return create_training(owner=owner, now=now, **form.values()), 302
     except UserFault as fault:
@@ -128,12 +127,6 @@ def _report(owner: Racer, said: QueryDict) -> dict[str, Any]:
         "printed": report.printed,
         "status": 200,
     }
-
-
-def _problems(code: str, race_type: str) -> list[dict[str, Any]]:
-    from training.rewards.validate import validate_reward
-
-    return [_told(problem) for problem in validate_reward(code, race_type=race_type)]
 
 
 def _told(problem: Any) -> dict[str, Any]:

@@ -1,0 +1,254 @@
+"""Trainings: begin one, follow it, stop it, read what it measured. A training is its owner's; admins see all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.db.models import QuerySet
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiTypes, extend_schema, extend_schema_field, extend_schema_view
+from rest_framework import generics, serializers, status
+from rest_framework.permissions import IsAuthenticated
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from faults import UserFault
+from races.api.course import BoxPlaceSerializer
+from races.models import Race, RaceType
+from races.selectors import races_visible_to
+from tracks.models import Direction, Track
+from training.checks import refusals
+from training.files import training_metrics
+from training.forms.training import CONTINUOUS, DISCRETE, signature_of
+from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
+from training.models import Algorithm, BestMetric, JobState, NeuralNetwork, TrainingJob
+from training.models.job import MAX_MINUTES, MAX_TRIALS
+from training.selectors import clonable_models, training_queue_position, trainings_of, visible_trainings
+from training.services import create_training, stop_training
+from training.vehicles import vehicles_of
+
+MOST = 2**31 - 1
+
+
+class TrainingSummarySerializer(serializers.Serializer):
+    """A training in a list."""
+
+    public_id = serializers.CharField()
+    name = serializers.CharField()
+    description = serializers.CharField(allow_blank=True)
+    state = serializers.ChoiceField(JobState.choices)
+    track = serializers.CharField(source="track.slug")
+    race_type = serializers.ChoiceField(RaceType.choices)
+    algorithm = serializers.ChoiceField(Algorithm.choices)
+    steps = serializers.IntegerField(source="steps_done", help_text="Control steps driven.")
+    training_s = serializers.FloatField(source="seconds_done", help_text="Wall time of training so far.")
+    reason_code = serializers.CharField(allow_blank=True, help_text="Why it failed.")
+    best_model = serializers.CharField(source="best_model.public_id", default=None, allow_null=True)
+    last_model = serializers.CharField(source="last_model.public_id", default=None, allow_null=True)
+    created_at = serializers.DateTimeField()
+    started_at = serializers.DateTimeField(allow_null=True)
+    ended_at = serializers.DateTimeField(allow_null=True)
+
+
+class IterationSerializer(serializers.Serializer):
+    """One update of the policy, and the evaluation that followed it."""
+
+    number = serializers.IntegerField()
+    steps = serializers.IntegerField()
+    training_s = serializers.FloatField(source="seconds")
+    steps_per_second = serializers.FloatField()
+    mean_reward = serializers.FloatField(allow_null=True)
+    mean_progress = serializers.FloatField(allow_null=True, help_text="Percent of a lap.")
+    eval_reward = serializers.FloatField()
+    eval_progress = serializers.FloatField(help_text="Percent of a lap, without exploring.")
+    eval_lap_ms = serializers.IntegerField(allow_null=True)
+    eval_clean_laps = serializers.IntegerField()
+    entropy = serializers.FloatField(allow_null=True)
+    policy_loss = serializers.FloatField(allow_null=True)
+    value_loss = serializers.FloatField(allow_null=True)
+    is_best = serializers.BooleanField()
+
+
+class TrainingSerializer(TrainingSummarySerializer):
+    """A training with its settings and its iterations."""
+
+    owner = serializers.CharField(source="owner.alias")
+    reason = serializers.CharField(allow_blank=True, help_text="The same as a sentence.")
+    queue_position = serializers.SerializerMethodField(help_text="1: the next one.")
+    stop_asked = serializers.SerializerMethodField(help_text="It has been asked to stop.")
+    direction = serializers.ChoiceField(Direction.choices)
+    boxes = BoxPlaceSerializer(many=True)
+    random_boxes = serializers.IntegerField()
+    bots = serializers.IntegerField()
+    bot_speed_mps = serializers.FloatField()
+    bot_lane_changes = serializers.BooleanField()
+    hyperparameters = serializers.DictField()
+    action_space_type = serializers.CharField()
+    action_space = serializers.JSONField()
+    sensors = serializers.ListField(child=serializers.CharField())
+    neural_network = serializers.ChoiceField(NeuralNetwork.choices)
+    reward_code = serializers.CharField()
+    stop_minutes = serializers.IntegerField()
+    stop_steps = serializers.IntegerField(allow_null=True)
+    stop_clean_laps = serializers.IntegerField(allow_null=True)
+    trials = serializers.IntegerField()
+    best_metric = serializers.ChoiceField(BestMetric.choices)
+    seed = serializers.IntegerField()
+    cloned_from = serializers.CharField(source="cloned_from.public_id", default=None, allow_null=True)
+    submit_to_race = serializers.CharField(source="submit_to_race.slug", default=None, allow_null=True)
+    evaluation = serializers.CharField(
+        source="submission.evaluation.public_id", default=None, allow_null=True, help_text="Of what was submitted."
+    )
+    submit_reason_code = serializers.CharField(allow_blank=True, help_text="Why it was not submitted.")
+    iterations = serializers.SerializerMethodField()
+
+    def get_queue_position(self, job: TrainingJob) -> int | None:
+        return training_queue_position(job)
+
+    def get_stop_asked(self, job: TrainingJob) -> bool:
+        return job.stop_asked_at is not None
+
+    @extend_schema_field(IterationSerializer(many=True))
+    def get_iterations(self, job: TrainingJob) -> list[dict[str, Any]]:
+        rows = job.iterations.order_by("number").defer("episodes", "eval_trials", "simtrace")
+        return IterationSerializer(rows, many=True).data
+
+
+class CreateSerializer(serializers.Serializer):
+    """What is to be trained. What is left out has its usual value."""
+
+    name = serializers.CharField(max_length=64, help_text="1 to 64 letters, digits and hyphens.")
+    description = serializers.CharField(required=False, allow_blank=True, max_length=255)
+    track = serializers.SlugRelatedField(
+        slug_field="slug", queryset=Track.objects.exclude(length_m=None), help_text="The track's slug."
+    )
+    direction = serializers.ChoiceField(Direction.choices, required=False)
+    race_type = serializers.ChoiceField(RaceType.choices, required=False)
+    boxes = serializers.ListField(
+        child=serializers.DictField(),
+        required=False,
+        max_length=10,
+        help_text="Each with `fraction` of the lap and `lane`.",
+    )
+    random_boxes = serializers.IntegerField(required=False, min_value=0, max_value=10)
+    bots = serializers.IntegerField(required=False, min_value=0, max_value=6)
+    bot_speed_mps = serializers.FloatField(required=False, min_value=0.2, max_value=4.0)
+    bot_lane_changes = serializers.BooleanField(required=False)
+    algorithm = serializers.ChoiceField(Algorithm.choices, required=False)
+    hyperparameters = serializers.DictField(required=False)
+    action_space_type = serializers.ChoiceField(["discrete", "continuous"], required=False)
+    action_space = serializers.JSONField(required=False, help_text="As in model_metadata.json.")
+    vehicle = serializers.CharField(required=False, max_length=12, help_text="The public_id of one of your vehicles.")
+    reward_code = serializers.CharField(trim_whitespace=False, max_length=140_000)
+    stop_minutes = serializers.IntegerField(required=False, min_value=1, max_value=MAX_MINUTES)
+    stop_steps = serializers.IntegerField(required=False, min_value=1, max_value=MOST)
+    stop_clean_laps = serializers.IntegerField(required=False, min_value=1, max_value=MAX_TRIALS)
+    trials = serializers.IntegerField(required=False, min_value=1, max_value=MAX_TRIALS)
+    best_metric = serializers.ChoiceField(BestMetric.choices, required=False)
+    seed = serializers.IntegerField(required=False, min_value=0, max_value=MOST)
+    clone_from = serializers.CharField(required=False, max_length=12, help_text="The public_id of a model.")
+    submit_to_race = serializers.CharField(required=False, max_length=80, help_text="The slug of a race.")
+
+
+@extend_schema_view(
+    get=extend_schema(
+        operation_id="list_trainings", summary="My trainings", responses=TrainingSummarySerializer, tags=["trainings"]
+    )
+)
+class TrainingsView(generics.ListAPIView):
+    """A racer's trainings: list them, begin one."""
+
+    permission_classes = [IsAuthenticated]
+    serializer_class = TrainingSummarySerializer
+
+    def get_queryset(self) -> QuerySet[TrainingJob]:
+        return trainings_of(self.request.user)
+
+    @extend_schema(
+        operation_id="create_training",
+        summary="Begin a training",
+        description="Checks the reward function as the wizard does, and puts the training into the queue.",
+        request=CreateSerializer,
+        responses={201: TrainingSerializer},
+        tags=["trainings"],
+    )
+    def post(self, request: Request) -> Response:
+        serializer = CreateSerializer(data=request.data)
+        serializer.is_valid(raise_exception=True)
+        job = create_training(owner=request.user, now=timezone.now(), **_checked(request, serializer.validated_data))
+        return Response(TrainingSerializer(job).data, status=status.HTTP_201_CREATED)
+
+
+class TrainingView(APIView):
+    """One training."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(operation_id="read_training", summary="A training", responses=TrainingSerializer, tags=["trainings"])
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(TrainingSerializer(_visible(request, public_id)).data)
+
+
+class TrainingStopView(APIView):
+    """Stop one."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="stop_training",
+        summary="Stop a training",
+        description="What it has learned stays. Stopping one that is over changes nothing.",
+        request=None,
+        responses=TrainingSerializer,
+        tags=["trainings"],
+    )
+    def post(self, request: Request, public_id: str) -> Response:
+        job = _visible(request, public_id)
+        stop_training(job=job, now=timezone.now())
+        return Response(TrainingSerializer(_visible(request, public_id)).data)
+
+
+class TrainingMetricsView(APIView):
+    """The field's training metrics."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="training_metrics",
+        summary="Training metrics JSON, in the field's own form",
+        responses=OpenApiTypes.OBJECT,
+        tags=["trainings"],
+    )
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(training_metrics(_visible(request, public_id)))
+
+
+def _visible(request: Request, public_id: str) -> TrainingJob:
+    related = ("owner", "track", "best_model", "last_model", "cloned_from", "submit_to_race", "submission__evaluation")
+    return get_object_or_404(visible_trainings(request.user).select_related(*related), public_id=public_id)
+
+
+def _checked(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
+    """Keyword arguments of ``create_training``. Raises Http404, ValidationError, UserFault ``reward_...`` and more."""
+    kwargs = dict(sent)
+    kwargs["reward_code"] = sent["reward_code"].replace("\r\n", "\n")
+    kwargs["reward_signature"] = signature_of(kwargs["reward_code"])
+    kind = kwargs.setdefault("action_space_type", CONTINUOUS if sent.get("algorithm") == Algorithm.SAC else DISCRETE)
+    usual = DEFAULT_BOUNDS if kind == CONTINUOUS else [dict(action) for action in DEFAULT_ACTIONS]
+    kwargs.setdefault("action_space", usual)
+    if "vehicle" in sent:
+        kwargs["vehicle"] = vehicles_of(request.user).filter(public_id=sent["vehicle"]).first()
+        if kwargs["vehicle"] is None:
+            raise UserFault("vehicle_not_yours")
+    if "clone_from" in sent:
+        kwargs["clone_from"] = clonable_models(request.user).filter(public_id=sent["clone_from"]).first()
+        if kwargs["clone_from"] is None:
+            raise UserFault("clone_not_yours")
+    if "submit_to_race" in sent:
+        races: QuerySet[Race] = races_visible_to(request.user)
+        kwargs["submit_to_race"] = get_object_or_404(races, slug=sent["submit_to_race"])
+    for fault in refusals(request.user, kwargs["reward_code"], sent.get("race_type", RaceType.TIME_TRIAL)):
+        raise fault
+    return kwargs
