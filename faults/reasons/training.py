@@ -73,6 +73,10 @@ _PLATFORM = table(
         "reward_check_failed": _(
             "Trying the reward function failed on our side. Nothing is wrong with it: try again in a minute."
         ),
+        "reward_check_busy": _(
+            "Too many reward functions are being tried at the moment. Nothing is wrong with yours: try again in a "
+            "minute."
+        ),
     },
 )
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 
+from evaluation.packages.limits import DEFAULT_LIMITS
+from evaluation.sandbox.limits import REWARD
+from league.management.commands.run import WEB_PROCESSES, WEB_THREADS
+from training.rewards.ask import SLOTS, WAITING
 from training.rewards.check import MAX_CHARACTERS
 from training.rewards.examples import EXAMPLES
 from training.rewards.function import MAX_REWARD, POSITIONAL_NAMES, load_reward
@@ -78,3 +82,14 @@ def test_every_example_is_named():
     for example in EXAMPLES[:-1]:
         assert example.title.lower() in page
     assert len(EXAMPLES) == 5
+
+
+def test_operators_read_what_one_may_use():
+    page = " ".join(text("operators.md").split())
+    assert f"gets {REWARD.address_space_mb} MB and {REWARD.cpu_s} s of CPU time" in page
+    assert SLOTS == 2
+    assert "at most two at a time." in page
+
+
+def test_with_uploads_they_leave_the_site_threads_to_answer_others():
+    assert SLOTS + WAITING + DEFAULT_LIMITS.slots + DEFAULT_LIMITS.waiting < WEB_PROCESSES * WEB_THREADS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
@@ -143,6 +144,18 @@ def test_a_function_that_hardly_got_the_processor_is_not_blamed(monkeypatch):
     with pytest.raises(PlatformFault) as fault:
         validate_reward("def reward_function(params):\n    while True:\n        pass")
     assert fault.value.code == "reward_check_failed"
+
+
+def test_only_so_many_are_tried_at_a_time_on_a_machine(monkeypatch):
+    """Endless functions hold two slots and two seats to wait on, not the whole site."""
+    monkeypatch.setattr(ask, "_SLOT_WAIT_S", 0.05)
+    with ExitStack() as others:
+        for _ in range(ask.SLOTS):
+            others.enter_context(ask._slot())
+        with pytest.raises(PlatformFault) as fault:
+            validate_reward(GOOD)
+        assert fault.value.code == "reward_check_busy"
+    assert validate_reward(GOOD) == []
 
 
 def test_below_the_least_wall_nothing_runs(monkeypatch):

@@ -11,10 +11,11 @@ import os
 import re
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from evaluation.packages.slots import default_directory, upload_slot
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import REWARD
@@ -28,6 +29,8 @@ from .watch import KEPT_CHARACTERS, LIMIT_S, line_in
 from .wire import to_wire
 
 MODULE = "training.rewards.process"
+SLOTS, WAITING = 2, 1  # with the slots and seats of uploads fewer than the web server has threads
+_SLOT_WAIT_S = 20.0
 _JSON_LIMIT = 1024 * 1024
 _MOST = 64
 _GREATEST = 10**6  # no line or length is larger
@@ -47,10 +50,10 @@ class Answer:
 def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None = None) -> Answer:
     """Try ``code`` on ``states`` (of one drive) behind the wall; see :mod:`.process` for ``check``.
 
-    A fault of the code is in the answer. Raises PlatformFault (``reward_check_failed``, and those of the sandbox).
-    Leaves no process behind. ``level``: as for :func:`evaluation.sandbox.launch.launch`.
+    A fault of the code is in the answer. Raises PlatformFault (``reward_check_failed``, ``reward_check_busy``, those of
+    the sandbox). Leaves no process behind. ``level``: as for :func:`evaluation.sandbox.launch.launch`.
     """
-    with launch(MODULE, limits=REWARD, arguments=wanted_modules(code), level=level) as process:
+    with _slot(), launch(MODULE, limits=REWARD, arguments=wanted_modules(code), level=level) as process:
         widen_pipe(process.stdin)
         _wait_for_lock(process)
         question = {"code": code, "check": check, **to_wire(states)}
@@ -69,6 +72,17 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
         except (FrameError, ValueError):
             raised = _stuck(process, "it wrote into the pipe that is not its own")
     return Answer([(raised, None)])
+
+
+@contextlib.contextmanager
+def _slot() -> Iterator[None]:
+    """So many at a time on one machine, and a few that wait: endless ones must not take every thread of the site."""
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(upload_slot(SLOTS, _SLOT_WAIT_S, default_directory() / "rewards", waiting=WAITING))
+        except PlatformFault:
+            raise PlatformFault("reward_check_busy") from None
+        yield
 
 
 def _wait_for_lock(process: SandboxedProcess) -> None:
