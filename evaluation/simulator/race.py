@@ -21,23 +21,9 @@ from .physics import PADDOCK_CAR, CarPhysics
 from .referee import LAPS_DONE, RETIRED, Lap
 from .rules import MAX_CARS, RaceRules
 from .stage import Ground, Stage
-from .trace import Trace
+from .trace import LABELS, Trace
 
 Policy = Callable[[dict[str, np.ndarray]], np.ndarray]
-
-# deepracer-simapp, metrics/constants.py: the labels of the metrics file.
-LABELS = {
-    "lap_complete": "Lap complete",
-    "crashed": "Crashed",
-    "off_track": "Off track",
-    "immobilized": "Immobilized",
-    "in_progress": "In progress",
-    "pause": "Pause",
-    "reversed": "Reversed",
-    "park": "Park",
-    "time_up": "Time Up",
-    "prepare": "Prepare",
-}
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,20 @@ LAP_COMPLETE, OFF_TRACK, CRASHED = "lap_complete", "off_track", "crashed"
 IMMOBILIZED, REVERSED, TIME_UP, PARK = "immobilized", "reversed", "time_up", "park"
 STATUSES = (IN_PROGRESS, PREPARE, PAUSE, LAP_COMPLETE, OFF_TRACK, CRASHED, IMMOBILIZED, REVERSED, TIME_UP, PARK)
 
+# deepracer-simapp, metrics/constants.py: the labels of the metrics file.
+LABELS = {
+    "lap_complete": "Lap complete",
+    "crashed": "Crashed",
+    "off_track": "Off track",
+    "immobilized": "Immobilized",
+    "in_progress": "In progress",
+    "pause": "Pause",
+    "reversed": "Reversed",
+    "park": "Park",
+    "time_up": "Time Up",
+    "prepare": "Prepare",
+}
+
 
 class Row(NamedTuple):
     """One control step: the state before the step's action acts. X and Y are the nose, yaw and steer in degrees."""

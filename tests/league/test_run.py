@@ -16,6 +16,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from django.conf import settings
 
 from league import broker
 from tests.evaluation.processes import family_of, is_running, wait_for
@@ -23,6 +24,7 @@ from tests.shared import CHECKOUT
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("run")]
 READY = re.compile(r"Paddock is ready: (http://\S+)")
+needs_training = pytest.mark.skipif(not settings.TRAINING, reason="training is not installed: make training")
 
 
 def environment(data: Path) -> dict[str, str]:
@@ -208,7 +210,12 @@ def test_a_port_in_use_is_refused_before_anything_starts(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("broker", "valkey-server"), ("worker", "celery --quiet --app league worker")]
+    ("name", "words"),
+    [
+        ("broker", "valkey-server"),
+        ("worker", "celery --quiet --app league worker"),
+        pytest.param("trainer", "--queues training", marks=needs_training),
+    ],
 )
 def test_a_program_that_dies_stops_the_others_and_is_named(data, name, words):
     with Run(data) as run:

@@ -11,11 +11,10 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from evaluation.simulator.action import CONTINUOUS, ActionSpace
-from evaluation.simulator.race import LABELS
 from evaluation.simulator.referee import LAPS_DONE
 from evaluation.simulator.rewards import RewardFunction
 from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
-from evaluation.simulator.trace import TIME_UP, Row, Trace
+from evaluation.simulator.trace import LABELS, TIME_UP, Row, Trace
 from evaluation.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 from tracks.geometry import TrackGeometry
 

@@ -14,7 +14,7 @@ from evaluation.sandbox.frames import FrameClosed, FrameError, read_message, wri
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import TRAINER
 from evaluation.sandbox.lock import EXIT_MEMORY
-from evaluation.simulator.race import LABELS
+from evaluation.simulator.trace import LABELS
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from faults.reasons import REASONS
 from faults.reasons.training import REWARD_REASONS

@@ -11,10 +11,10 @@ import numpy as np
 from evaluation.simulator.action import CONTINUOUS, ActionSpace
 from evaluation.simulator.envs.drive import Drive
 from evaluation.simulator.envs.setting import Setting, head_to_head, object_avoidance, time_trial
-from evaluation.simulator.race import LABELS
 from evaluation.simulator.referee import LAPS_DONE
 from evaluation.simulator.rewards import RewardFunction
 from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
+from evaluation.simulator.trace import LABELS
 from tracks.geometry import TrackGeometry
 
 from .cars import lap_limit_ms

@@ -1,0 +1,25 @@
+"""The site's own processes stay light: what trains is imported by the trainer's process alone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from tests.evaluation.processes import environment
+from tests.shared import CHECKOUT
+
+HEAVY = ("torch", "stable_baselines3", "pybullet", "gymnasium", "scipy", "shapely", "onnxruntime")
+CODE = f"""
+import sys, django
+django.setup()
+from django.urls import get_resolver
+get_resolver().url_patterns
+import training.services, training.tasks
+print([name for name in {HEAVY} if name in sys.modules])
+"""
+
+
+def test_the_site_loads_nothing_that_only_trains(db):
+    env = environment("redis://127.0.0.1:1/0")
+    done = subprocess.run([sys.executable, "-c", CODE], cwd=CHECKOUT, env=env, capture_output=True, text=True)
+    assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr
