@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import datetime, timedelta
+from functools import partial
 
 from django.core.exceptions import ValidationError
 
@@ -15,6 +16,11 @@ MAX_DURATION = timedelta(days=366)
 MAX_AHEAD = timedelta(days=2 * 366)
 # A form is filled in for a while; a race that "opens now" may have opened when it is sent.
 OPENING_SLACK = timedelta(hours=1)
+
+# Checks that rooms above add: ``check(race, before)`` raises ValidationError by field for a change of times that it
+# refuses, where ``before`` is the stored race.
+ChangeCheck = Callable[[Race, Race], None]
+_TIME_CHECKS: list[ChangeCheck] = []
 
 # What stands and drives on the track.
 COURSE_FIELDS = (
@@ -61,6 +67,13 @@ EDITABLE_FIELDS = (
 )
 
 
+def register_time_check(check: ChangeCheck) -> ChangeCheck:
+    """Ask ``check`` too whenever the opening or the closing of a race moves. Registering one twice changes nothing."""
+    if check not in _TIME_CHECKS:
+        _TIME_CHECKS.append(check)
+    return check
+
+
 def check_race(race: Race, *, now: datetime, before: Race | None = None, submissions: bool = False) -> None:
     """Refuse a race that makes no sense, or a change that may not be made any more.
 
@@ -70,6 +83,9 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
     problems = ValidationError({})
     _collect(problems, race.full_clean)
     _collect(problems, lambda: check_times(race, now=now, before=before, submissions=submissions))
+    if not problems.error_dict and before is not None and {"opens_at", "closes_at"} & set(changed_fields(before, race)):
+        for check in _TIME_CHECKS:
+            _collect(problems, partial(check, race, before))
     if not problems.error_dict and (before is None or set(changed_fields(before, race)) & set(LAYOUT_FIELDS)):
         _collect(problems, lambda: check_layout(race))
     if problems.error_dict:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.db import IntegrityError, transaction
-from django.db.models import ProtectedError
+from django.db.models import ProtectedError, Q
 from django.utils import timezone
 from django.utils.text import slugify
 
@@ -44,12 +44,14 @@ def import_track(
 ) -> Track:
     """Keep the track of a community ``.npy`` file, under an address made from its name unless ``slug`` says another.
 
-    ``owner=None`` is an operator at the command line: no limit, and a track that is here already is simply returned.
+    ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
+    one of an imported season of which only this name or address was known gets its shape, keeping address and races.
     Raises UserFault("track_...") for a file that is no track (see :mod:`tracks.npy`), "track_known" (with ``name`` and
     ``slug``) for a racer's copy of one, "track_limit" above ``settings.TRACKS_PER_RACER``, "track_name", "track_slug".
     """
     name = _valid_name(name)
-    if slug is not None:
+    shapeless = _shapeless(name, slug) if owner is None else None
+    if slug is not None and shapeless is None:
         _refuse_slug(slug)
     geometry = read_npy(data, name)
     with transaction.atomic():
@@ -59,11 +61,13 @@ def import_track(
         if known is not None:
             return _known(known, owner)
         track = _row(geometry, slug=slug or free_slug(name), name=name)
+        if shapeless is not None:
+            track.pk, track.slug = shapeless.pk, shapeless.slug
         track.owner, track.is_catalogue, track.created_at = owner, is_catalogue, now
         track.description = " ".join(description.split())[: Track._meta.get_field("description").max_length]
         try:
             with transaction.atomic():
-                track.save(force_insert=True)
+                track.save(force_insert=shapeless is None)
         except IntegrityError:  # somebody imported the same file or took the address at this moment
             known = Track.objects.filter(fingerprint=geometry.fingerprint).first()
             if known is None:
@@ -136,6 +140,12 @@ def _row(geometry: TrackGeometry, *, slug: str, name: str) -> Track:
         width_m=round(median(widths), 3),
         direction=geometry.direction,
     )
+
+
+def _shapeless(name: str, slug: str | None) -> Track | None:
+    """The track of this address, or else of this name, of which nothing but the name is known: whose shape this is."""
+    names = Q(slug=slug) if slug is not None else Q(name__iexact=name) | Q(name__iexact=name.replace(" ", "_"))
+    return Track.objects.filter(names, length_m=None).order_by("pk").first()
 
 
 def _known(track: Track, owner: Racer | None) -> Track:

@@ -292,8 +292,13 @@ class Round(models.Model):
         others = Round.objects.filter(season=self.season, stage=self.stage).exclude(pk=self.pk)
         if others.filter(number=self.number).exists():
             raise ValidationError({"number": _("This division already has a race in this round of the season.")})
+        self.refuse_overlap()
+
+    def refuse_overlap(self) -> None:
+        """Refuse a race that is driven while another of its stage is. Raises ValidationError on the race."""
         if self.stage == Stage.SINGLE:
             return
+        others = Round.objects.filter(season=self.season, stage=self.stage).exclude(pk=self.pk)
         overlap = others.filter(
             race__cancelled_at=None, race__opens_at__lt=self.race.closes_at, race__closes_at__gt=self.race.opens_at
         )

@@ -9,6 +9,7 @@ from django.core.exceptions import ValidationError
 from django.db import transaction
 
 from races.errors import problem
+from races.models import Race
 from races.services import create_league_race
 from races.services.gates import moment
 
@@ -91,10 +92,32 @@ def put_in_division(*, season: Season, racer: Racer, division: str, now: datetim
     return membership
 
 
-def _refuse_early_finale(round_: Round) -> None:
-    if round_.stage != Stage.FINALE:
+def check_round_times(race: Race, before: Race) -> None:
+    """A round's race moves: it is held to what it was held to when it was scheduled, for :mod:`races.validation`.
+
+    Raises ValidationError("rounds_overlap" | "finale_before_qualifier") on the time that has changed.
+    """
+    round_ = Round.objects.filter(race=race.pk).select_related("season").first()
+    if round_ is None:
         return
-    qualifier = Round.objects.filter(season=round_.season, number=round_.number, stage=Stage.PRO)
-    late = qualifier.filter(race__closes_at__gt=round_.race.opens_at).select_related("race").first()
-    if late is not None:
-        raise ValidationError({"race": problem("finale_before_qualifier", closes=moment(late.race.closes_at))})
+    round_.race = race
+    try:
+        round_.refuse_overlap()
+        _refuse_early_finale(round_)
+    except ValidationError as refused:
+        field = "opens_at" if race.opens_at != before.opens_at else "closes_at"
+        raise ValidationError({field: refused.error_dict["race"]}) from None
+
+
+def _refuse_early_finale(round_: Round) -> None:
+    """A finale opens when its qualifier has closed, whichever of the two is made or moved."""
+    other = {Stage.FINALE: Stage.PRO, Stage.PRO: Stage.FINALE}.get(Stage(round_.stage))
+    if other is None:
+        return
+    found = Round.objects.filter(
+        season=round_.season, number=round_.number, stage=other, race__cancelled_at=None
+    ).select_related("race")
+    for one in found:
+        pro, finale = (one.race, round_.race) if round_.stage == Stage.FINALE else (round_.race, one.race)
+        if pro.closes_at > finale.opens_at:
+            raise ValidationError({"race": problem("finale_before_qualifier", closes=moment(pro.closes_at))})

@@ -71,6 +71,21 @@ def test_an_operator_gets_the_known_track_back(now, oval_file):
     assert Track.objects.count() == 1
 
 
+def test_a_track_of_which_only_the_name_is_known_gets_its_shape_from_an_operator(alice, now, oval_file):
+    named = {"name": "Some_Speedway", "npy": b"", "direction": "ccw", "created_at": now}
+    known = Track.objects.create(slug="some-speedway", fingerprint="unknown:1", **named)
+    other = Track.objects.create(slug="another", fingerprint="unknown:2", **(named | {"name": "Another"}))
+    race = a_race(now, track=known)
+    theirs = import_track(data=moved(oval_file, 3), name="Some Speedway", owner=alice, now=now)
+    assert theirs.pk != known.pk and not Track.objects.get(pk=known.pk).has_shape, "racers' files are tracks of their own"
+    filled = import_track(data=oval_file, name="some speedway", owner=None, now=now)
+    race.refresh_from_db()
+    assert (filled.pk, filled.slug) == (known.pk, "some-speedway") and race.track.has_shape
+    assert race.track.geometry.length == pytest.approx(by_slug("oval").geometry().length)
+    assert import_track(data=moved(oval_file, 5), name="Anything", slug="another", owner=None, now=now) == other
+    refused("track_slug", data=moved(oval_file, 7), name="Oval", owner=None, now=now, slug="another")
+
+
 def test_two_tracks_of_one_name_get_two_addresses(alice, now, oval_file):
     slugs = [import_track(data=moved(oval_file, n), name="Ring", owner=alice, now=now).slug for n in range(3)]
     assert slugs == ["ring", "ring-2", "ring-3"]
