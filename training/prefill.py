@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+from django.db.models import Q
 
 from evaluation.models import TrainedModel
 from races.course_form import DRAWN, FIXED
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
 LONGEST = 255
 BOOKED = ("track", "direction", "race_type", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes", "boxes")
 TAKEN_OVER = (*BOOKED, "algorithm", "action_space_type", "reward_code", "stop_minutes", "stop_steps")
-TAKEN_OVER += ("stop_clean_laps", "trials", "best_metric", "seed")
+TAKEN_OVER += ("stop_clean_laps", "trials", "best_metric")
 # Fields that an address may fill in. Whatever it says is checked when the form is sent, as if it had been typed.
 NAMED = (
     *("name", "description", "track", "direction", "race_type", "random_boxes", "bots", "algorithm", "vehicle"),
@@ -47,10 +50,21 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
             initial["reward_code"] = example.code
     initial["reward_code"] = LESSON_CODE.get(asked.get("lesson", ""), initial["reward_code"])
     said = {name: asked[name][:LONGEST] for name in NAMED if asked.get(name)}
+    if "name" in said:
+        said["name"] = _free_name(owner, said["name"])
     initial |= said
     if said.keys() & set(GRANULARITIES):
         initial["actions"] = table({**INITIAL, **said})
     return initial
+
+
+def _free_name(owner: Racer, wanted: str) -> str:
+    """``wanted``, or with a number behind it, whichever no model or training of the racer has."""
+    mine = Q(owner=owner, name__startswith=wanted)
+    used = set(TrainedModel.objects.filter(mine, deleted_at=None).values_list("name", flat=True))
+    used |= set(TrainingJob.objects.filter(mine).values_list("name", flat=True))
+    names = itertools.chain([wanted], (f"{wanted}-{number}" for number in itertools.count(2)))
+    return next(name for name in names if name not in used)
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, float]]:

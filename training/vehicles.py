@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from league.models import Racer
 
 VEHICLES_PER_RACER = 50
-FIRST_NAME = "The Original"
 
 
 def vehicles_of(racer: Racer | AnonymousUser) -> QuerySet[Vehicle]:
@@ -46,10 +45,3 @@ def save_vehicle(*, owner: Racer, vehicle: Vehicle | None = None, **values: Any)
 def delete_vehicle(*, vehicle: Vehicle) -> None:
     """Take a vehicle out of the garage. What was trained with it keeps its copy."""
     vehicle.delete()
-
-
-@transaction.atomic
-def first_vehicle(*, owner: Racer) -> Vehicle:
-    """A racer's first vehicle, made if there is none: a front camera and the shallow network."""
-    hold(owner)
-    return vehicles_of(owner).first() or Vehicle.objects.create(owner=owner, name=FIRST_NAME)

@@ -226,6 +226,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
         )
         return {
             **{name: said[name] for name in own},
+            "seed": said["seed"] if str(self.data.get("seed", "")).strip() else None,  # None: another one each time
             "hyperparameters": self.hyperparameters(),
             "action_space_type": said["action_space_type"],
             "action_space": self.action_space(said),
@@ -300,7 +301,6 @@ INITIAL: dict[str, Any] = {
     "bots": 4,
     "bot_speed_mps": 1.0,
     "bot_lane_changes": False,
-    "seed": 0,
     "algorithm": Algorithm.PPO,
     "action_space_type": DISCRETE,
     "steering_max": 30.0,
