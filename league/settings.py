@@ -147,6 +147,7 @@ CELERY_BEAT_SCHEDULE = {
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
+    "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 
@@ -161,6 +162,7 @@ STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
 DUELS_IN_ROUND_ROBIN = env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
 DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=127)
+WEBHOOKS_PRIVATE = env_bool("PADDOCK_WEBHOOKS_PRIVATE", False)
 TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
 
 # --- training: it needs the extra packages of "make training" on the machines that train ------------------------------

@@ -10,6 +10,7 @@ from django.utils import timezone
 
 from .services import close_due_rounds, enter_house_cars
 from .services.notices import send_mails, tell_what_happened
+from .services.webhooks import deliver_due, queue_deliveries
 
 logger = logging.getLogger(__name__)
 
@@ -33,6 +34,14 @@ def notices() -> int:
     told = tell_what_happened(now=now)
     send_mails(now=now)
     return told
+
+
+@shared_task
+def webhooks() -> int:
+    """Tell organisers' programs what has happened. Returns how many deliveries were tried."""
+    now = timezone.now()
+    queue_deliveries(now=now)
+    return deliver_due(now=now)
 
 
 @worker_ready.connect

@@ -33,6 +33,10 @@ REASONS = table(
         ),
         "race_not_in_field": _("The field of this race is given: it is raced by those who qualified for it."),
         "postpone_hours": _("A race is postponed by 1 to %(most)s whole hours."),
+        # webhooks
+        "webhook_address": _("A webhook is an http or https address without a name and password in it."),
+        "webhook_private": _("%(host)s leads into a private network or to this machine. Use a public address."),
+        "webhook_limit": _("You have %(limit)s webhooks, as many as you may have. Remove one first."),
         # results that become official
         "round_not_over": _("The race goes on until %(closes)s. Its results become official after that."),
         "round_still_driving": _(

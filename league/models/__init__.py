@@ -6,6 +6,7 @@ from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
 from .rating import DuelRating
 from .record import RecordedRace, RecordedResult, RecordedSeason
 from .season import Round, Season, Stage, StageRules, default_points
+from .webhook import Webhook, WebhookDelivery
 
 __all__ = [
     "ALIAS_PATTERN",
@@ -31,5 +32,7 @@ __all__ = [
     "Stage",
     "StageRules",
     "StewardDecision",
+    "Webhook",
+    "WebhookDelivery",
     "default_points",
 ]

@@ -1,0 +1,64 @@
+"""Programs of organisers that are told what happens in their races."""
+
+from __future__ import annotations
+
+from django.db import models
+from django.db.models import Q
+from django.utils import timezone
+from django.utils.crypto import get_random_string
+from django.utils.translation import gettext_lazy as _
+
+from .racer import Racer
+
+
+def new_secret() -> str:
+    """What the deliveries of a webhook are signed with (40 characters, 238 bits)."""
+    return get_random_string(40)
+
+
+class Webhook(models.Model):
+    """An address that is told what happens in a race, or in all races that its owner organises (``race`` None)."""
+
+    owner = models.ForeignKey(Racer, models.CASCADE, related_name="webhooks", verbose_name=_("owner"))
+    race = models.ForeignKey(
+        "races.Race", models.CASCADE, null=True, blank=True, related_name="webhooks", verbose_name=_("race")
+    )
+    url = models.URLField(_("address"), max_length=500)
+    secret = models.CharField(_("secret"), max_length=40, default=new_secret, editable=False)
+    created_at = models.DateTimeField(_("made"), default=timezone.now, editable=False)
+
+    class Meta:
+        verbose_name = _("webhook")
+        verbose_name_plural = _("webhooks")
+        ordering = ["pk"]
+
+    def __str__(self) -> str:
+        return self.url
+
+
+class WebhookDelivery(models.Model):
+    """One thing that a webhook is told, once. ``state``: ``due``, ``sent``, ``failed``; ``status``: the last answer."""
+
+    webhook = models.ForeignKey(Webhook, models.CASCADE, related_name="deliveries", db_index=False)
+    event = models.CharField(_("event"), max_length=20)
+    about = models.CharField(_("about"), max_length=160)
+    body = models.TextField(_("body"))
+    at = models.DateTimeField(_("at"))
+    state = models.CharField(_("state"), max_length=6, default="due")
+    tries = models.PositiveSmallIntegerField(_("tries"), default=0)
+    next_at = models.DateTimeField(_("next try"))
+    status = models.PositiveSmallIntegerField(_("answer"), null=True, blank=True)
+    error = models.CharField(_("what went wrong"), max_length=200, blank=True)
+
+    class Meta:
+        verbose_name = _("delivery")
+        verbose_name_plural = _("deliveries")
+        ordering = ["-at", "-pk"]
+        indexes = [models.Index(fields=["next_at"], name="delivery_due", condition=Q(state="due"))]
+        constraints = [
+            models.UniqueConstraint(fields=["webhook", "event", "about"], name="delivery_once"),
+            models.CheckConstraint(condition=Q(state__in=["due", "sent", "failed"]), name="delivery_state_known"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.webhook}: {self.event}"

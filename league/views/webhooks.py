@@ -1,0 +1,71 @@
+"""Webhooks of an organiser: add, look at the last deliveries, remove."""
+
+from __future__ import annotations
+
+from django import forms
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST
+
+from faults import UserFault
+from league.models import Webhook, WebhookDelivery
+from league.services.webhooks import EVENTS, PER_RACER, add_webhook
+from races.models import Race
+from tracks.forms import add_fault
+
+SHOWN = 20
+
+
+class WebhookForm(forms.Form):
+    """An address, and a race or all of the organiser's."""
+
+    url = forms.URLField(label=gettext_lazy("Address"), max_length=500, assume_scheme="https")
+    race = forms.ModelChoiceField(
+        label=gettext_lazy("Race"),
+        queryset=Race.objects.none(),
+        required=False,
+        empty_label=gettext_lazy("all my races"),
+    )
+
+    def __init__(self, *args, racer, **kwargs) -> None:
+        super().__init__(*args, **kwargs)
+        self.fields["race"].queryset = Race.objects.filter(organiser=racer).order_by("-opens_at", "pk")
+
+
+@login_required
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def webhooks(request: HttpRequest) -> HttpResponse:
+    """The racer's webhooks with their secrets and last deliveries; a POST adds one."""
+    form = WebhookForm(request.POST or None, racer=request.user)
+    if request.method == "POST" and form.is_valid():
+        try:
+            add_webhook(owner=request.user, url=form.cleaned_data["url"], race=form.cleaned_data["race"])
+        except UserFault as fault:
+            add_fault(form, fault)
+        else:
+            messages.success(request, _("The webhook is made."))
+            return redirect("webhooks")
+    deliveries = WebhookDelivery.objects.filter(webhook__owner=request.user).select_related("webhook")
+    context = {
+        "form": form,
+        "hooks": Webhook.objects.filter(owner=request.user).select_related("race"),
+        "deliveries": deliveries[:SHOWN],
+        "events": EVENTS,
+        "limit": PER_RACER,
+    }
+    return render(request, "league/webhooks.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_POST
+def webhook_remove(request: HttpRequest, pk: int) -> HttpResponse:
+    """Take one of the racer's webhooks away."""
+    get_object_or_404(Webhook, pk=pk, owner=request.user).delete()
+    messages.success(request, _("The webhook is gone; it is told nothing more."))
+    return redirect("webhooks")

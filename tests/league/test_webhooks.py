@@ -1,0 +1,227 @@
+"""Webhooks: signed, once, tried again for a while, and never to a private address."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Iterator
+from datetime import timedelta
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from threading import Thread
+
+import pytest
+from django.db import IntegrityError, transaction
+from django.test import Client
+
+from faults import UserFault
+from league import outgoing
+from league.models import Stage, Webhook, WebhookDelivery
+from league.services import close_round
+from league.services.webhooks import PER_RACER, TRIES, add_webhook, deliver_due, queue_deliveries, signature
+from tests.factories import a_race, a_racer, drive, laps
+from tests.league.seasons import HOUR, a_round, a_season, after
+
+pytestmark = pytest.mark.django_db
+
+PRIVATE = (
+    *("127.0.0.1", "127.8.8.8", "0.0.0.0", "10.1.2.3", "172.16.0.1", "192.168.1.1", "169.254.169.254", "100.64.0.1"),
+    *("224.0.0.1", "255.255.255.255", "::1", "::", "fe80::1%eth0", "fc00::1", "ff02::1", "::ffff:127.0.0.1"),
+    *("::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::", "2001:db8::1"),
+)
+
+
+class Listener:
+    """A program of an organiser: what it heard, and how it answers."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[dict[str, str], bytes]] = []
+        self.status = 204
+        listener = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = self.rfile.read(int(self.headers["Content-Length"]))
+                listener.heard.append((dict(self.headers), body))
+                self.send_response(listener.status)
+                if listener.status == 302:
+                    self.send_header("Location", "/elsewhere")
+                self.end_headers()
+
+            def log_message(self, *args: object) -> None:
+                pass
+
+        self.server = HTTPServer(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server.server_port}/hook?x=1"
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    made = Listener()
+    thread = Thread(target=made.server.serve_forever, kwargs={"poll_interval": 0.05})
+    thread.start()
+    yield made
+    made.server.shutdown()
+    made.server.server_close()
+    thread.join()
+
+
+@pytest.fixture
+def hook(db, now, alice, listener, settings) -> Webhook:
+    """Alice's webhook for all her races, on a site that allows private addresses."""
+    settings.WEBHOOKS_PRIVATE = True
+    made = add_webhook(owner=alice, url=listener.url)
+    Webhook.objects.filter(pk=made.pk).update(created_at=now - timedelta(days=30))
+    return Webhook.objects.get()
+
+
+class TestAddresses:
+    @pytest.mark.parametrize("address", PRIVATE)
+    def test_a_private_address_is_not_public(self, address):
+        assert not outgoing.is_public(address)
+
+    @pytest.mark.parametrize("address", ["8.8.8.8", "2606:4700:4700::1111"])
+    def test_a_public_one_is(self, address):
+        assert outgoing.is_public(address)
+
+    @pytest.mark.parametrize(
+        "url",
+        ["ftp://example.org/", "http://", "http://user:word@example.org/", "file:///etc/passwd", "http://x:99999/"],
+    )
+    def test_what_is_no_web_address_is_refused(self, url):
+        with pytest.raises(UserFault) as refused:
+            outgoing.checked(url)
+        assert refused.value.code == "webhook_address"
+
+    def test_a_name_that_leads_home_is_refused_and_nothing_is_connected(self, listener, monkeypatch):
+        def resolve(host: str, port: int, **kwargs: object) -> list:
+            return [(0, 0, 0, "", (address, port)) for address in ("8.8.8.8", "127.0.0.1")]
+
+        monkeypatch.setattr(socket, "getaddrinfo", resolve)
+        with pytest.raises(UserFault) as refused:
+            outgoing.post(f"http://innocent.example:{listener.server.server_port}/", b"", {})
+        assert refused.value.code == "webhook_private" and not listener.heard
+
+    def test_the_connection_goes_to_the_address_that_was_looked_at(self, monkeypatch):
+        asked, connected = [], []
+
+        def resolve(host: str, port: int, **kwargs: object) -> list:
+            asked.append(host)
+            return [(0, 0, 0, "", ("8.8.8.8", port))]
+
+        def connect(address: tuple, timeout: float) -> None:
+            connected.append(address)
+            raise OSError("stop here")
+
+        monkeypatch.setattr(socket, "getaddrinfo", resolve)
+        monkeypatch.setattr(socket, "create_connection", connect)
+        with pytest.raises(OSError, match="stop here"):
+            outgoing.post("https://hook.example/path", b"", {})
+        assert asked == ["hook.example"] and connected == [("8.8.8.8", 443)]
+
+
+class TestDeliveries:
+    def test_opening_result_and_closing_are_told_once_and_signed(self, hook, alice, bob, now, listener):
+        race = a_race(now, organiser=alice, opens_at=now - HOUR, closes_at=now + HOUR)
+        drive(race, bob, laps(9_000, 9_000, 9_000), now)
+        assert queue_deliveries(now=now) == 2 and queue_deliveries(now=now) == 0
+        assert queue_deliveries(now=now + 2 * HOUR) == 1
+        assert deliver_due(now=now + 2 * HOUR) == 3 and deliver_due(now=now + 2 * HOUR) == 0
+        events = {}
+        for headers, body in listener.heard:
+            assert headers["X-Paddock-Signature"] == signature(hook.secret, body)
+            events[headers["X-Paddock-Event"]] = json.loads(body)
+        assert set(events) == {"race.opened", "race.result", "race.closed"}
+        assert events["race.result"]["data"]["racer"] == "bob" and events["race.result"]["data"]["score_ms"] == 9_000
+        assert events["race.opened"]["race"]["slug"] == race.slug
+        assert set(WebhookDelivery.objects.values_list("state", "status")) == {("sent", 204)}
+
+    def test_nothing_of_races_that_are_not_the_owners(self, hook, bob, now):
+        a_race(now, organiser=bob, opens_at=now - HOUR)
+        a_round(a_season(), 1, Stage.OPEN)
+        assert queue_deliveries(now=now) == 0
+
+    def test_a_hook_of_one_race_hears_of_no_other_and_of_none_once_it_is_taken_away(self, hook, alice, bob, now):
+        race = a_race(now, organiser=alice, opens_at=now - HOUR)
+        other = a_race(now, organiser=alice, opens_at=now - HOUR)
+        Webhook.objects.update(race=other)
+        queue_deliveries(now=now)
+        assert json.loads(WebhookDelivery.objects.get().body)["race"]["slug"] == other.slug != race.slug
+        type(race).objects.update(organiser=bob)
+        assert queue_deliveries(now=other.closes_at) == 0
+
+    def test_admins_hear_of_the_league_and_of_official_results(self, now, listener):
+        admin = a_racer(is_staff=True)
+        round_ = a_round(a_season(), 1, Stage.OPEN)
+        add_webhook(owner=admin, url="https://example.org/")
+        Webhook.objects.update(created_at=round_.race.opens_at - HOUR)
+        close_round(round=round_, now=after(round_))
+        queue_deliveries(now=after(round_))
+        assert set(WebhookDelivery.objects.values_list("event", flat=True)) == {"race.closed", "race.official"}
+
+    def test_nothing_from_before_the_hook_was_made(self, hook, alice, now):
+        Webhook.objects.update(created_at=now)
+        a_race(now, organiser=alice, opens_at=now - HOUR)
+        assert queue_deliveries(now=now) == 0
+
+    @pytest.mark.parametrize("status", [302, 404, 500])
+    def test_another_answer_is_tried_again_after_growing_pauses_and_then_given_up(
+        self, hook, alice, now, listener, status
+    ):
+        listener.status = status
+        a_race(now, organiser=alice, opens_at=now - HOUR)
+        queue_deliveries(now=now)
+        moment, pauses = now, []
+        while (delivery := WebhookDelivery.objects.get()).state == "due":
+            pauses.append((delivery.next_at - moment) // timedelta(minutes=1))
+            moment = delivery.next_at
+            assert deliver_due(now=moment - timedelta(seconds=1)) == 0
+            assert deliver_due(now=moment) == 1
+        assert pauses == [0, 1, 4, 16, 64, 256] and delivery.state == "failed" and delivery.status == status
+        assert len(listener.heard) == TRIES, "a redirect is not followed"
+
+    def test_a_site_that_does_not_allow_it_sends_nothing_home(self, hook, alice, now, listener, settings):
+        settings.WEBHOOKS_PRIVATE = False
+        a_race(now, organiser=alice, opens_at=now - HOUR)
+        queue_deliveries(now=now)
+        deliver_due(now=now)
+        delivery = WebhookDelivery.objects.get()
+        assert not listener.heard and delivery.state == "due" and "private network" in delivery.error
+
+    def test_the_database_holds_each_thing_once(self, hook, now):
+        same = {"webhook": hook, "event": "race.opened", "about": "x", "at": now, "next_at": now, "body": ""}
+        WebhookDelivery.objects.create(**same)
+        with pytest.raises(IntegrityError), transaction.atomic():
+            WebhookDelivery.objects.create(**same)
+
+
+class TestThePage:
+    @pytest.fixture
+    def client(self, alice) -> Client:
+        client = Client()
+        client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+        return client
+
+    def test_an_organiser_adds_and_removes_a_hook_and_sees_its_secret(self, client, alice, now):
+        race = a_race(now, organiser=alice)
+        assert client.post("/settings/webhooks/", {"url": "https://example.org/x", "race": race.pk}).status_code == 302
+        hook = Webhook.objects.get()
+        assert hook.race == race and hook.secret in client.get("/settings/webhooks/").content.decode()
+        client.post(f"/settings/webhooks/{hook.pk}/remove/")
+        assert not Webhook.objects.exists()
+
+    def test_not_for_the_races_of_others_and_not_without_end(self, client, alice, bob, now):
+        race = a_race(now, organiser=bob)
+        assert client.post("/settings/webhooks/", {"url": "https://example.org/", "race": race.pk}).status_code == 422
+        with pytest.raises(UserFault) as refused:
+            add_webhook(owner=alice, url="https://example.org/", race=race)
+        assert refused.value.code == "race_not_yours"
+        for _ in range(PER_RACER):
+            add_webhook(owner=alice, url="https://example.org/")
+        page = client.post("/settings/webhooks/", {"url": "https://example.org/"})
+        assert page.status_code == 422 and 'data-code="webhook_limit"' in page.content.decode()
+
+    def test_nobody_sees_or_removes_the_hooks_of_others(self, client, bob):
+        hook = add_webhook(owner=bob, url="https://example.org/")
+        assert hook.secret not in client.get("/settings/webhooks/").content.decode()
+        assert client.post(f"/settings/webhooks/{hook.pk}/remove/").status_code == 404
+        assert Client().get("/settings/webhooks/").status_code == 302
