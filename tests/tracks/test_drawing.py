@@ -55,6 +55,17 @@ def test_a_map_is_xml_with_every_mark_inside_its_frame(entry, direction):
     assert "style" not in picture and "#" not in picture, "colours belong to the style sheet"
 
 
+def test_marks_of_the_caller_lie_on_the_road_and_have_room_below():
+    track = by_slug("oval").geometry()
+    plain = ET.fromstring(draw_svg(track))
+    picture = ET.fromstring(draw_svg(track, marks='<path class="mine"/>', below_m=1.5))
+    classes = [part.get("class") for part in picture]
+    assert classes.index("mine") > classes.index("track-road")
+    *_, height = map(float, plain.get("viewBox").split())
+    *_, taller = map(float, picture.get("viewBox").split())
+    assert taller == pytest.approx(height + 1.5, abs=0.01)
+
+
 def test_the_arrow_points_in_the_driving_direction():
     for entry in CATALOGUE:
         x_of = {}

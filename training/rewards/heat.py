@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
 from tracks.drawing.lines import JUMP_M
-from tracks.drawing.svg import draw_svg, svg_path
+from tracks.drawing.svg import MARGIN_M, draw_svg, svg_path
 from tracks.geometry import TrackGeometry
 
 from .function import Params
@@ -183,8 +183,8 @@ def _legend(
     x_min, y_min, x_max, y_max = track.bounds
     wide, high = x_max - x_min, y_max - y_min
     size = 0.035 * max(wide, high)
-    top, bar = high + 2 * 0.3 + 0.6 * size, 0.6 * wide
-    left = 0.3 + (wide - bar) / 2
+    top, bar = high + 2 * MARGIN_M + 0.6 * size, 0.6 * wide
+    left = MARGIN_M + (wide - bar) / 2
     width = bar / len(colours)
     parts = [
         f'<rect x="{left + index * width:.3f}" y="{top:.3f}" width="{width * 1.02:.3f}" height="{size:.3f}" '
