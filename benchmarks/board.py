@@ -1,8 +1,10 @@
 """``python -m benchmarks.board [--json]``: what boards cost as they grow, from a thousand entries to a million.
 
-Pages, a rank, the API's page, a recorded result, and closing a month. Runs on a SQLite database of its own in a
-temporary folder, or with ``--postgres`` on a PostgreSQL server of its own. Look at the ratios: nothing should notice
-how long the board is. Sizes take turns, and the least of all runs counts, so that a busy machine disturbs little.
+Pages, a rank, the API's page, a recorded result, closing a month, and requests a second with ``wrk``. Runs on a
+SQLite database of its own in a temporary folder, or with ``--postgres`` on a PostgreSQL server of its own. Look at the
+ratios: nothing should notice how long the board is. Calls are timed by the processor, the database server's time
+included, sizes take turns, and the least of all runs counts, so that a busy machine disturbs little.
+``python -m benchmarks.curves`` draws what ``--json`` printed.
 """
 
 from __future__ import annotations
@@ -16,29 +18,43 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
+
+from . import load
+from .board_rows import counted_at_the_end, fill, make_race, make_racers
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 CLOSED = 100_000  # entries of the month that is closed
-RATIO, CLOSING_S = 1.5, 30.0  # what is promised
+RATIO, CLOSING_S, QUERIES = 1.5, 30.0, 12  # what is promised
 PAGES = (
     *("first page", "somebody's first page", "middle page", "last page"),
     *("one rank", "board page of the site", "API page"),
 )
 
 
-def measure(sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED) -> dict[str, Any]:
-    """Milliseconds (least of ``runs``) of each look at each size, the last by the first, and the seconds of a close.
+def measure(
+    sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED, load_s: float = 5.0
+) -> dict[str, Any]:
+    """Milliseconds of the processor (least of ``runs``) of each look at each size, the last by the first; the most
+    queries of each look; the seconds of a close; requests a second of the longest board's page, ``load_s`` at a time.
 
     Django is set up on an empty database.
     """
     from django.db import connection
+    from django.utils import timezone
 
-    _racers(max(*sizes, closed))
-    races = {size: _race_with_entries(size) for size in sizes}
+    load_before, now = os.getloadavg()[0], timezone.now()
+    with counted_at_the_end():
+        make_racers(max(*sizes, closed), now)
+        races = {size: make_race(f"board-{size}", _track(), now) for size in sizes}
+        for size, race in races.items():
+            fill(race, size, now)
     looks = {name: {size: _look(name, race) for size, race in races.items()} for name in PAGES}
     curve = {name: _least(calls, runs) for name, calls in looks.items()}
+    queries = {name: max(_queries(ready()) for ready in calls.values()) for name, calls in looks.items()}
     curve["recorded result"] = _least({size: _result(race) for size, race in races.items()}, runs)
+    pages = load.measure({size: races[size] for size in (sizes[0], sizes[-1])}, load_s) if load_s else None
     return {
         "database": connection.vendor,
         "sizes": list(sizes),
@@ -47,16 +63,16 @@ def measure(sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED
             name: {"ms": [times[size] for size in sizes], "ratio": times[sizes[-1]] / times[sizes[0]]}
             for name, times in curve.items()
         },
-        "close": {"entries": closed, "seconds": _close(closed)},
+        "queries": queries,
+        "close": {"entries": closed, **_close(closed)},
+        "requests": pages,
+        "machine": {"cores": len(os.sched_getaffinity(0)), "load": [load_before, os.getloadavg()[0]]},
     }
 
 
 def _least(calls: dict[int, Callable[[], Callable[[], Any]]], runs: int) -> dict[int, float]:
     """The least milliseconds of each size's call. Each call is made ready first, which is not timed."""
-    from django.db import connection
-
-    # SQLite works in this process: its time alone counts. A server's work is seen from outside only.
-    clock = time.process_time if connection.vendor == "sqlite" else time.perf_counter
+    clock = _clock()
     times: dict[int, list[float]] = {size: [] for size in calls}
     for number in range(runs + 1):
         for size, ready in calls.items():
@@ -66,6 +82,27 @@ def _least(calls: dict[int, Callable[[], Callable[[], Any]]], runs: int) -> dict
             if number:  # the first warms up
                 times[size].append(1000.0 * (clock() - started))
     return {size: min(every) for size, every in times.items()}
+
+
+def _clock() -> Callable[[], float]:
+    """Seconds of the processor that this process and its connection's server process have taken."""
+    from django.db import connection
+
+    if connection.vendor == "sqlite":  # works in this process
+        return time.process_time
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT pg_backend_pid()")
+        schedule = Path(f"/proc/{cursor.fetchone()[0]}/schedstat")
+    return lambda: time.process_time() + int(schedule.read_text().split()[0]) / 1e9
+
+
+def _queries(call: Callable[[], Any]) -> int:
+    from django.db import connection
+    from django.test.utils import CaptureQueriesContext
+
+    with CaptureQueriesContext(connection) as caught:
+        call()
+    return len(caught)
 
 
 def _look(name: str, race: Any) -> Callable[[], Callable[[], Any]]:
@@ -112,8 +149,8 @@ def _result(race: Any) -> Callable[[], Callable[[], Any]]:
     return ready
 
 
-def _close(entries: int) -> float:
-    """Seconds to make an open race official: its tenth is promoted."""
+def _close(entries: int) -> dict[str, float]:
+    """Seconds to make an open race official, of the clock and of the processor: its tenth is promoted."""
     from django.utils import timezone
 
     from league.models import Membership
@@ -123,12 +160,14 @@ def _close(entries: int) -> float:
     season = create_season(slug="bench", name="Bench", starts_on=now.date(), ends_on=(now + timedelta(days=30)).date())
     times = {"opens_at": now - timedelta(days=1), "closes_at": now + timedelta(days=1)}
     round_ = schedule_round(season=season, number=1, division="open", now=now, name="Month", track=_track(), **times)
-    _fill(round_.race, entries)
-    started = time.perf_counter()
+    with counted_at_the_end():
+        fill(round_.race, entries, now)
+    clock, began = _clock(), time.perf_counter()
+    processor = clock()
     close_round(round=round_, now=times["closes_at"])
-    seconds = time.perf_counter() - started
+    seconds, processor_s = time.perf_counter() - began, clock() - processor
     assert Membership.objects.count() >= entries // 20
-    return seconds
+    return {"seconds": seconds, "processor_s": processor_s}
 
 
 def _track() -> Any:
@@ -140,73 +179,12 @@ def _track() -> Any:
     return Track.objects.get(slug="oval")
 
 
-def _racers(count: int) -> None:
-    from django.utils import timezone
-
-    from league.models import Racer
-    from league.services.bulk import insert_rows
-
-    rows = ((f"r{n}", f"r{n}@example.org", "!", timezone.now()) for n in range(count))
-    insert_rows(Racer, ("alias", "email", "password", "joined_at"), rows)
-
-
-def _race_with_entries(count: int) -> Any:
-    from django.utils import timezone
-
-    from races.models import Kind, Race
-
-    now = timezone.now()
-    race = Race.objects.create(
-        kind=Kind.COMMUNITY,
-        slug=f"board-{count}",
-        name=f"Board of {count}",
-        track=_track(),
-        opens_at=now - timedelta(days=1),
-        closes_at=now + timedelta(days=1),
-        laps=3,
-        minimum_laps=3,
-    )
-    _fill(race, count)
-    return race
-
-
-def _fill(race: Any, count: int) -> None:
-    """Entries of which nine in ten are classified, with many equal scores."""
-    from django.db import connection
-    from django.utils import timezone
-
-    from league.models import Racer
-    from league.services.bulk import insert_rows
-    from races.models import Entry
-
-    racers = Racer.objects.filter(alias__startswith="r").order_by("pk").values_list("pk", flat=True)[:count]
-    now = timezone.now()
-    columns = ("race", "racer", "entered_at", "classified", "score_ms", "rank_score", "average_ms", "best_lap_ms")
-    more = ("rank_lap", "total_ms", "complete_laps", "sectors", "achieved_at", "own_lap_ms", "last_number")
-
-    def rows() -> Iterator[tuple]:
-        for number, racer in enumerate(racers):
-            score = 10_000 + number * 7919 % 50_000  # 7919 is prime: no order, and equal scores among many
-            third = score // 3
-            times = (score,) * 4 + (score, 3 * score, 3, [third, third, score - 2 * third], now, score, 1)
-            if number % 10:
-                yield (race.pk, racer, now, True, *times)
-            else:
-                unfinished = (None, 2 * 10**12, None, None, 2**31 - 1, None, 0, [], None, None, 0)
-                yield (race.pk, racer, now, False, *unfinished)
-
-    insert_rows(Entry, (*columns, *more), rows())
-    if connection.vendor == "postgresql":
-        with connection.cursor() as cursor:
-            cursor.execute("ANALYZE")
-
-
 @contextmanager
 def database(on_postgres: bool) -> Iterator[None]:
     """An empty database of its own, migrated."""
     with tempfile.TemporaryDirectory(prefix="paddock-bench-") as folder:
         os.environ |= {"PADDOCK_DATA": folder, "DJANGO_SETTINGS_MODULE": "league.settings"}
-        os.environ["PADDOCK_HOSTS"] = "testserver"
+        os.environ["PADDOCK_HOSTS"] = "testserver,127.0.0.1"
         os.environ.pop("DATABASE_URL", None)
         server: Any = nullcontext()
         if on_postgres:
@@ -246,15 +224,31 @@ def misses(figures: dict[str, Any]) -> list[str]:
     ]
     if figures["close"]["seconds"] > CLOSING_S:
         found.append(f"closing {figures['close']['entries']:,} entries took {figures['close']['seconds']:.0f} s")
+    found += [f"{name}: {count} queries" for name, count in figures["queries"].items() if count > QUERIES]
     return found
 
 
 def table(figures: dict[str, Any]) -> str:
     """The figures for reading."""
-    lines = [f"{figures['database']:26}" + "".join(f"{size:>14,}" for size in figures["sizes"]) + f"{'ratio':>8}"]
+    lines = [
+        f"{figures['database']:26}"
+        + "".join(f"{size:>14,}" for size in figures["sizes"])
+        + f"{'ratio':>8}{'queries':>9}"
+    ]
     for name, look in figures["looks"].items():
-        lines.append(f"{name:26}" + "".join(f"{ms:>11.2f} ms" for ms in look["ms"]) + f"{look['ratio']:>8.2f}")
-    lines.append(f"closing {figures['close']['entries']:,} entries: {figures['close']['seconds']:.1f} s")
+        times = "".join(f"{ms:>11.2f} ms" for ms in look["ms"])
+        lines.append(f"{name:26}{times}{look['ratio']:>8.2f}{figures['queries'].get(name, ''):>9}")
+    close = figures["close"]
+    lines.append(
+        f"closing {close['entries']:,} entries: {close['seconds']:.1f} s, {close['processor_s']:.1f} s of the processor"
+    )
+    for name, one in (figures["requests"] or {}).items():
+        lines.append(
+            f"{name:26}{one['per_second']:>8.0f} requests a second,"
+            f"{one['per_processor_second']:>8.0f} for each second of the server's processes"
+        )
+    before, after = figures["machine"]["load"]
+    lines.append(f"{figures['machine']['cores']} cores, load {before:.1f} before and {after:.1f} after")
     return "\n".join(lines)
 
 
@@ -265,10 +259,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--sizes", default=",".join(map(str, SIZES)), help="entries, the fewest first")
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--closed", type=int, default=CLOSED, help="entries of the month that is closed")
+    parser.add_argument("--load", type=float, default=5.0, help="seconds of load at a time; 0: none, without wrk")
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server that is started for it")
     options = parser.parse_args(arguments)
     with database(options.postgres):
-        figures = measure(tuple(map(int, options.sizes.split(","))), options.runs, options.closed)
+        figures = measure(tuple(map(int, options.sizes.split(","))), options.runs, options.closed, options.load)
     print(json.dumps(figures, indent=2) if options.json else table(figures))
     for miss in misses(figures):
         print(f"missed: {miss}", file=sys.stderr)

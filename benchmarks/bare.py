@@ -1,0 +1,18 @@
+"""A Django site with one view that answers at once, for gunicorn: what a request costs before anybody does anything."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.core.wsgi import get_wsgi_application
+from django.http import HttpRequest, HttpResponse
+from django.urls import path
+
+
+def hello(request: HttpRequest) -> HttpResponse:
+    """A line of text."""
+    return HttpResponse("hello", content_type="text/plain")
+
+
+urlpatterns = [path("", hello)]
+settings.configure(ALLOWED_HOSTS=["127.0.0.1"], ROOT_URLCONF=__name__, MIDDLEWARE=[], SECRET_KEY="nothing is signed")
+application = get_wsgi_application()

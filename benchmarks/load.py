@@ -1,0 +1,107 @@
+"""Requests a second of board pages, beside a Django view that does nothing: the same server program, in turns.
+
+``wrk`` (Debian's package of that name) asks through as many connections as the server has threads. It shares the cores
+with the server, so each figure is also told for a second of processor time of the server's processes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+CONNECTIONS = 4
+TURNS = 3
+START_S = 60.0
+BARE = "a bare Django view"
+_RATE = re.compile(r"Requests/sec:\s+([\d.]+)")
+_FAILED = re.compile(r"Non-2xx or 3xx responses: (\d+)|Socket errors: (.*)")
+
+
+class LoadError(Exception):
+    """The load could not be measured; the message says why."""
+
+
+def measure(races: Mapping[int, Any], seconds: float) -> dict[str, dict[str, float]]:
+    """Best of some turns for the board page and the API's page of each race, and for the bare view: ``per_second`` on
+    the clock, ``per_processor_second`` of the server. ``races``: by how many entries they have. The database is the one
+    that Django is set up on.
+
+    Raises LoadError: no ``wrk``, a server that does not start, answers that are errors.
+    """
+    if shutil.which("wrk") is None:
+        raise LoadError("there is no wrk: install the package wrk, or measure without load (--load 0)")
+    with _server("league.wsgi") as (site, site_pid), _server("benchmarks.bare") as (bare, bare_pid):
+        targets = {BARE: (f"{bare}/", bare_pid)}
+        for size, race in races.items():
+            targets[f"page of {size:,}"] = (f"{site}{race.get_absolute_url()}", site_pid)
+            targets[f"API of {size:,}"] = (f"{site}/api/v1/races/{race.slug}/board/", site_pid)
+        found: dict[str, dict[str, float]] = {name: {} for name in targets}
+        for turn in range(TURNS + 1):
+            for name, (address, pid) in targets.items():
+                figures = _wrk(address, pid, seconds if turn else min(1.0, seconds))
+                if turn:  # the first warms up
+                    found[name] = {key: max(value, found[name].get(key, 0.0)) for key, value in figures.items()}
+    return found
+
+
+def _wrk(address: str, server: int, seconds: float) -> dict[str, float]:
+    before = _processor_s(server)
+    command = ["wrk", "-t1", f"-c{CONNECTIONS}", f"-d{seconds:g}s", "--timeout", "30s", address]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=seconds + 60)
+    rate, failed = _RATE.search(done.stdout), _FAILED.search(done.stdout)
+    if rate is None or failed:
+        raise LoadError(f"{address}: {done.stdout}{done.stderr}")
+    served = int(re.search(r"(\d+) requests in", done.stdout)[1])
+    return {
+        "per_second": float(rate[1]),
+        "per_processor_second": served / max(_processor_s(server) - before, 1e-9),
+    }
+
+
+def _processor_s(parent: int) -> float:
+    """Processor time of a process's children: gunicorn's workers."""
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    ticks = 0
+    for child in children:
+        after_name = Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()
+        ticks += int(after_name[11]) + int(after_name[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def _server(application: str) -> Iterator[tuple[str, int]]:
+    """One process of gunicorn as the run command starts it; yields its address and process id."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    command = [sys.executable, "-m", "gunicorn", application, "--bind", address, "--worker-class", "gthread"]
+    command += ["--workers", "1", "--threads", str(CONNECTIONS), "--log-level", "error", "--no-control-socket"]
+    server = subprocess.Popen(command, start_new_session=True)
+    try:
+        deadline = time.monotonic() + START_S
+        host, port = address.split(":")
+        while True:
+            with socket.socket() as client:
+                if client.connect_ex((host, int(port))) == 0:
+                    break
+            if server.poll() is not None or time.monotonic() > deadline:
+                raise LoadError(f"{application} did not start")
+            time.sleep(0.1)
+        yield f"http://{address}", server.pid
+    finally:
+        server.send_signal(signal.SIGTERM)
+        try:
+            server.wait(20)
+        except subprocess.TimeoutExpired:
+            server.kill()
+            server.wait()
