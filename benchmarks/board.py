@@ -259,9 +259,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--sizes", default=",".join(map(str, SIZES)), help="entries, the fewest first")
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--closed", type=int, default=CLOSED, help="entries of the month that is closed")
-    parser.add_argument("--load", type=float, default=5.0, help="seconds of load at a time; 0: none, without wrk")
+    parser.add_argument("--load", type=int, default=5, help="whole seconds of load at a time; 0: none, without wrk")
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server that is started for it")
     options = parser.parse_args(arguments)
+    if options.load and not load.is_there():
+        parser.error(load.MISSING)
     with database(options.postgres):
         figures = measure(tuple(map(int, options.sizes.split(","))), options.runs, options.closed, options.load)
     print(json.dumps(figures, indent=2) if options.json else table(figures))

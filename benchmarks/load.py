@@ -23,6 +23,7 @@ CONNECTIONS = 4
 TURNS = 3
 START_S = 60.0
 BARE = "a bare Django view"
+MISSING = "there is no wrk: install the package wrk, or measure without load (--load 0)"
 _RATE = re.compile(r"Requests/sec:\s+([\d.]+)")
 _FAILED = re.compile(r"Non-2xx or 3xx responses: (\d+)|Socket errors: (.*)")
 
@@ -31,15 +32,20 @@ class LoadError(Exception):
     """The load could not be measured; the message says why."""
 
 
-def measure(races: Mapping[int, Any], seconds: float) -> dict[str, dict[str, float]]:
+def is_there() -> bool:
+    """Whether ``wrk`` is installed."""
+    return shutil.which("wrk") is not None
+
+
+def measure(races: Mapping[int, Any], seconds: int) -> dict[str, dict[str, float]]:
     """Best of some turns for the board page and the API's page of each race, and for the bare view: ``per_second`` on
     the clock, ``per_processor_second`` of the server. ``races``: by how many entries they have. The database is the one
     that Django is set up on.
 
     Raises LoadError: no ``wrk``, a server that does not start, answers that are errors.
     """
-    if shutil.which("wrk") is None:
-        raise LoadError("there is no wrk: install the package wrk, or measure without load (--load 0)")
+    if not is_there():
+        raise LoadError(MISSING)
     with _server("league.wsgi") as (site, site_pid), _server("benchmarks.bare") as (bare, bare_pid):
         targets = {BARE: (f"{bare}/", bare_pid)}
         for size, race in races.items():
@@ -48,15 +54,15 @@ def measure(races: Mapping[int, Any], seconds: float) -> dict[str, dict[str, flo
         found: dict[str, dict[str, float]] = {name: {} for name in targets}
         for turn in range(TURNS + 1):
             for name, (address, pid) in targets.items():
-                figures = _wrk(address, pid, seconds if turn else min(1.0, seconds))
+                figures = _wrk(address, pid, seconds if turn else 1)
                 if turn:  # the first warms up
                     found[name] = {key: max(value, found[name].get(key, 0.0)) for key, value in figures.items()}
     return found
 
 
-def _wrk(address: str, server: int, seconds: float) -> dict[str, float]:
+def _wrk(address: str, server: int, seconds: int) -> dict[str, float]:
     before = _processor_s(server)
-    command = ["wrk", "-t1", f"-c{CONNECTIONS}", f"-d{seconds:g}s", "--timeout", "30s", address]
+    command = ["wrk", "-t1", f"-c{CONNECTIONS}", f"-d{seconds}s", "--timeout", "30s", address]
     done = subprocess.run(command, capture_output=True, text=True, timeout=seconds + 60)
     rate, failed = _RATE.search(done.stdout), _FAILED.search(done.stdout)
     if rate is None or failed:

@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 
 import pytest
 
-from benchmarks import board, evaluation
+from benchmarks import evaluation
 from benchmarks.models import cars
 from benchmarks.processor import Clock
-from tests.shared import CHECKOUT
+from tests.benchmarks.running import run
 
 SMALLEST = ("--track", "oval", "--laps", "1", "--runs", "1", "--steps", "5", "--models", "steady")
-
-
-def run(module: str, *arguments: str, may_miss: bool = False) -> str:
-    """Standard output of ``python -m MODULE``, which ends with 1 where a promise is not kept."""
-    done = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
-        cwd=CHECKOUT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0 or (may_miss and done.returncode == 1), done.stderr[-3000:]
-    return done.stdout
 
 
 @pytest.mark.slow
@@ -66,21 +51,6 @@ def test_a_car_is_timed_from_upload_to_rank_on_a_running_site() -> None:
         pytest.approx(timed["total_s"])
     )
     assert set(timed["models"]) == {"steady"}
-
-
-@pytest.mark.slow
-def test_boards_of_each_size_are_measured_and_a_month_is_closed() -> None:
-    figures = json.loads(
-        run("benchmarks.board", "--json", "--sizes", "120,400", "--runs", "1", "--closed", "100", may_miss=True)
-    )
-
-    assert (figures["sizes"], figures["close"]["entries"], figures["database"]) == ([120, 400], 100, "sqlite")
-    assert {"first page", "one rank", "API page", "recorded result"} <= set(figures["looks"])
-    for look in figures["looks"].values():
-        assert look["ratio"] == pytest.approx(look["ms"][1] / look["ms"][0])
-    missed = [name for name, look in figures["looks"].items() if look["ratio"] > board.RATIO]
-    assert len(board.misses(figures)) == len(missed)
-    assert "closing 100 entries" in board.table(figures)
 
 
 def figures(**changes: object) -> dict:

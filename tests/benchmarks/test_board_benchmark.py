@@ -1,0 +1,119 @@
+"""The benchmark of boards at its smallest: what it measures, what it calls a miss, and what is drawn of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import pytest
+
+from benchmarks import board, curves, load
+from tests.benchmarks.running import run
+from tests.postgres import program
+
+SMALLEST = ("--json", "--sizes", "120,400", "--runs", "1", "--closed", "100", "--load", "0")
+NAMES = {*board.PAGES, "recorded result"}
+
+
+def check(figures: dict, database: str) -> None:
+    assert (figures["sizes"], figures["close"]["entries"], figures["database"]) == ([120, 400], 100, database)
+    assert set(figures["looks"]) == NAMES and set(figures["queries"]) == set(board.PAGES)
+    for look in figures["looks"].values():
+        assert min(look["ms"]) > 0 and look["ratio"] == pytest.approx(look["ms"][1] / look["ms"][0])
+    assert all(1 <= count <= board.QUERIES for count in figures["queries"].values())
+    assert 0 < figures["close"]["processor_s"] < board.CLOSING_S
+    missed = [name for name, look in figures["looks"].items() if look["ratio"] > board.RATIO]
+    assert len(board.misses(figures)) == len(missed)
+    assert "closing 100 entries" in board.table(figures)
+
+
+@pytest.mark.slow
+def test_boards_of_each_size_are_measured_and_a_month_is_closed() -> None:
+    check(json.loads(run("benchmarks.board", *SMALLEST, may_miss=True)), "sqlite")
+
+
+@pytest.mark.slow
+@pytest.mark.postgres
+@pytest.mark.skipif(program("initdb") is None, reason="no PostgreSQL server is installed")
+def test_the_same_on_a_server_of_its_own() -> None:
+    check(json.loads(run("benchmarks.board", "--postgres", *SMALLEST, may_miss=True)), "postgresql")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("wrk") is None, reason="wrk is not installed")
+def test_requests_a_second_stand_beside_those_of_a_bare_view() -> None:
+    figures = json.loads(run("benchmarks.board", *SMALLEST[:-1], "1", may_miss=True))
+
+    found = figures["requests"]
+    assert set(found) == {load.BARE, "page of 120", "page of 400", "API of 120", "API of 400"}
+    for one in found.values():
+        assert one["per_second"] > 0 and one["per_processor_second"] > 0
+    assert found[load.BARE]["per_processor_second"] > found["page of 400"]["per_processor_second"]
+    assert load.BARE in board.table(figures)
+
+
+def test_without_wrk_nothing_is_measured_in_vain(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+
+    with pytest.raises(SystemExit) as ended:
+        board.main([])
+
+    assert ended.value.code == 2 and load.MISSING in capsys.readouterr().err
+
+
+def figures(**changes: object) -> dict:
+    """Figures that keep every promise."""
+    return {
+        "database": "sqlite",
+        "sizes": [1000, 1_000_000],
+        "looks": {name: {"ms": [2.0 + n, 2.1 + n], "ratio": (2.1 + n) / (2.0 + n)} for n, name in enumerate(NAMES)},
+        "queries": dict.fromkeys(board.PAGES, 12),
+        "close": {"entries": 100_000, "seconds": 29.0, "processor_s": 20.0},
+        "requests": None,
+        "machine": {"cores": 2, "load": [0.0, 0.0]},
+    } | changes
+
+
+def test_figures_that_keep_every_promise_miss_nothing() -> None:
+    assert board.misses(figures()) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"looks": {"one rank": {"ms": [1.0, 1.6], "ratio": 1.6}}}, "one rank: 1.60 times from 1,000 to 1,000,000"),
+        ({"queries": {"API page": 13}}, "API page: 13 queries"),
+        ({"close": {"entries": 100_000, "seconds": 31.0}}, "closing 100,000 entries took 31 s"),
+    ],
+)
+def test_a_broken_promise_is_named(change: dict, said: str) -> None:
+    (found,) = board.misses(figures(**change))
+
+    assert said in found
+
+
+def test_the_curves_are_drawn_with_a_panel_for_each_database(tmp_path) -> None:
+    for name in ("sqlite", "postgresql"):
+        (tmp_path / f"{name}.json").write_text(json.dumps(figures(database=name)))
+    out = tmp_path / "curves.svg"
+
+    assert curves.main([*(str(tmp_path / f"{name}.json") for name in ("sqlite", "postgresql")), str(out)]) == 0
+
+    picture = ElementTree.parse(out).getroot()
+    texts = [element.text for element in picture.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"SQLite", "PostgreSQL", "1,000", "1,000,000"} <= set(texts)
+    assert sum(bool(re.search(r" ×1\.0\d$", text)) for text in texts) == 2 * len(NAMES)
+    heights = sorted(
+        float(element.get("y"))
+        for element in picture.iter("{http://www.w3.org/2000/svg}text")
+        if "×" in element.text and float(element.get("x")) < curves.WIDTH
+    )
+    assert all(below - above >= curves.LINE_PX - 0.2 for above, below in pairwise(heights))
+
+
+def test_drawing_needs_files_to_read_and_one_to_write(capsys) -> None:
+    assert curves.main(["only.svg"]) == 2 and curves.main(["a.json", "b.json"]) == 2
+    assert "usage" in capsys.readouterr().err
