@@ -211,7 +211,7 @@ def refused(folder: Path, code: str | None = None, **options) -> dict:
     return caught.value.params
 
 
-def change(folder: Path, name: str, at: int, **cells: str) -> None:
+def change(folder: Path, name: str, at: int, /, **cells: str) -> None:
     """Write other cells into row ``at`` (the heading is row 1) of a file."""
     rows = read_csv(folder / name)
     rows[at - 2].update(cells)
