@@ -256,7 +256,10 @@ class EvaluationView(APIView):
     @extend_schema(
         operation_id="read_evaluation",
         summary="An evaluation: state, place in the queue, progress, reason, result",
-        description="Yours, those of races that you organise, and those that stand on a board that you may see.",
+        description=(
+            "Yours, those of races that you organise, and for races that you may see those that stand on the board "
+            "and the duels."
+        ),
         responses=EvaluationSerializer,
         tags=["evaluations"],
     )
