@@ -54,11 +54,12 @@ def simtrace(iteration: TrainingIteration) -> bytes:
 
 
 def logs_zip(job: TrainingJob) -> bytes:
-    """Everything that was written down: metrics, the newest sim-traces, the log, and what the training was made of."""
+    """Everything that was written down: metrics, the newest sim-traces, the log, and what the training was made of.
+    Names are those of the console, as deepracer-utils looks for them."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("metrics/training/training-metrics.json", json.dumps(training_metrics(job)))
-        archive.writestr("logs/training/training.log", job.log)
+        archive.writestr(f"logs/training/{job.name}-robomaker.log", job.log)
         archive.writestr("reward_function.py", job.reward_code)
         archive.writestr("model_metadata.json", json.dumps(job.metadata, indent=1))
         archive.writestr("hyperparameters.json", json.dumps(job.hyperparameters, indent=1))

@@ -1,8 +1,8 @@
 """The bubblewrap command line: empty namespaces, and the few files that a Python process needs, read-only.
 
 Inside there is the interpreter, its standard library, the installed packages, the system's shared libraries, the
-processor's description, the kernel's random numbers (torch asks for them when it is imported) and the code that is to
-run. No ``/etc`` or ``/tmp``, no other device, no process list, no network, nothing writable.
+processor's description and the code that is to run. No ``/etc``, ``/dev`` or ``/tmp``, no process list, no network,
+nothing writable.
 """
 
 from __future__ import annotations
@@ -66,8 +66,9 @@ def find() -> str | None:
     return shutil.which("bwrap", path=os.environ.get("PATH", "") + os.pathsep + "/usr/local/bin:/usr/bin:/bin")
 
 
-def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_root: bool) -> list[str]:
+def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_root: bool, random: bool) -> list[str]:
     """Arguments up to and including ``--``. ``code``: more files and directories to show, at their own paths.
+    ``random``: show ``/dev/urandom`` too.
 
     Root starts without a user namespace and keeps CAP_SETUID and CAP_SETGID only until the lock takes the private user
     id (RLIMIT_NPROC counts nothing for a root that a user namespace merely renames); anybody else needs the namespace.
@@ -83,7 +84,8 @@ def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_
     else:
         arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534", "--disable-userns"]
     arguments += _mounts([*home.parts, *home.packages, *filter(os.path.exists, _PROCESSOR), *code])
-    arguments += ["--perms", "0755", "--dir", "/dev", "--dev-bind", _RANDOM, _RANDOM]
+    if random:
+        arguments += ["--perms", "0755", "--dir", "/dev", "--dev-bind", _RANDOM, _RANDOM]
     arguments += ["--chdir", "/", "--remount-ro", "/", "--info-fd", str(info_fd), "--"]
     return arguments
 

@@ -234,12 +234,13 @@ def launch(
     pass_fds: Sequence[int] = (),
     python_path: Sequence[str | Path] = (),
     level: int | None = None,
+    random: bool = False,
 ) -> SandboxedProcess:
-    """Start ``module`` (``evaluation.*``, ``tracks.*``, ``training.*`` or something below ``python_path``) behind the wall.
+    """Start ``module`` (of a room, such as ``evaluation.*``, or something below ``python_path``) behind the wall.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
     of code to import from. Files can be read until the lock only. ``level``: a level to start at instead of the best
-    that this host offers.
+    that this host offers. ``random``: the kernel's random numbers can be read until the lock (torch's import does).
 
     Raises PlatformFault("sandbox_unavailable") below the minimum level and PlatformFault("sandbox_failed") when the
     process cannot be started. That it then fails to lock shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
@@ -253,7 +254,7 @@ def launch(
     if not LEVEL_LOCK <= level <= best:
         raise PlatformFault("sandbox_unavailable", level=level, minimum=LEVEL_LOCK)
     try:
-        return start(module, limits, level, arguments, pass_fds, python_path)
+        return start(module, limits, level, arguments, pass_fds, python_path, random)
     except (OSError, ValueError, RuntimeError) as error:
         raise PlatformFault("sandbox_failed", detail=str(error)) from error
 
@@ -265,6 +266,7 @@ def start(
     arguments: Sequence[str] = (),
     pass_fds: Sequence[int] = (),
     python_path: Sequence[str | Path] = (),
+    random: bool = False,
 ) -> SandboxedProcess:
     """:func:`launch` without asking the probe (which itself starts processes). Raises OSError and the like."""
     compile_code()
@@ -290,7 +292,7 @@ def start(
             if bwrap is None:
                 raise OSError("bubblewrap is not installed")
             _adopt_orphans()
-            command = bubblewrap.command(bwrap, home, code, their_info, as_root) + command
+            command = bubblewrap.command(bwrap, home, code, their_info, as_root, random) + command
             passed.append(their_info)
         popen = subprocess.Popen(
             command,

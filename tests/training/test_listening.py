@@ -100,7 +100,7 @@ def hear(monkeypatch):
     """Run the client against a process that does what ``script`` says."""
 
     def run(script, **changes: Any) -> tuple[Any, Ear]:
-        def launch(module, *, limits, arguments, level):
+        def launch(module, *, limits, arguments, level, random):
             process = FakeProcess(limits)
             write_message(process.says, {"ready": {}})
             script(process)

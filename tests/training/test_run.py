@@ -15,6 +15,7 @@ from time import monotonic, sleep
 
 import pandas
 import pytest
+from deepracer.logs import DeepRacerLog
 from django.core.files.storage import default_storage
 from django.db import connections
 from django.utils import timezone
@@ -47,7 +48,7 @@ def run(job: TrainingJob) -> TrainingJob:
     return job
 
 
-def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval, now):
+def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval, now, tmp_path):
     race = a_race(now=timezone.now(), track=oval)
     job = run(a_training(alice, oval, now, stop_clean_laps=3, stop_minutes=5, submit_to_race=race))
     assert (job.state, job.reason, job.operator_detail) == (JobState.FINISHED, "", "")
@@ -73,7 +74,11 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
     with zipfile.ZipFile(io.BytesIO(logs_zip(job))) as archive:
         assert json.loads(archive.read("metrics/training/training-metrics.json")) == metrics
         assert archive.read("reward_function.py").decode() == REWARD
-        assert "sim-trace/training/training-simtrace/0-iteration.csv" in archive.namelist()
+        archive.extractall(tmp_path)
+    traces = DeepRacerLog(str(tmp_path))  # the community's own reader
+    traces.load_training_trace()
+    assert sorted(traces.df["iteration"].unique()) == list(range(job.iterations.count()))
+    assert traces.df["episode"].nunique() > 10
 
     from stable_baselines3 import PPO
 

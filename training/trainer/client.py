@@ -109,7 +109,7 @@ def train(
     wall = max(1.0, spec.stop_seconds - spec.seconds_before) + _START_S + _FINISH_S + _PATIENCE_S
     limits = replace(TRAINER, wall_s=wall)
     arguments = [json.dumps(spec.warmth), ",".join(wanted_modules(spec.reward_code))]
-    with launch(MODULE, limits=limits, arguments=arguments, level=level) as process:
+    with launch(MODULE, limits=limits, arguments=arguments, level=level, random=True) as process:
         widen_pipe(process.stdin)
         widen_pipe(process.stdout)
         run = _Run(spec, process, listener, asked_to_stop, abandoned)
