@@ -49,7 +49,7 @@ DEFAULTS: Mapping[str, Mapping[str, Any]] = {
     PPO: {
         "batch_size": 256,
         "num_epochs": 4,
-        "lr": 5e-4,
+        "lr": 1e-3,
         "beta_entropy": 0.01,
         "discount_factor": 0.97,
         "loss_type": HUBER,
