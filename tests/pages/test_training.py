@@ -1,13 +1,369 @@
-"""Pages of the training room: who sees what, what the wizard refuses and takes, what a training shows."""
+"""Pages of the training room: who sees what, what the wizard takes and refuses, what a training shows."""
 
 from __future__ import annotations
 
+import json
+import re
+from datetime import timedelta
+
 import pytest
+from django.test import Client
 
-from tests.pages.conftest import World
+from evaluation.models import Evaluation
+from tests.pages.conftest import VIEWERS, World
+from tests.pages.test_pages import INLINE
+from tests.training.jobs import REWARD, a_training
+from training import tasks
+from training.course import LESSONS
+from training.graph import draw_graph, points_of, smoothed
+from training.models import JobState, TrainingIteration, TrainingJob, Vehicle
+from training.templatetags.training import shell_picture, span
+from training.views import learn
+
+MINE = ("/train/", "/train/new/", "/train/new/?clone=x&job=y&example=z&speed_max=fast", "/learn/laboratory/")
+MINE += ("/vehicles/", "/vehicles/new/")
+OWNERS = {"anonymous": 302, "newcomer": 404, "alice": 200, "bob": 404, "admin": 200}
 
 
-def test_smoke(world: World) -> None:
+@pytest.fixture(autouse=True)
+def _installed(settings, monkeypatch) -> None:
+    """Trainings are taken on, and no broker is asked for."""
+    settings.TRAINING, settings.TRAINING_PAUSED = True, False
+    monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
+
+
+@pytest.fixture
+def job(world: World) -> TrainingJob:
+    """Alice's training, queued."""
+    return a_training(world.alice, world.track, world.now, name="Lightning-2", description="Is it <b>fast</b>?")
+
+
+def run(job: TrainingJob, iterations: int = 3) -> TrainingJob:
+    """The same training after some iterations, still running."""
+    for number in range(1, iterations + 1):
+        TrainingIteration.objects.create(
+            job=job,
+            number=number,
+            steps=2000 * number,
+            seconds=2.0 * number,
+            steps_per_second=1000.0,
+            episodes=[
+                {"episode": i, "reward": 10.0 * number + i, "progress": 20.0, "status": "Off track", "steps": 30}
+                | {"start_ms": 0, "time_ms": 2000}
+                for i in range(4)
+            ],
+            mean_reward=10.0 * number + 1.5,
+            mean_progress=20.0 * number,
+            eval_progress=30.0 * number,
+            eval_reward=40.0,
+            eval_lap_ms=13_000 if number == iterations else None,
+            entropy=1.5,
+            policy_loss=-0.01,
+            value_loss=0.2,
+            is_best=number == iterations,
+        )
+    values = {"state": JobState.RUNNING, "lease": "12345678123456781234567812345678", "started_at": job.created_at}
+    values |= {"leased_until": job.created_at + timedelta(seconds=30), "steps_done": 2000 * iterations}
+    values |= {"driving": [[0.0, -1.8, 0.0, 1.2], [0.1, -1.8, 0.0, 1.3]], "log": "iteration 1\n", "seconds_done": 6.0}
+    TrainingJob.objects.filter(pk=job.pk).update(**values)
+    job.refresh_from_db()
+    return job
+
+
+def end(job: TrainingJob, world: World) -> TrainingJob:
+    """The same training, finished with a model of alice's."""
+    values = {"state": JobState.FINISHED, "lease": None, "leased_until": None, "ended_at": world.now}
+    values |= {"best_model": world.model, "last_model": world.model}
+    TrainingJob.objects.filter(pk=job.pk).update(**values)
+    job.refresh_from_db()
+    return job
+
+
+def form_of(client: Client, query: str = "", **changes: str) -> dict[str, str]:
+    """What a browser sends from the wizard as it is shown, with changes."""
+    html = client.get(f"/train/new/{query}")
+    form = html.context["form"]
+    sent: dict[str, str] = {}
+    for name, field in form.fields.items():
+        value = form.get_initial_for_field(field, name)
+        if name == "actions":
+            for number, action in enumerate(value, 1):
+                sent[f"actions-{number}-steering"] = str(action["steering_angle"])
+                sent[f"actions-{number}-speed"] = str(action["speed"])
+        elif value is not None and value is not False and name != "boxes":
+            sent[name] = str(field.prepare_value(value))
+    return {**sent, "name": "New-one", **changes}
+
+
+def test_every_page_has_the_right_status_for_everybody(world: World, job: TrainingJob) -> None:
+    job = end(run(job), world)
+    vehicle = Vehicle.objects.create(owner=world.alice, name="Stereo")
+    everybody = dict.fromkeys(VIEWERS, 200)
+    mine = {**OWNERS, "admin": 404}
+    pages = {
+        **{path: everybody for path in ("/learn/", *(f"/learn/{lesson.slug}/" for lesson in LESSONS))},
+        "/learn/nothing/": dict.fromkeys(VIEWERS, 404),
+        **{path: {**everybody, "anonymous": 302} for path in MINE},
+        f"/vehicles/{vehicle.public_id}/": mine,
+        f"/vehicles/{vehicle.public_id}/delete/": mine,
+        **{f"/train/{job.public_id}/{rest}": OWNERS for rest in ("", "?smooth=9", "?smooth=x", "metrics.json")},
+        f"/train/{job.public_id}/logs.zip": OWNERS,
+        f"/train/{job.public_id}/sb3.zip": dict.fromkeys(VIEWERS, 404) | {"anonymous": 302},
+        f"/train/{job.public_id}/trace.csv": dict.fromkeys(VIEWERS, 404) | {"anonymous": 302},
+        "/train/nothing/": dict.fromkeys(VIEWERS, 404) | {"anonymous": 302},
+    }
+    wrong = []
+    for viewer in VIEWERS:
+        client = world.client(viewer)
+        for path, expected in pages.items():
+            response = client.get(path)
+            if response.status_code != expected[viewer]:
+                wrong.append((viewer, path, response.status_code, expected[viewer]))
+            elif response["Content-Type"].startswith("text/html"):
+                assert not INLINE.search(response.content.decode()), (path, INLINE.search(response.content.decode())[0])
+    assert not wrong
+
+
+def test_the_training_room_is_wholly_korean(world: World, job: TrainingJob) -> None:
+    english = re.compile(r">[^<]*\b(the|your|you|is|of|and|has|with)\b[^<]*<", re.I)
     client = world.client("alice")
-    for path in ("/train/", "/train/new/", "/vehicles/", "/vehicles/new/", "/learn/", "/learn/agent/", "/learn/laboratory/"):
-        assert client.get(path).status_code == 200, path
+    client.cookies["django_language"] = "ko"
+    job = run(job)
+    TrainingJob.objects.filter(pk=job.pk).update(description="")
+    paths = ["/train/", "/train/new/", "/vehicles/", "/vehicles/new/", "/learn/", "/learn/laboratory/"]
+    for path in (*paths, *(f"/learn/{lesson.slug}/" for lesson in LESSONS), f"/train/{job.public_id}/"):
+        body = re.sub(
+            r"<(script|pre|code|textarea|template)\b.*?</\1>", "", client.get(path).content.decode(), flags=re.S
+        )
+        assert not english.search(body), (path, english.search(body)[0][:90])
+
+
+def test_every_lesson_is_written_in_every_language(world: World, settings) -> None:
+    assert set(learn.WRITTEN_IN) == {code for code, _name in settings.LANGUAGES}
+    texts = set()
+    for language in learn.WRITTEN_IN:
+        client = Client()
+        client.cookies["django_language"] = language
+        texts |= {client.get(f"/learn/{lesson.slug}/").content for lesson in LESSONS}
+    assert len(texts) == len(learn.WRITTEN_IN) * len(LESSONS)
+
+
+@pytest.mark.parametrize("lesson", LESSONS, ids=lambda lesson: lesson.slug)
+def test_what_a_lesson_proposes_is_taken(world: World, lesson, monkeypatch) -> None:
+    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    client = world.client("newcomer")
+    for _label, query in lesson.tries:
+        TrainingJob.objects.all().delete()
+        name = dict(part.split("=") for part in query.split("&"))["name"]
+        response = client.post("/train/new/", form_of(client, f"?{query}", name=name))
+        assert response.status_code == 302, response.context["form"].errors
+        assert TrainingJob.objects.get().name == name
+
+
+def test_the_wizard_makes_a_training_of_what_it_shows(world: World, monkeypatch) -> None:
+    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    client = world.client("newcomer")
+    response = client.post("/train/new/", form_of(client, stop_clean_laps="3", submit_to_race="open-race"))
+    job = TrainingJob.objects.get(owner=world.newcomer)
+    assert response["Location"] == job.get_absolute_url()
+    assert (job.name, job.track.slug, job.stop_clean_laps, job.submit_to_race) == ("New-one", "oval", 3, world.race)
+    assert len(job.action_space) == 5
+    assert job.hyperparameters["lr"] == 1e-3
+    assert "\r" not in job.reward_code
+
+
+WRONG = {
+    "name": ({"name": "no blanks"}, "hyphens"),
+    "lr": ({"lr": "0.5"}, "from 1e-08 to 0.001"),
+    "num_epochs": ({"num_epochs": "2"}, "from 3 to 10"),
+    "stop_minutes": ({"stop_minutes": "1441"}, "1440"),
+    "actions": ({"actions-1-steering": "-31"}, "from -30 to 30"),
+    "action_space_type": ({"algorithm": "sac"}, "SAC learns continuous"),
+    "speed_high": ({"action_space_type": "continuous", "speed_low": "3", "speed_high": "2"}, "less than"),
+    "reward_code": ({"reward_code": ""}, "examples"),
+    "vehicle": ({"vehicle": "somebodys"}, "garage"),
+    "clone": ({"clone": "somebodys"}, ""),
+    "random_boxes": ({"race_type": "object_avoidance", "random_boxes": "60"}, ""),
+}
+
+
+@pytest.mark.parametrize("field", WRONG)
+def test_a_mistake_is_told_at_its_field(world: World, field: str, monkeypatch) -> None:
+    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    client = world.client("newcomer")
+    changes, words = WRONG[field]
+    response = client.post("/train/new/", form_of(client, **changes))
+    errors = response.context["form"].errors
+    assert response.status_code == 422
+    assert list(errors) == [field], errors
+    assert words in str(errors[field])
+    assert not TrainingJob.objects.filter(owner=world.newcomer).exists()
+
+
+def test_a_taken_name_and_a_full_quota_are_told(world: World, job: TrainingJob, settings, monkeypatch) -> None:
+    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    client = world.client("alice")
+    assert "name" in client.post("/train/new/", form_of(client, name=job.name)).context["form"].errors
+    settings.TRAINING_MINUTES_A_MONTH = 15
+    response = client.post("/train/new/", form_of(client))
+    assert "5" in str(response.context["form"].errors["stop_minutes"])
+    settings.TRAININGS_AT_ONCE = 1
+    response = client.post("/train/new/", form_of(client))
+    assert response.context["form"].non_field_errors().as_data()[0].code == "training_jobs_at_once"
+
+
+def test_without_torch_the_pages_say_so(world: World, settings, monkeypatch) -> None:
+    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    settings.TRAINING = False
+    client = world.client("alice")
+    for path in ("/train/", "/train/new/", "/learn/agent/"):
+        assert "Training is not installed on this site" in client.get(path).content.decode()
+    response = client.post("/train/new/", form_of(client))
+    assert response.status_code == 503
+
+
+def test_granularities_make_the_table_without_a_script(world: World) -> None:
+    client = world.client("alice")
+    sent = form_of(client, do="table", steering_granularity="3", speed_granularity="2", speed_max="2", name="")
+    response = client.post("/train/new/", sent)
+    assert response.status_code == 200
+    html = response.content.decode()
+    assert re.findall(r'name="actions-\d+-speed" value="([\d.]+)"', html) == ["1", "2"] * 3
+    assert "errors" not in html.split("<main")[1].split('class="actions"')[0] or "wrong" not in html
+
+
+@pytest.mark.slow
+def test_the_editor_is_told_lines_and_sentences(world: World) -> None:
+    client = world.client("alice")
+    bad = client.post(
+        "/train/validate/", {"reward_code": "def reward_function(params):\r\n    return params['x'] /\r\n"}
+    )
+    assert [(problem["line"], problem["code"]) for problem in bad.json()["problems"]] == [(2, "reward_syntax")]
+    good = client.post("/train/validate/", {"reward_code": REWARD}).json()
+    assert good["problems"] == []
+    assert len(good["rewards"]) == 5
+    response = client.post(
+        "/train/new/", form_of(client, reward_code="import os\ndef reward_function(p):\n    return 1.0\n")
+    )
+    assert "Line 1" in str(response.context["form"].errors["reward_code"])
+    assert world.client("anonymous").post("/train/validate/", {}).status_code == 302
+
+
+def test_a_racer_has_one_check_at_a_time(world: World, monkeypatch) -> None:
+    from training.checks import one_check
+
+    with one_check(world.alice):
+        response = world.client("alice").post("/train/validate/", {"reward_code": REWARD})
+    assert response.status_code == 409
+    assert response.json()["problems"][0]["code"] == "reward_check_runs"
+
+
+def test_a_running_training_shows_its_graph_and_its_drive(world: World, job: TrainingJob) -> None:
+    client = world.client("alice")
+    assert "begins as soon as a worker" in client.get(job.get_absolute_url()).content.decode()
+    run(job)
+    html = client.get(job.get_absolute_url()).content.decode()
+    assert html.count('class="graph-dot"') == 12
+    assert "&lt;b&gt;fast&lt;/b&gt;" in html
+    drive = json.loads(re.search(r'id="training-live"[^>]*data-drive="([^"]*)"', html)[1])
+    assert len(drive) == 2 and drive[0][3] == 1.2
+    live = client.get(f"/train/{job.public_id}/live/")
+    assert 'hx-swap-oob="true"' in live.content.decode()
+    seen = live.context["mark"]
+    assert client.get(f"/train/{job.public_id}/live/", {"seen": seen}).status_code == 204
+    end(job, world)
+    over = client.get(f"/train/{job.public_id}/live/", {"seen": seen})
+    assert (over.status_code, over["HX-Refresh"]) == (204, "true")
+
+
+def test_only_its_owner_and_admins_stop_a_training(world: World, job: TrainingJob) -> None:
+    for viewer, status in {"bob": 404, "newcomer": 404}.items():
+        assert world.client(viewer).post(f"/train/{job.public_id}/stop/").status_code == status
+    job.refresh_from_db()
+    assert job.state == JobState.QUEUED
+    assert world.client("alice").post(f"/train/{job.public_id}/stop/").status_code == 302
+    job.refresh_from_db()
+    assert job.state == JobState.STOPPED
+
+
+def test_a_finished_model_is_evaluated_by_its_owner_only(world: World, job: TrainingJob) -> None:
+    end(run(job), world)
+    before = Evaluation.objects.count()
+    assert world.client("admin").post(f"/train/{job.public_id}/evaluate/").status_code == 404
+    response = world.client("alice").post(f"/train/{job.public_id}/evaluate/")
+    assert response.status_code == 302
+    assert Evaluation.objects.count() == before + 1
+    rules = Evaluation.objects.latest("queued_at").spec["rules"]
+    assert (rules["laps"], rules["race_type"], rules["direction"]) == (3, "time_trial", "ccw")
+
+
+def test_train_on_takes_over_settings_weights_and_a_vehicle(world: World, job: TrainingJob) -> None:
+    TrainingJob.objects.filter(pk=job.pk).update(
+        stop_minutes=7, reward_code="def reward_function(params):\n    return 7.0\n"
+    )
+    end(run(job), world)
+    client = world.client("alice")
+    form = client.get("/train/new/", {"job": job.public_id, "clone": world.model.public_id}).context["form"]
+    assert form.initial["stop_minutes"] == 7
+    assert "return 7.0" in form.initial["reward_code"]
+    assert form.initial["clone"] == world.model.public_id
+    stranger = world.client("bob").get("/train/new/", {"job": job.public_id, "clone": world.model.public_id})
+    assert "clone" not in stranger.context["form"].initial
+    assert "return 7.0" not in stranger.content.decode()
+
+
+def test_vehicles_are_added_changed_and_deleted(world: World) -> None:
+    client = world.client("alice")
+    sent = {"name": "Owl", "camera": "STEREO_CAMERAS", "lidar": "DISCRETIZED_SECTOR_LIDAR", "num_sectors": "8"}
+    sent |= {"num_values_per_sector": "4", "clipping_dist": "1.5", "shell": "buggy", "colour": "#12A15B"}
+    sent |= {"neural_network": "DEEP_CONVOLUTIONAL_NETWORK"}
+    assert client.post("/vehicles/new/", sent).status_code == 302
+    owl = Vehicle.objects.get(owner=world.alice)
+    assert owl.sensors == ["STEREO_CAMERAS", "DISCRETIZED_SECTOR_LIDAR"]
+    assert owl.lidar_config == {"num_sectors": 8, "num_values_per_sector": 4, "clipping_dist": 1.5}
+    assert (owl.shell, owl.colour) == ("buggy", "#12a15b")
+    assert "Owl" in client.get("/vehicles/").content.decode()
+    assert "name" in client.post("/vehicles/new/", sent).context["form"].errors
+    assert client.post("/vehicles/new/", sent | {"name": "B", "colour": "red"}).status_code == 422
+    assert client.post(f"/vehicles/{owl.public_id}/", sent | {"name": "Barn owl", "lidar": ""}).status_code == 302
+    owl.refresh_from_db()
+    assert (owl.name, owl.sensors, owl.lidar_config) == ("Barn owl", ["STEREO_CAMERAS"], {})
+    assert world.client("bob").post(f"/vehicles/{owl.public_id}/delete/").status_code == 404
+    assert client.post(f"/vehicles/{owl.public_id}/delete/").status_code == 302
+    assert not Vehicle.objects.exists()
+
+
+@pytest.mark.slow
+def test_the_laboratory_shows_a_function_and_what_a_change_changes(world: World) -> None:
+    client = world.client("alice")
+    sent = {"track": "oval", "direction": "ccw", "drive": "inner", "reward_code": REWARD}
+    first = client.post("/learn/laboratory/", sent, headers={"HX-Request": "true"})
+    assert first.context["points"] > 100
+    assert "heat-point" in first.content.decode()
+    changed = REWARD.replace("1e-3", "2e-3").replace("(0.5, 0.1)", "(0.5, 0.9)")
+    second = client.post("/learn/laboratory/", {**sent, "before": REWARD, "reward_code": changed}).content.decode()
+    assert "What the change changed" in second
+    broken = client.post(
+        "/learn/laboratory/", {**sent, "reward_code": "def reward_function(params):\n    return nothing\n"}
+    )
+    assert "nothing" in broken.content.decode() and "heat-point" not in broken.content.decode()
+
+
+def test_the_graph_of_one_iteration_and_of_thousands(world: World, job: TrainingJob) -> None:
+    assert draw_graph([]) == ""
+    one = points_of(list(run(job, 1).iterations.all()))
+    assert draw_graph(one).count("<polyline") == 3
+    many = draw_graph(one * 5000, 9)
+    assert many.count('class="graph-dot"') <= 1500
+    assert len(json.loads(re.search(r'data-points="([^"]*)"', many)[1].replace("&quot;", '"'))) <= 601
+
+
+def test_smoothing_is_a_mean_of_the_last_ones() -> None:
+    assert smoothed([1.0, 3.0, None, 5.0], 3) == [1.0, 2.0, None, 4.0]
+    assert smoothed([1.0, 2.0], 1) == [1.0, 2.0]
+
+
+def test_small_things_are_shown_as_people_write_them() -> None:
+    assert [span(59.6), span(3661), span(None)] == ["1:00", "1:01:01", "0:00"]
+    picture = shell_picture("kart", '"><script>', "A kart")
+    assert "<script>" not in picture and 'aria-label="A kart"' in picture

@@ -247,6 +247,11 @@ class TrainingForm(HyperparametersForm, CourseForm):
             return "actions" if self.cleaned_data.get("action_space_type") == DISCRETE else f"{short}_high"
         if fault.code == "training_hyperparameter":
             return named_in(fault)
+        if fault.code in COURSE_CODES:
+            boxes = "random_boxes" if self.cleaned_data.get("box_choice") == DRAWN else "boxes"
+            return {RaceType.OBJECT_AVOIDANCE: boxes, RaceType.HEAD_TO_HEAD: "bots"}.get(
+                self.cleaned_data.get("race_type"), "race_type"
+            )
         return PLACES.get(fault.code)
 
 
@@ -267,6 +272,10 @@ def named_in(fault: UserFault) -> str:
     return str(fault.params.get("name", ""))
 
 
+# What is wrong with what stands or drives on the track.
+COURSE_CODES = (
+    *("training_course", "bots_do_not_fit", "boxes_do_not_fit", "boxes_overlap", "box_on_start_line", "box_off_track"),
+)
 PLACES = {
     "training_name_form": "name",
     "training_name_taken": "name",
@@ -281,7 +290,6 @@ PLACES = {
     "training_trials": "trials",
     "training_best_metric": "best_metric",
     "training_seed": "seed",
-    "training_course": "race_type",
     "training_reward_missing": "reward_code",
     "clone_not_yours": "clone",
     "clone_sensors": "clone",

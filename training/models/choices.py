@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from django.db import models
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import pgettext_lazy
 
 
 class Algorithm(models.TextChoices):
@@ -18,7 +19,7 @@ class JobState(models.TextChoices):
 
     QUEUED = "queued", _("queued")
     RUNNING = "running", _("training")
-    FINISHED = "finished", _("finished")
+    FINISHED = "finished", pgettext_lazy("a training", "finished")
     FAILED = "failed", _("failed")
     STOPPED = "stopped", _("stopped")
 

@@ -1,0 +1,97 @@
+"""From the wizard to the board in a real browser, on the whole stack: site, workers, sandbox, trainer, simulator."""
+
+from __future__ import annotations
+
+import re
+from time import monotonic
+
+import pytest
+
+from tests.pages.test_browser import CHROMIUM, DRIVE_MS, browser, page, playwright, sign_up, site
+
+pytest.importorskip("torch", reason="training is not installed (make training)")
+pytest.importorskip("stable_baselines3", reason="training is not installed (make training)")
+
+__all__ = ["browser", "page", "site"]
+TRAIN_MS = 90_000
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
+]
+
+
+def write(page: playwright.Page, code: str) -> None:
+    """Replace what the editor holds."""
+    editor = page.get_by_role("textbox", name="Reward function, Python")
+    editor.focus()
+    page.keyboard.press("Control+A")
+    page.keyboard.insert_text(code)
+
+
+def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright.Page) -> None:
+    sign_up(page, "learner")
+    page.goto("/races/new/?track=oval")
+    page.get_by_label("Name").fill("First cars")
+    page.get_by_role("button", name="Make the race").click()
+    playwright.expect(page.get_by_role("heading", name="First cars")).to_be_visible(timeout=DRIVE_MS)
+    began = monotonic()
+
+    # the wizard: a mistake is marked in its line before anything is trained
+    page.get_by_role("link", name="Train", exact=True).click()
+    page.get_by_role("link", name="Create a model").first.click()
+    page.get_by_label("Name").fill("First-car")
+    write(page, "def reward_function(params):\n    return params['no such key']\n")
+    page.get_by_role("button", name="Validate").click()
+    playwright.expect(page.locator(".problems")).to_contain_text("Line 2 of the reward function failed", timeout=DRIVE_MS)
+    playwright.expect(page.locator(".cm-lintRange-error")).to_have_count(1)
+    page.locator("[data-examples]").select_option(label="Follow the centre line")
+    page.get_by_role("button", name="Validate").click()
+    playwright.expect(page.locator("[data-report]")).to_contain_text("It works", timeout=DRIVE_MS)
+
+    # the table follows its granularities, the sector of the ranges can be dragged
+    page.get_by_label("Steering angles").select_option("7")
+    playwright.expect(page.locator("[data-fan='discrete'] .fan-ray")).to_have_count(7)
+    page.get_by_label("Steering angles").select_option("5")
+    page.get_by_label("ranges (continuous)").check()
+    handle = page.locator("[data-fan='continuous'] .fan-handle").nth(1).bounding_box()
+    page.mouse.move(handle["x"] + 4, handle["y"] + 4)
+    page.mouse.down()
+    page.mouse.move(handle["x"] + 40, handle["y"] + 30)
+    page.mouse.up()
+    assert float(page.get_by_label("Steering to the left").input_value()) < 30
+    page.get_by_label("a table of actions").check()
+
+    # it trains: the graph grows without a reload, the car drives
+    page.get_by_role("button", name="Create and train").click()
+    playwright.expect(page.get_by_role("heading", name="First-car")).to_be_visible(timeout=DRIVE_MS)
+    page.evaluate("window.sameDocument = true")
+    playwright.expect(page.locator(".graph-dot").first).to_be_visible(timeout=TRAIN_MS)
+    points = page.locator("svg.graph").get_attribute("data-points").count("[")
+    playwright.expect(page.locator("svg.graph")).not_to_have_attribute(
+        "data-points", re.compile(rf"^(?:[^\[]*\[){{{points}}}[^\[]*$"), timeout=TRAIN_MS
+    )
+    playwright.expect(page.locator("#training-state")).to_have_text("training")
+    playwright.expect(page.locator("[data-drive-car]")).to_have_attribute("transform", re.compile("translate"))
+    page.locator("svg.graph").hover()
+    playwright.expect(page.locator("[data-tip]")).to_contain_text("Iteration")
+    assert page.evaluate("window.sameDocument")
+
+    # stopped, it leaves its model
+    page.get_by_role("button", name="Stop the training").click()
+    playwright.expect(page.locator("#training-state")).to_have_text("stopped", timeout=DRIVE_MS)
+    playwright.expect(page.locator("#after")).to_contain_text("First-car", timeout=DRIVE_MS)
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Best model (ONNX package)").click()
+    assert download.value.suggested_filename == "First-car.zip"
+
+    page.get_by_role("button", name="Evaluate: three laps").click()
+    playwright.expect(page.get_by_role("heading", name="Laps", exact=True)).to_be_visible(timeout=DRIVE_MS)
+
+    page.goto("/train/")
+    page.get_by_role("link", name="First-car").click()
+    page.locator("#after li", has_text="First cars").get_by_role("button", name="Submit").click()
+    page.goto("/races/first-cars/")
+    playwright.expect(page.locator("table.board tr.me")).to_contain_text("learner", timeout=DRIVE_MS)
+    assert monotonic() - began < 120
