@@ -17,6 +17,7 @@ SENTENCES = {
     NoticeKind.QUALIFIED: gettext_noop("You have qualified for the championship of %(season)s."),
     NoticeKind.OFFICIAL: gettext_noop("The results of %(race)s are official."),
     NoticeKind.MESSAGE: gettext_noop("%(race)s: %(text)s"),
+    NoticeKind.CANCELLED: gettext_noop("%(race)s is cancelled: %(text)s"),
 }
 
 

@@ -23,6 +23,7 @@ class NoticeKind(models.TextChoices):
     QUALIFIED = "qualified", _("qualified for the championship")
     OFFICIAL = "official", _("results are official")
     MESSAGE = "message", _("a word from the organisers")
+    CANCELLED = "cancelled", _("a race is cancelled")
 
 
 # A result comes seconds after sending a car: whoever wants that by mail turns it on.

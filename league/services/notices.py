@@ -67,7 +67,7 @@ class _Told:
 
 def tell_what_happened(*, now: datetime) -> int:
     """Write every notice that is due at ``now``; returns how many are new."""
-    told = sum(step(now) for step in (_openings, _closings, _results, _leads, _outcomes, _officials))
+    told = sum(step(now) for step in (_openings, _closings, _cancellations, _results, _leads, _outcomes, _officials))
     Notice.objects.filter(at__lt=now - KEPT).delete()
     return told
 
@@ -230,6 +230,18 @@ def _closings(now: datetime) -> int:
         _announce(f"closes:{race.slug}:{race.closes_at:%Y%m%d%H%M}", now, _about(race, NoticeKind.CLOSES, now))
         for race in closing
     )
+
+
+def _cancellations(now: datetime) -> int:
+    """Who was in a race that was called off reads why."""
+    told = 0
+    for race in Race.objects.filter(cancelled_at__gt=now - REACH, cancelled_at__lte=now).order_by("pk"):
+        params = {"race": race.name, "text": race.cancel_reason}
+        entered = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False)
+        racers = sorted(entered.values_list("racer", flat=True))
+        what = _Told(NoticeKind.CANCELLED, race.slug, racers, race.get_absolute_url(), params)
+        told += _announce(f"cancelled:{race.slug}", now, lambda what=what: _tell(what, now))
+    return told
 
 
 def _about(race: Race, kind: NoticeKind, now: datetime) -> Callable[[], int]:

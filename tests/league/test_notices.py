@@ -11,6 +11,7 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 
 from league.models import Notice, NoticeKind, Racer, Stage
+from league.notices import sentence
 from league.services import close_due_rounds
 from league.services.notices import choice_of, choose_notices, mark_read, send_mails, tell_what_happened
 from tests.factories import a_race, a_racer, drive, laps
@@ -71,10 +72,13 @@ class TestARaceInCommunity:
         tell_what_happened(now=now + timedelta(days=1))
         assert told(racer) == ["opens", "opens"]
 
-    def test_a_cancelled_race_says_nothing(self, now):
+    def test_a_cancelled_race_says_why_and_nothing_else(self, now):
         race = a_race(now, opens_at=now, cancelled_at=now, cancel_reason="Rain")
-        board(race, racers(1))
-        assert tell_what_happened(now=now) == 0
+        (racer,) = racers(1)
+        board(race, [racer])
+        tell_what_happened(now=now)
+        assert tell_what_happened(now=race.closes_at) == 0
+        assert told(racer) == ["cancelled"] and sentence(Notice.objects.get()) == f"{race.name} is cancelled: Rain"
 
     def test_a_result_is_told_to_its_owner(self, now):
         race, racer = a_race(now), a_racer()

@@ -14,7 +14,7 @@ from icalendar import Calendar
 
 from league.models import Racer, Round, Season, Stage
 from league.season_form import SeasonForm
-from league.services import close_due_rounds, close_round
+from league.services import close_due_rounds, close_round, disqualify
 from tests.factories import a_race, a_racer, a_track
 from tests.league.seasons import JANUARY, a_round, a_season, after, board, racers
 from tests.pages.test_pages import INLINE
@@ -308,6 +308,19 @@ def test_a_community_race_has_no_line(set_clock):
     board(race, racers(5))
     html = Client().get(race.get_absolute_url()).content.decode()
     assert "promoted" not in html
+
+
+def test_everybody_reads_what_stewards_decided_and_why(season, set_clock):
+    first = Round.objects.get(number=1)
+    loser = first.race.entries.order_by("rank_score").first().racer
+    set_clock(after(first, hours=2))
+    assert "Can be corrected until" in Client().get(first.race.get_absolute_url()).content.decode()
+    steward = a_racer(is_staff=True)
+    disqualify(round=first, racer=loser, by=steward, reason="Two accounts", now=after(first, hours=2))
+    html = Client().get(first.race.get_absolute_url()).content.decode()
+    assert "Two accounts" in html and loser.alias in html.split('id="stewards"')[1]
+    set_clock(after(first, days=9))
+    assert "Final since" in Client().get(first.race.get_absolute_url()).content.decode()
 
 
 class TestFeeds:
