@@ -39,5 +39,5 @@ RUNNER = Limits("runner", address_space_mb=1024, cpu_s=1200, open_files=64, wall
 # torch alone maps 0.85 GB; processor and wall time are those of the job, see training.trainer.client
 TRAINER = Limits("trainer", address_space_mb=2560, cpu_s=2 * 86_400, open_files=16, wall_s=2 * 86_400)
 # 5 s of computing and a little for itself; numpy, scipy and shapely together map 0.27 GB
-REWARD = Limits("reward", address_space_mb=768, cpu_s=7, open_files=16, wall_s=20)
+REWARD = Limits("reward", address_space_mb=768, cpu_s=7, open_files=16, wall_s=60)
 PROBE = Limits("probe", address_space_mb=512, cpu_s=2, open_files=16, wall_s=5)

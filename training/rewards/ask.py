@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import select
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -59,6 +60,7 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
         question = {"code": code, "check": check, **to_wire(states)}
         try:
             write_message(process.stdin, question, deadline=process.deadline)
+            _wait_for_answer(process)
             header, _ = read_message(process.stdout, process.deadline, json_limit=_JSON_LIMIT, blob_limit=0)
             return _checked(header, len(states))
         except FrameTimeout as error:
@@ -96,6 +98,20 @@ def _wait_for_lock(process: SandboxedProcess) -> None:
     if header != {"state": "locked"}:
         raise PlatformFault("reward_check_failed")
     process.allow(REWARD.wall_s)
+
+
+def _wait_for_answer(process: SandboxedProcess) -> None:
+    """Return when something comes. Raises FrameTimeout when the time is up, or when the process sleeps: it may compute
+    for as long as this host takes to give it its seconds, but there is nothing in there to wait for."""
+    poller = select.poll()
+    poller.register(process.stdout, select.POLLIN)
+    awake, computed = time.monotonic(), 0.0
+    while not poller.poll(250):
+        now, seconds = time.monotonic(), process.cpu_seconds()
+        if seconds > computed or process.wants_processor():
+            awake, computed = now, seconds
+        if now >= process.deadline or now - awake > LIMIT_S:
+            raise FrameTimeout("no answer")
 
 
 def line_of(process: SandboxedProcess, patience_s: float = 1.0) -> int | None:

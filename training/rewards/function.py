@@ -47,7 +47,7 @@ class Reward:
         try:
             exec(program, module.__dict__)
         except BaseException as error:
-            raise _fault(error, 1) from None
+            raise _fault(error, sys.exc_info()[2], 1) from None
         finally:
             watch.end()
         function = module.__dict__.get(NAME)
@@ -64,7 +64,7 @@ class Reward:
         try:
             return self._reward(params)
         except (TooLong, TooMuchPrinted) as error:  # while a fault was being described
-            raise _fault(error, self.line) from None
+            raise _fault(error, sys.exc_info()[2], self.line) from None
         finally:
             watch.end()
 
@@ -72,12 +72,13 @@ class Reward:
         try:
             value = float(self._call(params))
         except BaseException as error:
-            if not _lines(error.__traceback__):  # the cast
+            trace = sys.exc_info()[2]
+            if not _lines(trace):  # the cast
                 if isinstance(error, TypeError | ValueError):
                     raise UserFault("reward_not_a_number", line=self._return_line(params)) from None
                 if isinstance(error, OverflowError):
                     raise UserFault("reward_too_large", line=self._return_line(params), value="1e308") from None
-            raise _fault(error, self.line) from None
+            raise _fault(error, trace, self.line) from None
         if not math.isfinite(value):
             raise UserFault("reward_not_finite", line=self._return_line(params), value=str(value))
         if abs(value) > MAX_REWARD:
@@ -178,33 +179,38 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
-def _fault(error: BaseException, otherwise: int) -> UserFault:
-    """What an exception that came out of the racer's code means; ``otherwise``: the line, if none of it is known."""
-    lines = _lines(error.__traceback__)
+def _fault(error: BaseException, trace: TracebackType | None, otherwise: int) -> UserFault:
+    """What an exception that came out of the racer's code means; ``otherwise``: the line, if none of it is known.
+
+    Its class may be the racer's own: nothing of it is asked but its real type, until it is described.
+    """
+    lines = _lines(trace)
     line = lines[-1] if lines else otherwise
-    if isinstance(error, UserFault):
+    kind = type(error)
+    if issubclass(kind, UserFault):
         return error
     BaseException.with_traceback(error, None)  # its frames hold all that the function had in memory
-    if isinstance(error, TooLong):
+    if issubclass(kind, TooLong):
         return UserFault("reward_too_slow", line=line)
-    if isinstance(error, TooMuchPrinted):
+    if issubclass(kind, TooMuchPrinted):
         return UserFault("reward_prints_too_much", line=line)
-    if isinstance(error, MemoryError):
+    if issubclass(kind, MemoryError):
         return UserFault("reward_memory", line=line)
-    if isinstance(error, ImportError):
+    if issubclass(kind, ImportError):
         return UserFault("reward_import_failed", line=line, detail=_described(error))
     return UserFault("reward_raised", line=line, error=_described(error))
 
 
 def _described(error: BaseException) -> str:
     """Type and text, as a traceback's last line; its class may be the racer's own and fail to say anything."""
-    name = printable(type(error).__name__)
+    name = text = ""
     try:
+        name = printable(type(error).__name__)
         text = printable(str(error))
     except (TooLong, TooMuchPrinted):
         raise
     except BaseException:
-        text = ""
+        name = name or "an exception without a name"
     return f"{name}: {text}" if text else name
 
 
