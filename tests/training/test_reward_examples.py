@@ -84,7 +84,7 @@ def test_the_racing_example_pays_metres_and_nothing_for_a_new_beginning():
     start = {**STATES[1], "distance_from_center": 0.0, "progress": 0.5, "steps": 2}
     length = start["track_length"]
     on = {**start, "progress": 1.5, "steps": 3}
-    aside = {**start, "progress": 2.5, "steps": 4, "distance_from_center": start["track_width"] / 2 - 0.05}
+    aside = {**start, "progress": 2.5, "steps": 4, "distance_from_center": start["track_width"] / 2 - 0.15}
     off = {**start, "progress": 3.0, "steps": 5, "is_offtrack": True}
     again = {**start, "progress": 0.5, "steps": 2}
     first, second, third, fourth, fifth = rewards("race", start, on, aside, off, again)
