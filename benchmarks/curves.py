@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 620, 430, 56, 190, 44, 56
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 660, 430, 64, 220, 44, 56
 # Told apart without colours too: each line ends in its name.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#5c5c5c", "#aa3377")
 LINE_PX = 14.0  # at least so far apart stand the names
