@@ -139,7 +139,10 @@
     const watcher = new IntersectionObserver((entries) => {
       entries.forEach((entry) => seen.set(entry.target.id, entry.isIntersecting));
       const now = links.find((link) => seen.get(link.hash.slice(1)));
-      links.forEach((link) => link.toggleAttribute("aria-current", link === now));
+      links.forEach((link) => {
+        if (link === now) link.setAttribute("aria-current", "step");
+        else link.removeAttribute("aria-current");
+      });
     }, { rootMargin: "-20% 0px -60% 0px" });
     links.forEach((link) => { const part = document.querySelector(link.hash); if (part) watcher.observe(part); });
   }
