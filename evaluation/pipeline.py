@@ -23,6 +23,7 @@ from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from .sandbox.launch import widen_pipe
 from .sandbox.policy import describe, failed_start
 from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
+from .simulator.camera.theme import OFFICIAL
 from .simulator.engine import cpu_model
 from .simulator.rules import RaceRules
 
@@ -44,7 +45,8 @@ class RivalCar:
 class RaceJob:
     """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes.
 
-    ``rivals``: cars 1, 2 and 3; the model itself is car 0. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
+    ``rivals``: cars 1, 2 and 3; the model itself is car 0. ``look``: what cameras see of the track, the name of one of
+    ``evaluation.simulator.camera.theme.THEMES``. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
     """
 
     track: TrackGeometry
@@ -52,6 +54,7 @@ class RaceJob:
     onnx: bytes
     metadata: dict[str, Any]
     rivals: tuple[RivalCar, ...] = ()
+    look: str = OFFICIAL.name
 
     def __post_init__(self) -> None:
         check_rivals(self.rules, len(self.rivals))
@@ -192,6 +195,7 @@ class _Run:
         widen_pipe(self._runner.stdin)
         cars = (job, *job.rivals)
         described = {"track": job.track.to_dict(), "rules": job.rules.to_dict(), "budget": asdict(budget)}
+        described["look"] = job.look
         try:
             write_message(
                 self._runner.stdin, {**described, "metadata": [car.metadata for car in cars]}, deadline=deadline

@@ -28,6 +28,7 @@ from tracks.geometry import TrackGeometry
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
 from .simulator.action import ActionSpace
+from .simulator.camera.theme import THEMES
 from .simulator.engine import versions
 from .simulator.metrics import metrics_json
 from .simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
@@ -86,6 +87,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         on_progress=telling,
         rivals=rivals,
         lidar_config=first.lidar_config,
+        theme=THEMES[job["look"]],
     )
     telling.finish()
     cars = [result, *result.rivals]

@@ -17,7 +17,7 @@ from django.utils.translation import gettext_lazy as _
 from faults import UserFault
 
 from .drawing import draw_svg
-from .models import Track
+from .models import Look, Track
 from .npy import MAX_BYTES
 from .services import import_track
 
@@ -26,6 +26,7 @@ class ImportForm(forms.ModelForm):
     """A new track, from its file. What is wrong with the file stands beside it."""
 
     file = forms.FileField(label=_("track file (.npy)"), allow_empty_file=True)
+    look = forms.ChoiceField(label=_("look"), choices=Look.choices, initial=Look.OFFICIAL)
 
     class Meta:
         model = Track
@@ -47,6 +48,7 @@ class ImportForm(forms.ModelForm):
                 now=timezone.now(),
                 slug=data["slug"] or None,
                 description=data["description"],
+                look=data["look"],
             )
         except UserFault as fault:
             field = {"track_name": "name", "track_slug": "slug"}.get(fault.code, "file")
@@ -65,13 +67,24 @@ class TrackAdmin(admin.ModelAdmin):
     search_fields = ("name", "slug", "owner__alias")
     list_select_related = ("owner",)
     actions = None
-    _facts = ("map", "slug", "length_m", "width_m", "direction", "is_catalogue", "owner", "fingerprint", "created_at")
+    _facts = (
+        "map",
+        "slug",
+        "length_m",
+        "width_m",
+        "direction",
+        "look",
+        "is_catalogue",
+        "owner",
+        "fingerprint",
+        "created_at",
+    )
 
     def get_queryset(self, request: HttpRequest):
         return super().get_queryset(request).defer("npy")
 
     def get_fields(self, request: HttpRequest, obj: Track | None = None):
-        return ("name", "slug", "file", "description") if obj is None else ("name", "description", *self._facts)
+        return ("name", "slug", "file", "description", "look") if obj is None else ("name", "description", *self._facts)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Track | None = None):
         return () if obj is None else self._facts

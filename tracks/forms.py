@@ -8,6 +8,7 @@ from django.utils.translation import gettext_lazy as _
 
 from faults import PaddockError
 
+from .models import Look
 from .npy import MAX_BYTES
 
 # Details of faults that are words of ours (tracks.checks); any other text in a detail is somebody's own.
@@ -38,6 +39,18 @@ class ImportTrackForm(forms.Form):
         ),
         widget=forms.FileInput(attrs={"accept": ".npy"}),
     )
+
+    look = forms.ChoiceField(
+        label=_("Look"),
+        choices=Look.choices,
+        initial=Look.OFFICIAL,
+        required=False,
+        help_text=_("What cameras see of it: lines, dashes, greys and the wall. It stays as it is for good."),
+    )
+
+    def clean_look(self) -> str:
+        """The official one where none is named."""
+        return self.cleaned_data["look"] or Look.OFFICIAL
 
     def data_bytes(self) -> bytes:
         """The file's bytes, one more than any track may have at most, so that a huge upload is not read whole."""

@@ -23,8 +23,16 @@ class Direction(models.TextChoices):
     CW = "cw", _("clockwise")
 
 
+class Look(models.TextChoices):
+    """How a track looks to cameras: the names of the themes in evaluation.simulator.camera.theme."""
+
+    OFFICIAL = "official", _("as in the official simulator")
+    TEXTURES = "textures", _("the official textures in full light")
+    BOLD = "bold", _("large dashes, a far and high wall")
+
+
 class Track(models.Model):
-    """A track that races can be held on. Its geometry never changes: another shape is another track.
+    """A track that races can be held on. Its geometry and its look never change: another shape is another track.
 
     A track of an imported season of which only the name is known has no geometry, no length and no width
     (:attr:`has_shape`): its races are read, and none is held on it.
@@ -38,6 +46,7 @@ class Track(models.Model):
     length_m = models.FloatField(_("length in metres"), null=True, blank=True, editable=False)
     width_m = models.FloatField(_("width in metres"), null=True, blank=True, editable=False)
     direction = models.CharField(_("the file's own direction"), max_length=3, choices=Direction.choices, editable=False)
+    look = models.CharField(_("look"), max_length=16, choices=Look.choices, default=Look.OFFICIAL, editable=False)
     is_catalogue = models.BooleanField(_("from the catalogue"), default=False, editable=False)
     owner = models.ForeignKey(
         settings.AUTH_USER_MODEL,
@@ -62,6 +71,7 @@ class Track(models.Model):
                 name="track_has_both_measures_or_no_shape",
             ),
             models.CheckConstraint(condition=models.Q(direction__in=Direction.values), name="track_direction_known"),
+            models.CheckConstraint(condition=models.Q(look__in=Look.values), name="track_look_known"),
         ]
 
     def __str__(self) -> str:

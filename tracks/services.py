@@ -18,7 +18,7 @@ from faults import UserFault
 from .catalogue import CATALOGUE, CatalogueTrack
 from .geometry import TrackGeometry
 from .locks import hold
-from .models import Track
+from .models import Look, Track
 from .npy import read_npy, write_npy
 
 if TYPE_CHECKING:
@@ -41,15 +41,20 @@ def import_track(
     is_catalogue: bool = False,
     slug: str | None = None,
     description: str = "",
+    look: str = Look.OFFICIAL,
 ) -> Track:
     """Keep the track of a community ``.npy`` file, under an address made from its name unless ``slug`` says another.
 
     ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
+    ``look``: one of :class:`tracks.models.Look`, for good: cars of one race must see the same track.
     Raises UserFault("track_...") for a file that is no track (see :mod:`tracks.npy`), "track_known" (with ``name`` and
-    ``slug``) for a racer's copy of one, "track_limit" above ``settings.TRACKS_PER_RACER``, "track_name", "track_slug".
+    ``slug``) for a racer's copy of one, "track_limit" above ``settings.TRACKS_PER_RACER``, "track_name", "track_slug",
+    "track_look".
     """
     name = _valid_name(name)
+    if look not in Look.values:
+        raise UserFault("track_look", looks=", ".join(Look.values))
     shapeless = _shapeless(name, slug) if owner is None else None
     if slug is not None and shapeless is None:
         _refuse_slug(slug)
@@ -63,7 +68,7 @@ def import_track(
         track = _row(geometry, slug=slug or free_slug(name), name=name)
         if shapeless is not None:
             track.pk, track.slug = shapeless.pk, shapeless.slug
-        track.owner, track.is_catalogue, track.created_at = owner, is_catalogue, now
+        track.owner, track.is_catalogue, track.created_at, track.look = owner, is_catalogue, now, look
         track.description = " ".join(description.split())[: Track._meta.get_field("description").max_length]
         try:
             with transaction.atomic():

@@ -44,7 +44,11 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
     if request.method == "POST" and form.is_valid():
         try:
             made = import_track(
-                data=form.data_bytes(), name=form.cleaned_data["name"], owner=request.user, now=timezone.now()
+                data=form.data_bytes(),
+                name=form.cleaned_data["name"],
+                owner=request.user,
+                now=timezone.now(),
+                look=form.cleaned_data["look"],
             )
         except UserFault as fault:
             add_fault(form, fault)

@@ -50,7 +50,7 @@ def queue_evaluation(
         owner=owner,
         model=model,
         track=track,
-        spec={"track": track.fingerprint, "rules": rules.to_dict(), "metadata": model.metadata},
+        spec={"track": track.fingerprint, "look": track.look, "rules": rules.to_dict(), "metadata": model.metadata},
         priority=priority,
         queued_at=now,
     )

@@ -81,6 +81,7 @@ def job_of(evaluation: Evaluation) -> RaceJob:
             RivalCar(_network_of(rival.model), rival.metadata)
             for rival in evaluation.rivals.select_related("model__network").order_by("number")
         ),
+        look=evaluation.spec.get("look", "official"),
     )
 
 

@@ -315,6 +315,7 @@ class TestQueueing:
         model = evaluation.model
         assert evaluation.spec == {
             "track": oval.fingerprint,
+            "look": "official",
             "rules": RaceRules().to_dict(),
             "metadata": model.metadata,
         }

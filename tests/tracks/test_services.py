@@ -77,7 +77,9 @@ def test_a_track_of_which_only_the_name_is_known_gets_its_shape_from_an_operator
     other = Track.objects.create(slug="another", fingerprint="unknown:2", **(named | {"name": "Another"}))
     race = a_race(now, track=known)
     theirs = import_track(data=moved(oval_file, 3), name="Some Speedway", owner=alice, now=now)
-    assert theirs.pk != known.pk and not Track.objects.get(pk=known.pk).has_shape, "racers' files are tracks of their own"
+    assert theirs.pk != known.pk and not Track.objects.get(pk=known.pk).has_shape, (
+        "racers' files are tracks of their own"
+    )
     filled = import_track(data=oval_file, name="some speedway", owner=None, now=now)
     race.refresh_from_db()
     assert (filled.pk, filled.slug) == (known.pk, "some-speedway") and race.track.has_shape
@@ -191,3 +193,14 @@ def test_every_shared_track_imports_but_the_straight_one(now):
             refusals[path.stem] = fault.code
     assert refusals == {"Straight_track": "track_open"}
     assert Track.objects.count() >= 20
+
+
+def test_a_track_keeps_the_look_it_was_imported_with(oval_file, alice, now):
+    assert import_track(data=oval_file, name="Plain", owner=alice, now=now).look == "official"
+    assert import_track(data=moved(oval_file, 1), name="Bold", owner=alice, now=now, look="bold").look == "bold"
+
+
+def test_an_unknown_look_is_refused_with_those_that_are_known(oval_file, alice, now):
+    fault = refused("track_look", data=oval_file, name="Odd", owner=alice, now=now, look="neon")
+    assert "official, textures, bold" in str(fault)
+    assert not Track.objects.exists()

@@ -63,6 +63,7 @@ def spec_of(job: TrainingJob, seconds_before: float = 0.0) -> TrainerSpec:
         best_metric=job.best_metric,
         seed=job.seed,
         seconds_before=seconds_before,
+        look=job.track.look,
     )
 
 

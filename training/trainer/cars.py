@@ -11,6 +11,7 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from evaluation.simulator.action import CONTINUOUS, ActionSpace
+from evaluation.simulator.camera.theme import THEMES
 from evaluation.simulator.referee import LAPS_DONE
 from evaluation.simulator.rewards import RewardFunction
 from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
@@ -68,6 +69,7 @@ class Cars(VecEnv):
             max_simulated_ms=lap_limit_ms(track, space),
             start="random",
             reward_function=list(rewards),
+            theme=THEMES[spec.look],
             **spec.course,
         )
         self._senses, self._seed = senses, seed

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.simulator.action import CONTINUOUS, ActionSpace
+from evaluation.simulator.camera.theme import THEMES
 from evaluation.simulator.envs.drive import Drive
 from evaluation.simulator.envs.setting import Setting, head_to_head, object_avoidance, time_trial
 from evaluation.simulator.referee import LAPS_DONE
@@ -97,6 +98,7 @@ class Judge:
             max_resets=0,
             max_simulated_ms=laps * lap_limit_ms(track, space),
             reward_function=reward,
+            theme=THEMES[self._spec.look],
             **self._spec.course,
         )
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from evaluation.simulator.camera.theme import OFFICIAL
+
 PROGRESS, REWARD, LAP_TIME = "progress", "reward", "lap_time"
 CARS = 16  # that drive at the same time
 EPISODE_STEPS = 100  # what one episode counts for when the steps between two updates are reckoned
@@ -15,6 +17,8 @@ EPISODE_STEPS = 100  # what one episode counts for when the steps between two up
 @dataclass(frozen=True)
 class TrainerSpec:
     """All that a training depends on. ``track``: ``TrackGeometry.to_dict()`` in the driven direction.
+
+    ``look``: what cameras see of it, a name of ``evaluation.simulator.camera.theme.THEMES``.
 
     ``course``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
     ``model_metadata.json`` of the model to be made. ``hyperparameters``: checked, see :mod:`training.hyperparameters`.
@@ -38,6 +42,7 @@ class TrainerSpec:
     best_metric: str = PROGRESS
     seed: int = 0
     seconds_before: float = 0.0
+    look: str = OFFICIAL.name
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Faces = tuple[int, int, int, int]  # greys of a block's front, left, back and right
 
@@ -55,3 +55,19 @@ OFFICIAL = Theme(
     field_margin=0.762,
     wall_height=1.0,
 )
+
+# The greys of the mesh's own textures, before any light falls on them (deepracer-simapp, reInvent2019_wide).
+TEXTURES = replace(OFFICIAL, name="textures", road=63, line=223, dash=151, field=123, wall=61)
+
+# As newer tracks of the official simulator look: dashes of twice the size, and a hall that lies farther off and higher.
+BOLD = replace(
+    OFFICIAL,
+    name="bold",
+    dash_length=0.1016,
+    dash_width=0.0508,
+    dash_pitch=0.2032,
+    field_margin=1.5,
+    wall_height=4.0,
+)
+
+THEMES = {theme.name: theme for theme in (OFFICIAL, TEXTURES, BOLD)}  # a track names one: tracks.models.Look

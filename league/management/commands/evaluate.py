@@ -18,6 +18,7 @@ from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.rivals import check_rivals
+from evaluation.simulator.camera.theme import OFFICIAL, THEMES
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import MAX_CARS
 from faults import PaddockError, UserFault, fault_from_dict
@@ -42,6 +43,9 @@ class Command(BaseCommand):
         parser.add_argument("package", type=Path, help="a car's archive (.tar.gz, .zip) or an .onnx file")
         parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
         parser.add_argument("--track", required=True, help="a track of the catalogue by its address, or an .npy file")
+        parser.add_argument(
+            "--look", choices=sorted(THEMES), default=OFFICIAL.name, help="what cameras see of it; default: %(default)s"
+        )
         add_race_options(parser)
         parser.add_argument(
             "--rival",
@@ -70,7 +74,7 @@ class Command(BaseCommand):
             cars += [_admit(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
             first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict()) for car in cars]
-            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals))
+            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), options["look"])
             outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
         except PaddockError as fault:
             if as_json:

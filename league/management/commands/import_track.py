@@ -11,6 +11,7 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from faults import UserFault
+from tracks.models import Look
 from tracks.npy import MAX_BYTES
 from tracks.services import import_track
 
@@ -25,6 +26,7 @@ class Command(BaseCommand):
         parser.add_argument("--name", help="what racers call it (default: the file's name)")
         parser.add_argument("--slug", help="its address (default: made from the name)")
         parser.add_argument("--description", default="", help="one or two sentences for its page")
+        parser.add_argument("--look", choices=Look.values, default=Look.OFFICIAL.value, help="default: %(default)s")
         parser.add_argument("--json", action="store_true", help="print the track as JSON")
 
     def handle(self, *args: Any, **options: Any) -> None:
@@ -42,11 +44,12 @@ class Command(BaseCommand):
                 now=timezone.now(),
                 slug=options["slug"],
                 description=options["description"],
+                look=options["look"],
             )
         except UserFault as fault:
             raise CommandError(f"{fault.code}: {fault}", returncode=2) from None
         if options["json"]:
-            fields = ("slug", "name", "length_m", "width_m", "direction", "fingerprint")
+            fields = ("slug", "name", "length_m", "width_m", "direction", "look", "fingerprint")
             self.stdout.write(json.dumps({field: getattr(track, field) for field in fields}))
         else:
             self.stdout.write(
