@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import statistics
 import sys
 import time
@@ -32,6 +31,8 @@ from training.hyperparameters import DEFAULT_ACTIONS, DEFAULTS
 from training.rewards.examples import EXAMPLES
 from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import TrainerSpec
+
+from .processor import Clock
 
 LAPS = 3
 MOST_S = {"oval": 20.0, "kuei-raceway": 30.0}  # what the platform promises
@@ -69,22 +70,25 @@ class _Notes(Listener):
     def __init__(self) -> None:
         self.ready_s = 0.0
         self.iterations: list[Iteration] = []
+        self.clock = Clock()
         self._began = time.monotonic()
 
     def ready(self) -> None:
         self.ready_s = time.monotonic() - self._began
+        self.clock.look()
 
     def iteration(self, iteration: Iteration) -> None:
         self.iterations.append(iteration)
+        self.clock.look()  # the trainer is over, and its clock with it, when the training has ended
 
 
 def first_laps(slug: str, seed: int) -> dict[str, Any]:
     """One training to its first three clean laps. ``laps`` are those of the evaluation that confirms it."""
     spec = wizard_spec(slug, seed)
-    notes, cpu, began = _Notes(), _children_cpu_s(), time.monotonic()
+    notes, began = _Notes(), time.monotonic()
     ended = train(spec, notes)
     wall_s = time.monotonic() - began
-    cpu_s = _children_cpu_s() - cpu
+    notes.clock.close()
     last = notes.iterations[-1]
     rules = RaceRules(laps=LAPS)
     track = next(entry for entry in CATALOGUE if entry.slug == slug).geometry().in_direction("ccw")
@@ -95,7 +99,7 @@ def first_laps(slug: str, seed: int) -> dict[str, Any]:
         "seed": seed,
         "lapped": ended.why == "clean_laps",
         "wall_s": wall_s,
-        "cpu_s": cpu_s,
+        "cpu_s": notes.clock.seconds,
         "start_s": notes.ready_s,
         "steps": ended.steps,
         "iterations": len(notes.iterations),
@@ -103,11 +107,6 @@ def first_laps(slug: str, seed: int) -> dict[str, Any]:
         "clean_laps_in_an_evaluation": len(clean),
         "lap_s": statistics.mean(clean) / 1000.0 if clean else None,
     }
-
-
-def _children_cpu_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def car_racing(steps: int) -> dict[str, Any] | None:
