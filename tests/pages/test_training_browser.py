@@ -24,10 +24,8 @@ pytestmark = [
 
 def write(page: playwright.Page, code: str) -> None:
     """Replace what the editor holds."""
-    editor = page.get_by_role("textbox", name="Reward function, Python")
-    editor.focus()
-    page.keyboard.press("Control+A")
-    page.keyboard.insert_text(code)
+    editor = page.locator("[data-reward-editor]")
+    editor.evaluate("(element, text) => element.editor.fill(text)", code)
 
 
 def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright.Page) -> None:
