@@ -56,7 +56,7 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     handle = handle.bounding_box()
     page.mouse.move(handle["x"] + 4, handle["y"] + 4)
     page.mouse.down()
-    page.mouse.move(handle["x"] + 40, handle["y"] + 30)
+    page.mouse.move(handle["x"] + 34, handle["y"] - 26)
     page.mouse.up()
     assert float(page.get_by_label("Steering to the left").input_value()) < 30
     page.get_by_label("a table of actions").check()
