@@ -88,9 +88,9 @@ class Run:
         return family_of(self.process.pid)
 
     def pid_of(self, words: str) -> int:
-        """The first descendant whose command line holds ``words``."""
+        """The first descendant whose command line, with "(end)" behind it, holds ``words``."""
         for pid in sorted(self.family()):
-            command = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+            command = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode() + "(end)"
             if words in command and "manage.py" not in command:
                 return pid
         raise AssertionError(f"no {words} in the family")
@@ -213,7 +213,7 @@ def test_a_port_in_use_is_refused_before_anything_starts(tmp_path):
     ("name", "words"),
     [
         ("broker", "valkey-server"),
-        ("worker", "celery --quiet --app league worker"),
+        ("worker", "--without-mingle (end)"),  # a trainer's command goes on
         pytest.param("trainer", "--queues training", marks=needs_training),
     ],
 )
