@@ -24,6 +24,7 @@ from training.trainer.spec import TrainerSpec
 from .test_hostile import children, descriptors
 from .test_hostile_rewards import marked_lines, source
 
+pytest.importorskip("torch", reason="training is not installed: make training")
 pytestmark = pytest.mark.slow
 
 OVAL = next(track for track in CATALOGUE if track.slug == "oval").geometry()

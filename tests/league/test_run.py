@@ -13,10 +13,10 @@ import sys
 import urllib.error
 import urllib.request
 from contextlib import closing
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from django.conf import settings
 
 from league import broker
 from tests.evaluation.processes import family_of, is_running, wait_for
@@ -24,7 +24,7 @@ from tests.shared import CHECKOUT
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("run")]
 READY = re.compile(r"Paddock is ready: (http://\S+)")
-needs_training = pytest.mark.skipif(not settings.TRAINING, reason="training is not installed: make training")
+needs_training = pytest.mark.skipif(find_spec("torch") is None, reason="training is not installed: make training")
 
 
 def environment(data: Path) -> dict[str, str]:
