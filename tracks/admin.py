@@ -26,7 +26,7 @@ class ImportForm(forms.ModelForm):
     """A new track, from its file. What is wrong with the file stands beside it."""
 
     file = forms.FileField(label=_("track file (.npy)"), allow_empty_file=True)
-    look = forms.ChoiceField(label=_("look"), choices=Look.choices, initial=Look.OFFICIAL)
+    look = forms.ChoiceField(label=_("look"), choices=Look.choices, initial=Look.OFFICIAL, required=False)
 
     class Meta:
         model = Track
@@ -48,7 +48,7 @@ class ImportForm(forms.ModelForm):
                 now=timezone.now(),
                 slug=data["slug"] or None,
                 description=data["description"],
-                look=data["look"],
+                look=data["look"] or Look.OFFICIAL,
             )
         except UserFault as fault:
             field = {"track_name": "name", "track_slug": "slug"}.get(fault.code, "file")

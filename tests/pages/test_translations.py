@@ -18,7 +18,20 @@ from tests.shared import CHECKOUT
 CATALOGUE = CHECKOUT / "locale" / "ko" / "LC_MESSAGES" / "django.po"
 TEMPLATES = CHECKOUT / "templates"
 # What is the same in every language.
-SAME = {"paddock", "api", "csv", "json", "atom", "icalendar", "onnx", "tensorflow", "sha-", "model_metadata.json", "english", "openapi"}
+SAME = {
+    "paddock",
+    "api",
+    "csv",
+    "json",
+    "atom",
+    "icalendar",
+    "onnx",
+    "tensorflow",
+    "sha-",
+    "model_metadata.json",
+    "english",
+    "openapi",
+}
 PLACEHOLDER = re.compile(r"%\(\w+\)[sd]|%[sd]")
 
 
