@@ -22,6 +22,9 @@ REASONS = table(
             "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
         ),
         "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
+        "submit_failed": _(
+            "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
+        ),
         "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
         "storage_failed": _(
             "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."

@@ -123,7 +123,7 @@ def drive_all_on(*, now: datetime) -> int:
             queued += drive_on(race=race, now=now)
         except UserFault as fault:
             logger.info("The duels of %s are not drawn yet: %s", race.slug, fault.code)
-        except Exception:
+        except Exception:  # the other races' duels go on; this one is tried again at the next round of the task
             logger.exception("The duels of %s cannot go on.", race.slug)
     return queued
 
@@ -300,5 +300,5 @@ def _try_again(duel: Duel, entries: list[Entry], now: datetime) -> None:
 def _drive_on_safely(race: Race, now: datetime) -> None:
     try:
         drive_on(race=race, now=now)
-    except Exception:
+    except Exception:  # the result is recorded; the periodic task tries to go on again
         logger.exception("The duels of %s cannot go on.", race.slug)

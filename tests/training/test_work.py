@@ -128,3 +128,16 @@ def test_the_trainer_gets_to_know_what_was_asked_for_and_nothing_of_the_racer(jo
     told = spec_of(job, 12.0).to_dict()
     assert (told["seconds_before"], told["stop_seconds"], told["seed"]) == (12.0, 600.0, 0)
     assert "alice" not in str(told)
+
+
+def test_a_submission_that_fails_through_us_is_told_and_the_model_is_kept(alice, oval, now, trainer, monkeypatch):
+    def broken(**_):
+        raise RuntimeError("the disk is full")
+
+    monkeypatch.setattr("training.services.results.submit_model", broken)
+    job = a_training(alice, oval, now, submit_to_race=a_race(now, track=oval))
+    trainer.networks = [network(job, 1)] * 2
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    assert (job.state, job.submit_reason_code) == (JobState.FINISHED, "submit_failed")
+    assert job.best_model is not None

@@ -87,8 +87,9 @@ def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
             TrainingJob.objects.filter(pk=job.pk).update(submission=submission)
     except UserFault as fault:
         TrainingJob.objects.filter(pk=job.pk).update(submit_reason_code=fault.code, submit_reason_params=fault.params)
-    except Exception:
+    except Exception:  # the model is there all the same: its owner reads that we failed, and can send it by hand
         logger.exception("The model of training %s cannot be submitted.", job.public_id)
+        TrainingJob.objects.filter(pk=job.pk).update(submit_reason_code="submit_failed", submit_reason_params={})
 
 
 def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedModel:

@@ -143,7 +143,8 @@ class Cars(VecEnv):
         """Free the world."""
         self._env.close()
 
-    # What else stable-baselines3's class asks for; nothing here calls it.
+    # What else stable-baselines3's abstract class asks for. All cars live in one world, so there is no environment of
+    # a car's own to reach into: whoever tries learns it at once.
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         return [None] * self.num_envs
