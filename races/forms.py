@@ -18,7 +18,7 @@ from tracks.forms import add_fault
 from .course_form import DRAWN, FIXED, PROPOSALS, CourseForm
 from .errors import RaceRefused
 from .fields import MomentField, SecondsField
-from .models import Race, RaceState, RankingMethod, Visibility
+from .models import Race, RaceState, RaceType, RankingMethod, Visibility
 from .sensors import OFFERABLE
 from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
 
@@ -53,6 +53,7 @@ class RaceForm(CourseForm):
         label=_("Collision penalty in seconds"),
         min_value=0,
         max_value=60,
+        required=False,
         help_text=_("For running into a box, a bot or another car."),
     )
     max_resets = forms.IntegerField(
@@ -98,6 +99,7 @@ class RaceForm(CourseForm):
         A page shows no seconds: a moment that was not touched keeps its own.
         """
         cleaned = super().clean()
+        self._clean_collision_penalty(cleaned)
         zone = _zone(cleaned.pop("time_zone", ""))
         for name in ("opens_at", "closes_at"):
             typed = cleaned.get(name)
@@ -108,6 +110,15 @@ class RaceForm(CourseForm):
             untouched = stored is not None and stored.replace(second=0, microsecond=0) == typed
             cleaned[name] = stored if untouched else typed
         return cleaned
+
+    def _clean_collision_penalty(self, cleaned: dict[str, Any]) -> None:
+        """A time trial has nothing to run into, and its page does not send the field: what stood stands."""
+        name = "collision_penalty_ms"
+        if cleaned.get("race_type") == RaceType.TIME_TRIAL:
+            self.errors.pop(name, None)
+            cleaned[name] = None
+        if name not in self.errors and cleaned.get(name) is None:
+            cleaned[name] = getattr(self.race or Race(), name)
 
     def changes(self) -> dict[str, Any]:
         """What the form says, for the services; what may not change any more is left out."""

@@ -16,7 +16,7 @@ from tests.pages.conftest import World
 
 
 def form(now: datetime, **changes: object) -> dict[str, object]:
-    """A race form as a browser sends it."""
+    """A time trial's form as a browser sends it: without the fields of the other types, which stand disabled."""
     data: dict[str, object] = {
         "name": "Friday night",
         "description": "",
@@ -24,7 +24,6 @@ def form(now: datetime, **changes: object) -> dict[str, object]:
         "direction": "cw",
         "race_type": "time_trial",
         "sensors": ["FRONT_FACING_CAMERA"],
-        "collision_penalty_ms": "5",
         "opens_at": now.strftime("%Y-%m-%dT%H:%M"),
         "closes_at": (now + timedelta(days=3)).strftime("%Y-%m-%dT%H:%M"),
         "time_zone": "UTC",
@@ -160,9 +159,21 @@ def test_a_racer_makes_a_race_and_finds_it(world: World) -> None:
         2,
     )
     assert (race.off_track_penalty_ms, race.max_simulated_ms, race.max_submissions) == (2500, 120_000, 7)
+    assert race.collision_penalty_ms == Race().collision_penalty_ms
     html = client.get(response["Location"]).content.decode()
     assert "Off track: back on the lane after 2.5 s." in html
     assert "Friday night" in client.get("/races/").content.decode()
+
+
+def test_editing_a_time_trial_keeps_the_collision_penalty_that_its_page_does_not_show(world: World) -> None:
+    client, now = world.client("newcomer"), timezone.now().astimezone(UTC)
+    client.post("/races/new/", form(now + timedelta(hours=1)))
+    Race.objects.filter(name="Friday night").update(collision_penalty_ms=7000)
+    race = Race.objects.get(name="Friday night")
+    data = form(now + timedelta(hours=1), laps="5", collision_penalty_ms="no number")
+    assert client.post(f"/races/{race.slug}/edit/", data).status_code == 302
+    race.refresh_from_db()
+    assert (race.laps, race.collision_penalty_ms) == (5, 7000)
 
 
 def test_moments_are_read_in_the_time_zone_that_the_page_names(world: World) -> None:
