@@ -15,14 +15,14 @@ export ORT_DISABLE_TELEMETRY := 1
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-setup: system-run $(VENV)/.run ## virtual environment and dependencies
+setup: system-run $(VENV)/.run $(VENV)/.offered ## virtual environment and dependencies (TRAINING=no: none of training's)
 
 run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 	@exec $(BIN)/python manage.py run --host $(HOST) --port $(PORT)
 
-training: setup $(VENV)/.training ## what training models needs (torch without CUDA), for the next "make run"
+training: system-run $(VENV)/.training ## what training models needs, however large, for the next "make run"
 
-test: system-test $(VENV)/.test ## every test (PYTEST_ARGS= for more)
+test: system-test $(VENV)/.test $(VENV)/.offered ## every test (PYTEST_ARGS= for more)
 	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
 
 lint: $(VENV)/.test ## style, layering, migrations, translations
@@ -51,6 +51,11 @@ $(VENV)/bin/python:
 
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	@touch $@
+
+# Training comes with the rest where torch is small; once looked at, "make training" adds it
+$(VENV)/.offered: $(VENV)/.run
+	@$(BIN)/python scripts/offer_training.py
 	@touch $@
 
 # PyPI's torch carries gigabytes of CUDA: TORCH_INDEX= names an index with builds for the processor alone
