@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from inspect import signature
 
+import gymnasium
+import numpy as np
 import pytest
 
 from evaluation.packages.gate.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
 from evaluation.packages.gate.operators import OPERATORS
-from evaluation.packages.inputs import SENSOR_NAMES
+from evaluation.packages.inputs import CAMERAS, SENSOR_NAMES
 from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from evaluation.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
 from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
@@ -18,8 +20,8 @@ from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
 from evaluation.simulator.camera.theme import OFFICIAL
 from evaluation.simulator.car import Pose
 from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.envs import load_track
-from evaluation.simulator.envs.setting import head_to_head, object_avoidance, race_setting
+from evaluation.simulator.envs import DEFAULT_METADATA, load_track
+from evaluation.simulator.envs.setting import head_to_head, object_avoidance, race_setting, time_trial
 from evaluation.simulator.physics import PADDOCK_CAR
 from evaluation.simulator.rewards import Objects
 from evaluation.simulator.rules import RaceRules
@@ -63,7 +65,7 @@ def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
 
 
 def test_the_snippet_for_the_environment_names_its_arguments():
-    page = section(text("racers.md"), "## Practise on your own machine")
+    page = section(text("environments.md"), "## The three race types")
     arguments = {
         name for made_by in (race_setting, object_avoidance, head_to_head) for name in signature(made_by).parameters
     } - {"race_type", "objects", "options", "theme", "physics"}
@@ -93,15 +95,40 @@ def test_every_sensor_and_the_lidars_beams():
 
 
 def test_the_object_keys_of_a_reward_have_their_rows():
-    page = section(text("simulator.md"), "## Environments")
+    page = section(text("environments.md"), "## Rewards")
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
     keys = set(Objects(load_track("oval")).params(Pose(0.0, 0.0, 0.0), 0.0, []))
     assert set(re.findall(r"`(\w+)`", rows)) == keys | {"is_crashed"}
 
 
+def test_every_key_of_an_environments_info_has_its_row():
+    page = section(text("environments.md"), "## Info")
+    rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
+    env = gymnasium.make("Paddock/TimeTrial-v1", max_simulated_ms=100)
+    _, first = env.reset(seed=1)
+    last: dict = {}
+    while "end_reason" not in last:
+        last = env.step(0)[-1]
+    env.close()
+    assert set(re.findall(r"`(\w+)`", rows)) == set(first) | set(last)
+
+
+@pytest.mark.parametrize("name", SENSOR_NAMES)
+def test_every_sensor_has_the_space_that_its_environment_has(name):
+    page = section(text("environments.md"), "## Observations")
+    (said,) = re.findall(rf"^\| .*`{name}`.* \| `Box\(([^,]+), ([^,]+), \((.+?),?\), (\w+)\)`", page, re.M)
+    setting = time_trial(metadata={**DEFAULT_METADATA, "sensor": [name] if name in CAMERAS else [name, "observation"]})
+    space = setting.observation_space[name]
+    low, high, shape, dtype = said
+    assert (np.float32(low), np.float32(high), dtype) == (space.low.min(), space.high.max(), space.dtype)
+    config = setting.metadata.lidar_config
+    size = shape.replace("sectors × values", str(config["num_sectors"] * config["num_values_per_sector"]))
+    assert tuple(int(part) for part in size.split(", ")) == space.shape
+
+
 @pytest.mark.slow
 def test_the_snippet_for_the_environment_runs():
-    snippets = [block for block in code_blocks(text("racers.md"), "python") if "gymnasium" in block]
+    snippets = [block for block in code_blocks(text("environments.md"), "python")]
     names: dict = {}
     for snippet in snippets:
         exec(snippet, names)
