@@ -71,6 +71,15 @@ _USER = table(
             "The training needed more than the %(limit_mb)s MB of memory that it may use. Keep less in the reward "
             "function from step to step."
         ),
+        "training_diverged": _(
+            "The training lost its way: the numbers of its network grew beyond all bounds. Choose a smaller learning "
+            "rate, smaller rewards, a discount factor below 1 or the Huber loss. What it had learned before is kept."
+        ),
+        "training_broke_down": _(
+            "The training broke down %(attempts)s times, outside of the lines of your reward function (%(how)s). A "
+            "function that changes anything but its own values does that. Try one of the examples instead of it; if "
+            "that breaks down as well, tell whoever operates this site."
+        ),
         "training_over": _("This training is over."),
     },
 )
@@ -83,6 +92,7 @@ _PLATFORM = table(
         ),
         "training_paused": _("No trainings are taken on at the moment: whoever operates this site has paused them."),
         "trainer_died": _("The training ended unexpectedly (%(how)s). It will go on from its last checkpoint."),
+        "trainer_lost": _("The worker that trained disappeared. The training goes on from its last checkpoint."),
         "trainer_protocol": _("The training sent something unreadable. It will go on from its last checkpoint."),
         "trainer_error": _("The training failed (%(detail)s). It will go on from its last checkpoint."),
         "training_gave_up": _(

@@ -11,7 +11,14 @@ from django.core.files.storage import default_storage
 from faults import PlatformFault, UserFault
 from tests.training.jobs import a_training
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
-from training.selectors import can_see_training, can_stop_training, training_queue_position, visible_trainings
+from training.rewards.examples import DEFAULT
+from training.selectors import (
+    can_see_training,
+    can_stop_training,
+    minutes_used,
+    training_queue_position,
+    visible_trainings,
+)
 from training.services import (
     beat,
     claim_next_training,
@@ -22,11 +29,12 @@ from training.services import (
     stop_training,
     sweep_trainings,
 )
-from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT
+from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT, networks_of
 from training.trainer.client import Iteration, SavedState
 
 from .test_listening import GOOD
 
+NETWORKS = (b"best", b"last")
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
 
 
@@ -76,7 +84,7 @@ def test_whoever_lost_the_lease_changes_nothing(held, now):
     other = uuid.uuid4()
     assert not beat(job_id=held.pk, lease=other, progress={"seconds": 99.0}, now=now).held
     assert not record_iteration(job=held, lease=other, iteration=an_iteration(1), now=now)
-    assert not keep_checkpoint(job=held, lease=other, saved=saved(1), now=now)
+    assert not keep_checkpoint(job=held, lease=other, saved=saved(1), networks=NETWORKS, now=now)
     assert not fail_training(job_id=held.pk, lease=other, fault=UserFault("training_over"), now=now)
     assert not release_training(job_id=held.pk, lease=other, now=now)
     held.refresh_from_db()
@@ -114,6 +122,41 @@ def test_a_worker_that_is_told_to_end_hands_it_back_without_an_attempt(held, now
     assert (held.state, held.attempt) == (JobState.QUEUED, 0)
 
 
+class TestAFunctionThatBreaksTheTrainer:
+    """From inside of its process a function can bring about what looks like our fault. Not without end, not for
+    nothing, and not in our name."""
+
+    @pytest.mark.parametrize(
+        "fault", [PlatformFault("trainer_error", detail="TypeError: x"), PlatformFault("trainer_died", how="signal 9")]
+    )
+    def test_is_the_racers_fault_in_the_end(self, held, now, settings, fault):
+        settings.EVALUATION_MAX_ATTEMPTS = 2
+        assert fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
+        again = claim_next_training(worker="w", now=now)
+        TrainingJob.objects.filter(pk=again.pk).update(seconds_done=120.0)
+        assert fail_training(job_id=again.pk, lease=again.lease, fault=fault, now=now)
+        held.refresh_from_db()
+        assert (held.state, held.reason_code, held.attempt) == (JobState.FAILED, "training_broke_down", 2)
+        assert "example" in held.reason and "%(" not in held.reason
+        assert minutes_used(held.owner, now) == 2.0, "or it would train for nothing"
+        assert claim_next_training(worker="w", now=now) is None
+
+    def test_is_ours_where_the_function_is_ours(self, alice, oval, now, settings):
+        settings.EVALUATION_MAX_ATTEMPTS = 1
+        a_training(alice, oval, now, reward_code=DEFAULT.code)
+        job = claim_next_training(worker="w", now=now)
+        fail_training(job_id=job.pk, lease=job.lease, fault=PlatformFault("trainer_error", detail="x"), now=now)
+        job.refresh_from_db()
+        assert job.reason_code == "training_gave_up"
+
+    @pytest.mark.parametrize("code", ["storage_failed", "internal_error", "host_overloaded", "sandbox_failed"])
+    def test_is_not_to_blame_for_the_host(self, held, now, settings, code):
+        settings.EVALUATION_MAX_ATTEMPTS = 1
+        fail_training(job_id=held.pk, lease=held.lease, fault=PlatformFault(code), now=now)
+        held.refresh_from_db()
+        assert held.reason_code == "training_gave_up"
+
+
 def test_our_faults_are_written_down_for_operators_only(held, now):
     fault = PlatformFault("trainer_error", detail="x")
     fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now, detail="Traceback")
@@ -125,9 +168,12 @@ def test_our_faults_are_written_down_for_operators_only(held, now):
 
 def test_checkpoints_are_kept_in_bounds_with_their_files(held, now):
     for number in range(1, 6):
-        assert keep_checkpoint(job=held, lease=held.lease, saved=saved(number), now=now)
+        assert keep_checkpoint(job=held, lease=held.lease, saved=saved(number), networks=NETWORKS, now=now)
     assert [one.iteration for one in Checkpoint.objects.all()] == [5, 4]
-    assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == CHECKPOINTS_KEPT
+    assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2 * CHECKPOINTS_KEPT
+    assert networks_of(Checkpoint.objects.first()) == NETWORKS
+    fail_training(job_id=held.pk, lease=held.lease, fault=UserFault("training_over"), now=now)
+    assert not Checkpoint.objects.exists()
 
 
 def test_a_training_that_goes_on_writes_over_what_came_after_its_checkpoint(held, now):
@@ -155,7 +201,7 @@ def test_old_sim_traces_are_cleared_away(held, now, monkeypatch):
 
 
 def test_one_that_waits_to_go_on_from_a_checkpoint_is_stopped_by_its_worker(held, now):
-    keep_checkpoint(job=held, lease=held.lease, saved=saved(1), now=now)
+    keep_checkpoint(job=held, lease=held.lease, saved=saved(1), networks=NETWORKS, now=now)
     release_training(job_id=held.pk, lease=held.lease, now=now)
     assert stop_training(job=held, now=now)
     assert (held.state, held.stop_asked_at) == (JobState.QUEUED, now)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import gzip
 import json
 import math
 import os
+import threading
 import time
 from typing import Any
 
 import pytest
 
-from evaluation.sandbox.frames import write_frame, write_message
+from evaluation.sandbox.frames import FrameError, write_frame, write_message
+from evaluation.simulator.trace import COLUMNS
 from faults import PaddockError, PlatformFault, UserFault
 from training.trainer import client
 from training.trainer.client import Listener, train
@@ -49,6 +53,7 @@ class FakeProcess:
         self.status: int | None = 0
         self.cpu, self.wants = 0.0, False
         self.inner_pid: int | None = None
+        self._speaker: threading.Thread | None = None
 
     def __enter__(self) -> FakeProcess:
         return self
@@ -56,8 +61,24 @@ class FakeProcess:
     def __exit__(self, *_: object) -> None:
         for fd in (self.stdout, self.stdin, self._their_in):
             os.close(fd)
+        if self._speaker is not None:
+            self._speaker.join(5)
         if self.says is not None:
             os.close(self.says)
+
+    def say(self, *frames: bytes) -> None:
+        """Write frames; more than the pipe takes at once, in a thread."""
+        if sum(map(len, frames)) < 32_000:
+            for frame in frames:
+                write_frame(self.says, frame)
+        else:
+            self._speaker = threading.Thread(target=self._speak, args=(frames,), daemon=True)
+            self._speaker.start()
+
+    def _speak(self, frames: tuple[bytes, ...]) -> None:
+        with contextlib.suppress(OSError, FrameError):
+            for frame in frames:
+                write_frame(self.says, frame)
 
     def ends(self, status: int) -> None:
         os.close(self.says)
@@ -79,6 +100,10 @@ class FakeProcess:
 class Ear(Listener):
     def __init__(self) -> None:
         self.heard: list[Any] = []
+        self.saved: list[Any] = []
+
+    def checkpoint(self, state) -> None:
+        self.saved.append(state)
 
     def iteration(self, iteration) -> None:
         self.heard.append(iteration)
@@ -99,7 +124,7 @@ def spec(**changes: Any) -> TrainerSpec:
 def hear(monkeypatch):
     """Run the client against a process that does what ``script`` says."""
 
-    def run(script, **changes: Any) -> tuple[Any, Ear]:
+    def run(script, stop=lambda: False, **changes: Any) -> tuple[Any, Ear]:
         def launch(module, *, limits, arguments, level, random):
             process = FakeProcess(limits)
             write_message(process.says, {"ready": {}})
@@ -108,7 +133,7 @@ def hear(monkeypatch):
 
         monkeypatch.setattr(client, "launch", launch)
         ear = Ear()
-        return train(spec(**changes), ear), ear
+        return train(spec(**changes), ear, asked_to_stop=stop), ear
 
     return run
 
@@ -119,11 +144,11 @@ def fault_of(hear, script, **changes: Any) -> PaddockError:
     return raised.value
 
 
-def iterate(process: FakeProcess, changes: dict[str, Any] | None = None, network: bytes = b"onnx") -> None:
-    said = {"iteration": {**GOOD, **(changes or {})}, "driving": [[0.0, 0.0, 0.0, 1.0]], "blobs": [len(network), 0]}
-    write_frame(process.says, json.dumps(said).encode())
-    write_frame(process.says, network)
-    write_frame(process.says, b"")
+def iterate(
+    process: FakeProcess, changes: dict[str, Any] | None = None, network: bytes = b"onnx", trace: bytes = b""
+) -> None:
+    said = {"iteration": {**GOOD, **(changes or {})}, "driving": [[0.0, 0.0, 0.0, 1.0]]}
+    process.say(json.dumps({**said, "blobs": [len(network), len(trace)]}).encode(), network, trace)
 
 
 def test_a_good_iteration_and_a_good_end(hear):
@@ -155,33 +180,161 @@ def test_a_good_iteration_and_a_good_end(hear):
     ],
 )
 def test_an_iteration_of_another_form_ends_the_attempt(hear, changes):
-    assert fault_of(hear, lambda process: iterate(process, changes)).code == "trainer_protocol"
+    assert fault_of(hear, lambda process: iterate(process, changes)).code == "reward_stuck"
 
 
 def test_numbers_that_are_not_finite_are_no_numbers(hear):
-    assert fault_of(hear, lambda process: iterate(process, {"eval_reward": math.nan})).code == "trainer_protocol"
+    assert fault_of(hear, lambda process: iterate(process, {"eval_reward": math.nan})).code == "reward_stuck"
+
+
+def test_without_a_strangers_function_nonsense_is_our_fault(hear):
+    assert fault_of(hear, lambda process: iterate(process, {"number": 0}), reward_code="").code == "trainer_protocol"
 
 
 def test_what_is_out_of_range_is_cut_off(hear):
     def script(process):
         iterate(process, {"eval_progress": 400.0, "eval_clean_laps": 99, "eval_trials": GOOD["eval_trials"] * 50})
-        write_message(process.says, {"done": "fame", "steps": 1, "seconds": 1.0}, [b""])
+        write_message(process.says, {"done": "time", "steps": 1, "seconds": 1.0}, [b"zip"])
 
-    ended, ear = hear(script)
+    _, ear = hear(script)
     values = ear.heard[0].values
     assert (values["eval_progress"], values["eval_clean_laps"], len(values["eval_trials"])) == (100.0, 10, 10)
-    assert ended.why == "time"
+
+
+@pytest.mark.parametrize(
+    ("done", "zipped"),
+    [
+        ({"done": "fame", "steps": 1}, b"zip"),
+        ({"done": "time", "steps": 0}, b"zip"),
+        ({"done": "time", "steps": -1}, b"zip"),
+        ({"done": "time"}, b"zip"),
+        ({"done": "time", "steps": 1}, b""),
+    ],
+)
+def test_an_end_of_another_form_is_none(hear, done, zipped):
+    def script(process):
+        iterate(process)
+        write_message(process.says, done, [zipped])
+
+    assert fault_of(hear, script).code == "reward_stuck"
+
+
+def test_an_end_without_a_network_is_none(hear):
+    def script(process):
+        write_message(process.says, {"done": "time", "steps": 1}, [b"zip"])
+
+    assert fault_of(hear, script).code == "reward_stuck"
+
+
+def test_iterations_come_one_after_the_other(hear):
+    def script(process):
+        iterate(process, {"number": 7})  # of a training that goes on
+        iterate(process, {"number": 9})
+
+    assert fault_of(hear, script).code == "reward_stuck"
+
+
+def test_more_iterations_than_a_training_makes_are_a_flood(hear, monkeypatch):
+    monkeypatch.setattr(client, "_ITERATIONS", 3)
+
+    def script(process):
+        for number in range(1, 5):
+            iterate(process, {"number": number})
+
+    assert fault_of(hear, script).code == "reward_stuck"
+
+
+def test_more_checkpoints_than_a_training_saves_are_a_flood(hear):
+    def script(process):
+        iterate(process)
+        for _ in range(4):
+            write_message(process.says, {"checkpoint": {"iteration": 1, "steps": 1, "seconds": 1.0}}, [b"state"])
+
+    assert fault_of(hear, script).code == "reward_stuck"
+
+
+def test_a_checkpoint_of_another_iteration_is_none(hear):
+    def script(process):
+        iterate(process)
+        write_message(process.says, {"checkpoint": {"iteration": 9, "steps": 1, "seconds": 1.0}}, [b"state"])
+
+    assert fault_of(hear, script).code == "reward_stuck"
+
+
+class TestSimTraces:
+    CSV = (",".join(COLUMNS) + "\n").encode()
+
+    @pytest.mark.parametrize(
+        "trace",
+        [
+            b"no gzip",
+            gzip.compress(b"name,of,another\n"),
+            gzip.compress(CSV + bytes(8_000_000)),
+            gzip.compress(CSV) + gzip.compress(bytes(100)),
+            gzip.compress(CSV)[:-4],
+            gzip.compress(CSV + os.urandom(3_000_000), 0),
+        ],
+        ids=["text", "another table", "bomb", "two files", "cut off", "too large"],
+    )
+    def test_what_would_unpack_to_something_else_is_refused(self, hear, trace):
+        assert fault_of(hear, lambda process: iterate(process, trace=trace)).code == "reward_stuck"
+
+    def test_one_of_ours_goes_on(self, hear):
+        packed = gzip.compress(self.CSV + b"1,2\n")
+
+        def script(process):
+            iterate(process, trace=packed)
+            write_message(process.says, {"done": "time", "steps": 1}, [b"zip"])
+
+        _, ear = hear(script)
+        assert ear.heard[0].simtrace == packed
+
+
+class TestTheClock:
+    """All seconds are measured outside: the function could stop the clock of its own process."""
+
+    def test_is_ours(self, hear):
+        def script(process):
+            iterate(process, {"seconds": 0.0})
+            write_message(process.says, {"checkpoint": {"iteration": 1, "steps": 1, "seconds": 0.0}}, [b"state"])
+            write_message(process.says, {"done": "time", "steps": 1, "seconds": 0.0}, [b"zip"])
+
+        ended, ear = hear(script, seconds_before=30.0)
+        assert 30.0 <= ear.heard[0].values["seconds"] <= ear.saved[0].seconds <= ended.seconds < 60.0
+
+    def test_ends_what_does_not_end_with_its_time(self, hear, monkeypatch):
+        monkeypatch.setattr(client, "_OVERTIME_S", 0.5)
+        ended, _ = hear(iterate, stop_seconds=0.5)
+        assert (ended.why, ended.sb3_zip) == ("time", b"")
+
+    def test_ends_what_does_not_stop_when_it_is_told_to(self, hear, monkeypatch):
+        monkeypatch.setattr(client, "_FINISH_S", 0.5)
+        ended, _ = hear(iterate, stop=lambda: True)
+        assert (ended.why, ended.sb3_zip) == ("stopped", b"")
+
+    def test_blames_what_ends_with_nothing(self, hear, monkeypatch):
+        monkeypatch.setattr(client, "_OVERTIME_S", 0.5)
+        assert fault_of(hear, lambda process: None, stop=lambda: True).code == "reward_stuck"
+
+
+def test_what_the_listener_raises_is_not_blamed_on_the_function(hear, monkeypatch):
+    def broken(self, iteration):
+        raise KeyError("a column of ours")
+
+    monkeypatch.setattr(Ear, "iteration", broken)
+    with pytest.raises(KeyError):
+        hear(iterate)
 
 
 def test_a_network_of_no_bytes_is_none(hear):
-    assert fault_of(hear, lambda process: iterate(process, network=b"")).code == "trainer_protocol"
+    assert fault_of(hear, lambda process: iterate(process, network=b"")).code == "reward_stuck"
 
 
 def test_a_huge_frame_is_not_read(hear):
     def script(process):
         os.write(process.says, (2**31).to_bytes(4, "little"))
 
-    assert fault_of(hear, script).code == "trainer_protocol"
+    assert fault_of(hear, script).code == "reward_stuck"
 
 
 @pytest.mark.parametrize("code", ["platform_gave_up", "no_such_code", None, "policy_died", ["x"]])
@@ -189,7 +342,7 @@ def test_it_can_only_blame_what_it_may(hear, code):
     def script(process):
         write_message(process.says, {"error": {"code": code, "params": {}}})
 
-    assert fault_of(hear, script).code == "trainer_protocol"
+    assert fault_of(hear, script).code == "reward_stuck"
 
 
 def test_its_own_faults_come_with_the_line(hear):
@@ -204,7 +357,15 @@ def test_its_own_faults_come_with_the_line(hear):
 
 
 @pytest.mark.parametrize(
-    ("status", "code"), [(72, "training_memory"), (0, "reward_stuck"), (-9, "trainer_died"), (73, "trainer_died")]
+    ("status", "code"),
+    [
+        (72, "training_memory"),
+        (0, "reward_stuck"),
+        (73, "reward_stuck"),
+        (-11, "reward_stuck"),
+        (-40, "reward_stuck"),
+        (-9, "trainer_died"),  # which it cannot send itself: the host is short of memory
+    ],
 )
 def test_why_it_died(hear, status, code):
     assert fault_of(hear, lambda process: process.ends(status)).code == code

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import onnx
 import pytest
+from django.core.files.storage import default_storage
 
 from evaluation.models import TrainedModel
 from faults import PlatformFault, UserFault
@@ -26,6 +28,13 @@ def network(job, seed: int) -> bytes:
     return to_onnx(layout, {name: rng.normal(0, 0.1, shape) for name, shape in layout.shapes.items()}, squash=False)
 
 
+def weights(onnx_bytes: bytes) -> list[bytes]:
+    """What a network weighs, however it is written down."""
+    return sorted(
+        one.raw_data or str(one.float_data).encode() for one in onnx.load_from_string(onnx_bytes).graph.initializer
+    )
+
+
 @pytest.fixture
 def trainer(monkeypatch):
     """In place of the walled process: two iterations, the first the best; then whatever ``at_the_end`` does."""
@@ -33,13 +42,20 @@ def trainer(monkeypatch):
     class Trainer:
         def __init__(self) -> None:
             self.starts: list[str] = []
+            self._turn = None
             self.at_the_end = lambda: Ended("time", 200, 2.0, b"zip")
 
+        def take_over(self, turn) -> None:
+            """The next time do this instead."""
+            self._turn = turn
+
         def __call__(self, spec, listener, *, start, blob, asked_to_stop, abandoned):
+            if self._turn is not None:
+                return self._turn(spec, listener)
             self.starts.append(start)
             listener.ready()
             first, second = an_iteration(1), an_iteration(2, is_best=False)
-            listener.iteration(type(first)(first.values, first.driving, self.networks[0], b""))
+            listener.iteration(type(first)(first.values, first.driving, self.networks[0], b"gz"))
             listener.checkpoint(SavedState(1, 100, 1.0, b"state"))
             listener.iteration(type(second)(second.values, second.driving, self.networks[1], b""))
             if abandoned():
@@ -96,6 +112,80 @@ def test_our_fault_sends_it_back_to_go_on(job, trainer):
     assert (job.state, job.attempt) == (JobState.QUEUED, 1)
     assert "trainer_died" in job.operator_detail
     assert not TrainedModel.objects.exists()
+
+
+def test_the_best_of_an_earlier_attempt_is_kept(job, trainer):
+    """The trainer goes on from its checkpoint and does not get better: the best is the one before it was cut off."""
+    assert run_next_training(worker="w", interrupted=lambda: True)
+    best, after = trainer.networks[0], network(job, 3)
+
+    def go_on(spec, listener, **_):
+        later = an_iteration(2, is_best=False)
+        listener.iteration(type(later)(later.values, later.driving, after, b""))
+        return Ended("time", 300, 3.0, b"zip")
+
+    trainer.take_over(go_on)
+    run_next_training(worker="v")
+    job.refresh_from_db()
+    assert job.state == JobState.FINISHED, job.log
+    with job.best_model.network.onnx.open() as kept, job.last_model.network.onnx.open() as last:
+        assert (weights(kept.read()), weights(last.read())) == (weights(best), weights(after))
+
+
+def test_a_training_that_gives_up_keeps_what_it_had_learned(job, trainer, settings):
+    settings.EVALUATION_MAX_ATTEMPTS = 1
+    trainer.at_the_end = fail(PlatformFault("trainer_error", detail="TypeError: x"))
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    assert (job.state, job.reason_code) == (JobState.FAILED, "training_broke_down")
+    assert job.best_model.name == "first"
+    assert "TypeError" in job.operator_detail
+    assert not Checkpoint.objects.exists()
+
+
+def test_one_that_had_to_be_cut_off_keeps_what_it_had_learned(job, trainer):
+    trainer.at_the_end = lambda: Ended("stopped", 200, 2.0, b"")
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    assert (job.state, job.best_model.name, bool(job.sb3_zip)) == (JobState.STOPPED, "first", False)
+
+
+class TestAFullDisk:
+    @pytest.fixture
+    def full(self, monkeypatch):
+        """Files of trainings cannot be written; ``full.ending`` says which."""
+        real = default_storage.save
+
+        class Full:
+            ending = ""
+
+            def __call__(self, name, content, **more):
+                if name.startswith("training/") and name.endswith(self.ending):
+                    raise OSError(28, "No space left on device")
+                return real(name, content, **more)
+
+        disk = Full()
+        monkeypatch.setattr(default_storage, "save", disk)
+        return disk
+
+    @pytest.mark.parametrize("ending", [".checkpoint", ".networks", ".csv.gz"])
+    def test_costs_a_training_no_more_than_what_it_could_not_keep(self, job, trainer, full, ending):
+        full.ending = ending
+        run_next_training(worker="w")
+        job.refresh_from_db()
+        assert (job.state, job.best_model.name) == (JobState.FINISHED, "first")
+        kept = default_storage.listdir("training/" + job.public_id)[1]
+        assert not [name for name in kept if name.endswith((".checkpoint", ".networks", ending))]
+
+    def test_at_the_very_end_is_our_fault_and_the_training_goes_on_from_its_checkpoint(self, job, trainer, full):
+        full.ending = ".zip"
+        run_next_training(worker="w")
+        job.refresh_from_db()
+        assert (job.state, job.attempt, job.lease) == (JobState.QUEUED, 1, None)
+        full.ending = ".none"
+        run_next_training(worker="w")
+        job.refresh_from_db()
+        assert (job.state, trainer.starts) == (JobState.FINISHED, ["", "checkpoint"])
 
 
 def test_a_racers_fault_ends_it_with_what_it_had_learned(job, trainer):

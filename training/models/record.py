@@ -54,13 +54,17 @@ class TrainingIteration(models.Model):
 
 
 class Checkpoint(models.Model):
-    """The learner's whole state after an iteration. The newest two of a running job are kept, none of an ended one."""
+    """The learner's whole state after an iteration. The newest two of a running job are kept, none of an ended one.
+
+    ``networks``: the policies of that moment as ONNX, the best and the last, for whoever goes on: a zip.
+    """
 
     job = models.ForeignKey(TrainingJob, models.CASCADE, related_name="checkpoints", verbose_name=_("training job"))
     iteration = models.PositiveIntegerField(_("iteration"))
     steps = models.PositiveIntegerField(_("steps so far"))
     seconds = models.FloatField(_("seconds so far"))
     file = models.FileField(_("state"), upload_to="training/")
+    networks = models.FileField(_("networks"), upload_to="training/", blank=True)
     created_at = models.DateTimeField(_("written"), default=timezone.now)
 
     class Meta:

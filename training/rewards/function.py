@@ -179,6 +179,12 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
+def fault_in(error: BaseException) -> UserFault | None:
+    """What an exception that came out of our own code means, if lines of the racer's are on its way: they put something
+    of theirs in the place of something of ours. None if there are none."""
+    return _fault(error, error.__traceback__, 1) if _lines(error.__traceback__) else None
+
+
 def _fault(error: BaseException, trace: TracebackType | None, otherwise: int) -> UserFault:
     """What an exception that came out of the racer's code means; ``otherwise``: the line, if none of it is known.
 

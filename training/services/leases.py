@@ -12,14 +12,18 @@ from django.db import transaction
 from django.db.models import F, QuerySet, Value
 from django.db.models.functions import Concat
 
-from faults import PaddockError, PlatformFault
+from faults import PaddockError, PlatformFault, UserFault
 
 from ..models import JobState, TrainingJob
+from ..rewards.examples import EXAMPLES
 from .bell import ring_training_bell
 
 logger = logging.getLogger(__name__)
 DETAIL_LIMIT = 4000
 BELLS_AT_ONCE = 4
+# What a process may die of that a stranger's code ran in; everything else is beyond that code's reach.
+_FROM_INSIDE = ("trainer_error", "trainer_died")
+_OUR_CODE = frozenset(example.code.strip() for example in EXAMPLES)
 
 
 def held(job_id: int, lease: uuid.UUID) -> QuerySet[TrainingJob]:
@@ -72,10 +76,23 @@ def fail_training(*, job_id: int, lease: uuid.UUID, fault: PaddockError, now: da
     """End an attempt that failed. False: the lease is gone.
 
     A user's fault is final at once. After a platform's fault the training waits to go on from its last checkpoint,
-    until ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``training_gave_up``.
+    until ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``training_gave_up``, or with the UserFault
+    ``training_broke_down`` where a reward function of the racer's own may have brought that about.
     """
     job = held(job_id, lease).first()
     return job is not None and _fail(held(job_id, lease), job, fault, now, detail)
+
+
+def last_word(job: TrainingJob, fault: PaddockError) -> PaddockError | None:
+    """What a training ends with after this fault of this attempt; None: it goes on from its last checkpoint."""
+    if not isinstance(fault, PlatformFault):
+        return fault
+    if job.attempt < settings.EVALUATION_MAX_ATTEMPTS:
+        return None
+    if fault.code in _FROM_INSIDE and job.reward_code.strip() not in _OUR_CODE:
+        how = fault.params.get("detail") or fault.params.get("how", "")
+        return UserFault("training_broke_down", attempts=job.attempt, how=how)
+    return PlatformFault("training_gave_up", attempts=job.attempt)
 
 
 def release_training(*, job_id: int, lease: uuid.UUID, now: datetime) -> bool:
@@ -95,7 +112,7 @@ def sweep_trainings(*, now: datetime, ring: bool = True) -> int:
     for job in TrainingJob.objects.filter(state=JobState.RUNNING, leased_until__lt=now).order_by("leased_until"):
         mine = held(job.pk, job.lease).filter(leased_until__lt=now)
         try:
-            _fail(mine, job, PlatformFault("trainer_died", how="its worker disappeared"), now, f"worker {job.worker}")
+            _fail(mine, job, PlatformFault("trainer_lost"), now, f"worker {job.worker}")
         except Exception:
             logger.exception("Training %s cannot be ended.", job.public_id)
     waiting = TrainingJob.objects.filter(state=JobState.QUEUED).count()
@@ -115,16 +132,14 @@ def _fail(mine: QuerySet[TrainingJob], job: TrainingJob, fault: PaddockError, no
         changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
     if ours:
         logger.warning("Training %s, attempt %s: %s. %s", job.public_id, job.attempt, fault.code, detail)
-    if ours and job.attempt < settings.EVALUATION_MAX_ATTEMPTS:
+    final = last_word(job, fault)
+    if final is None:
         requeued = mine.update(state=JobState.QUEUED, started_at=None, progress={}, **changes)
         if requeued:
             ring_training_bell()
         return bool(requeued)
-    if ours:
-        code, params = "training_gave_up", {"attempts": job.attempt}
-    else:
-        code, params = fault.code, fault.params
-    failed = mine.update(state=JobState.FAILED, ended_at=now, reason_code=code, reason_params=params, **changes)
+    changes |= {"reason_code": final.code, "reason_params": final.params}
+    failed = mine.update(state=JobState.FAILED, ended_at=now, **changes)
     if failed:
         drop_checkpoints(job)
     return bool(failed)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import uuid
+import zipfile
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 from django.db import transaction
+from django.db.models import QuerySet
 
 from ..models import Checkpoint, TrainingIteration, TrainingJob
 from .leases import held
@@ -16,6 +20,7 @@ from .leases import held
 if TYPE_CHECKING:
     from ..trainer.client import Iteration, SavedState
 
+logger = logging.getLogger(__name__)
 SIMTRACES_KEPT = 100  # of a job; the newest
 CHECKPOINTS_KEPT = 2
 _LOG_LIMIT = 100_000
@@ -28,7 +33,10 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
     name = ""
     if iteration.simtrace:
         path = f"training/{job.public_id}/{lease.hex[:8]}-{number}-iteration.csv.gz"
-        name = default_storage.save(path, ContentFile(iteration.simtrace))
+        try:
+            name = default_storage.save(path, ContentFile(iteration.simtrace))
+        except Exception as error:  # whatever the storage raises: a training is worth more than a trace
+            logger.warning("A sim-trace of training %s cannot be stored: %s", job.public_id, error)
     old: list[str] = []
     try:
         with transaction.atomic():
@@ -54,35 +62,61 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
     return bool(mine)
 
 
-def keep_checkpoint(*, job: TrainingJob, lease: uuid.UUID, saved: SavedState, now: datetime) -> bool:
-    """Keep where the training can go on from, and the one before it. False: the lease is gone."""
-    path = f"training/{job.public_id}/{lease.hex[:8]}-{saved.iteration}.checkpoint"
-    name = default_storage.save(path, ContentFile(saved.state))
+def keep_checkpoint(
+    *, job: TrainingJob, lease: uuid.UUID, saved: SavedState, networks: tuple[bytes, bytes], now: datetime
+) -> bool:
+    """Keep where the training can go on from, with its best and last networks until then, and the one before it. False:
+    the lease is gone."""
+    path = f"training/{job.public_id}/{lease.hex[:8]}-{saved.iteration}"
+    names: list[str] = []
     old: list[str] = []
     try:
+        names.append(default_storage.save(f"{path}.checkpoint", ContentFile(saved.state)))
+        names.append(default_storage.save(f"{path}.networks", ContentFile(_packed(networks))))
         with transaction.atomic():
             mine = held(job.pk, lease).exists()
             if mine:
                 again = Checkpoint.objects.filter(job=job, iteration__gte=saved.iteration)
-                old += list(again.values_list("file", flat=True))
+                old += _files_of(again)
                 again.delete()
                 Checkpoint.objects.create(
                     job=job,
                     iteration=saved.iteration,
                     steps=saved.steps,
                     seconds=saved.seconds,
-                    file=name,
+                    file=names[0],
+                    networks=names[1],
                     created_at=now,
                 )
                 kept = Checkpoint.objects.filter(job=job).order_by("-iteration").values_list("pk", flat=True)
                 stale = Checkpoint.objects.filter(job=job).exclude(pk__in=list(kept[:CHECKPOINTS_KEPT]))
-                old += list(stale.values_list("file", flat=True))
+                old += _files_of(stale)
                 stale.delete()
     except BaseException:
-        delete_stored([name])
+        delete_stored(names)
         raise
-    delete_stored(old if mine else [name])
+    delete_stored(old if mine else names)
     return mine
+
+
+def networks_of(checkpoint: Checkpoint) -> tuple[bytes, bytes]:
+    """The best and the last network that :func:`keep_checkpoint` kept; ``b""`` each where there are none."""
+    if not checkpoint.networks:
+        return b"", b""
+    with checkpoint.networks.open("rb") as file, zipfile.ZipFile(file) as archive:
+        return archive.read("best"), archive.read("last")
+
+
+def _packed(networks: tuple[bytes, bytes]) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, network in zip(("best", "last"), networks, strict=True):
+            archive.writestr(name, network)
+    return file.getvalue()
+
+
+def _files_of(checkpoints: QuerySet[Checkpoint]) -> list[str]:
+    return [name for names in checkpoints.values_list("file", "networks") for name in names if name]
 
 
 def append_log(*, job_id: int, line: str, now: datetime) -> None:
@@ -95,8 +129,9 @@ def append_log(*, job_id: int, line: str, now: datetime) -> None:
 
 def drop_checkpoints(job: TrainingJob) -> None:
     """Remove what an ended training does not need any more."""
-    names = list(Checkpoint.objects.filter(job=job).values_list("file", flat=True))
-    Checkpoint.objects.filter(job=job).delete()
+    mine = Checkpoint.objects.filter(job=job)
+    names = _files_of(mine)
+    mine.delete()
     transaction.on_commit(lambda: delete_stored(names), robust=True)
 
 

@@ -11,6 +11,8 @@ from datetime import datetime
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 from django.db import transaction
+from django.db.models import Value
+from django.db.models.functions import Concat
 
 from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart
@@ -20,7 +22,7 @@ from races.services import submit_model
 
 from ..models import JobState, TrainingJob
 from ..trainer.client import Ended
-from .leases import held
+from .leases import DETAIL_LIMIT, held
 from .records import delete_stored, drop_checkpoints
 
 logger = logging.getLogger(__name__)
@@ -45,23 +47,26 @@ def finish_training(
     ended: Ended | None,
     models: tuple[TrainedModel, TrainedModel],
     fault: PaddockError | None = None,
+    detail: str = "",
     now: datetime,
 ) -> bool:
     """Write how a training ended that leaves models, once, and submit the best to the race that was chosen. False: the
     lease is gone.
 
-    ``ended=None``: it was stopped, and its process did not answer any more. ``fault``: what ended it early; what it
-    had learned until then is kept.
+    ``fault`` (and no ``ended``): what ended it early; what it had learned until then is kept. ``detail``: what
+    operators read of it.
     """
     name = ""
-    if ended is not None:
+    if ended is not None and ended.sb3_zip:
         path = f"training/{job.public_id}/{lease.hex[:8]}-sb3.zip"
         name = default_storage.save(path, ContentFile(ended.sb3_zip))
     best, last = models
     changes: dict = {"state": JobState.FINISHED}
     if fault is not None:
         changes = {"state": JobState.FAILED, "reason_code": fault.code, "reason_params": fault.params}
-    elif ended is None or ended.why == "stopped":
+        if detail:
+            changes["operator_detail"] = Concat("operator_detail", Value(f"{detail.strip()[-DETAIL_LIMIT:]}\n"))
+    elif ended is not None and ended.why == "stopped":
         changes = {"state": JobState.STOPPED}
     if ended is not None:
         changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}

@@ -21,8 +21,8 @@ from ..models import Checkpoint, TrainingJob
 from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
 from ..trainer.spec import TrainerSpec
 from .create import course_of
-from .leases import beat, claim_next_training, fail_training, held, release_training
-from .records import append_log, keep_checkpoint, record_iteration
+from .leases import beat, claim_next_training, fail_training, held, last_word, release_training
+from .records import append_log, keep_checkpoint, networks_of, record_iteration
 from .results import admit_networks, finish_training
 
 logger = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class _Turn(Listener):
 
     def take(self) -> str:
         """Run it. How it ended, for our log."""
-        job, ended, fault = self._job, None, None
+        job, ended, final = self._job, None, None
         detail = ""
         try:
             ended = self._train()
@@ -88,18 +88,22 @@ class _Turn(Listener):
                 release_training(job_id=job.pk, lease=self._lease, now=timezone.now())
                 return "handed back"
             fault, detail = _fault_of(error)
-            if isinstance(fault, PlatformFault) or not self._best:
+            final = last_word(job, fault)
+            if final is None or not self._best:
                 return self._fail(fault, detail)
         try:
             models = self._admitted()
+            if final is not None:
+                self._log(f"ended early: {final}")
+            else:
+                self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
+            now = timezone.now()
+            done = finish_training(
+                job=job, lease=self._lease, ended=ended, models=models, fault=final, detail=detail, now=now
+            )
         except Exception as error:
             return self._fail(*_fault_of(error))
-        if fault is not None:
-            self._log(f"ended early: {fault}")
-        else:
-            self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
-        done = finish_training(job=job, lease=self._lease, ended=ended, models=models, fault=fault, now=timezone.now())
-        return ("failed" if fault else "finished") if done else "was given to somebody else"
+        return ("failed" if final else "finished") if done else "was given to somebody else"
 
     def _train(self) -> Ended:
         job = self._job
@@ -107,6 +111,7 @@ class _Turn(Listener):
         checkpoint = Checkpoint.objects.filter(job=job).order_by("-iteration").first()
         if checkpoint is not None:
             start, blob, seconds_before = CHECKPOINT, _read(checkpoint.file), checkpoint.seconds
+            self._best, self._last = networks_of(checkpoint)
             self._log(f"goes on from its checkpoint after iteration {checkpoint.iteration}")
         elif job.cloned_from is not None:
             start, blob = WEIGHTS, _read(job.cloned_from.network.onnx)
@@ -147,7 +152,11 @@ class _Turn(Listener):
         )
 
     def checkpoint(self, state: SavedState) -> None:
-        keep_checkpoint(job=self._job, lease=self._lease, saved=state, now=timezone.now())
+        networks = (self._best or self._last, self._last)
+        try:
+            keep_checkpoint(job=self._job, lease=self._lease, saved=state, networks=networks, now=timezone.now())
+        except Exception as error:  # a full disk is no reason to end what may have room again when it is over
+            logger.warning("A checkpoint of training %s cannot be kept: %s", self._job.public_id, error)
 
     def _admitted(self) -> tuple[TrainedModel, TrainedModel]:
         """The models; a garage that others keep busy is asked again."""

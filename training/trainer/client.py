@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
 import select
+import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from evaluation.sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import TRAINER
 from evaluation.sandbox.lock import EXIT_MEMORY
-from evaluation.simulator.trace import LABELS
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from faults.reasons import REASONS
 from faults.reasons.training import REWARD_REASONS
@@ -22,6 +22,7 @@ from faults.reasons.training import REWARD_REASONS
 from ..rewards.ask import line_of
 from ..rewards.modules import wanted_modules
 from ..rewards.watch import line_in
+from .messages import GREATEST, Ended, Iteration, SavedState, iteration_of, whole
 from .spec import TrainerSpec
 
 MODULE = "training.trainer.process"
@@ -31,44 +32,13 @@ _START_S = 120.0  # imports take 1.5 s of processor time; this host may be busy
 _MESSAGE_S = 30.0
 _SILENCE_S = 60.0  # the process tells of itself every second or so
 _PATIENCE_S = 600.0  # with a process that hardly gets the processor
-_FINISH_S = 60.0
+_FINISH_S = 120.0  # to end in good order: the update and the look at the car that are under way
+_OVERTIME_S = 600.0  # the same on a busy host, or before there is anything to keep
 _STOP_EVERY_S = 0.25
 _JSON_LIMIT = 1024 * 1024
 _BLOB_LIMIT = 48 * 1024 * 1024
-_NETWORK_LIMIT = 16 * 1024 * 1024
-_EPISODES, _TRIALS, _PLACES = 200, 10, 400
-_GREATEST = 1e12
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One look at the car: see ``training.models.TrainingIteration`` for the names. ``driving``: [[x, y, yaw, speed],
-    ...]; ``onnx``: the policy as it is; ``simtrace``: a gzipped CSV or nothing."""
-
-    values: dict[str, Any]
-    driving: list[list[float]]
-    onnx: bytes
-    simtrace: bytes
-
-
-@dataclass(frozen=True)
-class SavedState:
-    """A checkpoint: bytes that only the trainer reads again."""
-
-    iteration: int
-    steps: int
-    seconds: float
-    state: bytes
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a training ended by itself: ``why`` is clean_laps, time, steps or stopped."""
-
-    why: str
-    steps: int
-    seconds: float
-    sb3_zip: bytes
+_ITERATIONS = 2_000  # of one attempt; a day of the shortest updates makes 900
+_CHECKPOINT_EVERY_S = 5.0  # on the average; the trainer saves half as often
 
 
 class Listener:
@@ -103,10 +73,13 @@ def train(
     :attr:`SavedState.state`) or nothing. ``asked_to_stop`` ends the training in good order, ``abandoned`` at once with
     UserFault("stopped"); both are asked about four times a second.
 
-    Raises UserFault (``reward_...``, ``clone_not_ours``, ``training_memory``) and PlatformFault (``trainer_...``,
-    ``sandbox_...``, ``host_overloaded``), with what the process wrote to stderr as a note.
+    All seconds that it tells of are measured here: the function could stop the clock of its own process. What does not
+    end in good order is cut off, see :class:`Ended`.
+
+    Raises UserFault (``reward_...``, ``clone_not_ours``, ``training_memory``, ``training_diverged``) and PlatformFault
+    (``trainer_...``, ``sandbox_...``, ``host_overloaded``), with what the process wrote to stderr as a note.
     """
-    wall = max(1.0, spec.stop_seconds - spec.seconds_before) + _START_S + _FINISH_S + _PATIENCE_S
+    wall = max(1.0, spec.stop_seconds - spec.seconds_before) + _START_S + _FINISH_S + _OVERTIME_S
     limits = replace(TRAINER, wall_s=wall)
     arguments = [json.dumps(spec.warmth), ",".join(wanted_modules(spec.reward_code))]
     with launch(MODULE, limits=limits, arguments=arguments, level=level, random=True) as process:
@@ -137,6 +110,8 @@ class _Run:
         self._asked_to_stop, self._abandoned = asked_to_stop, abandoned
         self._told_to_stop: float | None = None
         self._last, self._last_cpu = time.monotonic(), 0.0
+        self._began: float | None = None  # when it was handed the training, and with it the stranger's code
+        self._number = self._steps = self._iterations = self._checkpoints = 0
 
     def begin(self, start: str, blob: bytes) -> None:
         """Wait until the process is locked, and hand it the training."""
@@ -146,6 +121,7 @@ class _Run:
             raise PlatformFault("trainer_protocol")
         self._listener.ready()
         question = {"spec": self._spec.to_dict(), "start": start}
+        self._began = time.monotonic()
         try:
             write_message(self._process.stdin, question, [blob] if start else [], deadline)
         except FrameError:
@@ -160,6 +136,8 @@ class _Run:
             if self._abandoned():
                 raise UserFault("stopped")
             self._pass_on_stop()
+            if self._overdue():
+                return self._cut_off()
             if not poller.poll(_STOP_EVERY_S * 1000):
                 self._check_silence()
                 continue
@@ -169,39 +147,92 @@ class _Run:
                 return ended
             self._heard()
 
+    @property
+    def _seconds(self) -> float:
+        """Wall seconds of this training, with those of earlier attempts."""
+        return self._spec.seconds_before + (time.monotonic() - self._began if self._began is not None else 0.0)
+
     def _take(self, message: dict[str, Any], blobs: list[bytes]) -> Ended | None:
         try:
-            if "alive" in message:
-                about = message["alive"]
-                self._listener.alive(_whole(about["steps"]), _number(about["seconds"]))
-            elif "iteration" in message:
-                self._listener.iteration(_iteration(message, blobs))
-            elif "checkpoint" in message:
-                about, (state,) = message["checkpoint"], blobs
-                saved = SavedState(_whole(about["iteration"]), _whole(about["steps"]), _number(about["seconds"]), state)
-                self._listener.checkpoint(saved)
-            elif "done" in message:
-                (sb3_zip,) = blobs
-                why = message["done"] if message["done"] in ("clean_laps", "time", "steps", "stopped") else "time"
-                return Ended(why, _whole(message["steps"]), _number(message["seconds"]), sb3_zip)
-            elif "error" in message:
-                raise self._fault(message["error"])
-            else:
-                raise ValueError("no such message")
+            told = self._understood(message, blobs)
         except (KeyError, TypeError, ValueError, AttributeError):
-            raise PlatformFault("trainer_protocol") from None
+            raise self._unreadable() from None
+        if isinstance(told, Ended):
+            return told
+        told()  # what the listener raises is its own
         return None
+
+    def _understood(self, message: dict[str, Any], blobs: list[bytes]) -> Ended | Callable[[], None]:
+        """The end, or what the listener is to be told. Raises PaddockError, and ValueError and its like for what the
+        trainer never says."""
+        if "alive" in message:
+            self._steps = whole(message["alive"]["steps"])
+            return partial(self._listener.alive, self._steps, self._seconds)
+        if "iteration" in message:
+            return partial(self._listener.iteration, self._next_iteration(message, blobs))
+        if "checkpoint" in message:
+            return partial(self._listener.checkpoint, self._next_checkpoint(message["checkpoint"], blobs))
+        if "error" in message:
+            raise self._fault(message["error"])
+        why, (sb3_zip,) = message["done"], blobs
+        if not self._iterations or not sb3_zip or why not in ("clean_laps", "time", "steps", "stopped"):
+            raise ValueError("no end of a training")
+        return Ended(why, whole(message["steps"], 0 if why == "stopped" else 1), self._seconds, sb3_zip)
+
+    def _next_iteration(self, message: dict[str, Any], blobs: list[bytes]) -> Iteration:
+        iteration = iteration_of(message, blobs)
+        number = iteration.values["number"]
+        self._iterations += 1
+        if (self._number and number != self._number + 1) or self._iterations > _ITERATIONS:
+            raise ValueError("not the next iteration")
+        self._number, self._steps = number, iteration.values["steps"]
+        iteration.values["seconds"] = round(self._seconds, 3)
+        return iteration
+
+    def _next_checkpoint(self, about: dict[str, Any], blobs: list[bytes]) -> SavedState:
+        (state,) = blobs
+        self._checkpoints += 1
+        if about["iteration"] != self._number or self._checkpoints > 2 + self._seconds / _CHECKPOINT_EVERY_S:
+            raise ValueError("no checkpoint is due")
+        return SavedState(self._number, whole(about["steps"]), self._seconds, state)
+
+    def _overdue(self) -> bool:
+        """Whether it goes on although it should have ended long ago: what runs in there may not want to end."""
+        now = time.monotonic()
+        late = self._seconds - self._spec.stop_seconds - _OVERTIME_S
+        if self._told_to_stop is not None:
+            late = max(late, now - self._told_to_stop - (_FINISH_S if self._iterations else _OVERTIME_S))
+        return late > 0.0
+
+    def _cut_off(self) -> Ended:
+        """The end of a training that does not end: with what it has told of, if anything."""
+        if not self._iterations:
+            raise self._stuck("it did not end when it should")
+        return Ended("time" if self._told_to_stop is None else "stopped", self._steps, self._seconds, b"")
+
+    def _stuck(self, how: str) -> PaddockError:
+        """The process does what only a stranger's code can bring it to; our own default cannot."""
+        if not self._spec.reward_code or self._began is None:
+            return PlatformFault("trainer_died", how=how)
+        line = line_in(self._process.stderr_text())
+        return UserFault("reward_stuck", how=how, **({} if line is None else {"line": line}))
+
+    def _unreadable(self) -> PaddockError:
+        """It wrote what the trainer never writes."""
+        if not self._spec.reward_code or self._began is None:
+            return PlatformFault("trainer_protocol")
+        return UserFault("reward_stuck", how="it wrote into the pipe that is not its own")
 
     def _fault(self, said: Any) -> PaddockError:
         """The fault that the process reports, if it may report it: its own codes, short plain parameters."""
         code = said.get("code") if isinstance(said, dict) else None
-        known = (*REWARD_REASONS, "clone_not_ours", "trainer_error", "boxes_do_not_fit")
+        known = (*REWARD_REASONS, "clone_not_ours", "training_diverged", "trainer_error", "boxes_do_not_fit")
         if code not in known or code not in REASONS:
-            return PlatformFault("trainer_protocol")
+            return self._unreadable()
         params = {
             str(name)[:40]: value[:500] if isinstance(value, str) else value
             for name, value in dict(said.get("params") or {}).items()
-            if isinstance(value, str) or (type(value) in (int, float) and abs(value) <= _GREATEST)
+            if isinstance(value, str) or (type(value) in (int, float) and abs(value) <= GREATEST)
         }
         return fault_from_dict({"code": code, "params": params})
 
@@ -236,68 +267,22 @@ class _Run:
         except FrameClosed:
             raise self._death() from None
         except FrameError:
-            raise PlatformFault("trainer_protocol") from None
+            raise self._unreadable() from None
 
     def _death(self) -> PaddockError:
         """It ended without a word: of memory, by what the reward function did, or by somebody's signal."""
         status = self._process.wait(2.0)
         if status == EXIT_MEMORY:
             return UserFault("training_memory", limit_mb=self._process.limits.address_space_mb)
-        line = line_in(self._process.stderr_text()) if self._spec.reward_code else None
-        if line is not None:  # it crashed in the stranger's function
-            return UserFault("reward_stuck", how="it crashed", line=line)
-        if status is not None and 0 <= status < 70 and self._spec.reward_code:
-            return UserFault("reward_stuck", how=f"exit status {status}")
-        how = "still there" if status is None else f"signal {-status}" if status < 0 else f"exit status {status}"
-        return PlatformFault("trainer_died", how=how)
+        if status is None:
+            return self._stuck("it closed the pipe that is not its own")
+        if status in (-signal.SIGKILL, -signal.SIGTERM):  # which it cannot send itself: the host, short of memory
+            return PlatformFault("trainer_died", how=f"signal {-status}")
+        return self._stuck(f"exit status {status}" if status >= 0 else f"it crashed: {_signal_name(-status)}")
 
 
-def _iteration(message: dict[str, Any], blobs: list[bytes]) -> Iteration:
-    """What was said, if it has the form and the size of an iteration. Raises KeyError, TypeError, ValueError."""
-    said = message["iteration"]
-    onnx, simtrace = blobs
-    if not 0 < len(onnx) <= _NETWORK_LIMIT:
-        raise ValueError("no network")
-    values = {
-        "number": _whole(said["number"], 1),
-        "steps": _whole(said["steps"]),
-        "seconds": _number(said["seconds"]),
-        "steps_per_second": _number(said["steps_per_second"]),
-        "episodes": [_episode(one) for one in said["episodes"][:_EPISODES]],
-        "eval_trials": [_episode(one) for one in said["eval_trials"][:_TRIALS]],
-        "eval_progress": min(max(_number(said["eval_progress"]), 0.0), 100.0),
-        "eval_reward": _number(said["eval_reward"]),
-        "eval_lap_ms": None if said["eval_lap_ms"] is None else _whole(said["eval_lap_ms"]),
-        "eval_clean_laps": min(_whole(said["eval_clean_laps"]), _TRIALS),
-        "is_best": said["is_best"] is True,
-    }
-    for name in ("mean_reward", "mean_progress", "entropy", "policy_loss", "value_loss"):
-        values[name] = None if said[name] is None else _number(said[name])
-    driving = [[_number(value) for value in place[:4]] for place in message["driving"][:_PLACES]]
-    return Iteration(values, driving, onnx, simtrace)
-
-
-def _episode(said: dict[str, Any]) -> dict[str, Any]:
-    known = {
-        "reward": _number(said["reward"]),
-        "progress": min(max(_number(said["progress"]), 0.0), 100.0),
-        "status": said["status"] if said["status"] in LABELS.values() else LABELS["in_progress"],
-        "steps": _whole(said["steps"]),
-        "time_ms": _whole(said["time_ms"]),
-    }
-    for name in ("episode", "lap_ms"):
-        if name in said:
-            known[name] = None if said[name] is None else _whole(said[name])
-    return known
-
-
-def _number(value: Any) -> float:
-    if type(value) not in (int, float) or not math.isfinite(value) or abs(value) > _GREATEST:
-        raise ValueError("not a number")
-    return float(value)
-
-
-def _whole(value: Any, least: int = 0) -> int:
-    if type(value) is not int or not least <= value <= 2**31 - 1:
-        raise ValueError("not a whole number")
-    return value
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

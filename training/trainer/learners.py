@@ -220,6 +220,10 @@ class Learner:
         found["head"], found["head_bias"] = head.weight, head.bias
         return found
 
+    def is_finite(self) -> bool:
+        """Whether all weights are numbers still: too great a step, and they are none for ever."""
+        return all(bool(torch.isfinite(weights).all()) for weights in self.model.policy.parameters())
+
     def state(self) -> dict[str, Any]:
         """What :meth:`restore` needs to learn on: weights and the optimisers' memory, and how many steps were driven.
 

@@ -35,15 +35,16 @@ from stable_baselines3.common.callbacks import BaseCallback
 from evaluation.sandbox.frames import read_message, write_message
 from evaluation.simulator.rewards import RewardFunction, follow_centre_line
 from evaluation.simulator.world import make_ready
-from faults import PaddockError
+from faults import PaddockError, UserFault
 from tracks.geometry import TrackGeometry
-from training.rewards.function import load_rewards
+from training.rewards.function import fault_in, load_rewards
 from training.rewards.modules import preload
 from training.rewards.watch import arm
 
 from .cars import Cars
 from .judging import Judge
 from .learners import Learner
+from .messages import GREATEST
 from .network import Layout, from_onnx, to_onnx
 from .spec import CARS, TrainerSpec
 from .warm import warm_up
@@ -73,6 +74,10 @@ def main(frames_in: int, frames_out: int) -> None:
         write_message(frames_out, {"error": {"code": fault.code, "params": fault.params}})
     except Exception as error:
         traceback.print_exc()  # for operators, on stderr
+        theirs = fault_in(error)  # of theirs, put in the place of something of ours
+        if theirs is not None:
+            write_message(frames_out, {"error": {"code": theirs.code, "params": theirs.params}})
+            return
         detail = f"{type(error).__name__}: {error}"[:500]
         write_message(frames_out, {"error": {"code": "trainer_error", "params": {"detail": detail}}})
 
@@ -93,6 +98,7 @@ class Training:
         self._updates = 0
         self._best: tuple[float, ...] | None = None
         self._ended = ""
+        self._looked = False  # at the car, since this process began
         self._saved = self.began
         self._told_at, self._told_steps = self.began, 0
         self._pulse_at = self.began
@@ -127,18 +133,30 @@ class Training:
         """Drive, learn and look until something ends it."""
         learner = self._learner
         while learner.drive():
-            losses = learner.update()
+            losses = self._learn()
             self._updates += 1
             if self._updates - self._looked_at >= 1 + self._updates // EVERY_UPDATE or self._steps_are_up():
                 self._look(losses)
             if self._ended or not self._may_go_on():
                 break
-        if not self.number:
+        if not self._looked:
             self._look(None)  # stopped at once: what there is is a model all the same
         done = {"done": self._ended or TIME, "steps": learner.model.num_timesteps, "seconds": self.seconds}
         write_message(self._out, done, [learner.to_zip()])
         self._cars.close()
         self._judge.close()
+
+    def _learn(self) -> Any:
+        """One update. Raises UserFault ``training_diverged`` where the weights are no numbers any more."""
+        try:
+            losses = self._learner.update()
+        except ValueError:  # torch refuses to draw from what is no distribution
+            if self._learner.is_finite():
+                raise
+        else:
+            if self._learner.is_finite():
+                return losses
+        raise UserFault("training_diverged")
 
     def _may_go_on(self) -> bool:
         """Asked after each control step; writes down why not."""
@@ -172,6 +190,7 @@ class Training:
         if verdict.confirmed:
             self._ended = CLEAN
         self.number += 1
+        self._looked = True
         self._looked_at = self._updates
         episodes, simtrace = self._cars.harvest()
         now, steps = time.monotonic(), learner.model.num_timesteps
@@ -188,9 +207,9 @@ class Training:
             "eval_reward": round(verdict.reward, 4),
             "eval_lap_ms": verdict.lap_ms,
             "eval_clean_laps": verdict.clean_laps,
-            "entropy": losses and losses.entropy,
-            "policy_loss": losses and losses.policy,
-            "value_loss": losses and losses.value,
+            "entropy": losses and _told(losses.entropy),
+            "policy_loss": losses and _told(losses.policy),
+            "value_loss": losses and _told(losses.value),
             "is_best": best,
             "confirmed": verdict.confirmed,
         }
@@ -234,12 +253,15 @@ def reward_functions(code: str, count: int) -> list[RewardFunction]:
 
 
 def _weights(layout: Layout, onnx_bytes: bytes) -> dict[str, np.ndarray]:
-    from faults import UserFault
-
     try:
         return from_onnx(layout, onnx_bytes)
     except Exception as error:  # whatever the reader of the file meets
         raise UserFault("clone_not_ours") from error
+
+
+def _told(value: float) -> float | None:
+    """A loss as it can be told; the square of a great reward may be beyond it."""
+    return value if abs(value) <= GREATEST else None
 
 
 def _mean(episodes: list[dict[str, Any]], key: str) -> float | None:

@@ -1,0 +1,117 @@
+"""What the trainer's process may say, checked: sizes, types and ranges. No torch here."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+from evaluation.simulator.trace import COLUMNS, LABELS
+
+_NETWORK_LIMIT = 16 * 1024 * 1024
+_SIMTRACE_LIMIT, _CSV_LIMIT = 2 * 1024 * 1024, 4 * 1024 * 1024  # 6000 rows are 0.3 and 1.2 MB
+_EPISODES, _TRIALS, _PLACES = 200, 10, 400
+GREATEST = 1e12
+_HEADER = (",".join(COLUMNS) + "\n").encode()
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One look at the car: see ``training.models.TrainingIteration`` for the names. ``driving``: [[x, y, yaw, speed],
+    ...]; ``onnx``: the policy as it is; ``simtrace``: a gzipped CSV or nothing."""
+
+    values: dict[str, Any]
+    driving: list[list[float]]
+    onnx: bytes
+    simtrace: bytes
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """A checkpoint: bytes that only the trainer reads again."""
+
+    iteration: int
+    steps: int
+    seconds: float
+    state: bytes
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a training ended by itself: ``why`` is clean_laps, time, steps or stopped.
+
+    ``sb3_zip``: ``b""`` where it did not end although it was told to, or its time was up: it was cut off.
+    """
+
+    why: str
+    steps: int
+    seconds: float
+    sb3_zip: bytes
+
+
+def iteration_of(message: dict[str, Any], blobs: list[bytes]) -> Iteration:
+    """What was said, if it has the form and the size of an iteration. Raises KeyError, TypeError, ValueError."""
+    said = message["iteration"]
+    onnx, simtrace = blobs
+    if not 0 < len(onnx) <= _NETWORK_LIMIT:
+        raise ValueError("no network")
+    if simtrace and not _is_trace(simtrace):
+        raise ValueError("no sim-trace")
+    values = {
+        "number": whole(said["number"], 1),
+        "steps": whole(said["steps"]),
+        "seconds": number(said["seconds"]),
+        "steps_per_second": number(said["steps_per_second"]),
+        "episodes": [_episode(one) for one in said["episodes"][:_EPISODES]],
+        "eval_trials": [_episode(one) for one in said["eval_trials"][:_TRIALS]],
+        "eval_progress": min(max(number(said["eval_progress"]), 0.0), 100.0),
+        "eval_reward": number(said["eval_reward"]),
+        "eval_lap_ms": None if said["eval_lap_ms"] is None else whole(said["eval_lap_ms"]),
+        "eval_clean_laps": min(whole(said["eval_clean_laps"]), _TRIALS),
+        "is_best": said["is_best"] is True,
+    }
+    for name in ("mean_reward", "mean_progress", "entropy", "policy_loss", "value_loss"):
+        values[name] = None if said[name] is None else number(said[name])
+    driving = [[number(value) for value in place[:4]] for place in message["driving"][:_PLACES]]
+    return Iteration(values, driving, onnx, simtrace)
+
+
+def _is_trace(packed: bytes) -> bool:
+    """Whether it is a gzipped sim-trace of the size that ours have: it is unpacked again where it is downloaded."""
+    if len(packed) > _SIMTRACE_LIMIT:
+        return False
+    unpacking = zlib.decompressobj(wbits=31)  # gzip's form
+    try:
+        csv = unpacking.decompress(packed, _CSV_LIMIT)
+    except zlib.error:
+        return False
+    return unpacking.eof and not unpacking.unused_data and csv.startswith(_HEADER)
+
+
+def _episode(said: dict[str, Any]) -> dict[str, Any]:
+    known = {
+        "reward": number(said["reward"]),
+        "progress": min(max(number(said["progress"]), 0.0), 100.0),
+        "status": said["status"] if said["status"] in LABELS.values() else LABELS["in_progress"],
+        "steps": whole(said["steps"]),
+        "time_ms": whole(said["time_ms"]),
+    }
+    for name in ("episode", "lap_ms"):
+        if name in said:
+            known[name] = None if said[name] is None else whole(said[name])
+    return known
+
+
+def number(value: Any) -> float:
+    """A finite number of ordinary size. Raises ValueError."""
+    if type(value) not in (int, float) or not math.isfinite(value) or abs(value) > GREATEST:
+        raise ValueError("not a number")
+    return float(value)
+
+
+def whole(value: Any, least: int = 0) -> int:
+    """A whole number that the database takes. Raises ValueError."""
+    if type(value) is not int or not least <= value <= 2**31 - 1:
+        raise ValueError("not a whole number")
+    return value
