@@ -13,6 +13,7 @@ from django.utils.dates import MONTHS
 
 from faults import UserFault
 from races.models import Race
+from races.services.races import free_slug
 from tracks.models import Track
 
 from ..models import Season, Stage
@@ -129,7 +130,7 @@ def _race(
         stage=stage,
         month=month,
         now=now,
-        slug=f"{plan.slug}-championship" if whole else f"{plan.slug}-{one.month:02}-{word}",
+        slug=free_slug(f"{plan.slug}-championship" if whole else f"{plan.slug}-{one.month:02}-{word}"),
         name=f"{season.name} · {word}"[:64] if whole else f"{month} {word} · {track.name}"[:64],
         track=track,
         direction=one.direction,

@@ -14,7 +14,7 @@ from icalendar import Calendar
 
 from league.models import Racer, Round, Season, Stage
 from league.season_form import SeasonForm
-from league.services import close_due_rounds, close_round, disqualify
+from league.services import close_due_rounds, close_round, disqualify, open_demo_season
 from tests.factories import a_race, a_racer, a_track
 from tests.league.seasons import JANUARY, a_round, a_season, after, board, racers
 from tests.pages.test_pages import INLINE
@@ -98,6 +98,14 @@ class TestTheForm:
         assert final.opens_at == datetime(2028, 1, 18, 18, tzinfo=seoul) and season.ends_on == final.closes_at.date()
         assert season.drop_worst == 2 and season.prizes == "A mug"
         assert "37 races" in LogEntry.objects.get(user=admin).change_message
+
+    def test_it_works_as_proposed_beside_the_season_of_a_fresh_installation(self, set_clock):
+        now = datetime(2026, 11, 15, 12, tzinfo=UTC)
+        set_clock(now)
+        open_demo_season(now=now)
+        answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post("/seasons/new/", form_data(now))
+        assert answer.status_code == 302, answer.context["form"].errors
+        assert Season.objects.get(slug="2027").rounds.count() == 37
 
     def test_months_that_are_over_are_left_out(self, set_clock):
         now = datetime(2027, 10, 15, 12, tzinfo=UTC)
