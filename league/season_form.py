@@ -23,6 +23,7 @@ from tracks.models import Direction, Track
 
 from .calendars import zone_names
 from .models import Season, Stage, StageRules
+from .models.season import RESERVED_SLUGS
 from .services.template import MonthPlan, SeasonPlan
 
 STAGES = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
@@ -122,8 +123,9 @@ class SeasonForm(forms.Form):
             self._check(StageRules(stage=stage), {name: f"{stage.name.lower()}_{name}" for name in RULES}, cleaned)
         if not any(cleaned.get(f"open_{month}") for month in range(1, 13)):
             self.add_error(None, problem("season_without_races"))
-        if cleaned.get("slug") and Season.objects.filter(slug=cleaned["slug"]).exists():
-            self.add_error("slug", problem("season_exists", season=cleaned["slug"]))
+        slug = cleaned.get("slug")
+        if slug and (slug in RESERVED_SLUGS or Season.objects.filter(slug=slug).exists()):
+            self.add_error("slug", problem("season_exists", season=slug))
         return cleaned
 
     def plan(self) -> SeasonPlan:

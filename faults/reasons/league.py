@@ -20,7 +20,7 @@ REASONS = table(
         "season_without_races": _(
             "No month that is still to come has an open race. Choose a track for one, or a later year."
         ),
-        "season_exists": _("There is a season at %(season)s already. Choose another address."),
+        "season_exists": _("The address %(season)s is taken already. Choose another one."),
         # the rounds of a season
         "rounds_overlap": _(
             "%(race)s and %(other)s overlap: a division has one race at a time. Choose times that follow each other."
@@ -77,6 +77,10 @@ REASONS = table(
         "import_season_differs": _(
             "The season %(season)s was imported before from other files. A season is imported once; delete it to "
             "import it anew."
+        ),
+        "import_numbers_differ": _(
+            "The season %(season)s was imported before with another %(number)s. Leave the numbers out to see it as it "
+            "is, or delete it to import it anew."
         ),
         "import_season_exists": _("There is a season %(season)s here that was not imported. It stays as it is."),
         "export_folder_used": _("%(folder)s is not empty. Name a folder that is new or empty."),

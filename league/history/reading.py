@@ -114,8 +114,11 @@ def _refuse_ranks(file: str, results: Sequence[ResultRow]) -> None:
 def _refuse_files(folder: Path, rows: Sequence[RaceRow]) -> None:
     root, seen = folder.resolve(), set()
     for row in rows:
-        path = (folder / row.file).resolve()
-        if not path.is_relative_to(root):
+        try:
+            path = (folder / row.file).resolve()
+        except (OSError, RuntimeError):  # a link that leads to itself
+            path = None
+        if path is None or not path.is_relative_to(root):
             raise UserFault("import_path", row=row.row, file=row.file)
         if path in seen or path == root / INDEX:
             raise UserFault("import_file_twice", row=row.row, file=row.file)
@@ -182,7 +185,10 @@ def _cells(file: str, heading: list[str], table: list[list[str]]) -> Iterator[tu
 
 
 def _bytes(folder: Path, file: str) -> bytes:
+    path = folder / file
     try:
-        return (folder / file).read_bytes()
+        if path.is_file():  # not a pipe, which would be waited for
+            return path.read_bytes()
     except (OSError, ValueError):
-        raise UserFault("import_no_folder", file=str(folder / file)) from None
+        pass
+    raise UserFault("import_no_folder", file=str(path))

@@ -19,6 +19,8 @@ from races.models import ONE_LINE, Division, Kind, Race, RankingMethod
 DEFAULT_POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
 # The standings are worked out from all places with points whenever a page shows them.
 MOST_PLACES, MOST_POINTS = 200, 10_000
+# Addresses below /seasons/ that are other pages.
+RESERVED_SLUGS = frozenset({"new", "now"})
 
 
 def default_points() -> list[int]:
@@ -125,6 +127,8 @@ class Season(models.Model):
     def clean(self) -> None:
         """Refuse numbers that make no season, each on its field. Raises ValidationError of reason codes."""
         problems: dict[str, ValidationError] = {}
+        if self.slug in RESERVED_SLUGS:
+            problems["slug"] = problem("season_exists", season=self.slug)
         percent = self.promotion_percent
         if isinstance(percent, int | float | Decimal) and not 0 < percent < 100:
             problems["promotion_percent"] = problem("season_cut", percent=str(percent))

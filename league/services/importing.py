@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from django.core.exceptions import ValidationError
-from django.db import transaction
+from django.db import IntegrityError, transaction
 from django.utils.text import slugify
 
 from faults import UserFault
 from races.errors import RaceRefused
 from races.models import Entry, Kind, Opponents, Race, RaceType
 from races.ranking import LAST, NOT_CLASSIFIED
+from races.services.races import RESERVED_SLUGS as RACE_PAGES
 from races.services.standings import recompute_fastest
 from tracks.models import Direction, Track
 from tracks.services import free_slug as free_track_slug
@@ -29,7 +30,7 @@ from ..history import ReadRace, ReadSeason, ResultRow, read_folder
 from ..history.form import NO_SCORE
 from ..models import Racer, RecordedRace, RecordedResult, RecordedSeason, Round, Season
 from ..models.racer import ALIAS_VALIDATORS
-from ..models.season import DIVISION_OF, Stage
+from ..models.season import DIVISION_OF, RESERVED_SLUGS, Stage
 from .bulk import insert_rows
 from .closing import close_round
 from .seasons import create_season
@@ -44,12 +45,16 @@ def import_folder(*, folder: Path, now: datetime, season: str | None = None, **s
 
     ``settings``: the numbers of a season (``promotion_percent``, ``points`` and so on) that its rounds are worked out
     with. A season that was imported from the same files before is returned as it is. Raises UserFault("import_...") for
-    what is wrong in the files, "import_season_differs", "import_season_exists", or what contradicts itself in
-    ``settings``.
+    what is wrong in the files, "import_season_differs", "import_numbers_differ", "import_season_exists", or what
+    contradicts itself in ``settings``.
     """
     read = read_folder(folder, season)
-    with transaction.atomic():
-        return [_import_season(one, now, settings) for one in read]
+    try:
+        with transaction.atomic():
+            return [_import_season(one, now, settings) for one in read]
+    except IntegrityError:  # somebody imported the same at the same time: theirs is found now
+        with transaction.atomic():
+            return [_import_season(one, now, settings) for one in read]
 
 
 def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) -> Season:
@@ -57,6 +62,9 @@ def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) ->
     if known is not None:
         if known.digest != read.digest:
             raise UserFault("import_season_differs", season=read.label)
+        other = [name for name, value in settings.items() if getattr(known.season, name) != value]
+        if other:
+            raise UserFault("import_numbers_differ", season=read.label, number=other[0])
         return known.season
     season = _make_season(read, settings)
     RecordedSeason.objects.create(season=season, label=read.label, digest=read.digest, imported_at=now)
@@ -77,7 +85,7 @@ def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) ->
 
 def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
     slug = slugify(read.label)[:50] or "season"
-    if Season.objects.filter(slug=slug).exists():
+    if slug in RESERVED_SLUGS or Season.objects.filter(slug=slug).exists():
         raise UserFault("import_season_exists", season=slug)
     first = min(race.row.opens_at for race in read.races).date()
     last = max(race.row.closes_at for race in read.races).date()
@@ -174,7 +182,7 @@ def _free_slug(stem: str) -> str:
     limit = Race._meta.get_field("slug").max_length
     slug = base = slugify(stem)[: limit - 6] or "imported"
     number = 1
-    while Race.objects.filter(slug=slug).exists():
+    while slug in RACE_PAGES or Race.objects.filter(slug=slug).exists():
         number += 1
         slug = f"{base}-{number}"
     return slug

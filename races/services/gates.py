@@ -12,7 +12,7 @@ from ..models import Race, RaceState
 def require_open(race: Race, now: datetime) -> None:
     """Pass while the race takes cars: from ``opens_at`` until just before ``closes_at``.
 
-    Raises UserFault("race_not_open_yet" | "race_closed" | "race_cancelled").
+    Raises UserFault("race_not_open_yet" | "race_closed" | "race_cancelled" | "race_recorded").
     """
     require_not_over(race, now)
     if race.state_at(now) == RaceState.UPCOMING:
@@ -20,7 +20,9 @@ def require_open(race: Race, now: datetime) -> None:
 
 
 def require_not_over(race: Race, now: datetime) -> None:
-    """Pass until the race closes. Raises UserFault("race_closed" | "race_cancelled")."""
+    """Pass until the race closes. Raises UserFault("race_closed" | "race_cancelled" | "race_recorded")."""
+    if race.imported_at is not None and race.cancelled_at is None:
+        raise UserFault("race_recorded")
     state = race.state_at(now)
     if state == RaceState.CANCELLED:
         raise UserFault("race_cancelled", reason=race.cancel_reason)
