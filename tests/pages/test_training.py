@@ -8,6 +8,7 @@ from datetime import timedelta
 
 import pytest
 from django.test import Client
+from django.utils.html import escape
 
 from evaluation.models import Evaluation
 from tests.pages.conftest import VIEWERS, World
@@ -102,6 +103,8 @@ def test_every_page_has_the_right_status_for_everybody(world: World, job: Traini
     mine = {**OWNERS, "admin": 404}
     pages = {
         **{path: everybody for path in ("/learn/", *(f"/learn/{lesson.slug}/" for lesson in LESSONS))},
+        **{f"/learn/elsewhere/{rest}": everybody for rest in ("", "train_a_car.py", "train_a_car.ipynb")},
+        "/learn/elsewhere/secrets.py": dict.fromkeys(VIEWERS, 404),
         "/learn/nothing/": dict.fromkeys(VIEWERS, 404),
         **{path: {**everybody, "anonymous": 302} for path in MINE},
         f"/vehicles/{vehicle.public_id}/": mine,
@@ -124,6 +127,17 @@ def test_every_page_has_the_right_status_for_everybody(world: World, job: Traini
     assert not wrong
 
 
+def test_the_example_is_shown_and_handed_out_as_it_is(world: World, settings) -> None:
+    client = world.client("anonymous")
+    source = (settings.BASE_DIR / "training/examples/train_a_car.py").read_bytes()
+    answer = client.get("/learn/elsewhere/train_a_car.py")
+    assert b"".join(answer.streaming_content) == source
+    assert answer["Content-Disposition"] == 'attachment; filename="train_a_car.py"'
+    assert escape(source.decode()) in client.get("/learn/elsewhere/").content.decode()
+    for page in ("/learn/", "/about/"):
+        assert 'href="/learn/elsewhere/"' in client.get(page).content.decode()
+
+
 def test_the_training_room_is_wholly_korean(world: World, job: TrainingJob) -> None:
     english = re.compile(r">[^<]*\b(the|your|you|is|of|and|has|with)\b[^<]*<", re.I)
     client = world.client("alice")
@@ -131,6 +145,7 @@ def test_the_training_room_is_wholly_korean(world: World, job: TrainingJob) -> N
     job = run(job)
     TrainingJob.objects.filter(pk=job.pk).update(description="")
     paths = ["/train/", "/train/new/", "/vehicles/", "/vehicles/new/", "/learn/", "/learn/laboratory/"]
+    paths.append("/learn/elsewhere/")
     for path in (*paths, *(f"/learn/{lesson.slug}/" for lesson in LESSONS), f"/train/{job.public_id}/"):
         body = re.sub(
             r"<(script|pre|code|textarea|template)\b.*?</\1>", "", client.get(path).content.decode(), flags=re.S

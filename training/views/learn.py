@@ -1,8 +1,10 @@
-"""The course: its list, and a lesson."""
+"""The course: its list, a lesson, and how to train on another machine."""
 
 from __future__ import annotations
 
-from django.http import Http404, HttpRequest, HttpResponse
+from pathlib import Path
+
+from django.http import FileResponse, Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils.translation import get_language
 from django.views.decorators.http import require_safe
@@ -12,6 +14,9 @@ from training.course import BY_SLUG, LESSONS
 from .common import closed_because
 
 WRITTEN_IN = ("en", "ko")
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+EXAMPLE = "train_a_car.py"
+EXAMPLE_TYPES = {EXAMPLE: "text/x-python; charset=utf-8", "train_a_car.ipynb": "application/x-ipynb+json"}
 
 
 @require_safe
@@ -37,3 +42,19 @@ def lesson(request: HttpRequest, slug: str) -> HttpResponse:
         "closed": closed_because(),
     }
     return render(request, "learn/lesson.html", context)
+
+
+@require_safe
+def elsewhere(request: HttpRequest) -> HttpResponse:
+    """How to train on a machine of one's own, with the example to read."""
+    return render(request, "learn/elsewhere.html", {"code": (EXAMPLES / EXAMPLE).read_text()})
+
+
+@require_safe
+def elsewhere_file(request: HttpRequest, name: str) -> FileResponse:
+    """The example or the notebook as a download."""
+    if name not in EXAMPLE_TYPES:
+        raise Http404
+    return FileResponse(
+        (EXAMPLES / name).open("rb"), as_attachment=True, filename=name, content_type=EXAMPLE_TYPES[name]
+    )
