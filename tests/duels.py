@@ -9,9 +9,11 @@ from typing import Any
 
 from evaluation.models import Evaluation
 from evaluation.pipeline import CarOutcome, EvaluationOutcome
-from evaluation.services import finish_evaluation
+from evaluation.services import fail_evaluation, finish_evaluation
+from faults import PlatformFault
 from league.models import Racer
-from races.models import Duel, DuelState, Race
+from races.models import Duel, DuelState, Entry, Race
+from races.selectors import board
 from races.services import draw_duels, drive_on
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_race, a_racer, drive, laps, start
@@ -103,3 +105,24 @@ def end_all(race: Race, now: datetime, choose: Callable[[list[int]], int] = min)
             count += 1
         drive_on(race=race, now=now)
     return count
+
+
+def points(race: Race) -> dict[int, tuple[int, int, int | None]]:
+    """Points, duels and average lap of each seed."""
+    rows = Entry.objects.filter(race=race, seed__isnull=False).order_by("seed")
+    return {row.seed: (row.points, row.duels, row.duel_lap_ms) for row in rows}
+
+
+def ranking(race: Race) -> list[str]:
+    """Who stands on the board, the first place first."""
+    return [row.alias for row in board(race).rows]
+
+
+def break_down(duel: Duel, now: datetime) -> None:
+    """The evaluation of a heat fails through the platform's fault until it is final."""
+    evaluation = Evaluation.objects.get(duel=duel)
+    while not evaluation.is_final:
+        running = start(evaluation, now)
+        fault = PlatformFault("internal_error")
+        assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
+        evaluation.refresh_from_db()
