@@ -84,11 +84,11 @@ def test_the_racing_example_pays_metres_and_nothing_for_a_new_beginning():
     start = {**STATES[1], "distance_from_center": 0.0, "progress": 0.5, "steps": 2}
     length = start["track_length"]
     on = {**start, "progress": 1.5, "steps": 3}
-    aside = {**start, "progress": 2.5, "steps": 4, "distance_from_center": start["track_width"] / 2 - 0.15}
+    aside = {**start, "progress": 2.5, "steps": 4, "distance_from_center": start["track_width"] / 2 - 0.1}
     off = {**start, "progress": 3.0, "steps": 5, "is_offtrack": True}
     again = {**start, "progress": 0.5, "steps": 2}
     first, second, third, fourth, fifth = rewards("race", start, on, aside, off, again)
-    assert first == pytest.approx(0.05 * length)
-    assert second == pytest.approx(0.1 * length)
-    assert third == pytest.approx(0.05 * length)
+    assert first == pytest.approx(0.005 * length)
+    assert second == pytest.approx(0.01 * length)
+    assert third == pytest.approx(0.005 * length)
     assert (fourth, fifth) == (-1.0, 0.0)
