@@ -303,7 +303,7 @@ class TestTheClock:
         assert 30.0 <= ear.heard[0].values["seconds"] <= ear.saved[0].seconds <= ended.seconds < 60.0
 
     def test_ends_what_does_not_end_with_its_time(self, hear, monkeypatch):
-        monkeypatch.setattr(client, "_OVERTIME_S", 0.5)
+        monkeypatch.setattr(client, "_FINISH_S", 0.5)
         ended, _ = hear(iterate, stop_seconds=0.5)
         assert (ended.why, ended.sb3_zip) == ("time", b"")
 

@@ -198,11 +198,10 @@ class _Run:
 
     def _overdue(self) -> bool:
         """Whether it goes on although it should have ended long ago: what runs in there may not want to end."""
-        now = time.monotonic()
-        late = self._seconds - self._spec.stop_seconds - _OVERTIME_S
+        late = self._seconds - self._spec.stop_seconds
         if self._told_to_stop is not None:
-            late = max(late, now - self._told_to_stop - (_FINISH_S if self._iterations else _OVERTIME_S))
-        return late > 0.0
+            late = max(late, time.monotonic() - self._told_to_stop)
+        return late > (_FINISH_S if self._iterations else _OVERTIME_S)
 
     def _cut_off(self) -> Ended:
         """The end of a training that does not end: with what it has told of, if anything."""
