@@ -9,7 +9,7 @@ from django.contrib import admin, messages
 from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
 from django.http import HttpRequest, HttpResponse
-from django.shortcuts import render
+from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
@@ -142,7 +142,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             lines, refused = self._tried(rows, given, call)
             if not refused and request.POST["step"] == "confirmed":
                 self._do(request, rows, given, call, title)
-                return None
+                return redirect(rows[0].race) if _from_the_race(request, rows) else None
             complete = not refused
         context: dict[str, Any] = self.admin_site.each_context(request) | {
             "title": title,
@@ -150,6 +150,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             "consequence": follows,
             "rows": rows,
             "lines": lines,
+            "back": rows[0].race.get_absolute_url() if _from_the_race(request, rows) else "",
             "fields": [(name, LABELS[name], given[name]) for name in fields],
             "complete": complete,
             "missing": asked and fields and not all(given.values()),
@@ -183,6 +184,11 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
                 what = ", ".join(f"{name}: {value}" for name, value in given.items())
                 self.log_change(request, one, f"{title}. {what}".strip())
                 self.message_user(request, _("%(race)s: done.") % {"race": one.race})
+
+
+def _from_the_race(request: HttpRequest, rows: Sequence[Round]) -> bool:
+    """Whether the steward came from the page of the race, and goes back there."""
+    return request.POST.get("back") == "race" and len(rows) == 1
 
 
 def _racer(alias: str) -> Racer:

@@ -11,11 +11,13 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from faults import UserFault
-from races.models import Race, RaceState
-from races.services import edit_race
+from races.models import Entry, Race, RaceState
+from races.services import edit_race, remove_entry
 
-from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season
+from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season, Stage
+from ..models.season import WITH_POINTS
 from .notices import announce
+from .seasons import hold_season
 
 Fact = tuple[str, str, str]
 
@@ -29,6 +31,7 @@ def postpone_round(*, round: Round, hours: int, reason: str, now: datetime) -> R
     """
     if not 1 <= hours <= 90 * 24:
         raise UserFault("postpone_hours", most=90 * 24)
+    hold_season(round.race)  # of two who postpone at once the second one adds to what the first has done
     race, by = Race.objects.get(pk=round.race_id), timedelta(hours=hours)
     changes = {"closes_at": race.closes_at + by}
     if race.state_at(now) == RaceState.UPCOMING:
@@ -71,6 +74,28 @@ def consequences_of(call: Callable[[], object], season: Season) -> list[str]:
         )
         lines.append(text % {"count": count, "race": race})
     return lines or [_("No promotion, field, qualification or points change.")]
+
+
+def removal_says(round_: Round, entry: Entry, *, by: Racer, now: datetime) -> list[str]:
+    """What would follow for the season if an entry left its race now, in sentences; nothing is done."""
+    if round_.closed_at is None:
+        return []
+    if not round_.is_under_review(now):
+        return [_("The results are final: promotions, fields, qualifications and points stay as they are.")]
+    return consequences_of(lambda: remove_entry(entry=entry, by=by, now=now), round_.season)
+
+
+def cancelling_says(round_: Round) -> list[str]:
+    """What would follow for the season if the race of a round were cancelled, in sentences."""
+    lines = {
+        Stage.OPEN: [_("Nobody is promoted from this open race.")],
+        Stage.PRO: [_("Nobody comes into the finale of this month: cancel it, too.")],
+        Stage.FINALE: [_("Nobody qualifies for the championship in this finale.")],
+        Stage.CHAMPIONSHIP: [_("The season has no champion.")],
+    }.get(Stage(round_.stage), [])
+    if round_.stage in WITH_POINTS:
+        lines.append(_("It gives no points and does not count as a round of the standings."))
+    return lines
 
 
 def _facts(season: Season) -> dict[Fact, str]:

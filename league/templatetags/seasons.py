@@ -12,8 +12,10 @@ from django.utils.safestring import SafeString, mark_safe
 from league.models import Racer, Round, Season
 from league.selectors import decisions_of
 from league.selectors.boards import BoardCut, board_cut, round_of
+from league.services.organising import cancelling_says, removal_says
+from league.stewarding import actions_now
 from races.models import Entry, Race
-from races.selectors import Board
+from races.selectors import Board, BoardRow
 
 register = template.Library()
 DECISIONS = 20
@@ -27,14 +29,32 @@ def round_shown(race: Race) -> Round | None:
 
 @register.simple_tag
 def cut_of_board(board: Board) -> BoardCut | None:
-    """The line that the season draws through a board: promoted, in the finale, qualified. None before its opening."""
+    """The line that the season draws through a board: promoted, in the finale, qualified. None for other races.
+
+    It is worked out once for a page: what was read stays with the board's race.
+    """
+    if hasattr(board.race, "_cut_shown"):
+        return board.race._cut_shown
     round_ = round_of(board.race)
-    if round_ is None:
-        return None
+    board.race._cut_shown = None if round_ is None else _cut(board, round_)
+    return board.race._cut_shown
+
+
+def _cut(board: Board, round_: Round) -> BoardCut | None:
     racers = [row.entry.racer_id for row in board.rows if row.rank is not None]
     if board.my_row is not None and board.my_row.rank is not None:
         racers.append(board.my_row.entry.racer_id)
     return board_cut(round_, board.classified_count, racers)
+
+
+@register.simple_tag
+def to_the_line(cut: BoardCut | None, row: BoardRow) -> dict[str, int]:
+    """How many places a racer is ``clear`` of the line through a board, or ``short`` of it, as long as that may change;
+    nothing for who is over it already or has no rank."""
+    if cut is None or cut.official or not cut.last_rank or row.rank is None or row.entry.racer_id in cut.held:
+        return {}
+    places = cut.last_rank - row.rank
+    return {"clear": max(0, places), "short": max(0, -places)}
 
 
 @register.inclusion_tag("league/parts/decisions.html")
@@ -45,6 +65,30 @@ def decisions_shown(race: Race) -> dict[str, Any]:
         return {}
     decisions = list(decisions_of(round_)[:DECISIONS])
     return {"round": round_, "decisions": decisions, "under_review": round_.is_under_review(timezone.now())}
+
+
+@register.inclusion_tag("league/parts/stewards.html", takes_context=True)
+def stewards_do(context: template.Context, race: Race) -> dict[str, Any]:
+    """What an admin may do with the round that a race is, each a click away from its board; nothing for others."""
+    user = context.get("user")
+    if not (user and user.is_staff and user.has_perm("league.change_round")):
+        return {}
+    round_ = round_of(race)
+    return {} if round_ is None else {"round": round_, "actions": actions_now(round_, timezone.now())}
+
+
+@register.simple_tag(takes_context=True)
+def removal_follows(context: template.Context, entry: Entry) -> list[str]:
+    """What would follow for the season if this entry were removed from its race; nothing for races of no season."""
+    round_ = round_of(entry.race)
+    return [] if round_ is None else removal_says(round_, entry, by=context["user"], now=timezone.now())
+
+
+@register.simple_tag
+def cancelling_follows(race: Race) -> list[str]:
+    """What would follow for the season if this race were cancelled; nothing for races of no season."""
+    round_ = round_of(race)
+    return [] if round_ is None else cancelling_says(round_)
 
 
 @register.simple_tag

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import timedelta
 
 import pytest
@@ -79,6 +80,72 @@ def test_a_disqualification_is_shown_first_and_moves_the_next_one_up(boss, playe
     assert "Two accounts" in log.change_message and log.user.alias == "boss"
     act(boss, round_, "put_back", step="confirmed", racer=field[0].alias, reason="It was a mistake")
     assert set(Membership.objects.values_list("racer", flat=True)) == {field[0].pk, field[1].pk}
+
+
+class TestFromTheRace:
+    """Everything on a round is one click from its board, and ends there."""
+
+    def actions(self, client: Client, round_: Round) -> list[str]:
+        html = client.get(round_.race.get_absolute_url()).content.decode()
+        return re.findall(r'name="action" value="(\w+)"', html)
+
+    def test_the_board_offers_what_makes_sense_at_the_moment_and_to_admins_alone(self, boss, played, set_clock):
+        round_, field = played
+        assert self.actions(boss, round_) == ["publish", "disqualify", "put_back", "announce"]
+        close_round(round=round_, now=after(round_))
+        assert self.actions(boss, round_) == ["disqualify", "put_back", "take_back", "lock", "announce"]
+        for racer in (field[0], a_racer("helper", is_staff=True)):
+            other = Client()
+            other.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+            assert self.actions(other, round_) == []
+        assert self.actions(Client(), round_) == []
+        set_clock(after(round_, days=9))
+        assert self.actions(boss, round_) == ["announce"]
+        set_clock(round_.race.opens_at - HOUR)
+        Round.objects.update(closed_at=None)
+        assert self.actions(boss, round_) == ["postpone", "announce"]
+
+    def test_a_steward_comes_back_to_the_board(self, boss, played):
+        round_, field = played
+        page = act(boss, round_, "disqualify", back="race")
+        assert page.status_code == 200 and 'name="back" value="race"' in page.content.decode()
+        given = {"racer": field[0].alias, "reason": "Two accounts", "back": "race"}
+        done = act(boss, round_, "disqualify", step="confirmed", **given)
+        assert done.redirect_chain == [(round_.race.get_absolute_url(), 302)]
+        assert "Two accounts" in done.content.decode() or field[0].alias not in done.content.decode()
+
+    def test_looking_at_an_action_and_a_forged_post_do_nothing(self, boss, played):
+        round_, field = played
+        boss.get(reverse(LIST), {"action": "publish", "_selected_action": round_.pk, "step": "confirmed"})
+        forged = Client(enforce_csrf_checks=True)
+        forged.cookies = boss.cookies
+        data = {"action": "publish", "_selected_action": round_.pk, "step": "confirmed"}
+        assert forged.post(reverse(LIST), data).status_code == 403
+        assert Round.objects.get().closed_at is None and not Membership.objects.exists()
+
+    def test_removing_a_racer_says_what_it_means_for_the_season_and_does_nothing_before(self, boss, played, set_clock):
+        round_, field = played
+        address = reverse("race_racer_remove", args=[round_.race.slug, field[0].alias])
+        assert "For the season this means" not in boss.get(address).content.decode()
+        close_round(round=round_, now=after(round_))
+        html = boss.get(address).content.decode()
+        assert f"{field[0].alias} is no longer promoted" in html and f"{field[2].alias} is now promoted" in html
+        assert Membership.objects.filter(racer=field[0]).exists(), "looking changes nothing"
+        boss.post(address, {"reason": "Two accounts"})
+        assert not Membership.objects.filter(racer=field[0]).exists()
+        assert "Two accounts" in LogEntry.objects.first().change_message
+        set_clock(after(round_, days=9))
+        last = reverse("race_racer_remove", args=[round_.race.slug, field[1].alias])
+        assert "The results are final" in boss.get(last).content.decode()
+
+    def test_cancelling_says_what_it_means_for_the_season(self, boss, set_clock):
+        round_ = a_round(a_season(), 1, Stage.OPEN)
+        set_clock(round_.race.opens_at + HOUR)
+        html = boss.get(reverse("race_cancel", args=[round_.race.slug])).content.decode()
+        assert "Nobody is promoted from this open race." in html and "gives no points" in html
+        data = {"action": "cancel", "_selected_action": [round_.race.pk]}
+        html = boss.post(reverse("admin:races_race_changelist"), data).content.decode()
+        assert "Nobody is promoted from this open race." in html
 
 
 def test_what_cannot_be_done_is_said_and_not_offered(boss, played):
