@@ -28,6 +28,7 @@ urlpatterns = [
     path("settings/", account.settings_page, name="settings"),
     path("notices/", notices.notices, name="notices"),
     path("notices/read/", notices.notices_read, name="notices_read"),
+    path("notices/stop/<str:token>/", notices.notices_stop, name="notices_stop"),
     path("notices/<int:pk>/", notices.notice_open, name="notice_open"),
     path("settings/notices/", notices.notice_settings, name="notice_settings"),
     path("settings/webhooks/", webhooks.webhooks, name="webhooks"),

@@ -1,7 +1,8 @@
 """Telling racers what concerns them: worked out from what is in the database at a moment, so that a scheduler that
 stood still delays notices and nothing else, and each is sent once whoever is asked how often.
 
-What happened longer than ``REACH`` ago is not told any more.
+What happened longer than ``REACH`` ago is not told any more; what came of a round for a racer, longer than
+``OUTCOME_REACH`` ago.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from typing import Any
 
 from allauth.account.models import EmailAddress
 from django.conf import settings
+from django.core import signing
 from django.core.mail import get_connection
 from django.core.mail.message import EmailMessage
 from django.db import IntegrityError, transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
+from django.urls import reverse
 from django.utils import translation
 from django.utils.translation import gettext as _
 
@@ -46,12 +49,14 @@ from .closing import cars_on_the_way
 
 logger = logging.getLogger(__name__)
 REACH = timedelta(days=3)
+OUTCOME_REACH = timedelta(days=30)
 A_DAY = timedelta(days=1)
 SEEN_LATELY = timedelta(days=60)  # who has not logged in for longer is not reminded of open races
 KEPT = timedelta(days=180)
 MAILS_A_TIME = 200
 MAIL_TRIES = 3
 BATCH = 500
+_STOPPING = "league.notices.stop"
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,30 @@ def choice_of(racer: Racer) -> NoticeChoice:
     return chosen or NoticeChoice(racer=racer, mail_off=list(NOT_MAILED), language=translation.get_language() or "en")
 
 
+def stopping_token(racer_id: int, kind: str) -> str:
+    """What a mail carries so that its reader can turn mails of its kind off without logging in."""
+    return signing.dumps([racer_id, kind], salt=_STOPPING)
+
+
+def what_stops(token: str) -> tuple[Racer, NoticeKind] | None:
+    """Whose mails of which kind a token turns off; None for a token that this site did not write."""
+    try:
+        racer_id, kind = signing.loads(token, salt=_STOPPING)
+    except (signing.BadSignature, ValueError, TypeError):
+        return None
+    racer = Racer.objects.filter(pk=racer_id, is_active=True).first()
+    return None if racer is None or kind not in NoticeKind.values else (racer, NoticeKind(kind))
+
+
+@transaction.atomic
+def stop_mails(*, racer: Racer, kind: NoticeKind) -> None:
+    """Turn mails of one kind off; everything else stays as the racer has it. Doing it again changes nothing."""
+    chosen = choice_of(racer)
+    chosen.mail_off = sorted({*chosen.mail_off, kind.value})
+    chosen.save()
+    Notice.objects.filter(racer=racer, kind=kind, mail_state="due").update(mail_state="")
+
+
 def send_mails(*, now: datetime) -> int:
     """Send what is to go by mail: each at most once, three tries if the mail server refuses. Returns how many went."""
     due = Notice.objects.filter(mail_state="due").order_by("at", "pk").values_list("pk", flat=True)
@@ -123,6 +152,8 @@ def _mail(notice: Notice, server: Any) -> bool:
     address = _verified([notice.racer_id]).get(notice.racer_id)
     if address is None:
         return False
+    token = stopping_token(notice.racer_id, notice.kind)
+    stop = f"{settings.SITE_URL}{reverse('notices_stop', args=[token])}"
     with translation.override(choice_of(notice.racer).language):
         text = sentence(notice)
         body = "\n\n".join(
@@ -132,10 +163,13 @@ def _mail(notice: Notice, server: Any) -> bool:
                 f"{settings.SITE_URL}{notice.path}",
                 _("Which notices you get is up to you: %(address)s")
                 % {"address": f"{settings.SITE_URL}/settings/notices/"},
+                _("No more e-mails of this kind: %(address)s") % {"address": stop},
             ]
         )
     try:
-        EmailMessage(f"[Paddock] {text}", body + "\n", to=[address], connection=server).send()
+        # RFC 2369 and 8058: mail programs show a button that posts to this address
+        headers = {"List-Unsubscribe": f"<{stop}>", "List-Unsubscribe-Post": "List-Unsubscribe=One-Click"}
+        EmailMessage(f"[Paddock] {text}", body + "\n", to=[address], connection=server, headers=headers).send()
     except Exception as error:  # whatever the mail backend raises: it is tried again, then given up
         state = "due" if notice.mail_tries < MAIL_TRIES else "failed"
         Notice.objects.filter(pk=notice.pk).update(mail_state=state)
@@ -293,7 +327,8 @@ def _leads(now: datetime) -> int:
 
 def _outcomes(now: datetime) -> int:
     """Promotions, finale fields and qualifications of rounds that have just become official."""
-    rounds = Round.objects.filter(closed_at__gt=now - REACH, closed_at__lte=now).select_related("season", "race")
+    rounds = Round.objects.filter(closed_at__gt=now - OUTCOME_REACH, closed_at__lte=now)
+    rounds = rounds.filter(race__imported_at=None).select_related("season", "race")
     told = 0
     for one in rounds.order_by("closed_at", "pk"):
         season, page = one.season, one.season.get_absolute_url()
@@ -315,7 +350,7 @@ def _outcomes(now: datetime) -> int:
 def _officials(now: datetime) -> int:
     """Rounds that have become official, and community races that closed and have timed their last car."""
     told = 0
-    rounds = Round.objects.filter(closed_at__gt=now - REACH, closed_at__lte=now, race__imported_at=None)
+    rounds = Round.objects.filter(closed_at__gt=now - OUTCOME_REACH, closed_at__lte=now, race__imported_at=None)
     for one in rounds.select_related("race").order_by("closed_at", "pk"):
         told += _official(one.race, f"{one.closed_at:%Y%m%d%H%M%S}", now)
     for race in _races(closes_at__gt=now - REACH, closes_at__lte=now, kind=Kind.COMMUNITY):

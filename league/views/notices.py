@@ -6,16 +6,17 @@ from django import forms
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
-from django.http import HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import get_language_info, gettext_lazy
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
+from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from league.models import Notice, NoticeKind
-from league.services.notices import choice_of, choose_notices, mark_read
+from league.services.notices import choice_of, choose_notices, mark_read, stop_mails, what_stops
 
 ROWS = 30
 
@@ -70,6 +71,20 @@ def notice_open(request: HttpRequest, pk: int) -> HttpResponse:
     notice = get_object_or_404(Notice, pk=pk, racer=request.user, hidden=False)
     mark_read(racer=request.user, now=timezone.now(), notice=notice.pk)
     return redirect(notice.path or "notices")
+
+
+@csrf_exempt  # mail programs post here without a cookie (RFC 8058); the signed token is the permission
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def notices_stop(request: HttpRequest, token: str) -> HttpResponse:
+    """Turn e-mails of one kind off by the link in one of them: looking asks, a POST does it."""
+    found = what_stops(token)
+    if found is None:
+        raise Http404
+    racer, kind = found
+    if request.method == "POST":
+        stop_mails(racer=racer, kind=kind)
+    return render(request, "league/notices_stop.html", {"kind": kind, "done": request.method == "POST"})
 
 
 @login_required

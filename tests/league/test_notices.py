@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from urllib.parse import urlsplit
 
 import pytest
 from allauth.account.models import EmailAddress
-from django.core import mail
+from django.core import mail, signing
 from django.db import IntegrityError, transaction
 from django.test import Client
 
 from league.models import Notice, NoticeKind, Racer, Stage
 from league.notices import sentence
 from league.services import close_due_rounds
-from league.services.notices import choice_of, choose_notices, mark_read, send_mails, tell_what_happened
+from league.services.notices import (
+    choice_of,
+    choose_notices,
+    mark_read,
+    send_mails,
+    stopping_token,
+    tell_what_happened,
+)
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
@@ -127,6 +135,31 @@ class TestASeason:
         tell_what_happened(now=after(finale))
         assert "qualified" in told(field[1]) and "qualified" not in told(field[2])
 
+    def test_what_came_of_a_round_is_told_once_after_weeks_without_a_scheduler_whoever_tells_it(self):
+        season = a_season()
+        opened, pro = a_round(season, 1, Stage.OPEN), a_round(season, 1, Stage.PRO)
+        field = racers(10)
+        board(opened.race, field)
+        board(pro.race, field[:4])
+        now = after(pro)
+        close_due_rounds(now=now)
+        later = now + timedelta(days=20)
+        tell_what_happened(now=later)
+        tell_what_happened(now=later)
+        assert sorted(told(field[0])) == ["finale", "official", "official", "promoted"]
+        assert told(field[9]) == ["official"]
+        tell_what_happened(now=now + timedelta(days=29))
+        assert sorted(told(field[0])) == ["finale", "official", "official", "promoted"]
+
+    def test_weeks_later_it_is_told_at_the_cost_of_a_few_queries(self, django_assert_max_num_queries):
+        season = a_season()
+        opened = a_round(season, 1, Stage.OPEN)
+        board(opened.race, racers(10))
+        close_due_rounds(now=after(opened))
+        tell_what_happened(now=after(opened))
+        with django_assert_max_num_queries(20):
+            assert tell_what_happened(now=after(opened, days=10)) == 0
+
     def test_the_division_of_who_looks_in_decides_whom_an_open_race_is_told(self):
         season = a_season()
         opened = a_round(season, 1, Stage.OPEN)
@@ -149,6 +182,47 @@ class TestMail:
         (sent,) = mail.outbox
         assert sent.to == [reader.email] and "열렸" in sent.subject and "Night race" in sent.body
         assert race.get_absolute_url() in sent.body and "/settings/notices/" in sent.body
+
+    def test_the_link_in_a_mail_turns_its_kind_off_without_a_log_in_and_only_by_a_post(self, now):
+        race = a_race(now, opens_at=now)
+        reader = confirmed(a_racer())
+        choose_notices(racer=reader, site_off=["closes"], mail_off=["result"], language="ko")
+        board(race, [reader])
+        tell_what_happened(now=now)
+        send_mails(now=now)
+        (sent,) = mail.outbox
+        address = sent.extra_headers["List-Unsubscribe"].strip("<>")
+        assert address in sent.body and sent.extra_headers["List-Unsubscribe-Post"] == "List-Unsubscribe=One-Click"
+        client = Client(enforce_csrf_checks=True)
+        path = urlsplit(address).path
+        assert client.get(path).status_code == 200
+        assert choice_of(reader).mail_off == ["result"], "looking turns nothing off"
+        assert client.post(path, {"List-Unsubscribe": "One-Click"}).status_code == 200
+        chosen = choice_of(reader)
+        assert chosen.mail_off == ["opens", "result"] and chosen.site_off == ["closes"] and chosen.language == "ko"
+        client.post(path)
+        assert choice_of(reader).mail_off == ["opens", "result"]
+
+    def test_a_link_that_the_site_did_not_write_turns_nothing_off(self, alice):
+        token = stopping_token(alice.pk, "opens")
+        for forged in (token[:-1] + ("A" if token[-1] != "A" else "B"), "x", signing.dumps([alice.pk, "opens"])):
+            assert Client().post(f"/notices/stop/{forged}/").status_code == 404
+        assert "opens" not in choice_of(alice).mail_off
+        Racer.objects.filter(pk=alice.pk).update(is_active=False)
+        assert Client().get(f"/notices/stop/{token}/").status_code == 404
+
+    def test_a_name_cannot_add_a_header(self, now):
+        reader = confirmed(a_racer())
+        Notice.objects.create(
+            racer=reader,
+            kind=NoticeKind.OPENS,
+            about="x",
+            params={"race": "Race\r\nBcc: everybody@example.org"},
+            at=now,
+            mail_state="due",
+        )
+        assert send_mails(now=now) == 0 and not mail.outbox
+        assert Notice.objects.get().mail_state in ("due", "failed")
 
     def test_a_kind_that_is_turned_off_is_neither_shown_nor_mailed(self, now):
         race = a_race(now, opens_at=now)
