@@ -18,6 +18,8 @@ from urllib.parse import SplitResult, urlsplit
 from faults import UserFault
 
 CONNECT_S, WHOLE_S = 5, 10
+# all that was ever given out; outside it are site-local addresses and IPv4 in several disguises
+_UNICAST = ipaddress.ip_network("2000::/3")
 _NAT64 = ipaddress.ip_network("64:ff9b::/96")
 
 
@@ -41,6 +43,8 @@ def is_public(address: str) -> bool:
         ip = mapped
     if ip.version == 6 and ip in _NAT64:
         ip = ipaddress.ip_address(int(ip) & 0xFFFF_FFFF)
+    if ip.version == 6 and ip not in _UNICAST:
+        return False
     return ip.is_global and not ip.is_multicast
 
 

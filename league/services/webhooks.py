@@ -7,6 +7,8 @@ import hmac
 import http.client
 import json
 import logging
+import socket
+import ssl
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from typing import Any
@@ -31,6 +33,14 @@ LEASE = timedelta(minutes=5)
 AT_A_TIME = 20
 OPENED, CLOSED, OFFICIAL, RESULT = "race.opened", "race.closed", "race.official", "race.result"
 EVENTS = (OPENED, CLOSED, OFFICIAL, RESULT)
+# what went wrong on the way, the first that fits; the page has a sentence for each
+_ERRORS = (
+    (socket.gaierror, "no_such_name"),
+    (ConnectionRefusedError, "refused"),
+    (TimeoutError, "too_slow"),
+    (ssl.SSLError, "no_tls"),
+    (http.client.HTTPException, "no_http"),
+)
 
 
 @transaction.atomic
@@ -93,8 +103,10 @@ def _deliver(delivery: WebhookDelivery, now: datetime) -> bool:
     status, error = None, ""
     try:
         status = outgoing.post(delivery.webhook.url, body, headers, allow_private=settings.WEBHOOKS_PRIVATE)
-    except (UserFault, OSError, http.client.HTTPException) as fault:
-        error = str(fault)[:200] or type(fault).__name__
+    except UserFault as fault:
+        error = fault.code
+    except (OSError, http.client.HTTPException) as fault:
+        error = next((code for kind, code in _ERRORS if isinstance(fault, kind)), "no_connection")
     if status is not None and 200 <= status < 300:
         delivery.state = "sent"
     else:

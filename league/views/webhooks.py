@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from urllib.parse import urlsplit
+
 from django import forms
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
@@ -19,6 +21,17 @@ from races.models import Race
 from tracks.forms import add_fault
 
 SHOWN = 20
+# what a delivery failed for, by its ``error``; the codes of faults beside those of league.services.webhooks
+FAILED_FOR = {
+    "webhook_address": gettext_lazy("this address cannot be posted to"),
+    "webhook_private": gettext_lazy("the address leads into a private network"),
+    "no_such_name": gettext_lazy("there is no such host"),
+    "refused": gettext_lazy("the connection was refused"),
+    "too_slow": gettext_lazy("no answer in time"),
+    "no_tls": gettext_lazy("the certificate is not valid"),
+    "no_http": gettext_lazy("the answer was not HTTP"),
+    "no_connection": gettext_lazy("no connection"),
+}
 
 
 class WebhookForm(forms.Form):
@@ -55,11 +68,19 @@ def webhooks(request: HttpRequest) -> HttpResponse:
     context = {
         "form": form,
         "hooks": Webhook.objects.filter(owner=request.user).select_related("race"),
-        "deliveries": deliveries[:SHOWN],
+        "deliveries": [(one, urlsplit(one.webhook.url).hostname, _answer(one)) for one in deliveries[:SHOWN]],
         "events": EVENTS,
         "limit": PER_RACER,
     }
     return render(request, "league/webhooks.html", context, status=422 if form.errors else 200)
+
+
+def _answer(delivery: WebhookDelivery) -> str:
+    """The last answer in the reader's language: a status, or why there is none."""
+    if delivery.status is None:
+        return str(FAILED_FOR.get(delivery.error, delivery.error))
+    moved = 300 <= delivery.status < 400
+    return f"{delivery.status} · {_('redirects are not followed')}" if moved else str(delivery.status)
 
 
 @login_required
