@@ -47,13 +47,22 @@ def standings_data(season: Season, months: Sequence[Month]) -> list[dict[str, An
 
 
 def standings_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The lines as CSV; points of the rounds in one cell, separated by blanks, dropped ones in brackets."""
+    """The lines as CSV; points of the rounds in one cell, separated by blanks, dropped ones in brackets.
+
+    A name that a spreadsheet would take for a formula begins with an apostrophe.
+    """
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\r\n")
     writer.writerow(COLUMNS)
     for row in rows:
-        writer.writerow([*(row[name] for name in COLUMNS[:-1]), " ".join(map(_cell, row["rounds"]))])
+        cells = [plain(row[name]) for name in COLUMNS[:-1]]
+        writer.writerow([*cells, " ".join(map(_cell, row["rounds"]))])
     return file.getvalue()
+
+
+def plain(value: Any) -> Any:
+    """What a spreadsheet shows and does not work out: text that begins like a formula gets an apostrophe in front."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
 def standings_feed(season: Season, rows: Sequence[Mapping[str, Any]], *, address: Callable[[str], str]) -> Atom1Feed:

@@ -18,7 +18,7 @@
   }));
 
   // --- times: the server writes its own time zone, the reader sees theirs --------------------------------------------
-  const style = { dateStyle: "medium", timeStyle: "short" };
+  const style = { year: "numeric", month: "short", day: "numeric", hour: "numeric", minute: "2-digit", timeZoneName: "short" };
   const inWords = new Intl.DateTimeFormat(language, style);
   const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
   function showTime(element) {

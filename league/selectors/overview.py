@@ -12,11 +12,11 @@ from django.db.models import Count, Q, QuerySet
 from races.models import Division, Race, RaceState
 from races.selectors import BoardRow, podiums
 
-from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, Season, Stage
+from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season, Stage
 from ..rules import Line, Result
 from .outcomes import outcome_of
 from .seasons import Month
-from .standings import country_standings, season_standings, standings_of, team_standings
+from .standings import country_standings, season_standings, standings_of, team_key, team_standings
 
 RACERS, COUNTRIES, TEAMS = "racers", "countries", "teams"
 STANDINGS_OF = (RACERS, COUNTRIES, TEAMS)
@@ -110,10 +110,14 @@ def month_races(months: Sequence[Month], now: datetime) -> dict[int, MonthRace]:
 
 
 def standings_table(season: Season, division: str, of: str, months: Sequence[Month]) -> StandingsTable:
-    """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round: three queries."""
+    """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round.
+
+    Three queries, four for teams.
+    """
     by = {RACERS: season_standings, COUNTRIES: country_standings, TEAMS: team_standings}[of]
     lines = by(season, division)
     rounds = _official_rounds(months, division)
+    spelled = _spellings(rounds) if of == TEAMS else {}
     racers = Racer.objects.in_bulk([line.who for line in lines]) if of == RACERS else {}
     rows = []
     for line in lines:
@@ -123,7 +127,11 @@ def standings_table(season: Season, division: str, of: str, months: Sequence[Mon
             for number in range(1, len(rounds) + 1)
         ]
         racer = racers.get(line.who)
-        rows.append(StandingsRow(line.place, racer.alias if racer else str(line.who), racer, line.points, cells))
+        rows.append(
+            StandingsRow(
+                line.place, racer.alias if racer else spelled.get(line.who, str(line.who)), racer, line.points, cells
+            )
+        )
     return StandingsTable(rounds, rows)
 
 
@@ -196,6 +204,12 @@ def _official_rounds(months: Sequence[Month], division: str) -> list[Round]:
         if one.stage == stages[Division(division)] and one.closed_at is not None
     ]
     return sorted(rounds, key=lambda one: (one.race.closes_at, one.pk))
+
+
+def _spellings(rounds: Sequence[Round]) -> dict[str, str]:
+    """How the racers of each team write its name, the latest of several spellings: what standings add up as one."""
+    teams = RoundPoints.objects.filter(round__in=rounds).exclude(team="").order_by("round__race__closes_at", "-rank")
+    return {team_key(team): " ".join(team.split()) for team in teams.values_list("team", flat=True)}
 
 
 def _field(round_: Round | None, season: Season, official: dict, chosen: Any, now: datetime) -> tuple:

@@ -49,7 +49,12 @@ def country_standings(season: Season, division: Division | str) -> list[Line]:
 
 def team_standings(season: Season, division: Division | str) -> list[Line]:
     """The standings of teams (``who``: the name, in small letters): the points of all their racers, none dropped."""
-    return _summed(season, division, lambda row: " ".join(row.team.split()).casefold())
+    return _summed(season, division, lambda row: team_key(row.team))
+
+
+def team_key(team: str) -> str:
+    """What two spellings of one team have in common: neither letter case nor blanks make another team."""
+    return " ".join(team.split()).casefold()
 
 
 def _official(season: Season, division: Division | str) -> dict[int, int]:

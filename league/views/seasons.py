@@ -42,7 +42,7 @@ def seasons(request: HttpRequest) -> HttpResponse:
     """All seasons, the running one first in sight."""
     now = timezone.now()
     listed = list(seasons_listed())
-    context = {"seasons": listed, "today": now.date(), "current": current_season(now)}
+    context = {"seasons": listed, "today": timezone.localdate(now), "current": current_season(now)}
     return render(request, "league/seasons.html", context)
 
 
@@ -205,7 +205,7 @@ def season_racer(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
 @require_safe
 def hall(request: HttpRequest) -> HttpResponse:
     """The winners of every season."""
-    return render(request, "league/hall.html", {"halls": hall_of_fame()})
+    return render(request, "league/hall.html", {"halls": hall_of_fame(), "today": timezone.localdate()})
 
 
 def _season(slug: str) -> Season:

@@ -239,10 +239,7 @@ def test_standings_show_rounds_dropped_results_countries_and_teams(season, set_c
     page = Client().get("/seasons/2027/standings/?division=open")
     table = page.context["table"]
     assert [row.points for row in table.rows] == [10, 6, 3, 1]
-    assert (
-        "Seoul Racing".casefold()
-        in Client().get("/seasons/2027/standings/?division=open&of=teams").content.decode().casefold()
-    )
+    assert "Seoul Racing" in Client().get("/seasons/2027/standings/?division=open&of=teams").content.decode()
     assert "KR" in Client().get("/seasons/2027/standings/?division=open&of=countries").content.decode()
 
 
@@ -253,6 +250,27 @@ def test_a_racers_season_has_every_round_a_chart_and_what_came_of_it(season, set
     html = Client().get(f"/seasons/2027/racers/{racer.alias}/").content.decode()
     assert 'class="progress-chart"' in html and "promoted" in html and "pro division" in html
     assert Client().get(f"/seasons/2027/racers/{racer.alias.upper()}/").status_code == 301
+
+
+def test_the_hall_of_fame_calls_nobody_first_before_the_season_is_over(season, set_clock):
+    set_clock(after(Round.objects.get(number=1)))
+    html = Client().get("/hall-of-fame/").content.decode()
+    assert "Leading the standings" in html and "First in the standings" not in html
+    set_clock(datetime(2028, 1, 2, tzinfo=UTC))
+    html = Client().get("/hall-of-fame/").content.decode()
+    assert "First in the standings" in html and "Leading the standings" not in html
+
+
+def test_who_is_in_the_race_reads_how_far_the_line_is(season, set_clock):
+    second = Round.objects.get(number=2, stage=Stage.OPEN)
+    set_clock(second.race.opens_at + timedelta(days=3))
+    entries = board(second.race, racers(10))
+    address = second.race.get_absolute_url()
+    for place, words in ((0, "1 place clear"), (1, "0 places clear"), (2, "1 place short"), (9, "8 places short")):
+        assert words in logged_in(entries[place].racer).get(address).content.decode(), place
+    close_due_rounds(now=after(second))
+    set_clock(after(second))
+    assert "place clear" not in logged_in(entries[0].racer).get(address).content.decode()
 
 
 class TestTheCalendar:
@@ -332,6 +350,20 @@ def test_everybody_reads_what_stewards_decided_and_why(season, set_clock):
 
 
 class TestFeeds:
+    def test_a_team_named_like_a_formula_is_text_in_a_spreadsheet_and_html_is_text_on_the_page(self, season, set_clock):
+        first = Round.objects.get(number=1)
+        set_clock(after(first))
+        teams = dict(
+            zip(first.points.order_by("rank").values_list("pk", flat=True), ("=1+1", "<b>B</b>"), strict=False)
+        )
+        for pk, team in teams.items():
+            first.points.filter(pk=pk).update(team=team)
+        lines = Client().get("/seasons/2027/standings.csv").content.decode().splitlines()
+        assert "open,teams,1,'=1+1,,10,10" in lines and "open,teams,2,<b>B</b>,,6,6" in lines
+        html = Client().get("/seasons/2027/standings/?division=open&of=teams").content.decode()
+        assert "&lt;b&gt;B&lt;/b&gt;" in html and "<b>B</b>" not in html
+        ElementTree.fromstring(Client().get("/seasons/2027/standings.atom").content)
+
     def test_a_public_board_is_fed_without_a_log_in(self, set_clock):
         now = datetime(2027, 1, 15, tzinfo=UTC)
         set_clock(now)
