@@ -20,10 +20,11 @@ from .errors import RaceRefused
 from .fields import MomentField, SecondsField
 from .models import Race, RaceState, RaceType, RankingMethod, Visibility
 from .sensors import OFFERABLE
+from .services.races import edition_of
 from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
 
 DEFAULT_DURATION = timedelta(days=7)
-_NOT_OF_A_RACE = ("track", "time_zone", "box_choice")
+_NOT_OF_A_RACE = ("track", "time_zone", "box_choice", "edition")
 
 
 class RaceForm(CourseForm):
@@ -78,6 +79,7 @@ class RaceForm(CourseForm):
         widget=forms.RadioSelect,
     )
     time_zone = forms.CharField(required=False, widget=forms.HiddenInput)
+    edition = forms.CharField(required=False, widget=forms.HiddenInput)
 
     def __init__(
         self, *args: Any, race: Race | None = None, locked: Iterable[str] = (), now: datetime, **kwargs: Any
@@ -158,6 +160,7 @@ def _initial(race: Race | None, now: datetime) -> dict[str, Any]:
     values |= {name: timezone.localtime(values[name]) for name in ("opens_at", "closes_at")}
     values |= {name: proposal for name, proposal in PROPOSALS.items() if not values[name]}
     values["box_choice"] = FIXED if source.boxes else DRAWN
+    values["edition"] = edition_of(race) if race else ""
     return values | {"track": race.track.slug if race else None, "time_zone": timezone.get_current_timezone_name()}
 
 

@@ -21,6 +21,9 @@ OPENING_SLACK = timedelta(hours=1)
 # refuses, where ``before`` is the stored race.
 ChangeCheck = Callable[[Race, Race], None]
 _TIME_CHECKS: list[ChangeCheck] = []
+# Locks that rooms above take before a race is changed: what those checks look at then stays as it is.
+Hold = Callable[[Race], None]
+_HOLDS: list[Hold] = []
 
 # What stands and drives on the track.
 COURSE_FIELDS = (
@@ -72,6 +75,19 @@ def register_time_check(check: ChangeCheck) -> ChangeCheck:
     if check not in _TIME_CHECKS:
         _TIME_CHECKS.append(check)
     return check
+
+
+def register_hold(hold: Hold) -> Hold:
+    """Call ``hold`` before a race is locked to be changed. Registering one twice changes nothing."""
+    if hold not in _HOLDS:
+        _HOLDS.append(hold)
+    return hold
+
+
+def hold_above(race: Race) -> None:
+    """Take the locks that rooms above have over a race, within a transaction."""
+    for hold in _HOLDS:
+        hold(race)
 
 
 def check_race(race: Race, *, now: datetime, before: Race | None = None, submissions: bool = False) -> None:

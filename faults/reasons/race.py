@@ -94,6 +94,10 @@ REASONS = table(
         ),
         # getting in and out
         "race_not_open_yet": _("The race opens at %(opens)s. Submit a car from then on."),
+        "race_changed_meanwhile": _(
+            "Somebody else has changed the race since you opened it. Nothing was saved: open it again and change what "
+            "stands there now."
+        ),
         "race_recorded": _("The race was driven elsewhere and stands here as a record. Nobody can enter it any more."),
         "race_closed": _("The race closed at %(closes)s. Its entries and cars do not change any more."),
         "race_cancelled": _("The race was cancelled: %(reason)s"),

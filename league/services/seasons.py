@@ -64,6 +64,7 @@ def schedule_round(
     stage come. The field of a finale whose pro race is official already is entered at once. Raises RaceRefused,
     ValidationError.
     """
+    Season.objects.select_for_update().get(pk=season.pk)  # two that are scheduled at once see each other
     if not stage:
         stage = {"open": Stage.OPEN, "pro": Stage.PRO}.get(division, Stage.SINGLE)
     rules = StageRules.objects.filter(season=season, stage=stage).first()
@@ -90,6 +91,14 @@ def put_in_division(*, season: Season, racer: Racer, division: str, now: datetim
     membership.full_clean()
     membership.save()
     return membership
+
+
+def hold_season(race: Race) -> None:
+    """Lock the season of a round whose race is about to change: one after the other, so that each is held against what
+    the others have become. Before the race's own lock, as wherever both are taken."""
+    season = Round.objects.filter(race=race.pk).values_list("season", flat=True).first()
+    if season is not None:
+        Season.objects.select_for_update().get(pk=season)
 
 
 def check_round_times(race: Race, before: Race) -> None:

@@ -19,6 +19,7 @@ from django.utils.translation import gettext_lazy, ngettext
 from faults import PaddockError
 
 from ..course import check_layout
+from ..errors import problem
 from ..fields import BoxesField
 from ..models import Kind, Race, RaceState, Visibility
 from ..sensors import OFFERABLE
@@ -30,7 +31,7 @@ from ..services import (
     reset_invitation,
 )
 from ..services.gates import moment
-from ..services.races import free_slug, has_submissions
+from ..services.races import edition_of, free_slug, has_submissions
 from ..validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
 from .actions import WithReason, sentence
 
@@ -43,6 +44,7 @@ class RaceForm(forms.ModelForm):
     )
 
     boxes = BoxesField(label=gettext_lazy("boxes in fixed places"), required=False)
+    edition = forms.CharField(required=False, widget=forms.HiddenInput)
 
     class Meta:
         model = Race
@@ -53,10 +55,16 @@ class RaceForm(forms.ModelForm):
         if "slug" in self.fields:
             self.fields["slug"].required = False
             self.fields["slug"].help_text = _("Leave empty to make it from the name. It never changes afterwards.")
+        if self.instance.pk:
+            self.initial["edition"] = edition_of(self.instance)
 
     def _post_clean(self) -> None:
         super()._post_clean()
         stored = Race.objects.get(pk=self.instance.pk) if self.instance.pk else None
+        edition = self.cleaned_data.get("edition")
+        if stored is not None and edition and edition != edition_of(stored):
+            self.add_error(None, problem("race_changed_meanwhile"))
+            return
         submissions = stored is not None and has_submissions(stored)
         self._tell(lambda: check_times(self.instance, now=timezone.now(), before=stored, submissions=submissions))
         if not self.errors:
@@ -105,7 +113,7 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
     autocomplete_fields = ("track", "organiser")
     actions = ("cancel", "clone", "new_invitations", "work_out_anew")
     fieldsets = (
-        (None, {"fields": ("name", "slug", "kind", "division", "organiser", "description")}),
+        (None, {"fields": ("name", "slug", "kind", "division", "organiser", "description", "edition")}),
         (gettext_lazy("Time and place"), {"fields": ("opens_at", "closes_at", "track", "direction")}),
         (
             gettext_lazy("Ranking"),
@@ -169,7 +177,7 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
             return
         changes = {name: form.cleaned_data[name] for name in form.changed_data if name in EDITABLE_FIELDS}
         try:
-            edit_race(race=obj, now=now, **changes)
+            edit_race(race=obj, now=now, edition=form.cleaned_data.get("edition") or None, **changes)
         except PaddockError as fault:  # a car was submitted, or the race opened, while the form was open
             self.message_user(request, sentence(fault), messages.ERROR)
 

@@ -19,6 +19,7 @@ from ..models import Division, Entry, Kind, Race, RaceState, RaceType, RankingMe
 from ..ranking import order_rule, rule_for
 from ..selectors import can_organise, races_visible_to
 from ..sensors import OFFERABLE
+from ..services.races import edition_of
 from .course import CourseSerializer
 from .lookup import organised_race, visible_race
 from .placed import PlacedBoxSerializer
@@ -73,6 +74,7 @@ class RaceDetailSerializer(RaceSerializer):
     )
     ranking_rule = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
     tie_rule = serializers.SerializerMethodField()
+    edition = serializers.SerializerMethodField(help_text="Another after every change; see the change of a race.")
     invitation = serializers.SerializerMethodField(help_text="The secret that joins; only for who organises the race.")
 
     @extend_schema_field(PlacedBoxSerializer(many=True))
@@ -84,6 +86,9 @@ class RaceDetailSerializer(RaceSerializer):
 
     def get_tie_rule(self, race: Race) -> str:
         return order_rule(race)
+
+    def get_edition(self, race: Race) -> str:
+        return edition_of(race)
 
     def get_invitation(self, race: Race) -> str | None:
         hidden = race.visibility != Visibility.INVITATION or not can_organise(self.context["request"].user, race)
@@ -120,6 +125,16 @@ class RaceChangeSerializer(CourseSerializer):
     max_submissions = serializers.IntegerField(min_value=1, max_value=1000, required=False)
     seed = serializers.IntegerField(min_value=0, max_value=2**31 - 1, required=False)
     visibility = serializers.ChoiceField(Visibility.choices, required=False)
+
+
+class RaceEditSerializer(RaceChangeSerializer):
+    """A change, and of which state of the race."""
+
+    edition = serializers.CharField(
+        max_length=64,
+        required=False,
+        help_text="As the race was read: the change is refused if somebody else has changed it since.",
+    )
 
 
 class NewRaceSerializer(RaceChangeSerializer):
@@ -212,13 +227,13 @@ class RaceView(APIView):
         operation_id="edit_race",
         summary="Change a race that you organise",
         description="What moves a result is fixed from the first submission on.",
-        request=RaceChangeSerializer,
+        request=RaceEditSerializer,
         responses=RaceDetailSerializer,
         tags=["races"],
     )
     def patch(self, request: Request, slug: str) -> Response:
         race = organised_race(request, slug)
-        serializer = RaceChangeSerializer(data=request.data)
+        serializer = RaceEditSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
         return self._answer(services.edit_race(race=race, now=timezone.now(), **serializer.validated_data))
 

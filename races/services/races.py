@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from datetime import datetime
 from functools import partial
@@ -20,7 +21,7 @@ from tracks.models import Track
 
 from ..errors import RaceRefused, problem
 from ..models import Kind, Race, Submission, new_invitation
-from ..validation import EDITABLE_FIELDS, check_race
+from ..validation import EDITABLE_FIELDS, check_race, hold_above
 from .gates import require_not_over
 from .stopping import stop_after_commit
 
@@ -82,15 +83,26 @@ def create_league_race(
     return _create(race, now)
 
 
+def edition_of(race: Race) -> str:
+    """What stands in all that may be changed of a race, in 16 characters: another after every change."""
+    values = [Race._meta.get_field(name).value_to_string(race) for name in EDITABLE_FIELDS]
+    return hashlib.sha256(repr(values).encode()).hexdigest()[:16]
+
+
 @transaction.atomic
-def edit_race(*, race: Race, now: datetime, **changes: Any) -> Race:
+def edit_race(*, race: Race, now: datetime, edition: str | None = None, **changes: Any) -> Race:
     """Change a race: ``changes`` are any fields in ``EDITABLE_FIELDS``.
 
-    What moves a result is fixed from the first submission on, the opening time from the opening on, everything but name
-    and description from the closing on. Raises RaceRefused with all problems by field; TypeError for another field.
+    ``edition``: what :func:`edition_of` said when the changes were thought of, so that nobody undoes what somebody else
+    has changed since without having seen it; None to write over whatever stands. What moves a result is fixed from the
+    first submission on, the opening time from the opening on, everything but name and description from the closing on.
+    Raises UserFault("race_changed_meanwhile"), RaceRefused with all problems by field; TypeError for another field.
     """
     _refuse_unknown(changes)
+    hold_above(race)
     before = Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    if edition is not None and edition != edition_of(before):
+        raise UserFault("race_changed_meanwhile")
     after = Race.objects.get(pk=race.pk)
     for name, value in changes.items():
         setattr(after, name, value)

@@ -64,7 +64,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     form = RaceForm(request.POST or None, race=race, locked=locked, now=now)
     if request.method == "POST" and form.is_valid():
         try:
-            services.edit_race(race=race, now=now, **form.changes())
+            services.edit_race(race=race, now=now, edition=form.cleaned_data["edition"] or None, **form.changes())
         except UserFault as fault:
             form.show(fault)
         else:

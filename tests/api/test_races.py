@@ -273,3 +273,15 @@ def test_an_organiser_turns_a_time_trial_into_object_avoidance_and_moves_a_box(a
     assert changed.status_code == 200 and len(changed.data["placed_boxes"]) == 2
     moved = client.patch(path, {"boxes": [{"fraction": 0.4, "lane": "outer"}]})
     assert moved.data["placed_boxes"][0]["fraction"] == 0.4
+
+
+def test_a_change_may_say_which_state_of_the_race_it_is_meant_for(alice, now, as_racer):
+    client, race = as_racer(alice), a_race(now, organiser=alice)
+    address = f"/api/v1/races/{race.slug}/"
+    seen = client.get(address).data["edition"]
+    first = client.patch(address, {"name": "One", "edition": seen}, format="json")
+    assert first.status_code == 200 and first.data["edition"] != seen
+    second = client.patch(address, {"name": "Two", "edition": seen}, format="json")
+    assert (second.status_code, second.data["code"]) == (409, "race_changed_meanwhile")
+    assert client.patch(address, {"name": "Two"}, format="json").data["name"] == "Two"
+    assert client.get(address).data["edition"] == client.get(address).data["edition"]

@@ -17,7 +17,7 @@ from races.models import Entry, Race
 from races.selectors import board
 from races.services import enter_race
 from tests.league.histories import START, month, read_csv, write_csv, write_season
-from tests.league.test_history import FEW, bring, change, everything, refused
+from tests.league.records import FEW, bring, change, everything, refused
 from tests.races.test_concurrency import at_once
 from tests.rows import track_row
 

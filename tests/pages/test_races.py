@@ -326,3 +326,20 @@ def test_a_race_of_the_other_division_says_so_and_offers_no_button(world: World,
     assert 'id="send"' not in page and "#send" not in page and "/enter/" not in page
     assert "pro-race" not in client.get(world.model.get_absolute_url()).content.decode()
     assert "open-race" in client.get(world.model.get_absolute_url()).content.decode()
+
+
+def test_who_saves_a_race_that_somebody_else_has_changed_meanwhile_is_told_and_undoes_nothing(world: World) -> None:
+    client = world.client("admin")
+    path = f"/races/{world.upcoming.slug}/edit/"
+    page = client.get(path).context["form"]
+    data = {field.html_name: field.value() for field in page}
+    data |= {name: data[name].strftime("%Y-%m-%dT%H:%M") for name in ("opens_at", "closes_at")}
+    assert data["edition"]
+    Race.objects.filter(pk=world.upcoming.pk).update(max_submissions=3)
+    answer = client.post(path, data | {"name": "Mine"})
+    assert answer.status_code == 422 and 'data-code="race_changed_meanwhile"' in answer.content.decode()
+    world.upcoming.refresh_from_db()
+    assert (world.upcoming.max_submissions, world.upcoming.name) != (data["max_submissions"], "Mine")
+    assert world.upcoming.max_submissions == 3
+    fresh = client.get(path).context["form"]
+    assert client.post(path, data | {"name": "Mine", "edition": fresh["edition"].value()}).status_code == 302

@@ -149,7 +149,7 @@ def test_what_must_not_change_cannot_be_edited(boss, now):
     assert not {"laps", "track", "ranking_method", "seed", "sensors"} & editable()
     assert {"closes_at", "max_submissions", "name"} <= editable()
     Race.objects.update(closes_at=now - timedelta(minutes=1))
-    assert editable() == {"name", "description"}
+    assert editable() == {"name", "description", "edition"}
 
 
 def test_a_forged_form_changes_nothing_that_is_fixed(boss, now):
@@ -278,3 +278,15 @@ def test_a_track_with_races_and_those_of_the_catalogue_stay(boss, now):
     assert boss.post(reverse("admin:tracks_track_delete", args=[track.pk]), {"post": "yes"}).status_code == 403
     Race.objects.all().delete()
     assert boss.post(reverse("admin:tracks_track_delete", args=[track.pk]), {"post": "yes"}).status_code == 403
+
+
+def test_a_change_of_what_somebody_else_has_changed_meanwhile_is_refused(boss, now):
+    race = a_race(now, kind="league", division="open", opens_at=now + timedelta(days=1))
+    seen = boss.get(change(race)).context["adminform"].form.initial["edition"]
+    Race.objects.update(max_submissions=3)
+    response = boss.post(change(race), form(now, laps="5", edition=seen))
+    assert errors(response) == {"__all__": ["race_changed_meanwhile"]}
+    assert (Race.objects.get().laps, Race.objects.get().max_submissions) == (3, 3)
+    seen = boss.get(change(race)).context["adminform"].form.initial["edition"]
+    assert boss.post(change(race), form(now, laps="5", edition=seen)).status_code == 302
+    assert Race.objects.get().laps == 5

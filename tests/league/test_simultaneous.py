@@ -1,0 +1,184 @@
+"""Two admins at the same moment: nothing is lost silently, and what is checked holds when both are through.
+
+On SQLite here, on PostgreSQL below, where two transactions really run side by side.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from datetime import timedelta
+
+import pytest
+from django.core.exceptions import ValidationError
+
+from faults import PaddockError
+from league.models import Membership, Racer, Round, RoundPoints
+from league.services import close_due_rounds, close_round, disqualify
+from league.services.organising import postpone_round
+from league.services.stewards import put_back, reopen_round
+from races.models import Race
+from races.services import edit_race
+from races.services.races import edition_of
+from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
+from tests.postgres import postgres, program
+from tests.races.test_concurrency import at_once
+from tests.shared import CHECKOUT
+
+pytestmark = pytest.mark.django_db(transaction=True)
+NOW = JANUARY - timedelta(days=1)
+
+
+@pytest.fixture(autouse=True)
+def silent(bell):
+    return bell
+
+
+@pytest.fixture
+def season():
+    return a_season()
+
+
+@pytest.fixture
+def steward():
+    return Racer.objects.create_superuser("steward", "steward@example.org", None)
+
+
+def code(call):
+    """What the call returns, or the code that it is refused with."""
+    try:
+        return call()
+    except PaddockError as fault:
+        return fault.code
+    except ValidationError as refused:
+        return next(error.code for errors in refused.error_dict.values() for error in errors)
+
+
+def test_two_who_postpone_a_round_postpone_it_twice(season):
+    round_ = a_round(season, 1, "open-qualifier")
+    opens, closes = round_.race.opens_at, round_.race.closes_at
+    answers = at_once(
+        [lambda: postpone_round(round=Round.objects.get(pk=round_.pk), hours=24, reason="Rain.", now=NOW)] * 3
+    )
+    assert all(isinstance(one, Race) for one in answers), answers
+    race = Race.objects.get(pk=round_.race_id)
+    assert (race.opens_at, race.closes_at) == (opens + 72 * HOUR, closes + 72 * HOUR)
+
+
+def test_two_who_change_the_same_field_of_what_they_saw_change_it_once(season):
+    race = a_round(season, 1, "open-qualifier").race
+    seen = edition_of(Race.objects.get(pk=race.pk))
+    names = [f"Name {number}" for number in range(4)]
+    answers = at_once([lambda name=name: edit_race(race=race, now=NOW, edition=seen, name=name) for name in names])
+    assert sorted(str(one) for one in answers if not isinstance(one, Race)) == ["race_changed_meanwhile"] * 3, answers
+    assert Race.objects.get(pk=race.pk).name in names
+
+
+def test_who_changes_another_field_without_having_looked_loses_nobody_s_change(season):
+    race = a_round(season, 1, "open-qualifier").race
+    changes = ({"name": "New"}, {"max_submissions": 7}, {"description": "Words"}, {"laps": 5})
+    at_once(
+        [lambda change=change: edit_race(race=Race.objects.get(pk=race.pk), now=NOW, **change) for change in changes]
+    )
+    race.refresh_from_db()
+    assert (race.name, race.max_submissions, race.description, race.laps) == ("New", 7, "Words", 5)
+
+
+def test_two_rounds_are_not_moved_into_each_other_at_the_same_moment(season):
+    first = a_round(season, 1, "open-qualifier")
+    end = first.race.closes_at
+    second = a_round(season, 2, "open-qualifier", opens_at=end + 10 * HOUR)
+    answers = at_once(
+        [
+            lambda: code(lambda: edit_race(race=first.race, now=NOW, closes_at=end + 8 * HOUR)),
+            lambda: code(lambda: edit_race(race=second.race, now=NOW, opens_at=end + 2 * HOUR)),
+        ]
+    )
+    assert [one for one in answers if not isinstance(one, Race)] == ["rounds_overlap"], answers
+    before, after_ = Race.objects.order_by("opens_at")
+    assert before.closes_at <= after_.opens_at
+
+
+def test_two_races_of_a_division_are_not_scheduled_over_each_other_at_the_same_moment(season):
+    answers = at_once(
+        [
+            lambda number=number: code(
+                lambda: a_round(season, number, "open-qualifier", opens_at=JANUARY, closes_at=JANUARY + 9 * HOUR)
+            )
+            for number in (1, 2, 3)
+        ]
+    )
+    assert sorted(one for one in answers if isinstance(one, str)) == ["rounds_overlap"] * 2, answers
+    assert Round.objects.count() == Race.objects.count() == 1
+
+
+def test_a_round_is_closed_once_while_others_close_everything_that_is_due(season):
+    rounds = [a_round(season, number, "open-qualifier") for number in (1, 2, 3)]
+    cast = racers(20)
+    for round_ in rounds:
+        board(round_.race, cast)
+    now = after(rounds[-1])
+    calls = [lambda: len(close_due_rounds(now=now))] * 3 + [
+        lambda: code(lambda: close_round(round=rounds[2], now=now))
+    ] * 3
+    answers = at_once(calls)
+    assert not [one for one in answers if isinstance(one, BaseException)], answers
+    assert not Round.objects.filter(closed_at=None).exists()
+    assert Membership.objects.count() == 4 and RoundPoints.objects.count() == 3 * 4
+
+
+def test_stewards_who_decide_at_the_same_moment_end_in_what_all_of_it_means(season, steward):
+    january, ten = a_round(season, 1, "open-qualifier"), racers(10)
+    board(january.race, ten)
+    close_round(round=january, now=after(january))
+    now = after(january, hours=1)
+    out = [
+        lambda racer=racer: disqualify(round=january, racer=racer, by=steward, reason="Cut.", now=now)
+        for racer in ten[:4]
+    ]
+    answers = at_once([*out, lambda: close_due_rounds(now=now)])
+    assert not [one for one in answers if isinstance(one, BaseException | str)], answers
+    assert set(Membership.objects.values_list("racer", flat=True)) == {ten[4].pk}, "a fifth of the six that are left"
+    back = [
+        lambda racer=racer: put_back(round=january, racer=racer, by=steward, reason="Seen.", now=now)
+        for racer in ten[:4]
+    ]
+    answers = at_once(back)
+    assert not [one for one in answers if isinstance(one, BaseException | str)], answers
+    assert set(Membership.objects.values_list("racer", flat=True)) == {ten[0].pk, ten[1].pk}
+
+
+def test_a_round_that_is_taken_back_while_others_close_it_ends_held_back_or_official_and_never_half(season, steward):
+    january = a_round(season, 1, "open-qualifier")
+    board(january.race, racers(10))
+    close_round(round=january, now=after(january))
+    now = after(january, hours=1)
+    answers = at_once(
+        [
+            lambda: reopen_round(round=january, by=steward, reason="Protest.", now=now),
+            *[lambda: code(lambda: close_round(round=january, now=now))] * 3,
+        ]
+    )
+    assert not [one for one in answers if isinstance(one, BaseException)], answers
+    january.refresh_from_db()
+    official = january.closed_at is not None
+    assert official == (january.held_at is None)
+    assert (Membership.objects.count(), RoundPoints.objects.count()) == ((2, 4) if official else (0, 0))
+
+
+@pytest.mark.postgres
+@pytest.mark.slow
+@pytest.mark.django_db(transaction=False)
+@pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
+@pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
+def test_all_of_the_league_s_rules_hold_on_postgresql_too():
+    files = ("simultaneous", "closing", "stewards", "moved_rounds", "notices", "history_attacks", "duels_recorded")
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not postgres"]
+    command += [f"tests/league/test_{name}.py" for name in files]
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
+    with postgres() as url:
+        run = subprocess.run(
+            command, cwd=CHECKOUT, env=clean | {"DATABASE_URL": url}, capture_output=True, text=True, check=False
+        )
+    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
