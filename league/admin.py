@@ -7,6 +7,8 @@ from allauth.account.models import EmailAddress, EmailConfirmation
 from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
+from django.core.exceptions import ValidationError
+from django.db import transaction
 from django.db.models import QuerySet
 from django.forms import BaseInlineFormSet, ModelForm
 from django.http import HttpRequest
@@ -16,6 +18,8 @@ from django.utils.translation import ngettext
 
 from .models import Membership, Racer, Round, Season
 from .models.season import usual_stage
+from .services import put_in_division
+from .services.fields import give_fields
 
 # E-mail addresses are shown with their racer and nowhere else.
 for model in (EmailAddress, EmailConfirmation):
@@ -118,11 +122,16 @@ class RacerAdmin(UserAdmin):
         self.message_user(request, ngettext("%d racer was changed.", "%d racers were changed.", done) % done)
 
 
+_OFFICIAL = _("The results of this round are official, so it stays as it is. Take them back first, under Rounds.")
+
+
 class RoundForm(ModelForm):
     """A round; its stage is the usual one of its race's division unless another is chosen."""
 
     def clean(self) -> dict:
         data = super().clean() or self.cleaned_data
+        if self.instance.closed_at is not None and {"race", "number", "stage"}.intersection(self.changed_data):
+            raise ValidationError(_OFFICIAL)
         if data.get("race") is not None and not data.get("stage"):
             data["stage"] = usual_stage(data["race"])
         return data
@@ -135,6 +144,8 @@ class RoundFormSet(BaseInlineFormSet):
         seen = set()
         for form in self.forms:
             data = getattr(form, "cleaned_data", {})
+            if data.get("DELETE") and form.instance.closed_at is not None:
+                raise ValidationError(_OFFICIAL)
             if data.get("race") is None or data.get("DELETE"):
                 continue
             place = data.get("number"), data.get("stage")
@@ -157,7 +168,7 @@ class RoundInline(admin.TabularInline):
 
 @admin.register(Season)
 class SeasonAdmin(admin.ModelAdmin):
-    """Seasons and their rounds."""
+    """Seasons and their rounds. What official results were worked out from is not changed after the fact."""
 
     list_display = ("name", "slug", "starts_on", "ends_on", "round_count")
     list_filter = ("starts_on",)
@@ -165,6 +176,12 @@ class SeasonAdmin(admin.ModelAdmin):
     date_hierarchy = "starts_on"
     inlines = (RoundInline,)
     actions = None
+
+    NUMBERS = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst")
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Season | None = None) -> tuple[str, ...]:
+        official = obj is not None and obj.rounds.filter(closed_at__isnull=False).exists()
+        return self.NUMBERS if official else ()
 
     @admin.display(description=_("races"))
     def round_count(self, season: Season) -> int:
@@ -185,14 +202,28 @@ class MembershipAdmin(admin.ModelAdmin):
     search_fields = ("racer__alias", "season__name")
     autocomplete_fields = ("racer", "season")
     readonly_fields = ("since",)
+    actions = None
+
+    def has_delete_permission(self, request: HttpRequest, obj: Membership | None = None) -> bool:
+        """A promotion follows from its round. Who is not to have it is put into the open division by hand."""
+        return super().has_delete_permission(request, obj) and (obj is None or obj.promoted_in_id is None)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Membership | None = None) -> tuple[str, ...]:
         return ("since",) if obj is None else ("racer", "season", "since")
 
     def save_model(self, request: HttpRequest, obj: Membership, form, change: bool) -> None:
-        if not change or "division" in form.changed_data:
-            obj.since = timezone.now()
-        super().save_model(request, obj, form, change)
+        """Pro races that are not over follow: who is no pro any more leaves them, and the log keeps both."""
+        now = timezone.now()
+        with transaction.atomic():
+            made = put_in_division(season=obj.season, racer=obj.racer, division=obj.division, now=now)
+            obj.pk = made.pk
+            give_fields(obj.season, now=now)
+
+    def delete_model(self, request: HttpRequest, obj: Membership) -> None:
+        season = obj.season
+        with transaction.atomic():
+            super().delete_model(request, obj)
+            give_fields(season, now=timezone.now())
 
 
 # the rest of the league's admin pages register themselves

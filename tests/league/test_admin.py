@@ -9,8 +9,10 @@ from django.contrib import admin
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
-from league.models import Membership, Racer, Round, Season
+from league.models import Membership, Racer, Round, Season, Stage
+from league.services import close_round
 from tests.factories import a_race, a_racer, drive, laps
+from tests.league.seasons import a_round, a_season, after, board, racers, stand
 
 pytestmark = pytest.mark.django_db
 
@@ -163,6 +165,66 @@ def test_numbers_that_make_no_season_are_told_on_their_field(boss, field, value,
     page = boss.post(reverse("admin:league_season_add"), data)
     assert told in page.content.decode() and field in page.context["adminform"].errors
     assert not Season.objects.exists()
+
+
+class TestASeasonThatHasResults:
+    """What its official rounds were worked out from stays as it was."""
+
+    @pytest.fixture
+    def round_(self, boss) -> Round:
+        made = a_round(a_season(), 1, Stage.OPEN)
+        board(made.race, racers(10))
+        return close_round(round=made, now=after(made))
+
+    def form(self, round_: Round, **changes: str) -> dict[str, str]:
+        season = round_.season
+        data = {"slug": season.slug, "name": season.name, "starts_on": "2027-01-01", "ends_on": "2027-12-31"}
+        data |= NUMBERS | {"rounds-TOTAL_FORMS": "1", "rounds-INITIAL_FORMS": "1", "rounds-0-id": str(round_.pk)}
+        data |= {"rounds-0-season": str(season.pk), "rounds-0-race": str(round_.race_id), "rounds-0-number": "1"}
+        data |= {"rounds-0-stage": round_.stage, "rounds-0-name": round_.name}
+        return data | changes
+
+    def test_its_numbers_are_shown_and_not_changed(self, boss, round_):
+        address = reverse("admin:league_season_change", args=[round_.season_id])
+        html = boss.get(address).content.decode()
+        assert 'name="points"' not in html and 'name="promotion_percent"' not in html and 'name="prizes"' in html
+        data = self.form(round_, points="[100]", promotion_percent="90", prizes="A mug")
+        assert boss.post(address, data).status_code == 302
+        season = Season.objects.get()
+        assert season.points == [10, 6, 3, 1] and season.promotion_percent == 20 and season.prizes == "A mug"
+
+    @pytest.mark.parametrize("changes", [{"rounds-0-DELETE": "on"}, {"rounds-0-number": "2"}])
+    def test_its_official_rounds_are_not_taken_out_or_moved(self, boss, round_, changes):
+        page = boss.post(reverse("admin:league_season_change", args=[round_.season_id]), self.form(round_, **changes))
+        assert page.status_code == 200 and "official" in page.content.decode()
+        assert Round.objects.get().number == 1 and Membership.objects.count() == 2
+
+    def test_a_race_that_is_not_official_is_taken_out(self, boss, round_):
+        other = a_round(round_.season, 2, Stage.OPEN)
+        data = self.form(round_) | {"rounds-TOTAL_FORMS": "2", "rounds-INITIAL_FORMS": "2", "rounds-1-number": "2"}
+        data |= {"rounds-1-id": str(other.pk), "rounds-1-season": str(round_.season_id), "rounds-1-DELETE": "on"}
+        data |= {"rounds-1-race": str(other.race_id), "rounds-1-stage": other.stage, "rounds-1-name": other.name}
+        assert boss.post(reverse("admin:league_season_change", args=[round_.season_id]), data).status_code == 302
+        assert list(Round.objects.values_list("pk", flat=True)) == [round_.pk]
+
+    def test_a_promoted_racer_is_put_back_into_the_open_division_by_hand_and_leaves_the_pro_race(self, boss, round_):
+        pro = a_round(round_.season, 2, Stage.PRO)
+        member = Membership.objects.first()
+        stand(pro.race, member.racer, 20_000)
+        address = reverse("admin:league_membership_change", args=[member.pk])
+        assert boss.post(address, {"division": "open"}).status_code == 302
+        member.refresh_from_db()
+        assert member.division == "open" and member.promoted_in is None
+        assert pro.race.entries.get(racer=member.racer).removed_at is not None
+
+    def test_a_promotion_is_never_deleted_and_a_division_by_hand_is(self, boss, round_, alice):
+        member = Membership.objects.first()
+        assert (
+            boss.post(reverse("admin:league_membership_delete", args=[member.pk]), {"post": "yes"}).status_code == 403
+        )
+        by_hand = Membership.objects.create(season=round_.season, racer=alice)
+        boss.post(reverse("admin:league_membership_delete", args=[by_hand.pk]), {"post": "yes"})
+        assert not Membership.objects.filter(racer=alice).exists()
 
 
 def test_a_season_that_ends_before_it_starts_gives_a_readable_error(boss):
