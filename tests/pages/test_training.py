@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from datetime import timedelta
 
@@ -14,6 +15,7 @@ from evaluation.models import Evaluation
 from tests.pages.conftest import VIEWERS, World
 from tests.pages.test_pages import INLINE
 from tests.training.jobs import REWARD, a_training
+from tracks.models import Track
 from training import tasks
 from training.course import LESSONS
 from training.graph import draw_graph, points_of, smoothed
@@ -23,6 +25,7 @@ from training.views import learn
 
 MINE = ("/train/", "/train/new/", "/train/new/?clone=x&job=y&example=z&speed_max=fast", "/learn/laboratory/")
 MINE += ("/vehicles/", "/vehicles/new/")
+ACTS = ("stop", "evaluate")
 OWNERS = {"anonymous": 302, "newcomer": 404, "alice": 200, "bob": 404, "admin": 200}
 
 
@@ -110,7 +113,9 @@ def test_every_page_has_the_right_status_for_everybody(world: World, job: Traini
         f"/vehicles/{vehicle.public_id}/": mine,
         f"/vehicles/{vehicle.public_id}/delete/": mine,
         **{f"/train/{job.public_id}/{rest}": OWNERS for rest in ("", "?smooth=9", "?smooth=x", "metrics.json")},
-        f"/train/{job.public_id}/logs.zip": OWNERS,
+        **{f"/train/{job.public_id}/{rest}": OWNERS for rest in ("logs.zip", "best.zip", "last.zip")},
+        f"/train/{job.public_id}/live/": OWNERS | {"alice": 204, "admin": 204},
+        **{f"/train/{job.public_id}/{rest}/": {**dict.fromkeys(VIEWERS, 405), "anonymous": 302} for rest in ACTS},
         f"/train/{job.public_id}/sb3.zip": dict.fromkeys(VIEWERS, 404) | {"anonymous": 302},
         f"/train/{job.public_id}/trace.csv": dict.fromkeys(VIEWERS, 404) | {"anonymous": 302},
         "/train/nothing/": dict.fromkeys(VIEWERS, 404) | {"anonymous": 302},
@@ -346,6 +351,24 @@ def test_vehicles_are_added_changed_and_deleted(world: World) -> None:
     assert world.client("bob").post(f"/vehicles/{owl.public_id}/delete/").status_code == 404
     assert client.post(f"/vehicles/{owl.public_id}/delete/").status_code == 302
     assert not Vehicle.objects.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_the_pilot_at_the_inner_border_is_there_in_both_directions(world: World, direction: str) -> None:
+    """Inside of the oval: nearer to its middle."""
+    from training.views.lab import LabForm, _drive
+
+    middle = Track.objects.get(slug="oval").geometry.centre.mean(axis=0)
+    far = {}
+    for drive in ("inner", "pilot", "outer"):
+        form = LabForm(
+            {"track": "oval", "direction": direction, "drive": drive, "reward_code": REWARD}, owner=world.alice
+        )
+        assert form.is_valid()
+        states = _drive(form)[1][30:]
+        far[drive] = sum(math.dist((state["x"], state["y"]), middle) for state in states) / len(states)
+    assert far["inner"] < far["pilot"] < far["outer"]
 
 
 @pytest.mark.slow

@@ -136,6 +136,15 @@ def test_a_recorded_lap_is_whole_and_the_same_every_time(lap):
     assert record_lap(stadium(), "cw", speed_mps=2.0)[0]["is_reversed"] is True
 
 
+def test_a_pilot_that_sways_shows_what_a_function_makes_of_the_whole_road():
+    track = stadium()
+    swaying = record_lap(track, "cw", sway_m=0.3 * track.width_at(0.0))
+    shares = [state["distance_from_center"] / state["track_width"] for state in swaying]
+    assert swaying[-1]["progress"] == 100.0
+    assert all(state["all_wheels_on_track"] for state in swaying)
+    assert min(shares) < 0.05 and max(shares) > 0.25, "all three steps of the first example"
+
+
 def test_no_more_points_than_anybody_looks_at(lap):
     trace = {name: [0.0] * (MAX_POINTS + 50) for name in ("yaw", "steer", "progress", "tstamp", "Y", "X")}
     count = MAX_POINTS + 50
@@ -217,6 +226,16 @@ def test_without_any_reward_there_is_still_a_map(lap):
     svg = heat_map(stadium(), lap, [])
     assert texts(svg) == ["reward"]
     assert len(strokes(svg, "heat-point")) == len(lap)
+
+
+@pytest.mark.parametrize(("reward", "said"), [(1.0, "1"), (0.0, "0"), (-0.5, "\N{MINUS SIGN}0.5")])
+def test_the_same_reward_everywhere_is_one_number(lap, reward, said):
+    assert texts(heat_map(stadium(), lap, [reward] * len(lap))) == [said, "reward"]
+
+
+def test_a_change_that_changes_nothing_is_said_so(lap):
+    rewards = [1.0] * len(lap)
+    assert texts(difference_map(stadium(), lap, rewards, rewards))[0] == "0"
 
 
 def test_one_great_reward_does_not_make_all_others_look_alike():

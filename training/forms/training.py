@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from django import forms
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import pgettext_lazy
 
 from evaluation.models import TrainedModel
 from faults import UserFault
@@ -82,7 +83,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
     speed_granularity = forms.TypedChoiceField(
         label=_("Speeds"), choices=[(n, n) for n in SPEED_GRANULARITIES], coerce=int, required=False
     )
-    actions = ActionsField(label=_("Actions"), required=False)
+    actions = ActionsField(label=pgettext_lazy("of a car", "Actions"), required=False)
     steering_low = _number(_("Steering to the right (°)"), *STEERING_DEG, required=False)
     steering_high = _number(_("Steering to the left (°)"), *STEERING_DEG, required=False)
     speed_low = _number(_("Slowest (m/s)"), *SPEED_MPS, 0.1, required=False)
@@ -124,7 +125,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
         help_text=_("It ends as soon as the car has driven so many without leaving the road."),
     )
     stop_steps = _number(
-        _("Steps"),
+        pgettext_lazy("of a simulation", "Steps"),
         1,
         2**31 - 1,
         kind=forms.IntegerField,

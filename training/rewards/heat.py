@@ -199,6 +199,8 @@ def _legend(
         (left + bar / 2, "middle", number((low + most) / 2) if most > low else ""),
         (left + bar, "end", ("≥ " if above else "") + number(most)),
     ]
+    if low == most and not below and not above:  # the same everywhere: one colour, one number
+        texts = [(left + bar / 2, "middle", number(abs(most) if most == 0 else most))]
     parts += [
         f'<text x="{x:.3f}" y="{top + 2.1 * size:.3f}" text-anchor="{anchor}" font-size="{size:.3f}" '
         f'fill="currentColor">{text}</text>'

@@ -28,6 +28,7 @@ from .validate import Problem
 
 MAX_POINTS = 3000  # more is no lap that anybody looks at: 200 s of driving
 _LAP_MS = 180_000
+_WAVE_M = 6.0
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,31 @@ class Rewarded:
     printed: str
 
 
+class SwayingPilot(CentreLinePilot):
+    """Swings from one side of the road to the other and back about every six metres: most functions change on its way,
+    where in the middle of the road they give the same all along."""
+
+    def __init__(self, track: TrackGeometry, direction: str, speed: float, sway_m: float) -> None:
+        super().__init__(track, direction, speed)
+        self._sway_m = sway_m
+        self._waves = max(2, round(track.length / _WAVE_M))
+
+    def _offset_for(self, metres: float, aim_m: float) -> float:
+        return self._sway_m * math.sin(2.0 * math.pi * self._waves * aim_m / self._track.length)
+
+
 def record_lap(
-    track: TrackGeometry, direction: str = "ccw", *, speed_mps: float = 1.5, offset_m: float = 0.0
+    track: TrackGeometry, direction: str = "ccw", *, speed_mps: float = 1.5, offset_m: float = 0.0, sway_m: float = 0.0
 ) -> list[Params]:
     """One lap of the scripted pilot: see :class:`evaluation.simulator.policies.CentreLinePilot` for the arguments.
+    ``sway_m``: so far it swings to either side of the centre line instead.
 
     Takes a few tenths of a second; the same every time. ``track`` as the catalogue has it.
     """
-    pilot = CentreLinePilot(track, direction, speed=speed_mps, offset=offset_m)
+    if sway_m:
+        pilot: CentreLinePilot = SwayingPilot(track, direction, speed_mps, sway_m)
+    else:
+        pilot = CentreLinePilot(track, direction, speed=speed_mps, offset=offset_m)
     rules = RaceRules(laps=1, max_resets=0, max_simulated_ms=_LAP_MS, direction=direction)
     trace = run_race(track, rules, pilot.action_space, pilot.sensors, pilot).trace
     return params_along(track.in_direction(direction), trace.columns)

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from league.models import Racer
 
 RUNS_OFFERED = 20
-PILOT = "pilot"
+PILOT, SWAYING, INNER, OUTER = "pilot", "swaying", "inner", "outer"
+SWAY = 0.3  # of the road's width, to either side
 MOST_CODE = 140_000
 SHOWN_PROBLEMS = 5
 
@@ -62,9 +63,10 @@ class LabForm(forms.Form):
         runs = Evaluation.objects.filter(owner=owner, state=State.FINISHED).select_related("model", "track")
         self.runs = {run.public_id: run for run in runs.order_by("-ended_at")[:RUNS_OFFERED]}
         self.fields["drive"].choices = [
+            (SWAYING, _("our pilot, swaying from side to side")),
             (PILOT, _("our pilot in the middle of the road")),
-            ("inner", _("our pilot close to the inner border")),
-            ("outer", _("our pilot close to the outer border")),
+            (INNER, _("our pilot close to the inner border")),
+            (OUTER, _("our pilot close to the outer border")),
             *((run.public_id, f"{run.model.name} · {run.track.name}") for run in self.runs.values()),
         ]
 
@@ -81,7 +83,7 @@ class LabForm(forms.Form):
 @require_http_methods(["GET", "HEAD", "POST"])
 def reward_lab(request: HttpRequest) -> HttpResponse:
     """Choose a drive and a function, see the map; change the function, see what changed."""
-    initial = {"track": "oval", "direction": "ccw", "drive": PILOT, "reward_code": DEFAULT.code}
+    initial = {"track": "oval", "direction": "ccw", "drive": SWAYING, "reward_code": DEFAULT.code}
     form = LabForm(request.POST or None, owner=request.user, initial=initial)
     context: dict[str, Any] = {"form": form, "examples": EXAMPLES}
     status = 200
@@ -137,11 +139,12 @@ def _drive(form: LabForm) -> tuple[Any, list[dict[str, Any]]]:
     said = form.cleaned_data
     run = form.runs.get(said["drive"])
     if run is None:
-        width = said["track"].geometry.width_at(0.0)
-        offset = {"inner": 0.3 * width, "outer": -0.3 * width}.get(said["drive"], 0.0)
-        return said["track"].geometry.in_direction(said["direction"]), _lap(
-            said["track"].geometry, said["direction"], offset
-        )
+        track, direction = said["track"].geometry, said["direction"]
+        aside = SWAY * track.width_at(0.0)
+        left = aside if direction == Direction.CCW else -aside  # where the inner border is, for whoever drives
+        offset = {INNER: left, OUTER: -left}.get(said["drive"], 0.0)
+        states = _lap(track, direction, offset, aside if said["drive"] == SWAYING else 0.0)
+        return track.in_direction(direction), states
     from training.rewards.laboratory import params_along
 
     rows = list(csv.DictReader(io.StringIO(read_trace(run.result).decode())))
@@ -152,10 +155,10 @@ def _drive(form: LabForm) -> tuple[Any, list[dict[str, Any]]]:
 
 
 @lru_cache(maxsize=32)
-def _lap(track: Any, direction: str, offset_m: float) -> list[dict[str, Any]]:
+def _lap(track: Any, direction: str, offset_m: float, sway_m: float) -> list[dict[str, Any]]:
     from training.rewards.laboratory import record_lap
 
-    return record_lap(track, direction, offset_m=offset_m)
+    return record_lap(track, direction, offset_m=offset_m, sway_m=sway_m)
 
 
 def _value(text: str) -> Any:
