@@ -6,42 +6,102 @@ import json
 
 import pytest
 
-from benchmarks import training
+from benchmarks import racing_pace, training
 
 
-def figures(wall_s: float = 12.0, lapped: int = 5, car_racing: float | None = 100.0) -> dict:
+def figures(
+    wall_s: float = 12.0, lapped: int = 5, car_racing: float | None = 100.0, near_s: float | None = 60.0, near: int = 5
+) -> dict:
     run = {"wall_s": wall_s}
     medians = {"wall_s": wall_s, "cpu_s": 9.0, "start_s": 2.0, "steps": 6000, "steps_per_second": 900.0}
+    laps = {**medians, "lapped": lapped, "runs": [run] * 5}
+    line = {
+        "line_lap_s": 6.57,
+        "wanted_lap_s": 8.21,
+        "budget_s": 300.0,
+        "budget_in": "wall time",
+        "wall_s": near_s,
+        "cpu_s": near_s,
+        "steps": near_s and 20_000,
+        "lap_s": near_s and 7.5,
+        "reached": near,
+        "runs": [{"reached": number < near, "wall_s": 60.0} for number in range(5)],
+    }
     return {
         "machine": {"cpu": "test", "cores": 2, "load_before": 0.1, "load_after": 0.2, "engine": "paddock-v1"},
         "seeds": 5,
-        "first_three_clean_laps": {"oval": {**medians, "lapped": lapped, "runs": [run] * 5}},
+        "first_three_clean_laps": {"oval": laps},
+        "near_the_racing_line": {"oval": line},
+        "first_three_clean_laps_of_sac": {"oval": laps},
         "steps_per_second": {"paddock": 900.0, "car_racing": car_racing, "ratio": car_racing and 9.0},
     }
 
 
 def test_kept_promises_are_said():
     assert training.misses(figures()) == []
-    assert "Every target is met." in training.table(figures())
-    assert "9.0 times as many" in training.table(figures())
+    table = training.table(figures())
+    assert "Every target is met." in table
+    assert "9.0 times as many" in table
+    assert "within 25% of the lap of the minimum-curvature line" in table
+    assert "The same with SAC" in table
 
 
 def test_broken_promises_are_said():
     assert "20 s are promised" in training.misses(figures(wall_s=21.0))[0]
-    assert "4 of 5 trainings" in training.misses(figures(lapped=4))[0]
+    slow = training.misses(figures(lapped=4))
+    assert "4 of 5 trainings drove" in slow[0]
+    assert "4 of 5 trainings of SAC" in slow[1]
     assert "Missed: oval" in training.table(figures(wall_s=21.0))
 
 
-def test_without_box2d_that_is_said():
-    assert "CarRacing not measured" in training.table(figures(car_racing=None))
+def test_cars_that_are_not_near_the_line_in_time_are_said():
+    assert training.misses(figures(near=4)) == ["oval: 4 of 5 trainings came within 25% of the racing line"]
+    assert "not within 25% of the racing line in 300 s" in training.misses(figures(near_s=301.0))[0]
+    never = figures(near_s=None, near=1)
+    assert len(training.misses(never)) == 2
+    assert "60 - - - -" in training.table(never)
+
+
+def test_without_box2d_it_is_said_how_to_have_it():
+    table = training.table(figures(car_racing=None))
+    assert "CarRacing not measured" in table
+    assert "pip install '.[bench]'" in table
+
+
+@pytest.mark.slow
+def test_car_racing_is_measured_where_box2d_is_installed():
+    pytest.importorskip("Box2D", reason="pip install '.[bench]'")
+    pytest.importorskip("torch", reason="training is not installed: make training")
+    assert training.car_racing(512)["steps_per_second"] > 1
 
 
 @pytest.mark.slow
 def test_one_training_is_measured_from_start_to_laps(capsys):
     pytest.importorskip("torch", reason="training is not installed: make training")
-    assert training.main(["--tracks", "oval", "--seeds", "1", "--compared-steps", "0", "--json"]) == 0
+    assert (
+        training.main(["--tracks", "oval", "--seeds", "1", "--compared-steps", "0", "--parts", "laps", "--json"]) == 0
+    )
     found = json.loads(capsys.readouterr().out)["first_three_clean_laps"]["oval"]
     (run,) = found["runs"]
     assert run["lapped"] and run["clean_laps_in_an_evaluation"] == 3
     assert 0 < run["start_s"] < run["wall_s"]
     assert run["cpu_s"] > 1.0
+
+
+@pytest.mark.slow
+def test_a_training_towards_the_racing_line_ends_when_its_budget_is_spent(monkeypatch):
+    pytest.importorskip("torch", reason="training is not installed: make training")
+    monkeypatch.setattr(racing_pace, "BUDGET_S", 1.0)
+    run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
+    assert (run["reached"], run["lap_s"], run["steps"]) == (False, None, None)
+    assert run["cpu_s"] >= 1.0
+
+
+@pytest.mark.slow
+def test_what_is_near_the_line_is_what_an_evaluation_says(monkeypatch):
+    pytest.importorskip("torch", reason="training is not installed: make training")
+    monkeypatch.setattr(racing_pace, "NEAR", 3.0)  # whoever laps at all
+    run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
+    assert run["reached"] and run["evaluations"] >= 1
+    assert 1.0 < run["of_line"] <= 3.0
+    assert run["lap_s"] == pytest.approx(run["of_line"] * racing_pace.line_lap_s("oval"))

@@ -1,0 +1,78 @@
+"""The line that trained cars are held against bends as little as the road allows; its lap is driven at the limit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.racing_line import centre_line, line_at, minimum_curvature_line
+from evaluation.simulator.physics import PADDOCK_CAR
+from tracks.catalogue import CATALOGUE
+from tracks.geometry import TrackGeometry
+
+HALF_BODY = PADDOCK_CAR.body_width / 2
+
+
+def ring(radius: float, width: float = 1.0, stretch: float = 0.0) -> TrackGeometry:
+    """A circular road, or one with two straights of ``stretch`` metres."""
+    angles = np.arange(0, 2 * math.pi, 2 * math.pi / 240)
+
+    def line(at: float) -> np.ndarray:
+        circle = at * np.column_stack((np.cos(angles), np.sin(angles)))
+        return circle + np.column_stack((np.where(np.cos(angles) > 0, stretch / 2, -stretch / 2), np.zeros(240)))
+
+    return TrackGeometry.from_arrays("ring", line(radius), line(radius - width / 2), line(radius + width / 2))
+
+
+def test_round_a_circle_the_line_is_the_widest_circle_that_the_body_fits_in():
+    line = minimum_curvature_line(ring(3.0))
+    widest = 3.5 - HALF_BODY
+    assert line.offsets == pytest.approx(-(0.5 - HALF_BODY), abs=0.01)
+    assert line.curvatures == pytest.approx(1 / widest, rel=0.01)
+    assert line.length == pytest.approx(2 * math.pi * widest, rel=0.01)
+
+
+def test_a_lap_at_the_limit_takes_as_long_as_its_length_at_that_speed():
+    line = minimum_curvature_line(ring(3.0))
+    assert line.lap_s(1.0) == pytest.approx(line.length / PADDOCK_CAR.speed_gain)
+
+
+def test_no_point_is_driven_faster_than_the_grip_allows():
+    line = centre_line(ring(0.8, width=0.6, stretch=6.0))
+    speeds = line.speeds(4.0)
+    for speed, curvature in zip(speeds, line.curvatures, strict=True):
+        limit = PADDOCK_CAR.curvature_limit / (1 + PADDOCK_CAR.curvature_limit_falloff * speed**2)
+        assert abs(curvature) <= limit + 1e-6
+    assert speeds.max() > 3.5, "there are straights"
+    assert speeds.min() < 2.0, "and bends"
+
+
+def test_speed_changes_as_fast_as_the_car_can_and_no_faster():
+    line = centre_line(ring(0.8, width=0.6, stretch=6.0))
+    speeds = line.speeds(4.0)
+    gained = (np.roll(speeds, -1) ** 2 - speeds**2) / (2 * line.steps)
+    assert gained.max() == pytest.approx(PADDOCK_CAR.acceleration)
+    assert gained.min() == pytest.approx(-PADDOCK_CAR.braking)
+
+
+@pytest.mark.parametrize("slug", ["oval", "kuei-raceway"])
+def test_no_line_nearby_bends_less(slug):
+    track = next(entry for entry in CATALOGUE if entry.slug == slug).geometry()
+    best, centre = minimum_curvature_line(track), centre_line(track)
+    distances = np.arange(len(best.offsets)) * track.length / len(best.offsets)
+
+    def bending(line) -> float:
+        return float((line.curvatures**2 * (line.steps + np.roll(line.steps, 1)) / 2).sum())
+
+    assert bending(best) < 0.8 * bending(centre)
+    left, right = track.half_widths_along(distances)
+    assert (best.offsets <= left - HALF_BODY + 1e-9).all() and (best.offsets >= HALF_BODY - right - 1e-9).all()
+    rng = np.random.default_rng(0)
+    for _ in range(50):  # smooth swerves of a centimetre or so, kept on the road
+        at, width = rng.uniform(0, track.length), rng.uniform(0.5, 3.0)
+        away = np.abs((distances - at + track.length / 2) % track.length - track.length / 2)
+        swerve = rng.choice((-0.01, 0.01)) * np.exp(-((away / width) ** 2))
+        other = np.clip(best.offsets + swerve, HALF_BODY - right, left - HALF_BODY)
+        assert bending(line_at(track, distances, other)) >= bending(best) - 1e-6
