@@ -58,8 +58,7 @@ class Car:
         solution from their forces. Setting a link's filter again takes the link out of Bullet's broad phase and puts it
         back, and its contacts go.
         """
-        for link in (-1, *range(len(WHEELS) + len(HINGES))):
-            bullet.setCollisionFilterGroupMask(self.body, link, CAR_GROUP, GROUND_GROUP, self._client)
+        _set_filters(self.body, self._client)
         self.place(Pose(0.0, 0.0, 0.0))
 
     @property
@@ -202,8 +201,7 @@ def _build(client: int, physics: CarPhysics) -> int:
     bullet.changeDynamics(body, -1, localInertiaDiagonal=physics.chassis_inertia, physicsClientId=client)
     bullet.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
     bullet.changeDynamics(body, -1, maxJointVelocity=physics.max_joint_velocity, physicsClientId=client)
-    for link in (-1, *links):
-        bullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP, client)
+    _set_filters(body, client)
     for link in links:
         wheel = link in WHEELS
         inertia = physics.wheel_inertia if wheel else (physics.hinge_inertia,) * 3
@@ -219,3 +217,9 @@ def _build(client: int, physics: CarPhysics) -> int:
                 physicsClientId=client,
             )
     return body
+
+
+def _set_filters(body: int, client: int) -> None:
+    """Wheels meet the ground; chassis and hinges, which have no shape, meet nothing and need not be looked at."""
+    for link in (-1, *range(len(WHEELS) + len(HINGES))):
+        bullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP if link in WHEELS else 0, client)

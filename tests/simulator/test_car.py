@@ -5,7 +5,9 @@ from itertools import pairwise
 import pybullet
 import pytest
 
-from evaluation.simulator.car import HINGES, WHEELS, Pose
+from evaluation.simulator import car as car_module
+from evaluation.simulator import world as world_module
+from evaluation.simulator.car import CAR_GROUP, GROUND_GROUP, HINGES, WHEELS, Pose
 from evaluation.simulator.physics import PADDOCK_CAR
 from evaluation.simulator.response import Response
 from evaluation.simulator.world import World
@@ -200,3 +202,34 @@ def test_cars_pass_through_each_other(world):
     assert car.speed == pytest.approx(2 * PADDOCK_CAR.speed_gain, rel=0.01)
     assert ghost.speed == pytest.approx(PADDOCK_CAR.speed_gain, rel=0.01)
     assert car.height == pytest.approx(PADDOCK_CAR.wheel_radius, abs=1e-4)
+
+
+def wandering(cars=1):
+    """Positions, headings and velocities to the last bit of cars that slide, turn and are put back."""
+    with World() as world:
+        driven = [world.add_car() for _ in range(cars)]
+        found = []
+        for step in range(240):
+            for number, car in enumerate(driven):
+                if step % 9 == 0:
+                    car.command(30.0 * math.sin(step + number), 2.0 + 2.0 * math.cos(3 * step))
+                if step % 70 == 69:
+                    car.place(Pose(number, 0.1 * step, 0.01 * step))
+            world.step()
+            for car in driven:
+                found.append(pybullet.getBasePositionAndOrientation(car.body, world.client))
+                found.append(pybullet.getBaseVelocity(car.body, world.client))
+        return found
+
+
+@pytest.mark.parametrize("cars", [1, 3])
+def test_the_cheaper_search_for_contacts_finds_what_bullets_own_finds_to_the_last_bit(monkeypatch, cars):
+    def full_filters(body, client):
+        for link in (-1, *range(len(WHEELS) + len(HINGES))):
+            pybullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP, client)
+
+    ours = wandering(cars)
+    monkeypatch.setattr(world_module, "_ready", [])
+    monkeypatch.setattr(world_module, "_connect", lambda: pybullet.connect(pybullet.DIRECT))
+    monkeypatch.setattr(car_module, "_set_filters", full_filters)
+    assert wandering(cars) == ours

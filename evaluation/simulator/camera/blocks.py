@@ -20,8 +20,7 @@ _BLEED = 0.7 * (1 << _SHIFT)  # OpenCV's smooth polygons are too large by so muc
 _LIMIT = 30_000 << _SHIFT  # OpenCV counts pixels in 16 bits
 _DETAIL_M = 2.0  # a car's windows and wheels are drawn up to here: farther off they are a pixel or two
 
-# Corners of a block, front left first, in halves of its length and width; face k lies between corners k - 1 and k.
-_CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+# Corners of a block are counted from the front left one; face k lies between corners k - 1 and k.
 _FRONT, _LEFT, _BACK, _RIGHT = range(4)
 
 # Rectangles on a car's face in shares of its length (from the left, as it is seen) and of its height.
@@ -36,7 +35,8 @@ _Face = tuple[float, float, float, float, float, float, float, float]
 
 
 class BlockPainter:
-    """Draws solids by one camera."""
+    """Draws solids by one camera. Arithmetic is written out where it is needed, and the corners of all faces become
+    whole numbers in one go: with six boxes in view that takes as long as drawing them."""
 
     def __init__(self, theme: Theme, optics: Optics) -> None:
         self._theme = theme
@@ -46,8 +46,6 @@ class BlockPainter:
         self._focal = optics.focal * (1 << _SHIFT)
         self._centre = ((optics.columns - 1) / 2 * (1 << _SHIFT), (optics.rows - 1) / 2 * (1 << _SHIFT))
         self._spread = math.tan(optics.horizontal_fov / 2)  # half of the seen width for each metre of depth
-        self._points = np.empty((4, 2), np.int32)
-        self._flat = self._points.reshape(-1)
 
     def paint(self, frame: np.ndarray, x: float, y: float, yaw: float, solids: Sequence[Solid]) -> None:
         """Draw ``solids`` into the picture of a car at (x, y) with this heading."""
@@ -57,8 +55,9 @@ class BlockPainter:
         spread, lower = self._spread, self._height
         seen = []
         for solid in solids:
-            dx, dy = solid[0] - eye_x, solid[1] - eye_y
-            reach = solid[3] + solid[4]
+            at_x, at_y, heading, length, width, _, _ = solid
+            dx, dy = at_x - eye_x, at_y - eye_y
+            reach = length + width
             forward = dx * cos + dy * sin
             if forward + reach < 0.0:
                 continue  # behind
@@ -66,47 +65,74 @@ class BlockPainter:
             # What lies low is a little deeper than it is far ahead.
             if abs(left) - reach > spread * (forward + reach + lower):
                 continue  # beyond the sides of the picture
-            found = _from_outside(solid, forward, left, solid[2] - yaw)
+            found = _from_outside(solid, forward, left, heading - yaw)
             if found is not None:
                 seen.append(found)
         if len(seen) > 1:  # blocks that stand apart hide each other in the order of their nearest points
             seen.sort(key=itemgetter(0), reverse=True)
+        faces: list[float] = []
+        greys: list[int] = []
         for square, solid, first, edges in seen:
-            self._paint_one(frame, solid, first, edges, square < _DETAIL_M * _DETAIL_M)
+            if not self._add(faces, greys, solid, first, edges, square < _DETAIL_M * _DETAIL_M):
+                _fill(frame, faces, greys)
+                faces, greys = [], []
+                self._paint_close(frame, solid, first, edges)
+        _fill(frame, faces, greys)
 
-    def _paint_one(self, frame: np.ndarray, solid: Solid, first: int, edges: list[_Edge], near: bool) -> None:
-        is_car = solid[6] == CAR
-        greys = self._theme.car if is_car else self._theme.box
+    def _add(
+        self, faces: list[float], greys: list[int], solid: Solid, first: int, edges: tuple[_Edge, ...], near: bool
+    ) -> bool:
+        """Write down the faces of a block (see ``_Face``) and their greys, in the order in which they are drawn. False,
+        and nothing is written down, for a block so close that it has to be cut at the near plane."""
         cos, sin, focal = self._cos, self._sin, self._focal
         centre_u, centre_v = self._centre
         low, high = -self._height, solid[5] - self._height
         low_deep, low_fall, high_deep, high_fall = low * sin, low * cos, high * sin, high * cos
-        lows, highs = [], []
+        corners: list[float] = []
         for forward, left in edges:
             deep, fall = forward * cos, forward * sin
             low_depth, high_depth = deep - low_deep, deep - high_deep
             if low_depth < _CLOSE_M or high_depth < _CLOSE_M:
-                self._paint_close(frame, solid, first, edges)
-                return
-            scale = focal / low_depth
-            lows.append((centre_u - left * scale, centre_v - (fall + low_fall) * scale - _BLEED))
-            scale = focal / high_depth
-            highs.append((centre_u - left * scale, centre_v - (fall + high_fall) * scale + _BLEED))
+                return False
+            low_scale, high_scale = focal / low_depth, focal / high_depth
+            corners += (
+                centre_u - left * low_scale,
+                centre_v - (fall + low_fall) * low_scale - _BLEED,
+                centre_u - left * high_scale,
+                centre_v - (fall + high_fall) * high_scale + _BLEED,
+            )
         # The outline is drawn inwards by what smooth polygons are too large; the second face covers the first.
-        (a, b), (c, d) = lows[0], highs[0]
-        lows[0], highs[0] = (a + _BLEED, b), (c + _BLEED, d)
-        (a, b), (c, d) = lows[-1], highs[-1]
-        lows[-1], highs[-1] = (a - _BLEED, b), (c - _BLEED, d)
-        for number in range(len(lows) - 1):
-            face = (*lows[number], *lows[number + 1], *highs[number + 1], *highs[number])
-            self._fill(frame, face, greys[(first + number) % 4])
-            if is_car and near:
-                self._fill(frame, _part(face, _WINDOW), self._theme.car_window)
-                if (first + number) % 2:
-                    for wheel in _WHEELS:
-                        self._fill(frame, _part(face, wheel), self._theme.car_wheel)
+        corners[0] += _BLEED
+        corners[2] += _BLEED
+        corners[-4] -= _BLEED
+        corners[-2] -= _BLEED
+        if solid[6] == CAR:
+            shades = self._theme.car
+            for number in range(len(edges) - 1):
+                side = (first + number) % 4
+                alx, aly, ahx, ahy, blx, bly, bhx, bhy = corners[4 * number : 4 * number + 8]
+                face = (alx, aly, blx, bly, bhx, bhy, ahx, ahy)
+                faces += face
+                greys.append(shades[side])
+                if near:
+                    faces += _part(face, _WINDOW)
+                    greys.append(self._theme.car_window)
+                    if side % 2:
+                        for wheel in _WHEELS:
+                            faces += _part(face, wheel)
+                            greys.append(self._theme.car_wheel)
+            return True
+        shades = self._theme.box
+        alx, aly, ahx, ahy, blx, bly, bhx, bhy, *rest = corners
+        faces += (alx, aly, blx, bly, bhx, bhy, ahx, ahy)
+        greys.append(shades[first])
+        if rest:
+            clx, cly, chx, chy = rest
+            faces += (blx, bly, clx, cly, chx, chy, bhx, bhy)
+            greys.append(shades[(first + 1) % 4])
+        return True
 
-    def _paint_close(self, frame: np.ndarray, solid: Solid, first: int, edges: list[_Edge]) -> None:
+    def _paint_close(self, frame: np.ndarray, solid: Solid, first: int, edges: tuple[_Edge, ...]) -> None:
         """Draw a block that touches the camera or reaches behind it, its faces cut at the near plane."""
         greys = self._theme.car if solid[6] == CAR else self._theme.box
         cos, sin, focal = self._cos, self._sin, self._focal
@@ -126,14 +152,18 @@ class BlockPainter:
                 grey = greys[(first + number) % 4]
                 cv2.fillConvexPoly(frame, np.array(points, np.int32), grey, cv2.LINE_AA, _SHIFT)
 
-    def _fill(self, frame: np.ndarray, face: _Face, grey: int) -> None:
-        self._flat[:] = face
-        cv2.fillConvexPoly(frame, self._points, grey, cv2.LINE_AA, _SHIFT)
+
+def _fill(frame: np.ndarray, faces: list[float], greys: list[int]) -> None:
+    """Draw faces one after the other; ``faces`` has eight numbers for each of them."""
+    if greys:
+        points = np.array(faces).astype(np.int32).reshape(-1, 4, 2)
+        for corners, grey in zip(points, greys, strict=True):
+            cv2.fillConvexPoly(frame, corners, grey, cv2.LINE_AA, _SHIFT)
 
 
 def _from_outside(
     solid: Solid, forward: float, left: float, turn: float
-) -> tuple[float, Solid, int, list[_Edge]] | None:
+) -> tuple[float, Solid, int, tuple[_Edge, ...]] | None:
     """What is seen of a block ``forward`` and ``left`` of the eye, turned by ``turn`` to the left; None from within.
 
     (square of the distance to its nearest point, the block, the first face that is seen, the upright edges of the
@@ -143,37 +173,45 @@ def _from_outside(
     length, width = solid[3], solid[4]
     ahead, aside = -forward * cos - left * sin, forward * sin - left * cos  # the eye in the block's own frame
     beyond, beside = abs(ahead) - length, abs(aside) - width
-    end, side = (_FRONT if ahead > 0.0 else _BACK), (_LEFT if aside > 0.0 else _RIGHT)
     if beyond > 0.0:
+        end = _FRONT if ahead > 0.0 else _BACK
         if beside > 0.0:
             square = beyond * beyond + beside * beside
+            side = _LEFT if aside > 0.0 else _RIGHT
             first, last = (end, side) if (side - end) % 4 == 1 else (side, end)
         else:
             square, first, last = beyond * beyond, end, end
     elif beside > 0.0:
-        square, first, last = beside * beside, side, side
+        first = last = _LEFT if aside > 0.0 else _RIGHT
+        square = beside * beside
     else:
         return None
     along_x, along_y, across_x, across_y = length * cos, length * sin, -width * sin, width * cos
-    corners = (first - 1, first, last) if first != last else (first - 1, first)
-    edges = []
-    for corner in corners:
-        a, b = _CORNERS[corner]
-        edges.append((forward + a * along_x + b * across_x, left + a * along_y + b * across_y))
-    return square, solid, first, edges
+    front_x, front_y, back_x, back_y = forward + along_x, left + along_y, forward - along_x, left - along_y
+    corners = (
+        (front_x + across_x, front_y + across_y),
+        (back_x + across_x, back_y + across_y),
+        (back_x - across_x, back_y - across_y),
+        (front_x - across_x, front_y - across_y),
+    )
+    if first == last:
+        return square, solid, first, (corners[first - 1], corners[first])
+    return square, solid, first, (corners[first - 1], corners[first], corners[last])
 
 
 def _part(face: _Face, patch: _Patch) -> _Face:
     """A part of a face; evenly on the picture, which is near enough for a window."""
     alx, aly, blx, bly, bhx, bhy, ahx, ahy = face
     left, right, bottom, top = patch
-
-    def at(along: float, up: float) -> tuple[float, float]:
-        low_x, low_y = alx + along * (blx - alx), aly + along * (bly - aly)
-        high_x, high_y = ahx + along * (bhx - ahx), ahy + along * (bhy - ahy)
-        return low_x + up * (high_x - low_x), low_y + up * (high_y - low_y)
-
-    return (*at(left, bottom), *at(right, bottom), *at(right, top), *at(left, top))
+    # Points of the lower and of the upper edge, then between them.
+    wide_x, wide_y, high_x, high_y = blx - alx, bly - aly, bhx - ahx, bhy - ahy
+    lx, ly, hx, hy = alx + left * wide_x, aly + left * wide_y, ahx + left * high_x, ahy + left * high_y
+    rx, ry, sx, sy = alx + right * wide_x, aly + right * wide_y, ahx + right * high_x, ahy + right * high_y
+    hx, hy, sx, sy = hx - lx, hy - ly, sx - rx, sy - ry
+    return (
+        *(lx + bottom * hx, ly + bottom * hy, rx + bottom * sx, ry + bottom * sy),
+        *(rx + top * sx, ry + top * sy, lx + top * hx, ly + top * hy),
+    )
 
 
 def _bounded(pixels: float) -> float:

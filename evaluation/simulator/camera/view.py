@@ -94,30 +94,35 @@ class Camera:
         self._frame = np.empty((optics.rows, optics.columns), np.uint8)
         bands = _bands(scene, optics)
         self._terms = np.hstack([band.terms(optics) for band in bands])
-        self._bands = [self._prepared(band) for band in bands]
+        self._place = np.ones(5)
+        self._homographies = np.empty(self._terms.shape[1])
+        matrices = self._homographies.reshape(-1, 3, 3)
+        self._bands = [self._prepared(band, matrix) for band, matrix in zip(bands, matrices, strict=True)]
         self._painter = BlockPainter(scene.theme, optics)
 
-    def _prepared(self, band: _Band) -> tuple:
-        """(the level's pixels, size of the band's picture, buffer for it, halvings): all that is not made anew for
-        each frame. A halving: even rows, odd rows, buffer for their mean."""
+    def _prepared(self, band: _Band, homography: np.ndarray) -> tuple:
+        """(the first arguments of the band's warp, halvings): all that is not made anew for each frame. A halving: even
+        rows, odd rows, buffer for their mean."""
         rows, columns = band.last - band.first, self._frame.shape[1]
         buffers = [np.empty((rows << n, columns), np.uint8) for n in range(band.doublings, 0, -1)]
         buffers.append(self._frame[band.first : band.last])
         halvings = [(full[::2], full[1::2], half) for full, half in pairwise(buffers)]
-        return band.level.pixels, (columns, rows * band.samples), buffers[0], halvings
+        return (band.level.pixels, homography, (columns, rows * band.samples), buffers[0]), halvings
 
     def render(self, pose: Pose, solids: Sequence[Solid] = ()) -> np.ndarray:
         """The grey frame, uint8 (rows, columns), a fresh array. ``solids`` hide each other and the ground by distance;
         one that the camera is inside of is not seen, as its faces look outwards."""
-        place = np.array((math.cos(pose.yaw), math.sin(pose.yaw), pose.x, pose.y, 1.0))
-        homographies = (place @ self._terms).reshape(-1, 3, 3)
-        for (pixels, size, picture, halvings), homography in zip(self._bands, homographies, strict=True):
-            cv2.warpPerspective(pixels, homography, size, picture, _WARP, cv2.BORDER_CONSTANT, self._wall)
+        x, y, yaw = pose
+        place, wall = self._place, self._wall
+        place[0], place[1], place[2], place[3] = math.cos(yaw), math.sin(yaw), x, y
+        np.matmul(place, self._terms, self._homographies)
+        for (pixels, homography, size, picture), halvings in self._bands:
+            cv2.warpPerspective(pixels, homography, size, picture, _WARP, cv2.BORDER_CONSTANT, wall)
             for even, odd, half in halvings:
                 cv2.addWeighted(even, 0.5, odd, 0.5, 0.0, half)
         frame = self._frame.copy()
         if solids:
-            self._painter.paint(frame, pose.x, pose.y, pose.yaw, solids)
+            self._painter.paint(frame, x, y, yaw, solids)
         return frame
 
 
