@@ -16,6 +16,7 @@ from rest_framework.views import APIView
 from faults import UserFault
 
 from . import services
+from .looks import Look, Shell
 from .models import TrainedModel
 from .packages.read import UploadPart
 from .selectors import models_of
@@ -35,6 +36,8 @@ class ModelSerializer(serializers.Serializer):
     macs = serializers.IntegerField(source="network.macs", help_text="Multiplications a step.")
     sensors = serializers.ListField(child=serializers.CharField())
     metadata = serializers.DictField(help_text="model_metadata.json as it was read, with the field's own keys.")
+    shell = serializers.ChoiceField(Shell.choices, help_text="What it looks like in replays.")
+    colour = serializers.CharField(help_text="#rrggbb")
     source_kind = serializers.ChoiceField(SOURCE_KINDS, help_text="What was uploaded.")
     source_sha256 = serializers.CharField(help_text="Of the upload itself.")
     uploaded_at = serializers.DateTimeField(source="created_at")
@@ -59,6 +62,8 @@ class DescriptionSerializer(serializers.Serializer):
 
     name = serializers.CharField(required=False, allow_blank=True, help_text="1 to 64 characters.")
     description = serializers.CharField(required=False, allow_blank=True, help_text="At most 255 characters.")
+    shell = serializers.CharField(required=False, help_text=f"In replays; one of {', '.join(Shell.values)}.")
+    colour = serializers.CharField(required=False, help_text="In replays, as #rrggbb.")
 
 
 @extend_schema_view(
@@ -113,7 +118,7 @@ class ModelView(APIView):
 
     @extend_schema(
         operation_id="describe_model",
-        summary="Change a model's name or description",
+        summary="Change a model's name, description or look",
         request=DescriptionSerializer,
         responses=ModelSerializer,
         tags=["models"],
@@ -122,8 +127,14 @@ class ModelView(APIView):
         model = self._model(public_id)
         serializer = DescriptionSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
-        wanted = {"name": model.name, "description": model.description} | serializer.validated_data
-        return Response(ModelSerializer(services.describe_model(model=model, **wanted)).data)
+        sent = serializer.validated_data
+        described = services.describe_model(
+            model=model,
+            name=sent.get("name", model.name),
+            description=sent.get("description", model.description),
+            look=Look(sent.get("shell", model.shell), sent.get("colour", model.colour).lower()),
+        )
+        return Response(ModelSerializer(described).data)
 
     @extend_schema(
         operation_id="delete_model",

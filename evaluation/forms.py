@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from django import forms
 from django.core.files.uploadedfile import UploadedFile
 from django.utils.translation import gettext_lazy as _
 
+from .looks import Look, Shell
 from .models import TrainedModel
 from .packages.read import UploadPart
 
@@ -56,7 +58,21 @@ class UploadForm(forms.Form):
 
 
 class DescribeForm(forms.Form):
-    """Another name and description for a model."""
+    """Another name and description for a model, and what it looks like in replays."""
 
     name = forms.CharField(label=_("Name"), max_length=NAME_LIMIT)
     description = forms.CharField(label=_("Description"), required=False, max_length=DESCRIPTION_LIMIT)
+    shell = forms.ChoiceField(label=_("Shell"), choices=Shell.choices, widget=forms.RadioSelect, required=False)
+    colour = forms.RegexField(
+        label=_("Colour"),
+        regex=r"^#[0-9a-fA-F]{6}\Z",
+        required=False,
+        widget=forms.TextInput(attrs={"type": "color"}),
+        error_messages={"invalid": _("Write a colour as #rrggbb, such as #3b82f6.")},
+    )
+
+    def values(self, model: TrainedModel) -> dict[str, Any]:
+        """What :func:`evaluation.services.describe_model` takes. What is left out of the look stays as it is."""
+        said = self.cleaned_data
+        look = Look(said["shell"] or model.shell, said["colour"].lower() or model.colour)
+        return {"name": said["name"], "description": said["description"], "look": look}

@@ -16,6 +16,7 @@ from django.utils.translation import gettext_lazy as _
 from faults.reasons import REASONS
 
 from .ids import new_public_id
+from .looks import COLOUR, DEFAULT_COLOUR, Look, Shell
 from .simulator.rules import MAX_CARS
 
 SHA256 = r"^[0-9a-f]{64}$"
@@ -54,7 +55,7 @@ class Network(models.Model):
 
 
 class TrainedModel(models.Model):
-    """A racer's model: a trained network with its metadata. Immutable but for its name and description.
+    """A racer's model: a trained network with its metadata. Immutable but for its name, description and look.
 
     Deleting one hides it from its owner's garage (``deleted_at``); results that stand on boards stay.
     """
@@ -65,6 +66,8 @@ class TrainedModel(models.Model):
     description = models.CharField(_("description"), max_length=255, blank=True)
     network = models.ForeignKey(Network, models.PROTECT, related_name="models", verbose_name=_("network"))
     metadata = models.JSONField(_("model metadata"))
+    shell = models.CharField(_("shell"), max_length=16, choices=Shell.choices, default=Shell.PADDOCK)
+    colour = models.CharField(_("colour"), max_length=7, default=DEFAULT_COLOUR)
     source_kind = models.CharField(_("uploaded as"), max_length=16)
     source_sha256 = models.CharField(_("sha-256 of the upload"), max_length=64)
     created_at = models.DateTimeField(_("uploaded"), default=timezone.now)
@@ -81,6 +84,8 @@ class TrainedModel(models.Model):
             models.UniqueConstraint(
                 fields=["owner", "name"], condition=Q(deleted_at=None), name="model_name_unique_for_owner"
             ),
+            models.CheckConstraint(condition=Q(shell__in=Shell.values), name="model_shell_known"),
+            models.CheckConstraint(condition=Q(colour__regex=COLOUR), name="model_colour_form"),
             models.CheckConstraint(condition=Q(source_sha256__regex=SHA256), name="model_source_sha256_form"),
             models.CheckConstraint(condition=Q(source_kind__in=["onnx", "tensorflow"]), name="model_source_kind_known"),
         ]
@@ -90,6 +95,11 @@ class TrainedModel(models.Model):
 
     def get_absolute_url(self) -> str:
         return reverse("model", args=[self.public_id])
+
+    @property
+    def look(self) -> Look:
+        """What the car looks like in replays."""
+        return Look(self.shell, self.colour)
 
     @property
     def sensors(self) -> list[str]:

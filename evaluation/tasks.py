@@ -70,8 +70,8 @@ def sweep_at_start(sender=None, **kwargs: object) -> None:
     """A worker that comes up does not wait for beat: what the last one left behind is put right at once."""
     try:
         sweep.apply_async(retry=False)
-    except Exception as error:  # the broker's client may raise anything; beat sends the next sweep
-        logger.warning("The first sweep could not be sent: %s", error)
+    except Exception:  # the broker's client may raise anything; beat sends the next sweep
+        logger.exception("The first sweep could not be sent.")
 
 
 @worker_process_init.connect

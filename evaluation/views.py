@@ -105,12 +105,13 @@ def _sensor_picture(sensors: tuple[str, ...], lidar_config: dict | None) -> byte
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def model_edit(request: HttpRequest, public_id: str) -> HttpResponse:
-    """Rename and describe one of my models."""
+    """Rename and describe one of my models, and give it another look."""
     mine = get_object_or_404(models_of(request.user), public_id=public_id)
-    form = DescribeForm(request.POST or None, initial={"name": mine.name, "description": mine.description})
+    kept = {name: getattr(mine, name) for name in ("name", "description", "shell", "colour")}
+    form = DescribeForm(request.POST or None, initial=kept)
     if request.method == "POST" and form.is_valid():
         try:
-            services.describe_model(model=mine, **form.cleaned_data)
+            services.describe_model(model=mine, **form.values(mine))
         except UserFault as fault:
             add_fault(form, fault)
         else:

@@ -1,4 +1,4 @@
-// Replays a run on its map: play, pause, seek, at 1x to 4x; bots and rivals drive along.
+// Replays a run on its map: play, pause, seek, at 1x to 4x; bots and rivals drive along. Cars are drawn by the page.
 // Reads the columns that the page names in data-replay.
 "use strict";
 
@@ -37,8 +37,9 @@
       this.now = 0;
       this.end = run.t[run.t.length - 1];
       this.part = (name) => root.querySelector(`[data-${name}]`);
-      [this.toggle, this.seek, this.rate, this.out, this.car, this.tail] =
-        ["toggle", "seek", "rate", "out", "car", "tail"].map(this.part);
+      [this.toggle, this.seek, this.rate, this.out, this.tail] =
+        ["toggle", "seek", "rate", "out", "tail"].map(this.part);
+      this.car = root.querySelector('[data-car="0"]');
       this.laps = this.lapStarts();
       this.seek.max = this.end;
       this.toggle.addEventListener("click", () => (this.frame ? this.pause() : this.play()));
@@ -47,20 +48,24 @@
       this.size = 0.02 * Math.max(box.width, box.height);
       // Bots have a place for each step of the car's own; rivals have steps of their own.
       this.others = [
-        ...run.bots.map((columns) => this.other({ t: run.t, ...columns }, "replay-rival")),
-        ...run.rivals.map((columns) => this.other(columns, `replay-rival r${columns.number}`)),
+        ...run.bots.map((columns) => this.other({ t: run.t, ...columns }, this.bot())),
+        ...run.rivals.map((columns) => this.other(columns, root.querySelector(`[data-car="${columns.number}"]`))),
       ];
-      this.car.hidden = false;
       this.car.removeAttribute("hidden");
       this.part("player").hidden = false;
       this.draw();
     }
 
-    other(columns, look) {
+    bot() {
       const shape = document.createElementNS(SVG, "g");
-      shape.setAttribute("class", look);
-      shape.append(this.car.firstElementChild.cloneNode());
+      shape.setAttribute("class", "replay-bot");
+      shape.append(this.part("bot").cloneNode());
       this.part("others").append(shape);
+      return shape;
+    }
+
+    other(columns, shape) {
+      shape.removeAttribute("hidden");
       return { columns, shape, index: 0 };
     }
 
@@ -113,6 +118,7 @@
         const share = then === at ? 0 : (this.now - columns.t[at]) / (columns.t[then] - columns.t[at]);
         this.put(other.shape, between(columns, at, then, share));
         other.shape.classList.toggle("gone", this.now > columns.t[last]);
+        if (columns.status) other.shape.classList.toggle("standing", columns.status[at] === "pause");
       }
       const points = [`${cx},${cy}`];
       for (let k = i; k >= 0 && this.now - t[k] < TAIL_MS; k -= 1) {

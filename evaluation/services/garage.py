@@ -20,6 +20,7 @@ from django.db.models import Exists, OuterRef, ProtectedError, Sum
 from faults import UserFault
 from tracks.locks import hold
 
+from ..looks import COLOUR, Look, Shell
 from ..models import Network, TrainedModel
 from ..packages.admit import AdmittedPackage, admit
 from ..packages.limits import DEFAULT_LIMITS, MEGABYTE
@@ -44,12 +45,19 @@ class UploadedModel:
 
 
 def upload_model(
-    *, owner: Racer, files: Sequence[UploadPart], name: str | None = None, description: str = "", now: datetime
+    *,
+    owner: Racer,
+    files: Sequence[UploadPart],
+    name: str | None = None,
+    description: str = "",
+    look: Look = Look(),  # noqa: B008  a tuple
+    now: datetime,
 ) -> UploadedModel:
     """Read, check and keep a model. Nothing is stored unless all of it is in order.
 
-    ``name=None`` names it after its file. Raises UserFault (a code of the upload, metadata, conversion or gate section,
-    or ``garage_full``, ``storage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
+    ``name=None`` names it after its file. ``look``: of a new model; one that is there already keeps its own.
+    Raises UserFault (a code of the upload, metadata, conversion or gate section, or ``garage_full``,
+    ``storage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
     """
     if name is not None:
         name = _valid_name(name)
@@ -70,6 +78,8 @@ def upload_model(
                     owner=owner,
                     name=name or _free_name(owner, _name_of_file(files[0].name)),
                     description=description,
+                    shell=look.shell,
+                    colour=look.colour,
                     network=network,
                     metadata=admitted.metadata.to_dict(),
                     source_kind=admitted.source_kind,
@@ -81,13 +91,20 @@ def upload_model(
 
 
 @transaction.atomic
-def describe_model(*, model: TrainedModel, name: str, description: str) -> TrainedModel:
-    """Give a model another name and description. Raises UserFault ``model_name_...``, ``description_too_long``."""
+def describe_model(*, model: TrainedModel, name: str, description: str, look: Look | None = None) -> TrainedModel:
+    """Give a model another name and description, and another look unless it is None, which moves no result.
+
+    Raises UserFault ``model_name_...``, ``description_too_long``, ``model_look``.
+    """
+    if look is not None and (look.shell not in Shell.values or not re.fullmatch(COLOUR, look.colour)):
+        raise UserFault("model_look", known=", ".join(Shell.values))
     name, description = _valid_name(name), _valid_description(description)
     hold(model.owner)
     _refuse_taken_name(model.owner, name, but=model)
     model.name, model.description = name, description
-    model.save(update_fields=["name", "description"])
+    if look is not None:
+        model.shell, model.colour = look
+    model.save(update_fields=["name", "description", "shell", "colour"])
     return model
 
 

@@ -11,7 +11,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
-from django.db import connections
+from django.db import DatabaseError, connections
 from django.utils import timezone
 
 from faults import PaddockError, PlatformFault, UserFault
@@ -52,7 +52,7 @@ def run_next_evaluation(
                 how = "handed back"
             else:
                 # a run that we stopped because the database was away for too long is no fault of its model
-                fault, detail = _fault_of(PlatformFault("lease_expired") if heart.lost else error)
+                fault, detail = fault_of(PlatformFault("lease_expired") if heart.lost else error)
                 ended = fail_evaluation(**ident, fault=fault, now=timezone.now(), detail=detail)
                 how = f"failed: {fault.code}"
     logger.info("Evaluation %s %s.", evaluation, how if ended else "was stopped or given to somebody else")
@@ -130,7 +130,8 @@ class Heart(threading.Thread):
                 try:
                     self.lost = not beat(**self._held, progress=progress, now=timezone.now())
                 except Exception as error:  # the database may be away in many ways
-                    logger.warning("A heartbeat could not be written: %s", error)
+                    trace = None if isinstance(error, DatabaseError) else error
+                    logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
                     connections.close_all()
                     self.lost = monotonic() - last > settings.LEASE_SECONDS
                 else:
@@ -156,7 +157,7 @@ def _run(
     )
 
 
-def _fault_of(error: Exception) -> tuple[PaddockError, str]:
+def fault_of(error: Exception) -> tuple[PaddockError, str]:
     """The fault to record for whatever was raised, and what operators read about it."""
     if isinstance(error, UserFault):
         return error, "\n".join(getattr(error, "__notes__", ()))

@@ -61,6 +61,9 @@ REASONS = table(
         "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
         "model_name_taken": _("You already have a model named %(name)s. Choose another name."),
         "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
+        "model_look": _(
+            "There is no such look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
+        ),
         "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
     },
 )

@@ -17,9 +17,10 @@ from pathlib import Path
 from django.conf import settings
 from django.db import transaction
 
+from evaluation.looks import Look, Shell
 from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart, read_upload
-from evaluation.services import upload_model
+from evaluation.services import describe_model, upload_model
 from faults import PaddockError, UserFault
 from races.models import Kind, Race, Submission
 from races.selectors import racing_now
@@ -30,19 +31,26 @@ from ..models import Racer
 logger = logging.getLogger(__name__)
 HOUSE_CARS_DIR = Path(settings.BASE_DIR) / "training" / "house_cars"
 ORGANISER = "Paddock"
+# What the house's own cars wear, so that boards and replays tell them apart from racers' cars at once.
+LOOKS = {
+    "steady": Look(Shell.VAN, "#94a3b8"),
+    "brisk": Look(Shell.HATCH, "#f59e0b"),
+    "flyer": Look(Shell.FORMULA, "#ef4444"),
+}
 # An address that never receives anything (RFC 2606), and by which a house racer is found again.
 _EMAIL = "{name}@house.invalid"
 
 
 @dataclass(frozen=True)
 class HouseCar:
-    """One car of the folder. ``name``: of its files; ``display_name``: what racers see."""
+    """One car of the folder. ``name``: of its files; ``display_name``: what racers see; ``look``: in replays."""
 
     name: str
     display_name: str
     description: str
     onnx: Path
     metadata: Path
+    look: Look = Look()  # noqa: RUF009  a tuple
 
 
 @dataclass(frozen=True)
@@ -64,7 +72,9 @@ def house_cars(folder: Path = HOUSE_CARS_DIR) -> list[HouseCar]:
             logger.warning("House car %s is left out: %s cannot be read (%s).", onnx.stem, metadata.name, error)
             continue
         name = str(noted.get("display_name") or onnx.stem)
-        cars.append(HouseCar(onnx.stem, name, str(noted.get("description", "")), onnx, metadata))
+        cars.append(
+            HouseCar(onnx.stem, name, str(noted.get("description", "")), onnx, metadata, LOOKS.get(onnx.stem, Look()))
+        )
     return cars
 
 
@@ -112,8 +122,11 @@ def _model_of(car: HouseCar, racer: Racer, now: datetime) -> TrainedModel:
     sha256 = read_upload(_files(car)).source_sha256
     known = TrainedModel.objects.filter(owner=racer, source_sha256=sha256, deleted_at=None).first()
     if known is not None:
+        if known.look != car.look:
+            describe_model(model=known, name=known.name, description=known.description, look=car.look)
         return known
-    return upload_model(owner=racer, files=_files(car), description=car.description, now=now).model
+    model = upload_model(owner=racer, files=_files(car), description=car.description, look=car.look, now=now)
+    return model.model
 
 
 def _files(car: HouseCar) -> list[UploadPart]:

@@ -177,7 +177,7 @@ def test_a_replay_is_driven_from_the_keyboard(page: playwright.Page) -> None:
     seek.focus()
     page.keyboard.press("End")
     assert int(seek.input_value()) > before
-    assert "translate(" in page.locator("[data-car]").get_attribute("transform")
+    assert "translate(" in page.locator('[data-car="0"]').get_attribute("transform")
 
 
 def test_an_organiser_puts_two_boxes_on_a_track_and_sees_them_on_the_map(page: playwright.Page) -> None:

@@ -12,6 +12,7 @@ from django.test import Client
 from django.utils.html import escape
 
 from evaluation.models import Evaluation
+from evaluation.templatetags.looks import shell_picture
 from tests.pages.conftest import VIEWERS, World
 from tests.pages.test_pages import INLINE
 from tests.training.jobs import REWARD, a_training
@@ -20,7 +21,7 @@ from training import tasks
 from training.course import LESSONS
 from training.graph import draw_graph, points_of, smoothed
 from training.models import JobState, TrainingIteration, TrainingJob, Vehicle
-from training.templatetags.training import shell_picture, span
+from training.templatetags.training import span
 from training.views import learn
 
 MINE = ("/train/", "/train/new/", "/train/new/?clone=x&job=y&example=z&speed_max=fast", "/learn/laboratory/")

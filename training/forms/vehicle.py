@@ -7,11 +7,11 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.templatetags.garage import SENSOR_NAMES
 from races.fields import PlainNumberField
 from races.sensors import CAMERAS
-from training.models import NeuralNetwork, Shell, Vehicle
-from training.models.vehicle import DEFAULT_COLOUR
+from training.models import NeuralNetwork, Vehicle
 
 CAMERAS_OFFERED = [name for name in CAMERAS if name != "LEFT_CAMERA"]
 LIDARS = ("LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")

@@ -7,7 +7,6 @@ from .choices import (
     JobState,
     NeuralNetwork,
     RewardSignature,
-    Shell,
 )
 from .job import TrainingJob
 from .record import Checkpoint, TrainingIteration
@@ -21,7 +20,6 @@ __all__ = [
     "JobState",
     "NeuralNetwork",
     "RewardSignature",
-    "Shell",
     "TrainingIteration",
     "TrainingJob",
     "Vehicle",

@@ -48,20 +48,3 @@ class NeuralNetwork(models.TextChoices):
     SHALLOW = "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", _("shallow")
     MIDDLE = "DEEP_CONVOLUTIONAL_NETWORK", _("middle")
     DEEP = "DEEP_CONVOLUTIONAL_NETWORK_DEEP", _("deep")
-
-
-class Shell(models.TextChoices):
-    """The shells that a vehicle may wear."""
-
-    PADDOCK = "paddock", _("Paddock")
-    FORMULA = "formula", _("Formula")
-    COUPE = "coupe", _("Coupé")
-    HATCH = "hatch", _("Hatchback")
-    BUGGY = "buggy", _("Buggy")
-    KART = "kart", _("Kart")
-    PICKUP = "pickup", _("Pick-up")
-    VAN = "van", _("Van")
-    WAGON = "wagon", _("Estate")
-    ROVER = "rover", _("Rover")
-    ROADSTER = "roadster", _("Roadster")
-    WEDGE = "wedge", _("Wedge")

@@ -12,13 +12,13 @@ from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
 from evaluation.ids import new_public_id
+from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES
 from faults.reasons import REASONS
 from races.models import RaceType
 from tracks.models import Direction
 
-from .choices import FINAL_STATES, Algorithm, BestMetric, JobState, NeuralNetwork, RewardSignature, Shell
-from .vehicle import DEFAULT_COLOUR
+from .choices import FINAL_STATES, Algorithm, BestMetric, JobState, NeuralNetwork, RewardSignature
 
 MAX_MINUTES = 1440
 MAX_TRIALS = 10

@@ -10,11 +10,9 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from evaluation.ids import new_public_id
+from evaluation.looks import COLOUR, DEFAULT_COLOUR, Shell
 
-from .choices import NeuralNetwork, Shell
-
-DEFAULT_COLOUR = "#3b82f6"
-COLOUR = r"^#[0-9a-f]{6}$"
+from .choices import NeuralNetwork
 
 
 def default_sensors() -> list[str]:

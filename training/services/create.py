@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from django.conf import settings
 from django.db import IntegrityError, transaction
 
+from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import TrainedModel
 from evaluation.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
 from evaluation.services.garage import refuse_full_garage
@@ -18,13 +19,14 @@ from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import RaceRules
 from faults import PlatformFault, UserFault
 from races.models import Race, RaceType
+from races.services.gates import require_open
 from tracks.locks import hold
 from tracks.models import Direction, Track
 
 from ..hyperparameters import check_action_space, check_hyperparameters
-from ..models import BestMetric, JobState, NeuralNetwork, RewardSignature, Shell, TrainingJob, Vehicle
+from ..models import BestMetric, JobState, NeuralNetwork, RewardSignature, TrainingJob, Vehicle
 from ..models.job import MAX_MINUTES, MAX_TRIALS
-from ..models.vehicle import DEFAULT_COLOUR, default_sensors
+from ..models.vehicle import default_sensors
 from ..selectors import can_clone_model, minutes_left
 from ..trainer.network import Layout
 from .bell import ring_training_bell
@@ -73,8 +75,8 @@ def create_training(
     with the weights of this model. ``boxes``: ``{"fraction", "lane"}`` each.
 
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
-    ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape`` and
-    what :func:`evaluation.simulator.course.lay_course` says of boxes.
+    ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``, what
+    a race that is not open says, and what :func:`evaluation.simulator.course.lay_course` says of boxes.
     """
     refuse_when_closed()
     if not NAME.fullmatch(name):
@@ -88,6 +90,8 @@ def create_training(
     _check_numbers(stop_minutes, stop_steps, stop_clean_laps, trials, seed)
     if best_metric not in BestMetric.values:
         raise UserFault("training_best_metric")
+    if submit_to_race is not None:
+        require_open(submit_to_race, now)
     job = TrainingJob(
         owner=owner,
         name=name,

@@ -14,6 +14,7 @@ from django.db import transaction
 from django.db.models import Value
 from django.db.models.functions import Concat
 
+from evaluation.looks import Look
 from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart
 from evaluation.services import upload_model
@@ -107,7 +108,14 @@ def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedMo
         ]
         wanted = name[: _NAME_LIMIT - len(ending)] + ending
         try:
-            uploaded = upload_model(owner=job.owner, files=parts, name=wanted, description=job.description, now=now)
+            uploaded = upload_model(
+                owner=job.owner,
+                files=parts,
+                name=wanted,
+                description=job.description,
+                look=Look(job.shell, job.colour),
+                now=now,
+            )
         except UserFault as fault:
             if fault.code != "model_name_taken":
                 raise

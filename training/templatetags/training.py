@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from django import template
-from django.utils.html import format_html
-from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from evaluation.templatetags.garage import sensor_name
 from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
-from training.models.choices import Shell
-from training.shells import DRAWINGS, GROUND
 
 register = template.Library()
 
@@ -26,35 +22,6 @@ HYPERPARAMETER_NAMES = {
     "num_episodes_between_training": gettext_noop("Episodes between updates"),
 }
 LOSS_NAMES = {HUBER: gettext_noop("Huber"), MEAN_SQUARED_ERROR: gettext_noop("mean squared error")}
-
-
-@register.simple_tag
-def shell_picture(shell: str, colour: str, label: str = "") -> SafeString:
-    """A shell in a colour (``#rrggbb``), as a picture from the side. Without a ``label`` it is decoration."""
-    drawing = DRAWINGS.get(shell, DRAWINGS[Shell.PADDOCK])
-    rear, front, radius = drawing.wheels
-    wheels = [
-        format_html(
-            '<circle class="shell-tyre" cx="{0}" cy="{1}" r="{2}"/>'
-            '<circle class="shell-rim" cx="{0}" cy="{1}" r="{3}"/>',
-            x,
-            GROUND - radius,
-            radius,
-            radius * 0.45,
-        )
-        for x in (rear, front)
-    ]
-    named = format_html(' role="img" aria-label="{}"', label) if label else SafeString(' aria-hidden="true"')
-    return format_html(
-        '<svg class="shell" viewBox="0 0 120 52"{}><path class="shell-body" fill="{}" d="{}"/>'
-        '<path class="shell-dark" d="{}"/><path class="shell-glass" d="{}"/>{}{}</svg>',
-        named,
-        colour,
-        drawing.body,
-        drawing.dark,
-        drawing.glass,
-        *wheels,
-    )
 
 
 @register.filter
