@@ -49,5 +49,5 @@ def house_cars_at_start(**kwargs: object) -> None:
     """A fresh installation has marks to beat from its first minute on."""
     try:
         house_cars.apply_async(retry=False, expires=60)
-    except Exception as error:  # the broker's client may raise anything; beat sends it again
-        logger.warning("The house cars could not be sent for: %s", error)
+    except Exception:  # the broker's client may raise anything; beat sends it again
+        logger.exception("The house cars could not be sent for.")

@@ -173,7 +173,8 @@ def _mail(notice: Notice, server: Any) -> bool:
     except Exception as error:  # whatever the mail backend raises: it is tried again, then given up
         state = "due" if notice.mail_tries < MAIL_TRIES else "failed"
         Notice.objects.filter(pk=notice.pk).update(mail_state=state)
-        logger.warning("A mail to a racer could not be sent (try %s): %s", notice.mail_tries, error)
+        trace = None if isinstance(error, OSError) else error  # a mail server that is away or refuses says enough
+        logger.warning("A mail to a racer could not be sent (try %s): %s", notice.mail_tries, error, exc_info=trace)
         return False
     return True
 

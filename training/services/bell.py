@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import logging
-
-from celery import current_app
 from django.db import transaction
 
-from evaluation.services.bell import PATIENCE_S, STALE_AFTER_S
+from evaluation.services.bell import send
 
-logger = logging.getLogger(__name__)
 QUEUE = "training"
 
 
@@ -22,16 +18,4 @@ def ring_training_bell(*, times: int = 1) -> None:
 def _ring(times: int) -> None:
     from ..tasks import train
 
-    try:
-        options = {
-            **current_app.conf.broker_transport_options,
-            "max_retries": 0,
-            "connect_retries_timeout": PATIENCE_S,
-            "socket_connect_timeout": PATIENCE_S,
-            "socket_timeout": PATIENCE_S,
-        }
-        with current_app.connection_for_write(connect_timeout=PATIENCE_S, transport_options=options) as connection:
-            for _ in range(times):
-                train.apply_async(connection=connection, queue=QUEUE, retry=False, expires=STALE_AFTER_S)
-    except Exception as error:  # whatever the broker's client raises: the job stands all the same
-        logger.warning("The broker does not answer (%s); the sweep will ring again.", error or type(error).__name__)
+    send(train, times, queue=QUEUE)

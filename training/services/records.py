@@ -35,8 +35,8 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
         path = f"training/{job.public_id}/{lease.hex[:8]}-{number}-iteration.csv.gz"
         try:
             name = default_storage.save(path, ContentFile(iteration.simtrace))
-        except Exception as error:  # whatever the storage raises: a training is worth more than a trace
-            logger.warning("A sim-trace of training %s cannot be stored: %s", job.public_id, error)
+        except Exception:  # whatever the storage raises: a training is worth more than a trace
+            logger.exception("A sim-trace of training %s cannot be stored.", job.public_id)
     old: list[str] = []
     try:
         with transaction.atomic():

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import logging
 import threading
-import traceback
 import uuid
 from collections.abc import Callable
 from time import monotonic, sleep
 from typing import Any
 
 from django.conf import settings
-from django.db import connections
+from django.db import DatabaseError, connections
 from django.utils import timezone
 
 from evaluation.models import TrainedModel
-from faults import PaddockError, PlatformFault, UserFault
+from evaluation.services.work import fault_of
+from faults import PaddockError, PlatformFault
 
 from ..models import Checkpoint, TrainingJob
 from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
@@ -87,7 +87,7 @@ class _Turn(Listener):
             if self._interrupted():
                 release_training(job_id=job.pk, lease=self._lease, now=timezone.now())
                 return "handed back"
-            fault, detail = _fault_of(error)
+            fault, detail = fault_of(error)
             final = last_word(job, fault)
             if final is None or not self._best:
                 return self._fail(fault, detail)
@@ -102,7 +102,7 @@ class _Turn(Listener):
                 job=job, lease=self._lease, ended=ended, models=models, fault=final, detail=detail, now=now
             )
         except Exception as error:
-            return self._fail(*_fault_of(error))
+            return self._fail(*fault_of(error))
         return ("failed" if final else "finished") if done else "was given to somebody else"
 
     def _train(self) -> Ended:
@@ -155,8 +155,8 @@ class _Turn(Listener):
         networks = (self._best or self._last, self._last)
         try:
             keep_checkpoint(job=self._job, lease=self._lease, saved=state, networks=networks, now=timezone.now())
-        except Exception as error:  # a full disk is no reason to end what may have room again when it is over
-            logger.warning("A checkpoint of training %s cannot be kept: %s", self._job.public_id, error)
+        except Exception:  # a full disk is no reason to end what may have room again when it is over
+            logger.exception("A checkpoint of training %s cannot be kept.", self._job.public_id)
 
     def _admitted(self) -> tuple[TrainedModel, TrainedModel]:
         """The models; a garage that others keep busy is asked again."""
@@ -216,7 +216,8 @@ class _Heart(threading.Thread):
                 try:
                     pulse = beat(**self._held, progress=self.progress if told else None, now=timezone.now())
                 except Exception as error:  # the database may be away in many ways
-                    logger.warning("A heartbeat could not be written: %s", error)
+                    trace = None if isinstance(error, DatabaseError) else error
+                    logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
                     connections.close_all()
                     self.lost = monotonic() - last > settings.LEASE_SECONDS
                 else:
@@ -233,11 +234,3 @@ def _read(stored: Any) -> bytes:
             return file.read()
     except OSError as error:
         raise PlatformFault("storage_failed") from error
-
-
-def _fault_of(error: Exception) -> tuple[PaddockError, str]:
-    """The fault to record for whatever was raised, and what operators read about it."""
-    if isinstance(error, UserFault):
-        return error, "\n".join(getattr(error, "__notes__", ()))
-    fault = error if isinstance(error, PlatformFault) else PlatformFault("internal_error")
-    return fault, "".join(traceback.format_exception(error))

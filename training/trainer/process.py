@@ -255,7 +255,7 @@ def reward_functions(code: str, count: int) -> list[RewardFunction]:
 def _weights(layout: Layout, onnx_bytes: bytes) -> dict[str, np.ndarray]:
     try:
         return from_onnx(layout, onnx_bytes)
-    except Exception as error:  # whatever the reader of the file meets
+    except (ValueError, LookupError) as error:  # a network of another build
         raise UserFault("clone_not_ours") from error
 
 
