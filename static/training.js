@@ -132,6 +132,18 @@
     (holder.dataset.fan === "discrete" ? discrete : continuous)(holder.closest("form"), holder);
   });
 
+  // --- what nobody has changed follows the algorithm -------------------------------------------------------------------
+  document.querySelectorAll("form:has([data-ppo][data-sac])").forEach((form) => {
+    form.addEventListener("change", (event) => {
+      if (event.target.name !== "algorithm") return;
+      const chosen = event.target.value;
+      const before = chosen === "sac" ? "ppo" : "sac";
+      form.querySelectorAll("[data-ppo][data-sac]").forEach((field) => {
+        if (field.value === field.dataset[before]) field.value = field.dataset[chosen];
+      });
+    });
+  });
+
   // --- the step that is on screen --------------------------------------------------------------------------------------
   const links = [...document.querySelectorAll(".wizard-steps a")];
   if (links.length && "IntersectionObserver" in window) {

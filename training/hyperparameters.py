@@ -56,13 +56,14 @@ DEFAULTS: Mapping[str, Mapping[str, Any]] = {
         "num_episodes_between_training": 20,
     },
     SAC: {
-        "batch_size": 256,
-        "num_epochs": 3,
-        "lr": 5e-4,
-        "sac_alpha": 0.2,
+        # Small batches, often: SAC makes much of little driving, and needs many steps of learning for it.
+        "batch_size": 64,
+        "num_epochs": 6,
+        "lr": 1e-3,
+        "sac_alpha": 0.05,
         "discount_factor": 0.97,
         "loss_type": MEAN_SQUARED_ERROR,
-        "num_episodes_between_training": 20,
+        "num_episodes_between_training": 10,
     },
 }
 DEFAULT_ACTIONS: tuple[Mapping[str, float], ...] = (

@@ -14,6 +14,7 @@ from races.course_form import DRAWN, FIXED
 from .actions import discrete_actions
 from .course import LESSON_CODE
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
+from .hyperparameters import DEFAULTS
 from .models import TrainingJob
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models
@@ -53,6 +54,7 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
     if "name" in said:
         said["name"] = _free_name(owner, said["name"])
     initial |= said
+    initial = {**DEFAULTS.get(initial.get("algorithm", ""), {}), **initial}
     if said.keys() & set(GRANULARITIES):
         initial["actions"] = table({**INITIAL, **said})
     return initial

@@ -29,7 +29,15 @@ def _number(name: str, label: Any, help_text: Any) -> forms.Field:
     bounds = RANGES[name]
     kind = forms.IntegerField if bounds.whole else SmallNumberField
     attrs = {"min": _plain(bounds.low), "max": _plain(bounds.high), "step": 1 if bounds.whole else "any"}
-    return kind(label=label, help_text=help_text, required=False, widget=forms.NumberInput(attrs=attrs))
+    widget = forms.NumberInput(attrs=attrs | _usual(name))
+    return kind(label=label, help_text=help_text, required=False, widget=widget)
+
+
+def _usual(name: str) -> dict[str, str]:
+    """The usual value of each algorithm that has one, for the script of the page: it changes what nobody has changed
+    when another algorithm is chosen."""
+    values = {algorithm: usual[name] for algorithm, usual in DEFAULTS.items() if name in usual}
+    return {f"data-{key}": value if isinstance(value, str) else _plain(value) for key, value in values.items()}
 
 
 def _plain(value: float) -> str:
@@ -51,6 +59,7 @@ class HyperparametersForm(forms.Form):
         choices=[(size, size) for size in BATCH_SIZES],
         coerce=int,
         required=False,
+        widget=forms.Select(attrs=_usual("batch_size")),
         help_text=_("Steps looked at together. Larger batches learn more smoothly and more slowly."),
     )
     num_epochs = _number(
@@ -82,6 +91,7 @@ class HyperparametersForm(forms.Form):
         label=_("Loss"),
         choices=[(HUBER, _("Huber")), (MEAN_SQUARED_ERROR, _("mean squared error"))],
         required=False,
+        widget=forms.Select(attrs=_usual("loss_type")),
         help_text=_("How wrong expectations are counted. Huber takes outliers less to heart."),
     )
     num_episodes_between_training = _number(

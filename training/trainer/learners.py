@@ -37,6 +37,7 @@ from .warm import torso_arguments
 HUBER = "huber"
 _CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
 _SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
+_SAC_TAU = 0.02  # the share of the critics that their targets take over at each step of learning
 _CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
 
 cloudpickle.register_pickle_by_value(torso)
@@ -86,6 +87,7 @@ class Learner:
                 cars,
                 buffer_size=_SAC_MEMORY,
                 learning_starts=0,
+                tau=_SAC_TAU,
                 ent_coef=values["sac_alpha"],
                 policy_kwargs={**policy, "net_arch": {"pi": [], "qf": [FEATURES]}},
                 **common,
