@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-import pytest
+import json
+import time
+from datetime import timedelta
 
-from tests.factories import a_track
+import pytest
+from django.utils import timezone
+
+from tests.factories import a_race, a_track
 from tests.training.jobs import REWARD, a_training
 from training import tasks
+from training.forms.training import signature_of
 from training.models import TrainingIteration, TrainingJob
+from training.rewards.function import POSITIONAL_NAMES
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/trainings/"
@@ -57,6 +64,78 @@ def test_what_makes_no_training_is_refused_with_its_code(alice, as_racer, change
     answer = as_racer(alice).post(ADDRESS, sent(**changes))
     assert (answer.status_code, answer.data["code"]) == (status, code)
     assert not TrainingJob.objects.exists()
+
+
+NONSENSE = [
+    *(
+        {"boxes": boxes}
+        for boxes in ([1], [[]], [{}], [{"fraction": "x", "lane": "inner"}], [{"fraction": 0.5}], "x", {})
+    ),
+    {"boxes": [{"fraction": 1e400, "lane": "inner"}], "race_type": "object_avoidance"},
+    {"boxes": [{"fraction": 0.5, "lane": ["inner"]}], "race_type": "object_avoidance"},
+    {"boxes": [{"fraction": 0.5, "lane": "inner", "more": 1}], "race_type": "object_avoidance"},
+    {"boxes": [{"fraction": 0.5, "lane": "inner"}] * 10, "race_type": "object_avoidance"},
+    {"boxes": [{"fraction": 0.5, "lane": "inner"}], "random_boxes": 3, "race_type": "object_avoidance"},
+    {"boxes": [{"fraction": 0.5, "lane": "inner"}]},
+    {"random_boxes": 3},
+    {"bots": 3},
+    {"bots": 3, "random_boxes": 3, "race_type": "head_to_head"},
+    {"bots": 6, "bot_speed_mps": "fast", "race_type": "head_to_head"},
+    {"race_type": "object_avoidance", "bots": 2, "random_boxes": 2},
+    *(
+        {"action_space": space}
+        for space in (None, 1, "x", {}, {"speed": 1}, [[]], [{"speed": "1", "steering_angle": 1}] * 3)
+    ),
+    {"action_space": [{"speed": 1.0, "steering_angle": {"a": 1}}] * 3},
+    {"action_space": [{"speed": 1.0, "steering_angle": True}] * 3},
+    {"action_space_type": "continuous", "action_space": {"speed": [1, 2], "steering_angle": [1, 2]}},
+    {"action_space_type": "continuous", "action_space": {"speed": {"low": None, "high": 2}, "steering_angle": 3}},
+    *(
+        {"hyperparameters": values}
+        for values in ([], "x", {"lr": []}, {"batch_size": "64"}, {"loss_type": 3}, {"lr": None})
+    ),
+    *({"name": name} for name in ("a\x00b", "\ud800", ["x"], {"a": 1}, "x" * 65, "é", "")),
+    *({"description": text} for text in ("\x00", "\ud800", "x" * 256, [1])),
+    *({"reward_code": text} for text in ("\x00", "\ud800", "x" * 140_001, "", " ", [1], None)),
+    *({field: value} for field in ("trials", "stop_steps", "seed") for value in (-1, 2**31, 1.5, "x", [], 10**30)),
+    *({"clone_from": value} for value in ("\x00", "\ud800", [], "x" * 13)),
+    *({"vehicle": value} for value in ("\x00", "\ud800", [], "x" * 13)),
+    *({"submit_to_race": value} for value in ("\x00", "\ud800", [], "nowhere")),
+    *({"track": value} for value in ("\x00", "\ud800", [], None)),
+    *({"direction": "up"}, {"race_type": []}, {"algorithm": {}}, {"best_metric": 1}),
+]
+
+
+@pytest.mark.parametrize("changes", NONSENSE, ids=lambda changes: ascii(changes)[:60])
+def test_nonsense_is_refused_with_a_code_and_never_breaks_the_site(alice, as_racer, changes):
+    answer = as_racer(alice).post(ADDRESS, json.dumps(sent(**changes)), content_type="application/json")
+    assert 400 <= answer.status_code < 500, answer.data
+    assert answer.data["code"]
+    assert not TrainingJob.objects.exists()
+
+
+@pytest.mark.parametrize("body", ["", "[]", "3", "null", '{"name":', '{"a":' * 5000, "\x00"])
+def test_a_body_that_is_no_training_is_refused(alice, as_racer, body):
+    answer = as_racer(alice).post(ADDRESS, body, content_type="application/json")
+    assert 400 <= answer.status_code < 500
+
+
+def test_a_race_that_takes_no_cars_is_said_at_once_as_in_the_wizard(alice, as_racer):
+    race = a_race(timezone.now() - timedelta(days=60), track=a_track())
+    answer = as_racer(alice).post(ADDRESS, sent(submit_to_race=race.slug))
+    assert (answer.status_code, answer.data["code"]) == (409, "race_closed")
+    assert not TrainingJob.objects.exists()
+
+
+def test_the_site_itself_never_reads_the_code_as_python():
+    """The parser needs ten seconds for this one, and other texts bring it to fall: only the wall can bear that."""
+    began = time.process_time()
+    assert signature_of("def reward_function(params):\n    return f'" + "{x}" * 40_000 + "'\n") == "params"
+    assert signature_of("def reward_function(" * 7_000) == "params"
+    assert time.process_time() - began < 1.0
+    first = ", ".join(POSITIONAL_NAMES)
+    assert signature_of(f"import math\n\ndef reward_function({first}):\n    return 1.0\n") == "positional"
+    assert signature_of("def reward_function(params: dict[str, float]) -> float:\n    return 1.0\n") == "params"
 
 
 def test_a_second_one_of_the_same_name_and_a_closed_room_are_told(alice, as_racer, settings):

@@ -75,8 +75,8 @@ def create_training(
     with the weights of this model. ``boxes``: ``{"fraction", "lane"}`` each.
 
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
-    ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``, what
-    a race that is not open says, and what :func:`evaluation.simulator.course.lay_course` says of boxes.
+    ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``,
+    what a race that is not open says, and what :func:`evaluation.simulator.course.lay_course` says of boxes.
     """
     refuse_when_closed()
     if not NAME.fullmatch(name):
