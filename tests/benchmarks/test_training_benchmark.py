@@ -33,7 +33,14 @@ def figures(
         "first_three_clean_laps": {"oval": laps},
         "near_the_racing_line": {"oval": line},
         "first_three_clean_laps_of_sac": {"oval": laps},
-        "steps_per_second": {"paddock": 900.0, "car_racing": car_racing, "ratio": car_racing and 9.0},
+        "steps_per_second": {
+            "paddock": 900.0,
+            "car_racing": car_racing,
+            "ratio": car_racing and 9.0,
+            "paddock_per_cpu_s": 600.0,
+            "car_racing_per_cpu_s": car_racing,
+            "ratio_per_cpu_s": car_racing and 6.0,
+        },
     }
 
 
