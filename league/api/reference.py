@@ -14,7 +14,7 @@ from drf_spectacular.generators import SchemaGenerator
 from .schema import WRITES
 
 METHODS = ("get", *WRITES)
-SUBJECTS = ("account", "models", "trainings", "tracks", "races", "evaluations")
+SUBJECTS = ("account", "models", "trainings", "tracks", "races", "seasons", "evaluations")
 
 
 @dataclass(frozen=True)

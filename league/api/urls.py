@@ -9,7 +9,7 @@ from evaluation import api as models
 from races.api import boards, duels, entries, evaluations, races
 from tracks import api as tracks
 
-from . import reference, views
+from . import reference, seasons, views
 
 version_1 = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
@@ -27,6 +27,11 @@ version_1 = [
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
     path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),
+    path("seasons/", seasons.SeasonsView.as_view(), name="api-seasons"),
+    path("seasons/<slug:slug>/", seasons.SeasonView.as_view(), name="api-season"),
+    path("seasons/<slug:slug>/rounds/", seasons.RoundsView.as_view(), name="api-rounds"),
+    path("seasons/<slug:slug>/standings/", seasons.StandingsView.as_view(), name="api-standings"),
+    path("seasons/<slug:slug>/racers/<slug:alias>/", seasons.RacerSeasonView.as_view(), name="api-racer-season"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
     path("", include("training.api.urls")),
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 import pytest
 import schemathesis
 from django.core.signals import request_finished, request_started
@@ -18,6 +20,7 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
+from league.services import create_season, schedule_round
 from league.wsgi import application
 from races.models import Visibility
 from races.services import accept_invitation
@@ -48,6 +51,9 @@ def known(alice, monkeypatch) -> dict[str, str]:
     now = timezone.now()
     race = a_race(now, slug="fuzzed", organiser=alice, visibility=Visibility.INVITATION)
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
+    season = create_season(slug="fuzzed", name="Fuzzed", starts_on=now.date(), ends_on=now.date() + timedelta(days=90))
+    times = {"opens_at": now + timedelta(days=1), "closes_at": now + timedelta(days=9)}
+    schedule_round(season=season, number=1, division="open", now=now, name="Month", track=race.track, **times)
     submission = drive(race, alice, laps(10_000, 10_000, 10_000), now)
     return {
         "slug": "fuzzed",

@@ -21,6 +21,7 @@ from league.services.stewards import put_back, reopen_round
 from races.models import Race
 from races.services import edit_race
 from races.services.races import edition_of
+from tests.factories import a_track
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
 from tests.postgres import postgres, program
 from tests.races.test_concurrency import at_once
@@ -101,15 +102,13 @@ def test_two_rounds_are_not_moved_into_each_other_at_the_same_moment(season):
 
 
 def test_two_races_of_a_division_are_not_scheduled_over_each_other_at_the_same_moment(season):
-    answers = at_once(
-        [
-            lambda number=number: code(
-                lambda: a_round(season, number, "open-qualifier", opens_at=JANUARY, closes_at=JANUARY + 9 * HOUR)
-            )
-            for number in (1, 2, 3)
-        ]
-    )
-    assert sorted(one for one in answers if isinstance(one, str)) == ["rounds_overlap"] * 2, answers
+    times = {"opens_at": JANUARY, "closes_at": JANUARY + 9 * HOUR, "track": a_track()}
+
+    def schedule(number: int):
+        return code(lambda: a_round(season, number, "open-qualifier", **times))
+
+    answers = at_once([lambda number=number: schedule(number) for number in (1, 2, 3)])
+    assert [one for one in answers if not isinstance(one, Round)] == ["rounds_overlap"] * 2, answers
     assert Round.objects.count() == Race.objects.count() == 1
 
 
