@@ -2,6 +2,7 @@
 
 from . import (
     account,
+    commands,
     conversion,
     duels,
     gate,
@@ -37,6 +38,7 @@ REASONS: dict[str, Reason] = {
     **vehicles.REASONS,
     **training.REASONS,
     **jobs.REASONS,
+    **commands.REASONS,
 }
 
 __all__ = ["REASONS", "Reason", "gettext_noop"]

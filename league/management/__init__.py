@@ -1,3 +1,60 @@
-"""What the commands have in common: their exit status for what they refuse, and for Paddock's own faults."""
+"""What the commands have in common: their exit status for what they refuse and for Paddock's own faults, and how a
+refusal is told."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any, NoReturn
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+
+from faults import PaddockError, UserFault
 
 REFUSED, OUR_FAULT = 2, 3
+
+
+class Refusal(CommandError):
+    """A command refuses, or cannot do, what was asked. On standard error: the reason's code and its sentence."""
+
+    def __init__(self, fault: PaddockError, returncode: int | None = None) -> None:
+        """``returncode``: :data:`REFUSED` for the caller's fault and :data:`OUR_FAULT` for ours, unless it is given."""
+        own = REFUSED if isinstance(fault, UserFault) else OUR_FAULT
+        super().__init__(f"{fault.code}: {fault}", returncode=own if returncode is None else returncode)
+        self.fault = fault
+
+    @classmethod
+    def unreadable(cls, error: OSError, path: object = None) -> Refusal:
+        """For a file that cannot be read."""
+        where = str(path or error.filename)
+        return cls(UserFault("file_unreadable", path=where, problem=error.strerror or str(error)))
+
+
+class JsonCommand(BaseCommand):
+    """A command with ``--json``: whatever ends it early is told on standard output as
+    ``{"error": {"code", "params", "message"}}`` as well, an unknown option too."""
+
+    def execute(self, *args: Any, **options: Any) -> str | None:
+        try:
+            return super().execute(*args, **options)
+        except Refusal as refusal:
+            if options.get("json"):
+                self.stdout.write(told(refusal.fault))
+            raise
+
+    def create_parser(self, prog_name: str, subcommand: str, **kwargs: Any) -> CommandParser:
+        parser = super().create_parser(prog_name, subcommand, **kwargs)
+        usual = parser.error
+
+        def error(message: str) -> NoReturn:
+            if self._called_from_command_line and "--json" in sys.argv:
+                self.stdout.write(told(UserFault("command_line", problem=message)))
+            usual(message)
+
+        parser.error = error
+        return parser
+
+
+def told(fault: PaddockError) -> str:
+    """A refusal as ``--json`` prints it."""
+    return json.dumps({"error": {**fault.to_dict(), "message": str(fault)}}, indent=2)

@@ -6,8 +6,6 @@ import math
 from argparse import ArgumentParser
 from typing import Any
 
-from django.core.management.base import CommandError
-
 from evaluation.simulator.rules import (
     BOT_SPEED_RANGE_MPS,
     DIRECTIONS,
@@ -21,7 +19,7 @@ from evaluation.simulator.rules import (
     RaceRules,
 )
 from faults import UserFault
-from league.management import REFUSED
+from league.management import Refusal
 
 
 def add_race_options(parser: ArgumentParser) -> None:
@@ -80,7 +78,7 @@ def add_race_options(parser: ArgumentParser) -> None:
 
 
 def rules_of(options: dict[str, Any]) -> RaceRules:
-    """The rules that the options name. Raises UserFault for boxes and bots that cannot be, CommandError otherwise."""
+    """The rules that the options name. Raises UserFault for boxes and bots that cannot be, Refusal otherwise."""
     boxes = _boxes(options)
     _check_bots(options)
     try:
@@ -101,7 +99,7 @@ def rules_of(options: dict[str, Any]) -> RaceRules:
             bot_lane_changes=options["lane_changes"],
         )
     except ValueError as error:
-        raise CommandError(f"These rules make no sense: {error}.", returncode=REFUSED) from error
+        raise Refusal(UserFault("rules_senseless", problem=str(error))) from error
 
 
 def _milliseconds(options: dict[str, Any], name: str) -> int:

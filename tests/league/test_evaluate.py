@@ -138,7 +138,7 @@ class TestEvaluate:
     @pytest.mark.parametrize(
         ("arguments", "says"),
         [
-            ((*CAR_FILES, "--track", "nowhere"), "There is no track 'nowhere'"),
+            ((*CAR_FILES, "--track", "nowhere"), "There is no track nowhere"),
             ((*CAR_FILES, "--track", "missing.npy"), "missing.npy cannot be read: No such file"),
             (("missing.onnx", "--track", "oval"), "missing.onnx cannot be read: No such file"),
             ((*CAR_FILES, "--track", "oval", "--laps", "0"), "laps must be a whole number of at least 1"),

@@ -17,13 +17,13 @@ from django.conf import settings
 from django.core.cache import cache
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
-from django.core.management.base import BaseCommand
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
 from django.utils.crypto import get_random_string
 
 from evaluation.sandbox.probe import SandboxReport, probe
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
+from league.management import JsonCommand
 
 OK, WARN, FAIL = "ok", "warn", "fail"
 LOW_DISK_MB = 1024
@@ -51,7 +51,7 @@ class Finding:
     detail: str
 
 
-class Command(BaseCommand):
+class Command(JsonCommand):
     """Exit status 1 when untrusted code may not run here, or when database or files cannot be used."""
 
     help = (

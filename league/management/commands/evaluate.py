@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from django.conf import settings
-from django.core.management.base import BaseCommand, CommandError
+from django.core.management.base import CommandError
 
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
@@ -22,7 +22,7 @@ from evaluation.simulator.camera.theme import OFFICIAL, THEMES
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import MAX_CARS
 from faults import PaddockError, UserFault, fault_from_dict
-from league.management import OUR_FAULT, REFUSED
+from league.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from league.management.race_options import add_race_options, rules_of
 from league.templatetags.paddock import lap_time
 from tracks.catalogue import CATALOGUE
@@ -30,7 +30,7 @@ from tracks.geometry import TrackGeometry
 from tracks.npy import MAX_BYTES, read_npy
 
 
-class Command(BaseCommand):
+class Command(JsonCommand):
     """Needs neither database nor broker."""
 
     help = (
@@ -78,7 +78,7 @@ class Command(BaseCommand):
             outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
         except PaddockError as fault:
             if as_json:
-                self.stdout.write(json.dumps({"error": {**fault.to_dict(), "message": str(fault)}}, indent=2))
+                self.stdout.write(told(fault))
             for note in getattr(fault, "__notes__", ()):
                 self.stderr.write(note)
             self.stderr.write(f"{fault.code}: {fault}")
@@ -176,19 +176,20 @@ def _said(retired: dict[str, Any]) -> dict[str, Any]:
 
 
 def find_track(name: str) -> TrackGeometry:
-    """A catalogue track by its slug, or the track in an ``.npy`` file. Raises UserFault for a bad file."""
+    """A catalogue track by its slug, or the track in an ``.npy`` file. Raises UserFault for a bad file, Refusal for
+    none."""
     for track in CATALOGUE:
         if track.slug == name:
             return track.geometry()
     path = Path(name)
     if path.suffix != ".npy":
         known = ", ".join(track.slug for track in CATALOGUE)
-        raise CommandError(f"There is no track {name!r}. Name an .npy file or one of: {known}.", returncode=REFUSED)
+        raise Refusal(UserFault("track_not_found", name=name, known=known))
     try:
         with path.open("rb") as file:
             return read_npy(file.read(MAX_BYTES + 1), path.stem)
     except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}.", returncode=REFUSED) from error
+        raise Refusal.unreadable(error, path) from error
 
 
 def _admit(paths: list[Path]) -> AdmittedPackage:
@@ -196,7 +197,7 @@ def _admit(paths: list[Path]) -> AdmittedPackage:
         try:
             parts = [UploadPart(path.name, stack.enter_context(path.open("rb"))) for path in paths]
         except OSError as error:
-            raise CommandError(f"{error.filename} cannot be read: {error.strerror}.", returncode=REFUSED) from error
+            raise Refusal.unreadable(error) from error
         return admit(parts)
 
 

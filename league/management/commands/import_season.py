@@ -8,11 +8,10 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from faults import UserFault
-from league.management import REFUSED
+from league.management import JsonCommand, Refusal
 from league.selectors.proof import proof_of, total_proof
 from league.services.importing import import_folder
 
@@ -25,7 +24,7 @@ SETTINGS = {
 }
 
 
-class Command(BaseCommand):
+class Command(JsonCommand):
     """Imports all or nothing; importing the same files again changes nothing and prints the same."""
 
     help = (
@@ -48,7 +47,7 @@ class Command(BaseCommand):
                 settings["points"] = _points(points)
             seasons = import_folder(folder=folder, now=timezone.now(), season=season, **settings)
         except UserFault as fault:
-            raise CommandError(f"{fault.code}: {fault}", returncode=REFUSED) from fault
+            raise Refusal(fault) from fault
         proofs = [proof_of(one) for one in seasons]
         proof = proofs[0] if len(proofs) == 1 else total_proof(proofs)
         self.stdout.write(_dumps(proof) if json else "\n".join(_lines(proof)))

@@ -7,17 +7,17 @@ from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from faults import UserFault
+from league.management import JsonCommand, Refusal
 from tracks.models import Look
 from tracks.npy import MAX_BYTES
 from tracks.services import import_track
 
 
-class Command(BaseCommand):
-    """Exits 1 when the file cannot be read, 2 with the reason's code when it is no track."""
+class Command(JsonCommand):
+    """Exits 2, with the reason's code, when the file cannot be read or is no track."""
 
     help = "Import a track from the community's .npy format (six columns in metres: centre, inner, outer)."
 
@@ -35,7 +35,7 @@ class Command(BaseCommand):
             with path.open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
         except OSError as error:
-            raise CommandError(f"{path} cannot be read: {error.strerror}.") from None
+            raise Refusal.unreadable(error, path) from None
         try:
             track = import_track(
                 data=data,
@@ -47,7 +47,7 @@ class Command(BaseCommand):
                 look=options["look"],
             )
         except UserFault as fault:
-            raise CommandError(f"{fault.code}: {fault}", returncode=2) from None
+            raise Refusal(fault) from None
         if options["json"]:
             fields = ("slug", "name", "length_m", "width_m", "direction", "look", "fingerprint")
             self.stdout.write(json.dumps({field: getattr(track, field) for field in fields}))

@@ -8,21 +8,19 @@ from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
-
 from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.physics import PADDOCK_CAR
 from evaluation.simulator.recording import MAX_BYTES, read_drives
 from evaluation.simulator.replay import compare, share_on_track
 from faults import PaddockError, UserFault
-from league.management import OUR_FAULT, REFUSED
+from league.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from league.management.commands.evaluate import find_track
 
 # Less of a recording than this on the named track, and it is another one's.
 ANOTHER_TRACK = 0.5
 
 
-class Command(BaseCommand):
+class Command(JsonCommand):
     """Needs neither database nor broker."""
 
     help = (
@@ -45,7 +43,7 @@ class Command(BaseCommand):
             comparison = compare(drives)
         except PaddockError as fault:
             if as_json:
-                self.stdout.write(json.dumps({"error": {**fault.to_dict(), "message": str(fault)}}, indent=2))
+                self.stdout.write(told(fault))
             self.stderr.write(f"{fault.code}: {fault}")
             sys.exit(REFUSED if isinstance(fault, UserFault) else OUR_FAULT)
         except KeyboardInterrupt:
@@ -95,4 +93,4 @@ def _read(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}.", returncode=REFUSED) from error
+        raise Refusal.unreadable(error, path) from error
