@@ -1,7 +1,8 @@
 """Training against a racing line: from nothing to within 25 % of the lap of the minimum-curvature line.
 
 The training is one that a learner chooses in the wizard: reward example "Race", the table of 15 actions that the wizard
-makes of 5 steering angles up to 30 degrees and 3 speeds up to 3 m/s, best model by lap time, everything else as it is.
+makes of 5 steering angles up to 30 degrees and 3 speeds up to 3 m/s (or another ``--speed-limit``), best model by lap
+time, everything else as it is.
 (With the default actions, 1.4 m/s at most, any car that stays on the road is within 25 %: no curve slows it down.)
 
 Whenever the trainer's own look says that the car is fast enough, the platform's evaluation drives three laps from a
@@ -30,11 +31,10 @@ from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import LAP_TIME, TrainerSpec
 
 from .processor import Clock
-from .racing_line import minimum_curvature_line
+from .racing_line import RacingLine, minimum_curvature_line
 
 REWARD = "race"
 SPEED_LIMIT_MPS = 3.0
-ACTIONS = discrete_actions(30.0, 5, SPEED_LIMIT_MPS, 3)
 NEAR = 1.25  # times the line's lap
 BUDGET_S = 300.0
 LAPS = 3
@@ -47,9 +47,9 @@ def track_of(slug: str) -> TrackGeometry:
 
 
 @cache
-def line_lap_s(slug: str) -> float:
-    """Seconds of a lap of the minimum-curvature line at the speed limit."""
-    return minimum_curvature_line(track_of(slug)).lap_s(SPEED_LIMIT_MPS)
+def line_of(slug: str) -> RacingLine:
+    """The minimum-curvature line of the track."""
+    return minimum_curvature_line(track_of(slug))
 
 
 def clean_laps(slug: str, onnx: bytes, metadata: dict[str, Any]) -> list[int]:
@@ -107,13 +107,22 @@ class _Pace(Listener):
             self.over = True
 
 
-def to_pace(slug: str, make: Callable[..., TrainerSpec], seed: int, *, by_cpu: bool = False) -> dict[str, Any]:
+def to_pace(
+    slug: str,
+    make: Callable[..., TrainerSpec],
+    seed: int,
+    *,
+    speed_limit: float = SPEED_LIMIT_MPS,
+    by_cpu: bool = False,
+) -> dict[str, Any]:
     """One training until its car is near the line or the budget is spent. ``make``: the wizard's training by
     ``(slug, seed, **changes)``. ``by_cpu``: the budget is processor time."""
+    line_s = line_of(slug).lap_s(speed_limit)
+    actions = discrete_actions(30.0, 5, speed_limit, 3)
     spec = make(slug, seed, stop_clean_laps=None, best_metric=LAP_TIME, reward_code=example(REWARD).code)
-    metadata = {**spec.metadata, "action_space_type": "discrete", "action_space": ACTIONS}
+    metadata = {**spec.metadata, "action_space_type": "discrete", "action_space": actions}
     spec = TrainerSpec(**{**spec.to_dict(), "metadata": metadata, "stop_seconds": BUDGET_S * (20.0 if by_cpu else 1.0)})
-    notes = _Pace(slug, metadata, NEAR * line_lap_s(slug), BUDGET_S, by_cpu)
+    notes = _Pace(slug, metadata, NEAR * line_s, BUDGET_S, by_cpu)
     train(spec, notes, asked_to_stop=notes.stop)
     notes.clock.close()
     spent = {"wall_s": notes.wall_s, "cpu_s": notes.clock.seconds, "steps": None}
@@ -123,25 +132,32 @@ def to_pace(slug: str, make: Callable[..., TrainerSpec], seed: int, *, by_cpu: b
         "reached": notes.found is not None,
         **(notes.found or spent),
         "lap_s": lap_s,
-        "of_line": None if lap_s is None else lap_s / line_lap_s(slug),
+        "of_line": None if lap_s is None else lap_s / line_s,
         "evaluations": notes.tried,
     }
 
 
-def measure(slug: str, make: Callable[..., TrainerSpec], seeds: int, *, by_cpu: bool = False) -> dict[str, Any]:
+def measure(
+    slug: str,
+    make: Callable[..., TrainerSpec],
+    seeds: int,
+    *,
+    speed_limit: float = SPEED_LIMIT_MPS,
+    by_cpu: bool = False,
+) -> dict[str, Any]:
     """All seeds on one track, and medians. A run that did not get there counts as one that never will."""
-    runs = [to_pace(slug, make, seed, by_cpu=by_cpu) for seed in range(seeds)]
-    line = minimum_curvature_line(track_of(slug))
+    runs = [to_pace(slug, make, seed, speed_limit=speed_limit, by_cpu=by_cpu) for seed in range(seeds)]
+    line = line_of(slug)
 
     def middle(name: str) -> float | None:
         value = statistics.median(run[name] if run["reached"] else math.inf for run in runs)
         return value if math.isfinite(value) else None
 
     return {
-        "speed_limit_mps": SPEED_LIMIT_MPS,
+        "speed_limit_mps": speed_limit,
         "line_m": line.length,
-        "line_lap_s": line_lap_s(slug),
-        "wanted_lap_s": NEAR * line_lap_s(slug),
+        "line_lap_s": line.lap_s(speed_limit),
+        "wanted_lap_s": NEAR * line.lap_s(speed_limit),
         "budget_s": BUDGET_S,
         "budget_in": "processor time" if by_cpu else "wall time",
         **{name: middle(name) for name in ("wall_s", "cpu_s", "steps", "lap_s", "of_line")},

@@ -30,6 +30,7 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from evaluation.simulator.engine import ENGINE_ID, cpu_model, versions
+from evaluation.simulator.physics import PADDOCK_CAR
 from tracks.catalogue import CATALOGUE
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, DEFAULTS
 from training.rewards.examples import EXAMPLES
@@ -157,12 +158,21 @@ def car_racing(steps: int) -> dict[str, Any] | None:
 
 
 def run(
-    tracks: list[str], seeds: int, compared_steps: int, parts: Collection[str] = PARTS, shared: bool = False
+    tracks: list[str],
+    seeds: int,
+    compared_steps: int,
+    parts: Collection[str] = PARTS,
+    shared: bool = False,
+    speed_limit: float = racing_pace.SPEED_LIMIT_MPS,
 ) -> dict[str, Any]:
     """All figures as JSON values; those of parts that are left out are empty."""
     load = os.getloadavg()[0]
     first = {slug: lapping(slug, wizard_spec, seeds) for slug in tracks if "laps" in parts}
-    line = {slug: racing_pace.measure(slug, wizard_spec, seeds, by_cpu=shared) for slug in tracks if "line" in parts}
+    line = {
+        slug: racing_pace.measure(slug, wizard_spec, seeds, by_cpu=shared, speed_limit=speed_limit)
+        for slug in tracks
+        if "line" in parts
+    }
     sac = {slug: lapping(slug, sac_spec, seeds) for slug in (SAC_TRACK,) if "sac" in parts}
     ours = statistics.median(one["steps_per_second"] for one in first.values()) if first else None
     # of whole trainings: their start and their evaluations are counted against us
@@ -264,7 +274,7 @@ def _line_table(figures: dict[str, Any], seeds: int) -> list[str]:
     def cell(value: float | None, form: str) -> str:
         return "-" if value is None else format(value, form)
 
-    limit = racing_pace.SPEED_LIMIT_MPS
+    limit = next(iter(figures.values()))["speed_limit_mps"]
     lines = [
         f"From the start of a training to within {racing_pace.NEAR - 1:.0%} of the lap of the minimum-curvature line, "
         f"both at {limit:g} m/s at most",
@@ -291,8 +301,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--compared-steps", type=int, default=2048, help="on CarRacing; 0 leaves it out")
     parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS, help="what to measure")
     parser.add_argument("--shared", action="store_true", help="the machine does other things: see above")
+    parser.add_argument(
+        "--speed-limit", type=float, default=racing_pace.SPEED_LIMIT_MPS, help="m/s, of car and racing line"
+    )
     options = parser.parse_args(arguments)
-    figures = run(options.tracks, options.seeds, options.compared_steps, options.parts, options.shared)
+    if not PADDOCK_CAR.min_speed <= options.speed_limit <= PADDOCK_CAR.max_speed:
+        parser.error(f"--speed-limit: {PADDOCK_CAR.min_speed:g} to {PADDOCK_CAR.max_speed:g} m/s")
+    figures = run(
+        options.tracks, options.seeds, options.compared_steps, options.parts, options.shared, options.speed_limit
+    )
     print(json.dumps(figures, indent=2) if options.json else table(figures))
     return 0
 

@@ -16,6 +16,7 @@ def figures(
     medians = {"wall_s": wall_s, "cpu_s": 9.0, "start_s": 2.0, "steps": 6000, "steps_per_second": 900.0}
     laps = {**medians, "lapped": lapped, "runs": [run] * 5}
     line = {
+        "speed_limit_mps": 3.0,
         "line_lap_s": 6.57,
         "wanted_lap_s": 8.21,
         "budget_s": 300.0,
@@ -75,6 +76,13 @@ def test_without_box2d_it_is_said_how_to_have_it():
     assert "pip install '.[bench]'" in table
 
 
+@pytest.mark.parametrize("limit", ["0", "4.1", "nan"])
+def test_a_speed_that_no_car_drives_is_no_limit(limit, capsys):
+    with pytest.raises(SystemExit):
+        training.main(["--speed-limit", limit])
+    assert "0.1 to 4 m/s" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_car_racing_is_measured_where_box2d_is_installed():
     pytest.importorskip("Box2D", reason="pip install '.[bench]'")
@@ -111,4 +119,4 @@ def test_what_is_near_the_line_is_what_an_evaluation_says(monkeypatch):
     run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
     assert run["reached"] and run["evaluations"] >= 1
     assert 1.0 < run["of_line"] <= 3.0
-    assert run["lap_s"] == pytest.approx(run["of_line"] * racing_pace.line_lap_s("oval"))
+    assert run["lap_s"] == pytest.approx(run["of_line"] * racing_pace.line_of("oval").lap_s(3.0))
