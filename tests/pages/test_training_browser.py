@@ -61,6 +61,15 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     assert float(page.get_by_label("Steering to the left").input_value()) < 30
     page.get_by_label("a table of actions").check()
 
+    # what nobody has changed follows the algorithm
+    epochs, rate = page.locator("[name=num_epochs]"), page.locator("[name=lr]")
+    rate.evaluate("field => { field.value = '0.0003'; }")
+    page.locator("[name=algorithm][value=sac]").check(force=True)
+    assert (epochs.input_value(), rate.input_value()) == ("6", "0.0003")
+    page.locator("[name=algorithm][value=ppo]").check(force=True)
+    assert (epochs.input_value(), rate.input_value()) == ("4", "0.0003")
+    rate.evaluate("field => { field.value = '0.001'; }")
+
     # it trains: the graph grows without a reload, the car drives
     page.get_by_role("button", name="Create and train").click()
     playwright.expect(page.get_by_role("heading", name="First-car")).to_be_visible(timeout=DRIVE_MS)
