@@ -18,14 +18,15 @@
   }));
 
   // --- times: the server writes its own time zone, the reader sees theirs --------------------------------------------
-  const style = { year: "numeric", month: "short", day: "numeric", hour: "numeric", minute: "2-digit", timeZoneName: "short" };
+  const style = { month: "short", day: "numeric", hour: "numeric", minute: "2-digit", timeZoneName: "short" };
   const inWords = new Intl.DateTimeFormat(language, style);
+  const withYear = new Intl.DateTimeFormat(language, { year: "numeric", ...style });
   const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
   function showTime(element) {
     const moment = new Date(element.dateTime);
     if (Number.isNaN(moment.valueOf())) return;
     element.title = `${element.textContent.trim()} · ${zone}`;
-    element.textContent = inWords.format(moment);
+    element.textContent = (moment.getFullYear() === new Date().getFullYear() ? inWords : withYear).format(moment);
     element.removeAttribute("data-local");
   }
   function countDown(element) {
