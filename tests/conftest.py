@@ -4,15 +4,46 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
+from django.db import connection
+
+from tests import database
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Delete the tests' data folder (tests/settings.py made it) once the last process has ended."""
     if not hasattr(config, "workerinput"):
         shutil.rmtree(os.environ["PADDOCK_TEST_DATA"], ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def migrated(request: pytest.FixtureRequest, django_db_use_migrations: bool) -> Path | None:
+    """Where a migrated database is kept from run to run; None where none can be."""
+    cache = getattr(request.config, "cache", None)
+    if cache is None or connection.vendor != "sqlite" or not django_db_use_migrations:
+        return None
+    return database.template(cache.mkdir("migrated"))
+
+
+@pytest.fixture(scope="session")
+def django_db_keepdb(django_db_keepdb: bool, django_db_modify_db_settings: None, migrated: Path | None) -> bool:
+    """pytest-django's; a database that was migrated before is put where it looks for one to keep."""
+    if migrated is None or not migrated.exists():
+        return django_db_keepdb
+    database.copy(migrated, Path(connection.creation._get_test_db_name()))
+    return True
+
+
+@pytest.fixture(scope="session")
+def django_db_setup(django_db_setup: None, migrated: Path | None) -> Iterator[None]:
+    """pytest-django's; what it has migrated is kept for the next time."""
+    if migrated is not None and not migrated.exists():
+        database.keep(Path(connection.settings_dict["NAME"]), migrated)
+    yield
 
 
 @pytest.fixture
