@@ -160,6 +160,8 @@ class Evaluation(models.Model):
             models.Index(fields=["-priority", "queued_at", "id"], condition=Q(state="queued"), name="evaluation_queue"),
             # sweep: leases that ran out
             models.Index(fields=["leased_until"], condition=Q(state="running"), name="evaluation_leases"),
+            # what has ended of late, for whoever tells of it
+            models.Index(fields=["ended_at"], condition=Q(ended_at__isnull=False), name="evaluation_by_end"),
         ]
         constraints = [
             models.CheckConstraint(condition=Q(state__in=State.values), name="evaluation_state_known"),

@@ -55,6 +55,7 @@ class Notice(models.Model):
         indexes = [
             models.Index(fields=["racer", "-at"], name="notice_by_racer"),
             models.Index(fields=["at"], name="notice_mail_due", condition=Q(mail_state="due")),
+            models.Index(fields=["at"], name="notice_by_time"),
         ]
         constraints = [
             models.UniqueConstraint(fields=["racer", "kind", "about"], name="notice_once"),

@@ -256,6 +256,7 @@ class Round(models.Model):
         verbose_name = _("round")
         verbose_name_plural = _("rounds")
         ordering = ["season", "number"]
+        indexes = [models.Index(fields=["closed_at"], condition=Q(closed_at__isnull=False), name="round_by_closing")]
         constraints = [
             models.CheckConstraint(condition=Q(number__gte=1), name="round_number_from_one"),
             models.CheckConstraint(condition=Q(closed_at=None) | Q(held_at=None), name="round_official_or_held_back"),

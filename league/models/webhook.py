@@ -54,7 +54,10 @@ class WebhookDelivery(models.Model):
         verbose_name = _("delivery")
         verbose_name_plural = _("deliveries")
         ordering = ["-at", "-pk"]
-        indexes = [models.Index(fields=["next_at"], name="delivery_due", condition=Q(state="due"))]
+        indexes = [
+            models.Index(fields=["next_at"], name="delivery_due", condition=Q(state="due")),
+            models.Index(fields=["at"], name="delivery_by_time"),
+        ]
         constraints = [
             models.UniqueConstraint(fields=["webhook", "event", "about"], name="delivery_once"),
             models.CheckConstraint(condition=Q(state__in=["due", "sent", "failed"]), name="delivery_state_known"),

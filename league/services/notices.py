@@ -247,7 +247,7 @@ def _concerned(race: Race, now: datetime) -> set[int]:
 
 
 def _races(**conditions: Any) -> QuerySet[Race]:
-    return Race.objects.filter(cancelled_at=None, imported_at=None, **conditions).order_by("pk")
+    return Race.objects.filter(cancelled_at=None, imported_at=None, **conditions).order_by("closes_at", "pk")
 
 
 def _openings(now: datetime) -> int:
@@ -270,7 +270,7 @@ def _closings(now: datetime) -> int:
 def _cancellations(now: datetime) -> int:
     """Who was in a race that was called off reads why."""
     told = 0
-    for race in Race.objects.filter(cancelled_at__gt=now - REACH, cancelled_at__lte=now).order_by("pk"):
+    for race in Race.objects.filter(cancelled_at__gt=now - REACH, cancelled_at__lte=now).order_by("cancelled_at", "pk"):
         params = {"race": race.name, "text": race.cancel_reason}
         entered = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False)
         racers = sorted(entered.values_list("racer", flat=True))

@@ -140,7 +140,10 @@ class Race(models.Model):
         verbose_name = _("race")
         verbose_name_plural = _("races")
         ordering = ["-opens_at", "pk"]
-        indexes = [models.Index(fields=["closes_at", "opens_at"], name="race_by_time")]
+        indexes = [
+            models.Index(fields=["closes_at", "opens_at"], name="race_by_time"),
+            models.Index(fields=["cancelled_at"], condition=Q(cancelled_at__isnull=False), name="race_by_cancelling"),
+        ]
         constraints = [
             models.CheckConstraint(condition=Q(closes_at__gt=F("opens_at")), name="race_closes_after_opening"),
             models.CheckConstraint(

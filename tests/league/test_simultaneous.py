@@ -172,7 +172,16 @@ def test_a_round_that_is_taken_back_while_others_close_it_ends_held_back_or_offi
 @pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
 @pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
 def test_all_of_the_league_s_rules_hold_on_postgresql_too():
-    files = ("simultaneous", "closing", "stewards", "moved_rounds", "notices", "history_attacks", "duels_recorded")
+    files = (
+        "simultaneous",
+        "closing",
+        "stewards",
+        "moved_rounds",
+        "notices",
+        "history_attacks",
+        "duels_recorded",
+        "telling_costs",
+    )
     command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not postgres"]
     command += [f"tests/league/test_{name}.py" for name in files]
     clean = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
