@@ -184,6 +184,24 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
     assert not Checkpoint.objects.exists()
 
 
+def test_one_that_is_stopped_while_it_waits_to_go_on_keeps_its_best_and_its_last(alice, oval, now):
+    """Its worker was killed, its owner has seen enough: nothing more is learned, and nothing that was is lost."""
+    job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
+    command = [sys.executable, "-m", "tests.training.train_worker"]
+    worker = subprocess.Popen(command, cwd=CHECKOUT, env=environment("redis://127.0.0.1:1/0"), start_new_session=True)
+    try:
+        wait_for(lambda: Checkpoint.objects.filter(job=job).exists(), worker)
+    finally:
+        os.kill(worker.pid, signal.SIGKILL)
+        worker.wait()
+    job.refresh_from_db()
+    sweep_trainings(now=job.leased_until + timedelta(seconds=1))
+    assert stop_training(job=job, now=timezone.now())
+    run(job)
+    assert (job.state, job.attempt) == (JobState.STOPPED, 2), (job.reason, job.operator_detail)
+    assert job.best_model is not None and job.last_model is not None and job.sb3_zip
+
+
 def wait_for(condition, worker: subprocess.Popen) -> None:
     deadline = monotonic() + 120
     while not condition():

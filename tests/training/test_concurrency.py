@@ -1,0 +1,146 @@
+"""Two tabs, two workers, an owner and a worker at the same moment: on SQLite here, on PostgreSQL below."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from datetime import timedelta
+
+import pytest
+
+from faults import UserFault
+from tests.factories import a_racer
+from tests.postgres import postgres, program
+from tests.races.test_concurrency import at_once
+from tests.shared import CHECKOUT
+from tests.training.jobs import a_training
+from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob, Vehicle
+from training.services import (
+    claim_next_training,
+    fail_training,
+    keep_checkpoint,
+    record_iteration,
+    release_training,
+    stop_training,
+    sweep_trainings,
+)
+from training.vehicles import save_vehicle
+
+from .test_leases import NETWORKS, an_iteration, saved
+
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell")]
+TABS = 6
+
+
+def codes(answers: list[object], kind: type) -> list[str]:
+    """What the others were told."""
+    return sorted(str(answer) for answer in answers if not isinstance(answer, kind))
+
+
+def test_six_tabs_send_the_same_training_and_it_is_made_once(oval, now, settings):
+    settings.TRAININGS_AT_ONCE = TABS
+    racer = a_racer()
+    answers = at_once([lambda: a_training(racer, oval, now)] * TABS)
+    assert codes(answers, TrainingJob) == ["training_name_taken"] * (TABS - 1), answers
+    assert TrainingJob.objects.count() == 1
+
+
+def test_no_more_at_once_than_allowed_from_however_many_tabs(oval, now, settings):
+    settings.TRAININGS_AT_ONCE = 2
+    racer = a_racer()
+    answers = at_once([lambda n=n: a_training(racer, oval, now, name=f"tab-{n}") for n in range(TABS)])
+    assert codes(answers, TrainingJob) == ["training_jobs_at_once"] * (TABS - 2), answers
+    assert TrainingJob.objects.count() == 2
+
+
+def test_the_minutes_of_a_month_are_given_out_once(oval, now, settings):
+    settings.TRAININGS_AT_ONCE, settings.TRAINING_MINUTES_A_MONTH = TABS, 25
+    racer = a_racer()
+    answers = at_once([lambda n=n: a_training(racer, oval, now, name=f"tab-{n}") for n in range(TABS)])
+    assert codes(answers, TrainingJob) == ["training_minutes_left"] * (TABS - 2), answers
+
+
+def test_six_workers_take_two_trainings_once_each(oval, now):
+    for _ in range(2):
+        a_training(a_racer(), oval, now)
+    answers = at_once([lambda n=n: claim_next_training(worker=f"w{n}", now=now) for n in range(TABS)])
+    taken = [answer.pk for answer in answers if isinstance(answer, TrainingJob)]
+    assert len(taken) == len(set(taken)) == 2, answers
+    assert answers.count(None) == TABS - 2, answers
+
+
+def test_it_is_stopped_before_it_begins_or_told_to_stop_and_never_both(oval, now):
+    for _ in range(4):
+        job = a_training(a_racer(), oval, now)
+        stopped, claimed = at_once(
+            [lambda job=job: stop_training(job=job, now=now), lambda: claim_next_training(worker="w", now=now)]
+        )
+        job.refresh_from_db()
+        assert stopped is True
+        if claimed is None:
+            assert (job.state, job.ended_at) == (JobState.STOPPED, now)
+        else:
+            assert (job.state, job.stop_asked_at) == (JobState.RUNNING, now), "its worker hears of it at the next beat"
+            TrainingJob.objects.filter(pk=job.pk).delete()
+
+
+def test_one_end_is_written_of_all_that_come_at_once(oval, now):
+    job = a_training(a_racer(), oval, now)
+    held = claim_next_training(worker="w", now=now)
+    late = held.leased_until + timedelta(seconds=1)
+    fault = UserFault("training_memory", limit_mb=1)
+    mine = {"job_id": held.pk, "lease": held.lease, "now": now}
+    ended, released, _ = at_once(
+        [
+            lambda: fail_training(**mine, fault=fault),
+            lambda: release_training(**mine),
+            lambda: sweep_trainings(now=late),
+        ]
+    )
+    job.refresh_from_db()
+    assert not (ended is True and released is True)
+    assert job.state in (JobState.FAILED, JobState.QUEUED) and job.lease is None
+    assert (job.state == JobState.FAILED) == (ended is True)
+
+
+def test_a_worker_that_lost_its_lease_writes_nothing_beside_the_next_one(oval, now):
+    a_training(a_racer(), oval, now)
+    first = claim_next_training(worker="first", now=now)
+    sweep_trainings(now=first.leased_until + timedelta(seconds=1))
+    second = claim_next_training(worker="second", now=now)
+
+    def write(job, worker):
+        return [
+            record_iteration(job=job, lease=job.lease, iteration=an_iteration(number, eval_reward=worker), now=now)
+            and keep_checkpoint(job=job, lease=job.lease, saved=saved(number), networks=NETWORKS, now=now)
+            for number in (1, 2, 3)
+        ]
+
+    answers = at_once([lambda: write(first, 1.0), lambda: write(second, 2.0)])
+    assert answers == [[False] * 3, [True] * 3]
+    assert set(TrainingIteration.objects.values_list("number", "eval_reward")) == {(1, 2.0), (2, 2.0), (3, 2.0)}
+    assert Checkpoint.objects.count() == 2
+
+
+def test_six_tabs_save_the_same_vehicle_and_one_does(now):
+    racer = a_racer()
+    answers = at_once([lambda: save_vehicle(owner=racer, name="Owl")] * TABS)
+    assert codes(answers, Vehicle) == ["vehicle_name_taken"] * (TABS - 1), answers
+
+
+@pytest.mark.postgres
+@pytest.mark.slow
+@pytest.mark.django_db(transaction=False)
+@pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
+@pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
+def test_all_of_this_room_holds_on_postgresql_too():
+    rooms = [f"tests/training/test_{part}.py" for part in ("concurrency", "leases", "create", "work")]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "0", *rooms, "-m", "not postgres"]
+    # the other run makes, and deletes, a data folder of its own
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
+    with postgres() as url:
+        run = subprocess.run(
+            command, cwd=CHECKOUT, env=clean | {"DATABASE_URL": url}, capture_output=True, text=True, check=False
+        )
+    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
