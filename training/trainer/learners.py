@@ -173,11 +173,13 @@ class Learner:
             model.critic.optimizer.zero_grad()
             value_loss.backward()
             model.critic.optimizer.step()
+            model.critic.requires_grad_(False)  # it is asked and does not learn here: a seventh of the time
             least = torch.cat(model.critic(batch.observations, actions), dim=1).min(dim=1, keepdim=True).values
             policy_loss = (alpha * log_prob - least).mean()
             model.actor.optimizer.zero_grad()
             policy_loss.backward()
             model.actor.optimizer.step()
+            model.critic.requires_grad_(True)
             polyak_update(model.critic.parameters(), model.critic_target.parameters(), model.tau)
             self._pulse()
             told.append((-log_prob.mean().item(), policy_loss.item(), value_loss.item()))
