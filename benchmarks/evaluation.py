@@ -17,11 +17,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import cv2
 
-from evaluation.simulator.engine import ENGINE_ID, cpu_model, versions
 from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE
 from tracks.catalogue import CATALOGUE
 
 from . import renderers, site, traffic, whole
+from .machine import measured_on
 from .models import CONSOLE, admitted, cars
 
 cv2.setNumThreads(1)
@@ -49,15 +49,7 @@ def run(*, track: str, laps: int, runs: int, steps: int, with_site: bool, names:
     compared = renderers.compare(ready[-1], geometry, steps=steps)
     site_figures = site.measure(packages, track, laps=laps, runs=runs) if with_site else None
     return {
-        "machine": {
-            "cpu": cpu_model(),
-            "cores": len(os.sched_getaffinity(0)),
-            "load_before": round(load, 2),
-            "load_after": round(os.getloadavg()[0], 2),
-            "python": sys.version.split()[0],
-            "engine": ENGINE_ID,
-            "versions": versions(),
-        },
+        "machine": measured_on(load),
         "race": {"track": track, "length_m": geometry.length, "laps": laps, "runs": runs},
         "real_time_factor": {name: figures["real_time_factor"] for name, figures in found.items()},
         "shares": {name: figures["shares"] for name, figures in found.items()},

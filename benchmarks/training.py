@@ -29,7 +29,6 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from evaluation.simulator.engine import ENGINE_ID, cpu_model, versions
 from evaluation.simulator.physics import PADDOCK_CAR
 from tracks.catalogue import CATALOGUE
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, DEFAULTS
@@ -38,6 +37,7 @@ from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import TrainerSpec
 
 from . import racing_pace
+from .machine import measured_on
 from .processor import Clock
 from .racing_pace import LAPS, clean_laps, track_of
 
@@ -180,15 +180,7 @@ def run(
     per_cpu = statistics.median(driven) if driven else None
     other = car_racing(compared_steps) if compared_steps and ours else None
     return {
-        "machine": {
-            "cpu": cpu_model(),
-            "cores": len(os.sched_getaffinity(0)),
-            "load_before": round(load, 2),
-            "load_after": round(os.getloadavg()[0], 2),
-            "python": sys.version.split()[0],
-            "engine": ENGINE_ID,
-            "versions": versions(),
-        },
+        "machine": measured_on(load),
         "seeds": seeds,
         "first_three_clean_laps": first,
         "near_the_racing_line": line,

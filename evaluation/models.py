@@ -27,8 +27,8 @@ def alone() -> list[int]:
     return [0]
 
 
-def _sentence(code: str, params: dict[str, Any]) -> str:
-    """A reason in the reader's language; ``""`` for none."""
+def reason_sentence(code: str, params: dict[str, Any]) -> str:
+    """A reason in the reader's language; ``""`` where there is none. ``params``: what its sentence names."""
     if not code:
         return ""
     reason = REASONS[code]
@@ -194,7 +194,7 @@ class Evaluation(models.Model):
     @property
     def reason(self) -> str:
         """The reason's sentence in the reader's language, or ``""``."""
-        return _sentence(self.reason_code, self.reason_params)
+        return reason_sentence(self.reason_code, self.reason_params)
 
     @property
     def is_platform_fault(self) -> bool:
@@ -269,7 +269,7 @@ class CarResult(models.Model):
     @property
     def retired(self) -> str:
         """Why it was taken off the track, in the reader's language, or ``""``."""
-        return _sentence(self.retired_code, self.retired_params)
+        return reason_sentence(self.retired_code, self.retired_params)
 
 
 class Result(CarResult):

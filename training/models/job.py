@@ -8,13 +8,12 @@ from django.db import models
 from django.db.models import Q
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
 from evaluation.ids import new_public_id
 from evaluation.looks import DEFAULT_COLOUR, Shell
+from evaluation.models import reason_sentence
 from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES
-from faults.reasons import REASONS
 from races.models import RaceType
 from tracks.models import Direction
 
@@ -219,12 +218,12 @@ class TrainingJob(models.Model):
     @property
     def reason(self) -> str:
         """Why it ended, in the reader's language, or ``""``."""
-        return _sentence(self.reason_code, self.reason_params)
+        return reason_sentence(self.reason_code, self.reason_params)
 
     @property
     def submit_reason(self) -> str:
         """Why its model was not submitted to the chosen race, in the reader's language, or ``""``."""
-        return _sentence(self.submit_reason_code, self.submit_reason_params)
+        return reason_sentence(self.submit_reason_code, self.submit_reason_params)
 
     @property
     def seconds_left(self) -> float:
@@ -245,10 +244,3 @@ class TrainingJob(models.Model):
         if self.lidar_config:
             metadata["lidar_config"] = self.lidar_config
         return metadata
-
-
-def _sentence(code: str, params: dict) -> str:
-    if not code:
-        return ""
-    reason = REASONS[code]
-    return reason.render(params, _now(reason.sentence))
