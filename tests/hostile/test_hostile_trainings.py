@@ -6,6 +6,7 @@ They are handed to the trainer as they are, past the check of the text, which is
 from __future__ import annotations
 
 import inspect
+import time
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,126 @@ def reward_function(params):
 """
 
 
+# What none of the checks beforehand sees: it happens only where a training is, and there it reaches for the trainer.
+REACH = """
+import random
+
+modules = random._os.sys.modules
+trainer = modules.get("training.trainer.process")
+
+
+def found(name):
+    return next(one for one in modules["gc"].get_objects() if type(one).__name__ == name)
+
+
+"""
+IN_TRAINING_ONLY = {
+    "exits with a status of ours": (
+        "reward_stuck",
+        "def reward_function(params):\n    if trainer:\n        random._os._exit(73)\n    return 1.0\n",
+    ),
+    "crashes and says nothing": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        modules["faulthandler"].disable()
+        modules["ctypes"].string_at(0)
+    return 1.0
+""",
+    ),
+    "closes the pipes": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        random._os.closerange(0, 64)
+        while True:
+            modules["time"].sleep(1)
+    return 1.0
+""",
+    ),
+    "writes half a frame": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        random._os.write(found("Training")._out, (500).to_bytes(4, "little") + b"{")
+        while True:
+            modules["time"].sleep(1)
+    return 1.0
+""",
+    ),
+    "forges an iteration": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        iteration = {"number": 1, "steps": 2**31 - 1, "eval_lap_ms": 1, "is_best": True}
+        modules["evaluation.sandbox.frames"].write_message(
+            found("Training")._out, {"iteration": iteration, "driving": []}, [b"a network", b"a trace"]
+        )
+    return 1.0
+""",
+    ),
+    "forges an end": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        end = {"done": "clean_laps", "steps": 1, "seconds": 0.1}
+        modules["evaluation.sandbox.frames"].write_message(found("Training")._out, end, [b"PK"])
+    return 1.0
+""",
+    ),
+    "blames the platform": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        fault = {"code": "sandbox_unavailable", "params": {}}
+        modules["evaluation.sandbox.frames"].write_message(found("Training")._out, {"error": fault})
+    return 1.0
+""",
+    ),
+    "puts its own in the place of ours": (
+        "reward_raised",
+        """
+def mine(self, *arguments):
+    raise RuntimeError("not yours")  # here
+
+
+def reward_function(params):
+    if trainer:
+        modules["training.trainer.cars"].Cars.harvest = mine
+    return 1.0
+""",
+    ),
+    "takes the numbers out of the network": (
+        "training_diverged",
+        """
+def reward_function(params):
+    if trainer:
+        for weights in found("Learner").model.policy.parameters():
+            weights.data.fill_(float("nan"))
+    return 1.0
+""",
+    ),
+}
+STOPS_THE_CLOCK = (
+    REACH
+    + """
+if trainer:
+    modules["time"].monotonic = lambda: 5.0
+    trainer.Training._may_go_on = lambda self: True
+
+
+def reward_function(params):
+    return 1.0
+"""
+)
+
+
 class Heard(Listener):
     """Keeps what the training tells."""
 
@@ -112,6 +233,33 @@ def test_a_training_ends_with_the_code_and_the_line(case: str, tmp_path: Path, m
     assert fault.value.params.get("line") in marked_lines(text)
     assert (descriptors(), children()) == before, "something was left open or running"
     assert list(tmp_path.iterdir()) == [], "something was written"
+
+
+@pytest.mark.parametrize("case", IN_TRAINING_ONLY)
+def test_what_happens_in_training_only_is_the_functions_fault(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Never ours: our faults are tried again, and cost no minutes."""
+    monkeypatch.setattr(client, "_SILENCE_S", 15.0)
+    monkeypatch.setattr(client, "_MESSAGE_S", 5.0)
+    code, text = IN_TRAINING_ONLY[case][0], REACH + IN_TRAINING_ONLY[case][1]
+    before, heard = (descriptors(), children()), Heard()
+    with pytest.raises(UserFault) as fault:
+        train(spec(text), heard)
+    assert fault.value.code == code, (str(fault.value), fault.value.__notes__)
+    assert fault.value.params.get("line") in {None, *marked_lines(text)}
+    assert (descriptors(), children()) == before
+    assert all(one.values["eval_lap_ms"] != 1 for one in heard.iterations)
+
+
+@pytest.mark.parametrize(("stop", "why"), [(False, "time"), (True, "stopped")])
+def test_a_function_that_stops_the_clock_does_not_get_more_time(stop, why, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "_FINISH_S", 4.0)
+    heard, began = Heard(), time.monotonic()
+    asked = {"asked_to_stop": lambda: bool(heard.iterations)} if stop else {}
+    ended = train(spec(STOPS_THE_CLOCK, stop_seconds=600.0 if stop else 2.0, stop_steps=None), heard, **asked)
+    took = time.monotonic() - began
+    assert (ended.why, ended.sb3_zip) == (why, b""), "it was cut off"
+    assert heard.iterations, "with what it had learned"
+    assert 0.5 * took < ended.seconds <= took, "counted by our clock"
 
 
 def test_a_function_that_patches_the_simulator_spoils_its_own_training_only() -> None:

@@ -132,8 +132,8 @@ class Training:
     def run(self) -> None:
         """Drive, learn and look until something ends it."""
         learner = self._learner
-        while learner.drive():
-            losses = self._learn()
+        while self._with_numbers(learner.drive):
+            losses = self._with_numbers(learner.update)
             self._updates += 1
             if self._updates - self._looked_at >= 1 + self._updates // EVERY_UPDATE or self._steps_are_up():
                 self._look(losses)
@@ -146,16 +146,18 @@ class Training:
         self._cars.close()
         self._judge.close()
 
-    def _learn(self) -> Any:
-        """One update. Raises UserFault ``training_diverged`` where the weights are no numbers any more."""
+    def _with_numbers(self, act: Callable[[], Any]) -> Any:
+        """What ``act`` returns. Raises UserFault ``training_diverged`` where the weights are no numbers any more."""
         try:
-            losses = self._learner.update()
-        except ValueError:  # torch refuses to draw from what is no distribution
+            result = act()
+        except PaddockError:
+            raise
+        except Exception:  # torch draws from no such distribution, and says so in ways of its own
             if self._learner.is_finite():
                 raise
         else:
             if self._learner.is_finite():
-                return losses
+                return result
         raise UserFault("training_diverged")
 
     def _may_go_on(self) -> bool:
