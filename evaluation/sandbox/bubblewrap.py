@@ -17,6 +17,8 @@ from pathlib import Path
 
 # onnxruntime chooses its kernels by what it reads here: without them it might compute other last bits than elsewhere.
 _PROCESSOR = ("/proc/cpuinfo", "/sys/devices/system/cpu")
+# What the C library reads before it asks for large pages, see :mod:`.launch`.
+_LARGE_PAGES = tuple(f"/sys/kernel/mm/transparent_hugepage/{name}" for name in ("enabled", "hpage_pmd_size"))
 _RANDOM = "/dev/urandom"
 _SYSTEM_LIBRARIES = ("/usr/lib", "/usr/lib32", "/usr/lib64", "/lib", "/lib32", "/lib64")
 
@@ -83,7 +85,7 @@ def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_
         arguments += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:
         arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534", "--disable-userns"]
-    arguments += _mounts([*home.parts, *home.packages, *filter(os.path.exists, _PROCESSOR), *code])
+    arguments += _mounts([*home.parts, *home.packages, *filter(os.path.exists, (*_PROCESSOR, *_LARGE_PAGES)), *code])
     if random:
         arguments += ["--perms", "0755", "--dir", "/dev", "--dev-bind", _RANDOM, _RANDOM]
     arguments += ["--chdir", "/", "--remount-ro", "/", "--info-fd", str(info_fd), "--"]

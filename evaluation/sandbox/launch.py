@@ -335,6 +335,8 @@ def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Seque
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "MALLOC_ARENA_MAX": "1",
+        # Pages of 2 MB where the host grants them: a large network is read through once for every frame.
+        "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",
         "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
         VARIABLE: spec.to_env(),
     }

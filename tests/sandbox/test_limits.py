@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from evaluation import crew, pipeline
@@ -25,6 +27,20 @@ def test_a_network_of_the_consoles_size_needs_less_than_half_of_a_policys_memory
     with PolicyProcess(level=level) as policy:
         policy.load(console_sized_network(), HEADER)
         assert peak_address_space_mb(policy.process) < POLICY.address_space_mb / 2
+
+
+def test_a_large_network_lies_on_large_pages_where_the_host_grants_them(level):
+    granted = Path("/sys/kernel/mm/transparent_hugepage/enabled")
+    if not granted.is_file() or "[never]" in granted.read_text():
+        pytest.skip("this host has no large pages")
+    with PolicyProcess(level=level) as policy:
+        policy.load(console_sized_network(), HEADER)
+        try:
+            lines = Path(f"/proc/{policy.process.inner_pid}/smaps_rollup").read_text().splitlines()
+        except PermissionError:
+            pytest.skip("only root sees where the memory of a locked process lies")
+        on_large_pages_mb = next(int(line.split()[1]) for line in lines if line.startswith("AnonHugePages:")) / 1024
+        assert on_large_pages_mb > 10
 
 
 RIVALS = (pipeline.RivalCar(small_network(seed=1), METADATA),) * (MAX_CARS - 1)
