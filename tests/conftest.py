@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -41,9 +41,23 @@ def django_db_keepdb(django_db_keepdb: bool, django_db_modify_db_settings: None,
 @pytest.fixture(scope="session")
 def django_db_setup(django_db_setup: None, migrated: Path | None) -> Iterator[None]:
     """pytest-django's; what it has migrated is kept for the next time."""
-    if migrated is not None and not migrated.exists():
-        database.keep(Path(connection.settings_dict["NAME"]), migrated)
+    made = Path(connection.settings_dict["NAME"])
+    if migrated is not None and not migrated.exists() and made == Path(connection.creation._get_test_db_name()):
+        database.keep(made, migrated)
     yield
+
+
+@pytest.fixture(scope="session")
+def new_data(django_db_setup: None, migrated: Path | None) -> Callable[[Path], Path]:
+    """Make the data folder of a site that a test starts, with a migrated database in it where one is kept."""
+
+    def make(folder: Path) -> Path:
+        folder.mkdir(parents=True)
+        if migrated is not None and migrated.exists():
+            database.copy(migrated, folder / "paddock.sqlite3")
+        return folder
+
+    return make
 
 
 @pytest.fixture

@@ -117,9 +117,9 @@ def rows(data: Path, query: str) -> list[tuple]:
 
 
 @pytest.fixture(scope="module")
-def template(tmp_path_factory):
+def template(tmp_path_factory, new_data):
     """A data folder after its first start, to copy: preparing a new one takes seconds."""
-    data = tmp_path_factory.mktemp("run") / "data"
+    data = new_data(tmp_path_factory.mktemp("run") / "data")
     with Run(data) as run:
         run.ready()
         assert run.stop(signal.SIGINT) == 130
