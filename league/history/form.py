@@ -3,7 +3,8 @@
 ``races.csv`` has a row for each race; ``file`` names its results, times are ISO 8601 with zone, penalties seconds.
 The results have the columns of the old service's export: times in milliseconds, ``SubmissionTime`` milliseconds since
 1970, ``RankingScore`` the time ranked by. A car that was not classified has no times, no laps and a score just below
-2**63, the lower the farther it drove: 2**63 - 1 less its progress in per cent. Columns in which a cell is empty were
+2**63, the lower the farther it drove: 2**63 - 1 less its progress in per cent. A race of duels has scores of its own
+(:mod:`league.history.duels`). Columns in which a cell is empty were
 written with a decimal point there.
 """
 
@@ -20,6 +21,9 @@ from faults import UserFault
 from races.models import RaceType, RankingMethod
 
 from ..models.season import Stage
+from .duels import FIRST as FIRST_OF_DUELS
+from .duels import LAST as LAST_OF_DUELS
+from .duels import DuelScore, read_duel_score
 
 RACE_COLUMNS = (
     *("file", "season", "name", "stage", "division", "race_type", "timing_method", "minimum_laps", "maximum_laps"),
@@ -88,7 +92,8 @@ class ResultRow:
     """One row of a file of results. Times in milliseconds, None where nothing was driven for it.
 
     ``score``: as recorded; ``score_ms``: the time ranked by, None for who is not classified; ``driven_percent``: how
-    far such a car came; ``measured``: whether the recorded score is that time; ``blank``: columns whose cell was empty.
+    far such a car came; ``measured``: whether the recorded score is that time; ``blank``: columns whose cell was empty;
+    ``duel``: what the score says in a race of duels.
     """
 
     row: int
@@ -112,6 +117,7 @@ class ResultRow:
     measured: bool
     division: str
     blank: tuple[str, ...] = field(default=())
+    duel: DuelScore | None = None
 
 
 class Cells:
@@ -232,9 +238,11 @@ def result_row(file: str, row: int, cells: Mapping[str, str], method: RankingMet
     score = min(read.whole("RankingScore", most=10**19), WORST_SCORE)
     best = times["BestLapTime"]
     classified = score < NO_SCORE and best is not None
-    if score < NO_SCORE and score > MOST:
-        raise read.refuse("RankingScore", f"a time of at most {MOST} ms, or no time at all ({NO_SCORE} or more)")
     ranked_by = times[TIME_RANKED_BY[method]]
+    duel = read_duel_score(score) if FIRST_OF_DUELS <= score <= LAST_OF_DUELS else None
+    if MOST < score < NO_SCORE and (duel is None or ranked_by is None or best is None):
+        raise read.refuse("RankingScore", f"a time of at most {MOST} ms, or no time at all ({NO_SCORE} or more)")
+    score_ms = score if duel is None else ranked_by
     driven = WORST_SCORE - score
     return ResultRow(
         row=row,
@@ -253,11 +261,12 @@ def result_row(file: str, row: int, cells: Mapping[str, str], method: RankingMet
         rank=read.whole("Rank", least=1),
         status=read.text("LeaderboardSubmissionStatusType", 32, empty=True),
         score=score,
-        score_ms=score if classified else None,
+        score_ms=score_ms if classified else None,
         driven_percent=driven if driven <= 1_000_000 else 0,
         measured=ranked_by == score if score < NO_SCORE else ranked_by is None,
         division=read.text("RacingDivision", 32, empty=True),
         blank=tuple(name for name in RESULT_COLUMNS if name in cells and not cells[name].strip()),
+        duel=duel,
     )
 
 

@@ -11,9 +11,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from faults import UserFault
+from races.models import RaceType
 
 from ..models.season import Stage
-from .form import OPTIONAL, RACE_COLUMNS, RESULT_COLUMNS, RaceRow, ResultRow, race_row, result_row
+from .form import OPTIONAL, RACE_COLUMNS, RESULT_COLUMNS, Cells, RaceRow, ResultRow, race_row, result_row
 
 INDEX = "races.csv"
 _FOLLOW_EACH_OTHER = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
@@ -90,6 +91,7 @@ def _race(folder: Path, row: RaceRow, number: int) -> ReadRace:
         results.append(result)
     results.sort(key=lambda result: result.rank)
     _refuse_ranks(row.file, results)
+    _refuse_duels(row, results)
     if row.racers is not None and row.racers != len(results):
         raise UserFault("import_row_count", file=row.file, found=len(results), said=row.racers)
     kept = [name for name in heading if name in RESULT_COLUMNS]
@@ -109,6 +111,24 @@ def _refuse_ranks(file: str, results: Sequence[ResultRow]) -> None:
                 other_rank=better.rank,
                 other_score=better.score,
             )
+
+
+def _refuse_duels(row: RaceRow, results: Sequence[ResultRow]) -> None:
+    """Scores of duels stand in a head-to-head race without bots; there is one format, and each seed once."""
+    seeds: set[int] = set()
+    formats = {(one.duel.bracket, one.duel.cars) for one in results if one.duel is not None}
+    for one in results:
+        if one.duel is None:
+            continue
+        wrong = row.race_type != RaceType.HEAD_TO_HEAD or row.bots or len(formats) > 1 or one.duel.seed in seeds
+        if wrong:
+            expected = (
+                "a time, for only a race of cars against cars has scores of duels, in one format and each seed once"
+            )
+            cells = {"RankingScore": str(one.score)}
+            raise Cells(row.file, one.row, cells).refuse("RankingScore", expected)
+        if one.duel.seed is not None:
+            seeds.add(one.duel.seed)
 
 
 def _refuse_files(folder: Path, rows: Sequence[RaceRow]) -> None:
@@ -137,7 +157,8 @@ def _refuse_overlaps(rows: Sequence[RaceRow]) -> None:
 
 def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:
     """The number of each row's round. Races of the same name are one round as far as their stages differ, and a finale
-    is of the last pro race of its name before it; single races are rounds of their own. Numbered as they open."""
+    is of the last pro race of its name that closed before it, or without one of its name of the last pro race that
+    closed before it and has no finale yet; single races are rounds of their own. Numbered as they open."""
     rounds: list[dict[Stage, RaceRow]] = []
     for row in sorted(rows, key=lambda row: (row.opens_at, row.stage == Stage.FINALE, row.row)):
         same = [
@@ -146,7 +167,12 @@ def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:
             if row.stage not in one and Stage.SINGLE not in one and next(iter(one.values())).name == row.name
         ]
         if row.stage == Stage.FINALE:
-            same = [one for one in same if Stage.PRO in one and one[Stage.PRO].opens_at <= row.opens_at] or same
+            closed = [
+                one
+                for one in rounds
+                if row.stage not in one and Stage.PRO in one and one[Stage.PRO].closes_at <= row.opens_at
+            ]
+            same = [one for one in closed if one in same] or same or closed
         if row.stage == Stage.SINGLE or not same:
             rounds.append({row.stage: row})
         else:

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from faults import UserFault
-from races.models import Entry, Race
+from races.models import DuelFormat, Entry, Race
 from races.ranking import NO_RESULT, NOT_CLASSIFIED
 from races.selectors.boards import ORDER, board_entries
 
+from ..history.duels import DuelScore
 from ..history.form import (
     RACE_COLUMNS,
     RACE_TYPES,
@@ -121,7 +122,9 @@ def _results(round_: Round) -> Iterator[dict[str, Any]]:
     race, record = round_.race, _record(round_.race)
     entries = board_entries(race).filter(is_baseline=False, rank_score__lt=NO_RESULT)
     if record is None:
-        rows = [_driven_row(entry, race) for entry in entries.select_related("racer", "best__evaluation__result")]
+        entries = list(entries.select_related("racer", "best__evaluation__result"))
+        drawn = any(entry.seed is not None for entry in entries)
+        rows = [_driven_row(entry, race) | (_duel_score(entry, race) if drawn else {}) for entry in entries]
         empty = [name for name in _TIMES if any(row[name] == "" for row in rows)]
     else:
         first, *ties = ORDER
@@ -131,8 +134,6 @@ def _results(round_: Round) -> Iterator[dict[str, Any]]:
     whole = record is not None and RecordedResult.objects.filter(entry__race=race).count() == len(rows)
     for place, row in enumerate(rows, start=1):
         row["Rank"] = row["rank"] if whole else place
-        if row["drawn"]:
-            row["RankingScore"] = place  # duels are won by points, and a score must say who stands before whom
         for name in empty:
             if row[name] not in ("", None):
                 row[name] = float(row[name])
@@ -160,8 +161,17 @@ def _driven_row(entry: Entry, race: Race) -> dict[str, Any]:
         "RankingScore": score,
         "RacingDivision": race.division.upper(),
         "UserId": entry.racer.record_id or entry.racer.alias,
-        "drawn": entry.seed is not None,
     }
+
+
+def _duel_score(entry: Entry, race: Race) -> dict[str, Any]:
+    """The score of a car in a race whose duels are drawn; none of its own for who was not classified."""
+    if not entry.classified:
+        return {}
+    bracket = race.duel_format == DuelFormat.BRACKET
+    won = entry.seed, entry.points, entry.duels, entry.duel_lap_ms
+    score = DuelScore(bracket, race.duel_cars, *won, time_ms=entry.score_ms if entry.seed is None else None)
+    return {"RankingScore": score.number}
 
 
 def _recorded_row(entry: Entry, record: RecordedResult) -> dict[str, Any]:
@@ -182,6 +192,5 @@ def _recorded_row(entry: Entry, record: RecordedResult) -> dict[str, Any]:
         "RacingDivision": record.division,
         "UserId": entry.racer.record_id,
         "rank": record.rank,
-        "drawn": False,
     }
     return row | dict.fromkeys(record.blank, "")

@@ -19,8 +19,8 @@ from django.utils.text import slugify
 
 from faults import UserFault
 from races.errors import RaceRefused
-from races.models import Entry, Kind, Opponents, Race, RaceType
-from races.ranking import LAST, NOT_CLASSIFIED
+from races.models import DuelFormat, Entry, Kind, Opponents, Race, RaceType
+from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank
 from races.services.races import RESERVED_SLUGS as RACE_PAGES
 from races.services.standings import recompute_fastest
 from tracks.models import Direction, Track
@@ -148,6 +148,7 @@ def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Ra
     row = read.row
     title = _TITLES.get(row.stage)
     head_to_head = row.race_type == RaceType.HEAD_TO_HEAD
+    duel = next((result.duel for result in read.results if result.duel is not None), None)
     race = Race(
         slug=_free_slug(Path(row.file).stem),
         kind=Kind.LEAGUE,
@@ -161,7 +162,9 @@ def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Ra
         off_track_penalty_ms=row.off_track_penalty_ms,
         collision_penalty_ms=row.collision_penalty_ms,
         random_boxes=row.obstacles if row.race_type == RaceType.OBJECT_AVOIDANCE else 0,
-        opponents=Opponents.BOTS if head_to_head and row.bots else "",
+        opponents=Opponents.MODELS if duel else Opponents.BOTS if head_to_head and row.bots else "",
+        duel_format="" if duel is None else DuelFormat.BRACKET if duel.bracket else DuelFormat.ROUND_ROBIN,
+        duel_cars=2 if duel is None else duel.cars,
         bots=row.bots if head_to_head else 0,
         max_submissions=1000,
         opens_at=row.opens_at,
@@ -198,7 +201,7 @@ def _make_entries(race: Race, results: Sequence[ResultRow], racers: dict[str, in
 _ENTRY = (
     *("race", "racer", "entered_at", "submission_count", "last_number", "classified", "score_ms", "average_ms"),
     *("best_lap_ms", "total_ms", "complete_laps", "off_tracks", "resets", "achieved_at", "rank_score", "rank_lap"),
-    "own_lap_ms",
+    *("own_lap_ms", "seed", "points", "duels", "duel_lap_ms"),
 )
 _RECORD = (
     *("entry", "alias", "rank", "score", "measured", "collisions", "average_resets", "status", "division", "blank"),
@@ -208,6 +211,11 @@ _RECORD = (
 def _standing(result: ResultRow) -> tuple:
     """What a recorded result is worth: its score, or how far the car drove."""
     classified = result.score_ms is not None
+    duel = result.duel if result.duel is not None and result.duel.seed is not None else None
+    rank = (
+        result.score_ms if classified else NOT_CLASSIFIED - result.driven_percent,
+        LAST if result.best_lap_ms is None else result.best_lap_ms,
+    )
     return (
         result.submitted_at,
         result.submissions,
@@ -221,9 +229,9 @@ def _standing(result: ResultRow) -> tuple:
         result.off_tracks,
         result.resets,
         result.submitted_at,
-        result.score_ms if classified else NOT_CLASSIFIED - result.driven_percent,
-        LAST if result.best_lap_ms is None else result.best_lap_ms,
+        *(rank if duel is None else drawn_rank(duel.points, duel.lap_ms, duel.seed)),
         result.best_lap_ms if classified else None,
+        *((None, 0, 0, None) if duel is None else (duel.seed, duel.points, duel.duels, duel.lap_ms)),
     )
 
 

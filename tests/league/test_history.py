@@ -152,3 +152,21 @@ def test_equal_scores_may_have_any_order_and_a_score_that_is_no_time_is_told(tmp
     (season,) = bring(tmp_path)
     proof = proof_of(season)
     assert proof["order"] == {"pairs": 2, "agree": 2} and proof["scores"] == {"checked": 3, "agree": 2}
+
+
+@pytest.mark.parametrize("names", [("Monthly", "Monthly"), ("Qualifier {}", "Finale {}"), ("Race {}", "Race {}")])
+def test_a_finale_is_of_the_pro_race_before_it_however_the_races_are_called(tmp_path, names):
+    races = []
+    for number in range(3):
+        called, finale = (name.format(number) for name in names)
+        cast = [(10 * number + n, 40_000 + 1000 * n) for n in range(1, 6)]
+        races.append(month(number, "open-qualifier", cast, name=called))
+        races.append(month(number, "pro-qualifier", cast, name=called))
+        races.append(month(number, "pro-finale", [(racer, 9_000 + racer) for racer, _score in cast[:3]], name=finale))
+    (season,) = bring(write_season(tmp_path, races))
+    assert proof_of(season)["finale"] == {"places": 9, "agree": 9}
+    numbers = {
+        stage: list(season.rounds.filter(stage=stage).order_by("race__closes_at").values_list("number", flat=True))
+        for stage in ("pro-qualifier", "pro-finale")
+    }
+    assert numbers["pro-qualifier"] == numbers["pro-finale"] == [1, 2, 3]

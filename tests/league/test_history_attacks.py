@@ -250,3 +250,10 @@ def test_a_season_may_not_be_made_where_a_page_is(db):
         with pytest.raises(Exception) as caught:
             create_season(slug=slug, name="x", starts_on=START.date(), ends_on=(START + timedelta(days=9)).date())
         assert "slug" in caught.value.error_dict
+
+
+@pytest.mark.parametrize("score", [2**61, 2**61 + 2**60 + 30_000, 2**62 - 1, 2**60])
+def test_a_score_of_duels_stands_in_no_other_race(folder, score):
+    change(folder, RESULTS, 31, RankingScore=str(score))
+    params = refused(folder, "import_value")
+    assert (params["row"], params["column"]) == (31, "RankingScore")
