@@ -43,7 +43,8 @@ class PolicyClient:
         self._step_deadline_s, self._overage_s, self._total_s = step_deadline_s, overage_s, total_s
         self._bank = overage_s
         self._request, self._observations = request_buffer(header)
-        self._reply_size = len(reply_buffer(header)[0])
+        reply, self._action = reply_buffer(header)
+        self._reply_size = len(reply)
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(read_fd, select.POLLIN)
         self._writable.register(write_fd, select.POLLOUT)
@@ -66,8 +67,9 @@ class PolicyClient:
         taken = time.monotonic() - self._started
         self.seconds += taken
         self._bank -= max(0.0, taken - self._step_deadline_s)
-        if not all(map(math.isfinite, action.tolist())):  # so few numbers are looked at faster without numpy
-            raise UserFault("non_finite_action", step=self.step)
+        for value in action.tolist():  # so few numbers are looked at faster without numpy
+            if not math.isfinite(value):
+                raise UserFault("non_finite_action", step=self.step)
         return action
 
     def _fill(self, observation: Mapping[str, np.ndarray]) -> None:
@@ -107,7 +109,7 @@ class PolicyClient:
             reply += chunk
         if len(reply) > self._reply_size or STEP.unpack_from(reply)[0] != self.step:
             raise UserFault("policy_protocol", step=self.step)
-        return np.frombuffer(reply, np.dtype("<f4"), offset=STEP.size)
+        return np.frombuffer(reply, self._action.dtype, offset=STEP.size)
 
     def _wait(self, poller: select.poll) -> None:
         # Looked at once in any case: if this process was not scheduled in time, that is not the network's slowness.

@@ -77,8 +77,9 @@ class ActionSpace:
         values = np.asarray(output).reshape(-1).tolist()  # so few numbers are looked at faster without numpy
         if len(values) != self.size:
             raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
-        if not all(map(math.isfinite, values)):
-            raise UserFault("non_finite_action", step=step)
+        for value in values:
+            if not math.isfinite(value):
+                raise UserFault("non_finite_action", step=step)
         if self.kind == DISCRETE:
             index = values.index(max(values))
             return Action(*self.actions[index], index)

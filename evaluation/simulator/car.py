@@ -19,6 +19,7 @@ CAR_GROUP = 4
 REAR_LEFT, REAR_RIGHT, HINGE_LEFT, FRONT_LEFT, HINGE_RIGHT, FRONT_RIGHT = range(6)
 WHEELS = (REAR_LEFT, REAR_RIGHT, FRONT_LEFT, FRONT_RIGHT)
 HINGES = (HINGE_LEFT, HINGE_RIGHT)
+_JOINTS = tuple(range(len(WHEELS) + len(HINGES)))
 # The longest that motors are set for in one go, in ticks.
 MAX_STRIDE = 32
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
@@ -45,8 +46,12 @@ class Car:
         self._client = client
         self.body = _build(client, physics)
         self._reach = [0.0] + [1.0 / (1.0 - (1.0 - physics.motor_gain) ** ticks) for ticks in range(1, MAX_STRIDE + 1)]
-        self._hinge_forces, self._hinge_gains = (physics.steering_torque,) * 2, (physics.motor_gain,) * 2
-        self._wheel_forces, self._wheel_gains = (physics.wheel_torque,) * 4, (physics.motor_gain,) * 4
+        # Forces, position gains and velocity gains of the joints' motors.
+        self._motors = (
+            tuple(physics.steering_torque if joint in HINGES else physics.wheel_torque for joint in _JOINTS),
+            tuple(physics.motor_gain if joint in HINGES else 0.0 for joint in _JOINTS),
+            tuple(1.0 if joint in HINGES else physics.motor_gain for joint in _JOINTS),
+        )
         self._told: tuple[float, ...] | None = None
         self._pose: Pose | None = None
         self.place(Pose(0.0, 0.0, 0.0))
@@ -117,10 +122,16 @@ class Car:
     def drive(self, ticks: int) -> None:
         """Set the motors for the next ``ticks`` physics ticks (at most ``MAX_STRIDE``)."""
         self.response.advance(ticks)
-        before, self._joints = self._joints, self._wanted()
+        a, b, c, d, e, f = self._joints
+        self._joints = u, v, w, x, y, z = self._wanted()
         # A motor takes away a fixed share of what is missing in every tick: aimed so far beyond, it arrives in time.
         reach = self._reach[ticks]
-        self._tell(tuple(old + (new - old) * reach for old, new in zip(before, self._joints, strict=True)))
+        self._tell(
+            (
+                *(a + (u - a) * reach, b + (v - b) * reach, c + (w - c) * reach),
+                *(d + (x - d) * reach, e + (y - e) * reach, f + (z - f) * reach),
+            )
+        )
 
     def _wanted(self) -> tuple[float, ...]:
         """What the joints should do now: angles (rad) of both hinges by Ackermann, spins (rad/s) of the four wheels as
@@ -144,24 +155,16 @@ class Car:
         if self._told == targets:
             return
         self._told = targets
-        body, client = self.body, self._client
+        left, right, rear_left, rear_right, front_left, front_right = targets
+        # One call for all: to Bullet a velocity motor is a position motor without a position gain.
         bullet.setJointMotorControlArray(
-            body,
-            HINGES,
+            self.body,
+            _JOINTS,
             bullet.POSITION_CONTROL,
-            targetPositions=targets[:2],
-            forces=self._hinge_forces,
-            positionGains=self._hinge_gains,
-            physicsClientId=client,
-        )
-        bullet.setJointMotorControlArray(
-            body,
-            WHEELS,
-            bullet.VELOCITY_CONTROL,
-            targetVelocities=targets[2:],
-            forces=self._wheel_forces,
-            velocityGains=self._wheel_gains,
-            physicsClientId=client,
+            (0.0, 0.0, left, 0.0, right, 0.0),
+            (rear_left, rear_right, 0.0, front_left, 0.0, front_right),
+            *self._motors,
+            self._client,
         )
 
 
@@ -221,5 +224,5 @@ def _build(client: int, physics: CarPhysics) -> int:
 
 def _set_filters(body: int, client: int) -> None:
     """Wheels meet the ground; chassis and hinges, which have no shape, meet nothing and need not be looked at."""
-    for link in (-1, *range(len(WHEELS) + len(HINGES))):
+    for link in (-1, *_JOINTS):
         bullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP if link in WHEELS else 0, client)

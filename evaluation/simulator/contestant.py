@@ -45,7 +45,7 @@ class Contestant:
     @property
     def done(self) -> bool:
         """True when its run is over."""
-        return self.referee.done
+        return self.referee.end_reason is not None
 
     @property
     def pausing(self) -> bool:
@@ -79,8 +79,9 @@ class Contestant:
 
     def move(self) -> None:
         """A control step has passed: see where the car is now. All cars do so before any is judged."""
-        if not self.pausing:
-            self.referee.move(self.car.pose)
+        referee = self.referee
+        if referee.pause_steps <= 0:
+            referee.move(self.car.pose)
 
     def judge(self, rammed: bool = False) -> None:
         """Judge the control step; ``rammed``: the car ran into another from behind."""
@@ -88,12 +89,12 @@ class Contestant:
         if self.status == LAP_COMPLETE:
             self.lap_steps = 0
         self.lap_steps += 1
-        if self.pausing:
+        if referee.pause_steps > 0:
             self.status = referee.wait()
         else:
             self._put_back = referee.verdict(rammed)
             self.status = referee.status
-        if self.done:
+        if referee.end_reason is not None:
             self._record()
 
     def retire(self) -> None:
@@ -105,30 +106,30 @@ class Contestant:
 
     def _record(self) -> None:
         """Append the row of the present state."""
-        referee, action = self.referee, self.action
-        place = referee.odometer.place
-        pose = referee.pose
+        referee, status = self.referee, self.status
+        steering_deg, speed_mps, index = self.action
+        distance, _, _, segment = referee.odometer.place
         x, y = referee.nose
         seconds = referee.step * STEP_MS / 1000.0
         self.rows.append(
             Row(
-                referee.lap.number - 1,
+                referee.laps[-1].number - 1,
                 float(self.lap_steps),
                 x,
                 y,
-                math.degrees(pose.yaw),
-                action.steering_deg,
-                action.speed_mps,
-                -1 if action.index is None else action.index,
+                math.degrees(referee.pose[2]),
+                steering_deg,
+                speed_mps,
+                -1 if index is None else index,
                 self.reward,
-                self.status == LAP_COMPLETE or referee.end_reason is not None,
+                status == LAP_COMPLETE or referee.end_reason is not None,
                 referee.all_wheels_on_track,
                 referee.percent,
-                self._closest_waypoint(place.distance, place.index),
+                self._closest_waypoint(distance, segment),
                 referee.track.length,
                 seconds,
-                self.status,
-                referee.pause_steps * STEP_MS / 1000.0 if self.status == PAUSE else 0.0,
+                status,
+                referee.pause_steps * STEP_MS / 1000.0 if status == PAUSE else 0.0,
                 referee.crashes,
                 seconds,
             )

@@ -90,9 +90,10 @@ class Odometer:
 
         Then nothing is credited, and the car is expected back near the last credited place.
         """
-        place = self.seen = self._track.project(x, y, self.place.index)
-        gained = self._wrap(place.distance - self.place.distance)
-        if abs(gained) > self._patience * self._reach.at(self.place.index):
+        before, _, _, index = self.place
+        place = self.seen = self._track.project(x, y, index)
+        gained = self._wrap(place[0] - before)
+        if abs(gained) > self._patience * self._reach.at(index):
             self._patience += 1  # a nose that hung over the inside of a hairpin may catch up
             return False
         self._patience = 1

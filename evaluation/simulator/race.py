@@ -242,11 +242,15 @@ class _Race:
             actions.append(action)
         for car in failed:  # after all have looked
             self._stage.retire(car)
-        self.over = all(car.done for car in self.cars)
+        if failed:
+            self.over = self._all_done()
         if not self.over:
             self._stage.step(actions)
             self.steps += 1
-            self.over = all(car.done for car in self.cars)
+            self.over = self._all_done()
+
+    def _all_done(self) -> bool:
+        return all([car.done for car in self.cars])
 
     def _ask(self, entrant: Entrant, car: Contestant) -> Action:
         looked = perf_counter()

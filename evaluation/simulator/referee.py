@@ -130,14 +130,16 @@ class Referee:
     @property
     def lap_start_m(self) -> float:
         """Unwrapped distance at which the current lap begins."""
-        return self._start_m + (self.lap.number - 1) * self.track.length
+        return self._start_m + (self.laps[-1].number - 1) * self.track.length
 
     @property
     def percent(self) -> float:
         """Progress of the current lap in percent, at most 100; negative behind the start."""
-        if self.lap.end_ms is not None:
+        lap, length = self.laps[-1], self.track.length
+        if lap.end_ms is not None:
             return 100.0
-        return min(100.0, 100.0 * (self.odometer.metres - self.lap_start_m) / self.track.length)
+        # lap_start_m, written out: this is asked for in every row of the trace
+        return min(100.0, 100.0 * (self.odometer.metres - (self._start_m + (lap.number - 1) * length)) / length)
 
     @property
     def time_ms(self) -> int:
@@ -192,9 +194,12 @@ class Referee:
         self._reversing = self._reversing + 1 if odometer.metres < before_m else 0
         self.boxes.moved(odometer.metres)
         # The common case, and four exact tests less.
-        self._clear = abs(odometer.seen.offset) < self._clear_m
-        self._wheels_on = [] if self._clear else self._wheels(pose)
-        self.all_wheels_on_track = all(self._wheels_on)
+        self._clear = abs(odometer.seen[1]) < self._clear_m
+        if self._clear:
+            self.all_wheels_on_track = True
+        else:
+            self._wheels_on = self._wheels(pose)
+            self.all_wheels_on_track = all(self._wheels_on)
 
     def verdict(self, rammed: bool = False) -> PutBack | None:
         """Judge the step that :meth:`move` told of; ``rammed``: the car ran into another from behind. Returns where to

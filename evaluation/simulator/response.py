@@ -61,17 +61,28 @@ class Response:
         demand, wanted = self.demand, self._wanted_demand
         steering, speeds = self._steering, self._speeds
         lag_per_mps = self._lag_ticks_per_mps
-        for tick in range(self._tick, self._tick + ticks):
+        rise, fall, most_up, most_down = self._rise, self._fall, self._step_speed_up, self._step_speed_down
+        tick, end = self._tick, self._tick + ticks
+        while tick < end:
             while steering and steering[0][0] <= tick:
                 wanted = steering.popleft()[1]
             while speeds and speeds[0][0] <= tick:
                 wanted_speed = speeds.popleft()[1]
-            if wanted_speed > speed:
-                speed += min(self._rise * (wanted_speed - speed), self._step_speed_up)
-            else:
-                speed -= min(self._fall * (speed - wanted_speed), self._step_speed_down)
-            # One tick of a first-order lag, solved backwards: stable however short the lag.
-            demand += (wanted - demand) / (1.0 + lag_per_mps * speed)
-        self._tick += ticks
+            until = end  # no command begins to act before
+            if steering and steering[0][0] < until:
+                until = steering[0][0]
+            if speeds and speeds[0][0] < until:
+                until = speeds[0][0]
+            for _ in range(until - tick):
+                if wanted_speed > speed:
+                    change = rise * (wanted_speed - speed)
+                    speed += change if change < most_up else most_up
+                else:
+                    change = fall * (speed - wanted_speed)
+                    speed -= change if change < most_down else most_down
+                # One tick of a first-order lag, solved backwards: stable however short the lag.
+                demand += (wanted - demand) / (1.0 + lag_per_mps * speed)
+            tick = until
+        self._tick = end
         self.speed, self._wanted_speed = speed, wanted_speed
         self.demand, self._wanted_demand = demand, wanted
