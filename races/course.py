@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext as _
 
-from evaluation.simulator.course import Course, lay_course
+from evaluation.simulator.course import Course, box_faults, lay_course, place_box
 from evaluation.simulator.rules import BoxPlace, RaceRules
 from evaluation.simulator.solids import Solid, box
 from faults import UserFault
@@ -18,6 +18,7 @@ from tracks.geometry import TrackGeometry
 
 from .errors import problem
 from .models import Lane
+from .models.course import misplaced
 
 if TYPE_CHECKING:
     from tracks.models import Track
@@ -86,6 +87,34 @@ def box_marks(race: Race, *, numbered: bool = False) -> tuple[BoxMark, ...]:
     if not has_boxes(race):
         return ()
     return _marks(laid_out(race), numbered=numbered)
+
+
+def typed_boxes(race: Race, places: Sequence[Mapping[str, Any] | None]) -> tuple[tuple[BoxMark, ...], list[str]]:
+    """Boxes as they are typed, each where it would stand, those that cannot stand there marked as wrong; and a
+    sentence for each reason. Numbers are those of the rows; a row that is None is not drawn, nor one off the lap."""
+    track = race.track.geometry.in_direction(race.direction)
+    rows = [
+        (number, place_box(track, float(place["fraction"]), place["lane"]))
+        for number, place in enumerate(places, start=1)
+        if place is not None and 0.0 <= place["fraction"] < 1.0
+    ]
+    wrong: dict[int, list[str]] = {}
+    for number, placed in rows:
+        if refused := misplaced(number, placed.fraction):
+            wrong[number] = refused.messages
+    for index, fault in box_faults(track, [placed for number, placed in rows]):
+        if rows[index][0] in wrong and fault.code != "boxes_overlap":
+            continue  # off the line by the lap's share already
+        params = dict(fault.params)
+        for name in ("number", "other"):  # counted among those that are drawn
+            if name in params:
+                params[name] = rows[params[name] - 1][0]
+        wrong.setdefault(rows[index][0], []).extend(problem(fault.code, **params).messages)
+    marks = tuple(
+        _mark(placed.solid, number, box_title(number, placed.fraction, placed.lane))._replace(wrong=number in wrong)
+        for number, placed in rows
+    )
+    return marks, list(dict.fromkeys(sentence for each in wrong.values() for sentence in each))
 
 
 def awaited_boxes(track: Track, rules: Mapping[str, Any]) -> tuple[BoxMark, ...]:

@@ -14,7 +14,7 @@ from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES,
 from tracks.drawing import BoxMark
 from tracks.models import Direction, Track
 
-from .course import box_marks, check_layout
+from .course import box_marks, check_layout, typed_boxes
 from .fields import BoxesField, PlainNumberField
 from .models import DuelFormat, Opponents, Race, RaceType
 from .models.course import BOX_DISTANCES_M, problems_of
@@ -111,7 +111,8 @@ class CourseForm(forms.Form):
 @dataclass(frozen=True)
 class Preview:
     """What a form's course looks like. ``race``: unsaved, None without a track; ``problems``: why it cannot be driven
-    so, a sentence each; ``boxes``: where they stand, in the order driven, none as long as there are problems."""
+    so, a sentence each; ``boxes``: where they stand, in the order driven; as long as there are problems those in fixed
+    places only, in the order typed, the wrong ones marked."""
 
     race: Race | None
     problems: list[str]
@@ -140,7 +141,13 @@ def preview(form: CourseForm) -> Preview:
             problems = error.error_dict
     own = {name: form.errors[name].as_data()[0] for name in COURSE_FIELDS if form.is_bound and name in form.errors}
     sentences = _sentences(own or problems)
-    return Preview(race, sentences, () if sentences else box_marks(race, numbered=True))
+    if not sentences:
+        return Preview(race, [], box_marks(race, numbered=True))
+    if race.race_type != RaceType.OBJECT_AVOIDANCE or race.random_boxes:
+        return Preview(race, sentences, ())
+    typed = form["boxes"].value() if form.is_bound else values["boxes"]
+    boxes, all_of_them = typed_boxes(race, form.fields["boxes"].each(typed))
+    return Preview(race, list(dict.fromkeys([*sentences, *all_of_them])), boxes)
 
 
 _DRAWN_BY = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")

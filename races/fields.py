@@ -115,6 +115,16 @@ class BoxesField(forms.Field):
         """Rows as typed, as places; places as they are. Raises ValidationError "race_box_percent"."""
         return [box if isinstance(box, dict) else _place(number, *box) for number, box in enumerate(value or (), 1)]
 
+    def each(self, value: Any) -> list[dict[str, Any] | None]:
+        """As :meth:`to_python`, but None for a row that cannot be read."""
+        places: list[dict[str, Any] | None] = []
+        for row in value or ():
+            try:
+                places += self.to_python([row])
+            except forms.ValidationError:
+                places.append(None)
+        return places
+
     def has_changed(self, initial: Any, data: Any) -> bool:
         try:
             return self.to_python(initial) != self.to_python(data)

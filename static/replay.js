@@ -45,7 +45,7 @@
       this.toggle.addEventListener("click", () => (this.frame ? this.pause() : this.play()));
       this.seek.addEventListener("input", () => { this.now = Number(this.seek.value); this.draw(); });
       const box = this.part("stage").viewBox.baseVal;
-      this.size = 0.02 * Math.max(box.width, box.height);
+      this.size = 0.025 * Math.max(box.width, box.height);
       // Bots have a place for each step of the car's own; rivals have steps of their own.
       this.others = [
         ...run.bots.map((columns) => this.other({ t: run.t, ...columns }, this.bot())),

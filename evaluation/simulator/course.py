@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from faults import UserFault
@@ -79,7 +79,8 @@ def lay_course(track: TrackGeometry, rules: RaceRules) -> Course:
         start_places(track.length, rules.bots)
     if rules.boxes:
         boxes = [place_box(track, place.fraction, place.lane) for place in rules.boxes]
-        _check(track, boxes)
+        for _, fault in box_faults(track, boxes):
+            raise fault
     elif rules.random_boxes:
         boxes = _draw_boxes(track, rules)
     else:
@@ -104,17 +105,19 @@ def start_places(length: float, bots: int) -> list[float]:
     return [BOTS_START_M + number * spacing for number in range(bots)]
 
 
-def _check(track: TrackGeometry, boxes: Sequence[PlacedBox]) -> None:
+def box_faults(track: TrackGeometry, boxes: Sequence[PlacedBox]) -> Iterator[tuple[int, UserFault]]:
+    """What is wrong with boxes in fixed places, in the order in which :func:`lay_course` would refuse them: the index
+    of a box and why it cannot stand there. Of two that are too near each other it is the later one."""
     for number, placed in enumerate(boxes, 1):
         if min(placed.metres, track.length - placed.metres) < START_CLEAR_M:
-            raise UserFault("box_on_start_line", number=number, least_m=START_CLEAR_M)
+            yield number - 1, UserFault("box_on_start_line", number=number, least_m=START_CLEAR_M)
         if not _passable(track, placed):
             width = round(track.width_at(placed.metres), 2)
-            raise UserFault("box_off_track", number=number, width_m=width)
+            yield number - 1, UserFault("box_off_track", number=number, width_m=width)
         for other, before in enumerate(boxes[: number - 1], 1):
             along, apart = _distances(track, before, placed)
             if along < BOX_SPACING_M or apart < BOX_APART_M:
-                raise UserFault("boxes_overlap", number=other, other=number, least_m=BOX_SPACING_M)
+                yield number - 1, UserFault("boxes_overlap", number=other, other=number, least_m=BOX_SPACING_M)
 
 
 def _passable(track: TrackGeometry, placed: PlacedBox) -> bool:
@@ -150,9 +153,7 @@ def _draw_boxes(track: TrackGeometry, rules: RaceRules) -> list[PlacedBox]:
                 round((start + share * slack + number * gap) / length, 6) for number, share in enumerate(shares)
             ]
             boxes = [place_box(track, fraction, lane) for fraction, lane in zip(fractions, lanes, strict=True)]
-            try:
-                _check(track, boxes)
-            except UserFault:  # a stretch too narrow, or another part of the track alongside
+            if any(box_faults(track, boxes)):  # a stretch too narrow, or another part of the track alongside
                 continue
             return boxes
     raise UserFault("boxes_do_not_fit", boxes=count, distance_m=rules.box_distance_m, length_m=round(length, 2))

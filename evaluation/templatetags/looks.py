@@ -48,7 +48,7 @@ def shell_from_above(shell: str, colour: str) -> SafeString:
     drawing = FROM_ABOVE.get(shell, FROM_ABOVE[Shell.PADDOCK])
     return format_html(
         '<g transform="scale(.0175)"><path class="above-dark" d="{}"/><path class="above-body" fill="{}" d="{}"/>'
-        '<path class="above-dark" d="{}"/><path class="above-glass" d="{}"/></g>',
+        '<path class="above-trim" d="{}"/><path class="above-glass" d="{}"/></g>',
         drawing.under,
         colour,
         drawing.body,

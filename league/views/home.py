@@ -9,7 +9,7 @@ from django.views.decorators.http import require_safe
 
 from evaluation.models import Evaluation
 from evaluation.selectors import models_of
-from races.selectors import podiums, racing_now, upcoming
+from races.selectors import podiums, racing_now, to_beat, upcoming
 
 RACES = 6
 UPCOMING = 5
@@ -21,9 +21,11 @@ def home(request: HttpRequest) -> HttpResponse:
     """Open races with their podiums, the next races; my models and latest runs."""
     now = timezone.now()
     races = list(racing_now(now, request.user)[:RACES])
+    leading = podiums(races)
     context = {
         "races": races,
-        "podiums": podiums(races),
+        "podiums": leading,
+        "to_beat": to_beat(leading),
         "upcoming": list(upcoming(now, request.user)[:UPCOMING]),
     }
     if request.user.is_authenticated:

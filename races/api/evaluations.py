@@ -21,6 +21,7 @@ from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
+from faults import UserFault
 from faults.reasons import REASONS
 
 from .lookup import visible_evaluation
@@ -363,14 +364,18 @@ def _result(request: Request, public_id: str) -> Result:
 
 
 def _car(request: Request, public_id: str) -> tuple[CarResult, str]:
-    """The result of the car that ``?car=`` names, the first unless it does, and what a file's name says of it."""
+    """The result of the car that ``?car=`` names, the first unless it does, and what a file's name says of it.
+
+    Raises Http404, NotFound, UserFault("car_number").
+    """
     result = _result(request, public_id)
     wanted = request.query_params.get("car", "0")
     if wanted == "0":
         return result, ""
     rival = next((rival for rival in result.rivals.all() if str(rival.number) == wanted), None)
     if rival is None:
-        raise NotFound(_("There is no such car in this evaluation."))
+        known = ["0", *sorted(str(rival.number) for rival in result.rivals.all())]
+        raise UserFault("car_number", car=wanted[:20], known=", ".join(known))
     return rival, f"-car{rival.number}"
 
 

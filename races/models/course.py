@@ -112,10 +112,17 @@ def _box_problems(race: Race) -> dict[str, ValidationError]:
     if len(race.boxes) > MAX_BOXES or race.random_boxes > MAX_BOXES:
         return {"boxes": problem("race_too_many_boxes", most=MAX_BOXES)}
     for number, box in enumerate(race.boxes, start=1):
-        if not BOX_FRACTIONS[0] <= box["fraction"] <= BOX_FRACTIONS[1]:
-            least, most = (f"{fraction:.0%}" for fraction in BOX_FRACTIONS)
-            return {"boxes": problem("race_box_place", number=number, least=least, most=most)}
+        if refused := misplaced(number, box["fraction"]):
+            return {"boxes": refused}
     return {}
+
+
+def misplaced(number: int, fraction: float) -> ValidationError | None:
+    """Why box ``number`` may not stand at this share of the lap; None where it may."""
+    least, most = BOX_FRACTIONS
+    if least <= fraction <= most:
+        return None
+    return problem("race_box_place", number=number, least=f"{least:.0%}", most=f"{most:.0%}")
 
 
 def _is_list_of_places(boxes: object) -> bool:

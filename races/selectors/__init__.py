@@ -1,5 +1,6 @@
 """Every list of races, entries and results that a page or the API shows, and who may see what."""
 
+from .baselines import to_beat
 from .boards import (
     PER_PAGE,
     Board,
@@ -60,6 +61,7 @@ __all__ = [
     "rank_of",
     "score_column",
     "submissions_of",
+    "to_beat",
     "upcoming",
     "whole_board",
 ]

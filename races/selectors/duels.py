@@ -90,13 +90,15 @@ class DuelRound:
 class Duels:
     """All duels of a drawn race.
 
-    ``table``: of a round robin. ``next``: the reader's next heat. ``decided`` of ``total`` heats, those of a bracket's
+    ``table``: of a round robin. ``gone``: who has left the race since, whom the table leaves out, though the heats
+    against them count. ``next``: the reader's next heat. ``decided`` of ``total`` heats, those of a bracket's
     rounds to come included, are over.
     """
 
     draw: Draw
     rounds: list[DuelRound]
     table: list[CrossRow]
+    gone: list[Entry]
     next: Heat | None
     decided: int
     total: int
@@ -124,6 +126,7 @@ def duels_of(race: Race, racer: Racer | AnonymousUser | None = None) -> Duels | 
         draw=draw,
         rounds=rounds,
         table=table,
+        gone=[entry for entry in entries if entry.is_withdrawn],
         next=next((heat for heat in heats if heat.is_mine and not heat.duel.is_final), None),
         decided=sum(heat.duel.is_final for heat in heats),
         total=total,

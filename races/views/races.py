@@ -26,6 +26,7 @@ from races.selectors import (
     racing_now,
     score_column,
     submissions_of,
+    to_beat,
     upcoming,
 )
 from races.sensors import not_offered
@@ -66,6 +67,7 @@ def races(request: HttpRequest) -> HttpResponse:
     }
     if show == "open":
         context["podiums"] = podiums(page.object_list)
+        context["to_beat"] = to_beat(context["podiums"])
     return render(request, "races/races.html", context)
 
 

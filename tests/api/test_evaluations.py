@@ -180,9 +180,11 @@ def test_every_car_of_a_race_has_its_result_and_its_files(alice, bob, duel, as_r
 
 
 @pytest.mark.parametrize("car", ["2", "-1", "x", "1.0", "9" * 30, "\u0661", ""])
-def test_a_car_that_is_not_in_the_race_is_not_found(bob, duel, as_racer, car):
+def test_a_car_that_is_not_in_the_race_is_refused_with_those_that_are(bob, duel, as_racer, car):
     for part in ("trace", "metrics"):
-        assert read(as_racer(bob), duel, f"{part}/?car={car}").json()["code"] == "not_found"
+        answer = read(as_racer(bob), duel, f"{part}/?car={car}")
+        assert (answer.status_code, answer.json()["code"]) == (400, "car_number")
+        assert answer.json()["params"] == {"car": car[:20], "known": "0, 1"}
 
 
 def test_a_course_is_empty_where_nothing_else_was_on_the_track(bob, now, as_racer):

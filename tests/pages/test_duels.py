@@ -93,6 +93,20 @@ def test_a_walkover_is_said_and_leads_nowhere(client, now, alice):
     assert html.count("walkover") >= 2 and "did not start" in html
 
 
+def test_who_left_the_race_is_named_below_the_cross_table_since_the_points_against_them_count(client, now, alice):
+    from races.services import remove_entry
+
+    race = drawn(now, 3, organiser=alice)
+    assert "No longer in the race" not in page(client, race)
+    end_all(race, now)
+    remove_entry(entry=Entry.objects.get(race=race, seed=2), by=alice, now=now)
+    html = page(client, race)
+    rows = re.findall(r"<tr class=.*?</tr>", html, re.S)
+    assert len(rows) == 2
+    note = re.search(r'<p class="note card-foot">(.*?)</p>', html, re.S)[1]
+    assert "No longer in the race" in note and ">car-2<" in note and "keeps the points" in note
+
+
 @pytest.mark.parametrize("entrants", [0, 1])
 def test_a_race_with_nobody_to_meet_says_so(client, now, entrants):
     assert "nobody to meet" in page(client, drawn(now, entrants))

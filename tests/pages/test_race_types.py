@@ -163,7 +163,38 @@ def test_a_wrong_course_is_told_by_form_and_preview_alike(world: World, changes:
     preview = client.post("/races/course/", course_form(**changes))
     assert preview.status_code == 200
     assert codes[code] in preview.context["course"].problems
-    assert "track-box" not in preview.content.decode() and "track-road" in preview.content.decode()
+    assert "track-road" in preview.content.decode()
+
+
+@pytest.mark.parametrize(
+    ("changes", "good", "wrong"),
+    [
+        ({"boxes-1-percent": "many"}, [2], []),
+        ({"boxes-1-lane": "middle"}, [2], []),
+        ({"boxes-1-percent": "2"}, [2], [1]),
+        ({"boxes-2-percent": "25"}, [1], [2]),
+        ({"boxes-2-percent": "25", "boxes-3-percent": "75", "boxes-3-lane": "inner"}, [1, 3], [2]),
+        ({"boxes-1-percent": "x", "boxes-3-percent": "99", "boxes-3-lane": "inner"}, [2], [3]),
+        ({"boxes-1-percent": "120"}, [2], []),
+        ({"boxes-1-percent": "", "boxes-2-percent": ""}, [], []),
+        ({"box_choice": "drawn", "random_boxes": "10", "box_distance_m": "9"}, [], []),
+    ],
+)
+def test_the_preview_shows_the_good_boxes_and_marks_the_wrong_ones(world: World, changes, good, wrong) -> None:
+    preview = world.client("newcomer").post("/races/course/", course_form(**changes))
+    html = preview.content.decode()
+    shown = {
+        mark: re.findall(rf'<g class="{mark}">.*?>(\d+)</text>', html) for mark in ("track-box", "track-box wrong")
+    }
+    assert shown == {"track-box": [str(n) for n in good], "track-box wrong": [str(n) for n in wrong]}
+    assert html.count('<li class="bad">') == len(wrong)
+    assert preview.context["course"].problems
+
+
+def test_two_misplaced_boxes_are_both_told(world: World) -> None:
+    changes = {"boxes-1-percent": "4", "boxes-2-percent": "95"}
+    told = world.client("newcomer").post("/races/course/", course_form(**changes)).context["course"].problems
+    assert len(told) == 2 and "1" in told[0] and "2" in told[1]
 
 
 def test_the_preview_needs_a_track_and_a_reader_who_is_logged_in(world: World) -> None:

@@ -178,6 +178,21 @@ def test_the_preview_shows_the_line_where_it_was_driven():
     assert not changed[115:125, 195:205].any(), "nothing is drawn on the infield"
 
 
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_the_preview_shows_boxes_where_they_stand(scheme):
+    track = by_slug("oval").geometry()
+    boxes = [BoxMark(*track.lane_centre(metres, "outer"), 0.15, 0.2) for metres in (4.0, 12.0)]
+    pictures = [
+        np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), scheme=scheme, boxes=some))), dtype=int)
+        for some in ((), boxes[:1], boxes)
+    ]
+    one, two = (np.abs(picture - pictures[0]).max(axis=2) > 30 for picture in pictures[1:])
+    assert 20 < one.sum() < 1000 and 1.6 < two.sum() / one.sum() < 2.4
+    rows, columns = np.nonzero(one)
+    colour = tuple(pictures[1][int(rows.mean()), int(columns.mean())])
+    assert "#{:02x}{:02x}{:02x}".format(*colour) == SCHEMES[scheme].box
+
+
 @pytest.mark.parametrize("options", [{"scheme": "sepia"}, {"size": (8, 200)}, {"size": (320, 99999)}])
 def test_a_preview_of_nonsense_is_refused(options):
     with pytest.raises(ValueError, match=r"scheme|side"):

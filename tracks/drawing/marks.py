@@ -15,7 +15,8 @@ LANE_STEP_M = 0.15
 
 class BoxMark(NamedTuple):
     """A box on a map: its middle (m), heading (rad), half its length along the heading and half its width across (m),
-    the number beside which it is listed (0: none is drawn), and what a pointer or a screen reader is told."""
+    the number beside which it is listed (0: none is drawn), what a pointer or a screen reader is told, and
+    whether it cannot stand there."""
 
     x: float
     y: float
@@ -24,6 +25,7 @@ class BoxMark(NamedTuple):
     half_width: float
     number: int = 0
     title: str = ""
+    wrong: bool = False
 
 
 def box_corners(box: BoxMark, least_m: float) -> list[tuple[float, float]]:

@@ -13,7 +13,8 @@ from PIL import Image, ImageDraw
 from ..checks import Points
 from ..geometry import TrackGeometry
 from .lines import DrivenLine
-from .svg import MARGIN_M, arrow, finish_line, mark_size
+from .marks import BoxMark, box_corners
+from .svg import BOX_MARKS, MARGIN_M, arrow, finish_line, mark_size
 
 MIN_SIDE_PX, MAX_SIDE_PX = 16, 2048
 DASH_M, GAP_M = 0.25, 0.25
@@ -31,14 +32,20 @@ class Scheme:
     centre: str
     mark: str
     line: str
+    box: str
+    box_line: str
     speeds: tuple[str, str, str, str, str, str]
 
 
 _SPEEDS_DARK = ("#e5484d", "#f2803a", "#f2c53d", "#9ccc3c", "#2fbf71", "#2cc9dd")
 _SPEEDS_LIGHT = ("#cf222e", "#c2560c", "#b08800", "#5f8f17", "#1a7f45", "#0b7f95")
 SCHEMES = {
-    "dark": Scheme("#161b22", "#2b313b", "#586069", "#a1a9b4", "#ff3b55", "#34d17f", _SPEEDS_DARK),
-    "light": Scheme("#ffffff", "#dfe3e8", "#a8b0ba", "#68717d", "#d81e3a", "#1a8f53", _SPEEDS_LIGHT),
+    "dark": Scheme(
+        "#161b22", "#2b313b", "#586069", "#a1a9b4", "#ff3b55", "#34d17f", "#d99a3d", "#5e3d0c", _SPEEDS_DARK
+    ),
+    "light": Scheme(
+        "#ffffff", "#dfe3e8", "#a8b0ba", "#68717d", "#d81e3a", "#1a8f53", "#c98a2b", "#7a4f10", _SPEEDS_LIGHT
+    ),
 }
 
 
@@ -49,9 +56,11 @@ def draw_png(
     scheme: str = "dark",
     line: Sequence[Sequence[float]] | None = None,
     lines: Sequence[DrivenLine] = (),
+    boxes: Sequence[BoxMark] = (),
     car: tuple[float, float] | None = None,
 ) -> bytes:
-    """The map of :func:`draw_svg` as PNG bytes; ``size`` is (width, height) in pixels, ``scheme`` dark or light.
+    """The map of :func:`draw_svg` as PNG bytes, boxes without their numbers. ``size``: (width, height) in pixels;
+    ``scheme``: dark or light.
 
     Raises ValueError for another scheme or a side outside 16..2048 px.
     """
@@ -74,6 +83,8 @@ def draw_png(
             canvas.stroke(points, colours.line if speed is None else colours.speeds[speed], 2.2)
     canvas.stroke(finish_line(track), colours.mark, 2.6)
     canvas.stroke(arrow(track), colours.mark, 2.2)
+    for box in boxes:
+        canvas.block(box_corners(box, BOX_MARKS * mark_size(track)), colours.box, colours.box_line)
     if car is not None and math.isfinite(car[0]) and math.isfinite(car[1]):
         canvas.dot(car, 0.8 * mark_size(track), colours.mark)
     return canvas.png()
@@ -104,6 +115,9 @@ class _Canvas:
         for x, y in (places[0], places[-1]):  # round ends
             half = pen / 2
             self._draw.ellipse((x - half, y - half, x + half, y + half), fill=colour)
+
+    def block(self, corners: Sequence[tuple[float, float]], colour: str, edge: str) -> None:
+        self._draw.polygon(self._places(corners), fill=colour, outline=edge, width=max(1, round(self._pen)))
 
     def dot(self, point: Sequence[float], radius_m: float, colour: str) -> None:
         (x, y), r = self._places([point])[0], radius_m * self._scale

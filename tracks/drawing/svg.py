@@ -147,7 +147,8 @@ def _box(frame: _Frame, box: BoxMark) -> str:
     x, y = frame.place((box.x, box.y))
     size = _number(1.1 * max(box.half_length, BOX_MARKS * frame.mark_m))
     number = f'<text x="{x}" y="{y}" dy=".36em" font-size="{size}">{box.number}</text>' if box.number else ""
-    return f'<g class="track-box">{_title(box.title)}<path {_THIN} d="{shape}"/>{number}</g>'
+    look = "track-box wrong" if box.wrong else "track-box"
+    return f'<g class="{look}">{_title(box.title)}<path {_THIN} d="{shape}"/>{number}</g>'
 
 
 def _title(title: str) -> str:
