@@ -15,7 +15,7 @@ from evaluation.services import note_worker
 from evaluation.tasks import shutdown_flag
 from faults import PlatformFault
 
-from .services import ring_training_bell, run_next_training, sweep_trainings
+from .services import purge_trainings, ring_training_bell, run_next_training, sweep_trainings
 
 logger = logging.getLogger(__name__)
 
@@ -43,3 +43,9 @@ def train(self) -> bool:
 def sweep() -> int:
     """Requeue trainings that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
     return sweep_trainings(now=timezone.now())
+
+
+@shared_task
+def purge() -> int:
+    """Delete what trainings of long ago need no more."""
+    return purge_trainings(now=timezone.now())

@@ -6,6 +6,7 @@ import uuid
 from datetime import timedelta
 
 import pytest
+from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
 from faults import PlatformFault, UserFault
@@ -24,12 +25,13 @@ from training.services import (
     claim_next_training,
     fail_training,
     keep_checkpoint,
+    purge_trainings,
     record_iteration,
     release_training,
     stop_training,
     sweep_trainings,
 )
-from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT, networks_of
+from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT, TRACES_KEPT, networks_of
 from training.trainer.client import Iteration, SavedState
 
 from .test_listening import GOOD
@@ -198,6 +200,23 @@ def test_old_sim_traces_are_cleared_away(held, now, monkeypatch):
         record_iteration(job=held, lease=held.lease, iteration=an_iteration(number), now=now)
     assert [bool(one.simtrace) for one in held.iterations.all()] == [False, False, True, True]
     assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2
+
+
+def test_sim_traces_of_trainings_of_long_ago_are_cleared_away(held, now):
+    """And what a killed worker left beside them. The rest of the training stays."""
+    folder = f"training/{held.public_id}"
+    record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=now)
+    default_storage.save(f"{folder}/left.checkpoint", ContentFile(b"of a killed worker"))
+    zipped = default_storage.save(f"{folder}/sb3.zip", ContentFile(b"zip"))
+    assert purge_trainings(now=now + timedelta(days=365)) == 0, "it runs still"
+    TrainingJob.objects.filter(pk=held.pk).update(
+        state=JobState.STOPPED, lease=None, leased_until=None, ended_at=now, sb3_zip=zipped
+    )
+    assert purge_trainings(now=now + TRACES_KEPT) == 0
+    assert purge_trainings(now=now + TRACES_KEPT + timedelta(seconds=1)) == 1
+    assert default_storage.listdir(folder)[1] == ["sb3.zip"]
+    assert held.iterations.get().eval_progress == 5.0
+    assert purge_trainings(now=now + timedelta(days=365)) == 0
 
 
 def test_one_that_waits_to_go_on_from_a_checkpoint_is_stopped_by_its_worker(held, now):

@@ -9,7 +9,7 @@ from .leases import (
     release_training,
     sweep_trainings,
 )
-from .records import keep_checkpoint, record_iteration
+from .records import keep_checkpoint, purge_trainings, record_iteration
 from .results import finish_training
 from .stop import stop_training
 from .work import run_next_training, spec_of
@@ -22,6 +22,7 @@ __all__ = [
     "fail_training",
     "finish_training",
     "keep_checkpoint",
+    "purge_trainings",
     "record_iteration",
     "release_training",
     "ring_training_bell",

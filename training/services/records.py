@@ -6,7 +6,8 @@ import io
 import logging
 import uuid
 import zipfile
-from datetime import datetime
+from contextlib import suppress
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from django.core.files.base import ContentFile
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from ..trainer.client import Iteration, SavedState
 
 logger = logging.getLogger(__name__)
+TRACES_KEPT = timedelta(days=30)
 SIMTRACES_KEPT = 100  # of a job; the newest
 CHECKPOINTS_KEPT = 2
 _LOG_LIMIT = 100_000
@@ -133,6 +135,23 @@ def drop_checkpoints(job: TrainingJob) -> None:
     names = _files_of(mine)
     mine.delete()
     transaction.on_commit(lambda: delete_stored(names), robust=True)
+
+
+def purge_trainings(*, now: datetime) -> int:
+    """Delete the sim-traces of trainings that ended :data:`TRACES_KEPT` ago, and whatever killed workers left beside
+    them. Models, the stable-baselines3 file, graph, metrics and log stay. How many trainings were cleared."""
+    cleared = 0
+    old = TrainingJob.objects.filter(ended_at__lt=now - TRACES_KEPT).exclude(iterations=None)
+    for job in old.filter(iterations__simtrace__gt="").distinct().only("public_id", "sb3_zip"):
+        traces = job.iterations.exclude(simtrace="")
+        names = list(traces.values_list("simtrace", flat=True))
+        traces.update(simtrace="")
+        folder = f"training/{job.public_id}"
+        with suppress(OSError):
+            names += [f"{folder}/{name}" for name in default_storage.listdir(folder)[1]]
+        delete_stored([name for name in names if name != job.sb3_zip.name])
+        cleared += 1
+    return cleared
 
 
 def delete_stored(names: list[str]) -> None:
