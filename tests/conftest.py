@@ -20,6 +20,19 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         shutil.rmtree(os.environ["PADDOCK_TEST_DATA"], ignore_errors=True)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that share what their module makes once run on one worker: elsewhere every worker would make it anew."""
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None and _shares_with_its_module(item):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+
+
+def _shares_with_its_module(item: pytest.Item) -> bool:
+    known = item._fixtureinfo.name2fixturedefs if isinstance(item, pytest.Function) else {}
+    return any(found.scope == "module" for definitions in known.values() for found in definitions)
+
+
 @pytest.fixture(scope="session")
 def migrated(request: pytest.FixtureRequest, django_db_use_migrations: bool) -> Path | None:
     """Where a migrated database is kept from run to run; None where none can be."""
