@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -11,7 +11,7 @@ from django.db.models.functions import Coalesce
 
 from races.models import Kind, Race
 
-from ..models import ChampionshipPlace, Membership, Racer, Round, Stage
+from ..models import ChampionshipPlace, Membership, Racer, Round, Stage, StewardDecision
 from ..rules import ChampionshipField, FinaleField, Promotion
 from .outcomes import classified_order
 
@@ -36,14 +36,16 @@ class BoardCut:
 def round_of(race: Race, racer: Racer | None = None, now: datetime | None = None) -> Round | None:
     """The round that a race is, with its season; None for all others. One query, for league races only.
 
-    With ``racer`` and ``now`` it also has ``reader_division`` ("" for none of their own) and ``waits``: whether a round
-    of its season is due to become official. What was read once stays with the race, for the page that shows it.
+    ``has_decisions``: whether stewards decided anything about it. With ``racer`` and ``now`` it also has
+    ``reader_division`` ("" for none of their own) and ``waits``: whether a round of its season is due to become
+    official. What was read once stays with the race, for the page that shows it.
     """
     if race.kind != Kind.LEAGUE:
         return None
     if racer is None and hasattr(race, "_round_shown"):
         return race._round_shown
     rounds = Round.objects.filter(race=race).select_related("season")
+    rounds = rounds.annotate(has_decisions=Exists(StewardDecision.objects.filter(round=OuterRef("pk"))))
     if racer is not None and now is not None:
         due = due_rounds(now).filter(season=OuterRef("season")).order_by()
         own = Membership.objects.filter(season=OuterRef("season"), racer=racer).order_by().values("division")[:1]
@@ -59,11 +61,11 @@ def due_rounds(now: datetime) -> QuerySet[Round]:
     return Round.objects.filter(closed_at=None, held_at=None, race__cancelled_at=None, race__closes_at__lte=now)
 
 
-def board_cut(round_: Round, classified: int, racers: Iterable[int]) -> BoardCut | None:
+def board_cut(round_: Round, classified: int, racers: Mapping[int, int]) -> BoardCut | None:
     """The line through the board of a round; None where no rule draws one, and where the race was cancelled.
 
-    ``classified``: how many have a rank; ``racers``: ids of those on the page. Two queries at most, of the size of the
-    page or of a finale, never of the board.
+    ``classified``: how many have a rank; ``racers``: ranks of those on the page by their ids. At most two queries, of
+    the size of the page or of a finale, never of the board.
     """
     if round_.race.cancelled_at is not None:
         return None
@@ -74,16 +76,17 @@ def board_cut(round_: Round, classified: int, racers: Iterable[int]) -> BoardCut
     return None
 
 
-def _promotion(round_: Round, classified: int, racers: Iterable[int]) -> BoardCut:
-    rule = Promotion(round_.season.promotion_percent)
-    racers, official = list(racers), round_.closed_at is not None
+def _promotion(round_: Round, classified: int, ranks: Mapping[int, int]) -> BoardCut:
+    rule, official = Promotion(round_.season.promotion_percent), round_.closed_at is not None
+    last = rule.places(classified)
+    racers = [racer for racer, rank in ranks.items() if rank <= last]  # nothing is said of who is below the line
     members = Membership.objects.filter(season=round_.season_id, racer__in=racers)
     by = dict(members.values_list("racer_id", "promoted_in_id"))
     moved = frozenset(racer for racer, promoted_in in by.items() if promoted_in == round_.pk)
     held = frozenset(by) - moved
     if not official:
         moved = frozenset(racers) - held
-    return BoardCut(round_, rule.places(classified), rule.sentence(), official, moved, held)
+    return BoardCut(round_, last, rule.sentence(), official, moved, held)
 
 
 def _field(round_: Round) -> BoardCut:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from django.db.models import QuerySet
+from django.db.models import Exists, OuterRef, QuerySet, Subquery
+from django.db.models.functions import Coalesce
 
 from races.models import Division, Entry
 from races.selectors import podiums
@@ -96,23 +97,27 @@ def months_of(season: Season) -> list[Month]:
 
 
 def racer_season(season: Season, racer: Racer) -> list[RacerRound]:
-    """Every round of a season that the racer is in, in the order of closing: seven queries."""
+    """Every round of a season that the racer is in, in the order of closing: two queries."""
+    here = {"round": OuterRef("race__round"), "racer": racer}
+    points = RoundPoints.objects.filter(**here).order_by().values("points")
     entries = list(
         Entry.objects.filter(racer=racer, withdrawn_at=None, race__round__season=season)
         .select_related("race__round", "race__track")
+        .annotate(
+            won_points=Coalesce(Subquery(points), 0),
+            promoted=Exists(Membership.objects.filter(promoted_in=here["round"], racer=racer)),
+            in_finale=Exists(FinalePlace.objects.filter(**here)),
+            qualified=Exists(ChampionshipPlace.objects.filter(**here)),
+        )
         .order_by("race__closes_at", "race__pk")
     )
     ranks = ranks_of(entries)
-    rounds = [entry.race.round for entry in entries]
-    points = dict(RoundPoints.objects.filter(round__in=rounds, racer=racer).values_list("round", "points"))
-    promoted = set(Membership.objects.filter(season=season, racer=racer).values_list("promoted_in", flat=True))
-    finales = set(FinalePlace.objects.filter(round__season=season, racer=racer).values_list("round", flat=True))
-    qualified = set(ChampionshipPlace.objects.filter(season=season, racer=racer).values_list("round", flat=True))
     rows = []
-    for entry, one in zip(entries, rounds, strict=True):
+    for entry in entries:
+        one = entry.race.round
         one.season, one.race = season, entry.race
-        came = one.pk in promoted, one.pk in finales, one.pk in qualified
-        rows.append(RacerRound(one, entry, ranks[entry.pk], points.get(one.pk, 0), *came))
+        came = entry.promoted, entry.in_finale, entry.qualified
+        rows.append(RacerRound(one, entry, ranks[entry.pk], entry.won_points, *came))
     return rows
 
 

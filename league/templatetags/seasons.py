@@ -41,10 +41,9 @@ def cut_of_board(board: Board) -> BoardCut | None:
 
 
 def _cut(board: Board, round_: Round) -> BoardCut | None:
-    racers = [row.entry.racer_id for row in board.rows if row.rank is not None]
-    if board.my_row is not None and board.my_row.rank is not None:
-        racers.append(board.my_row.entry.racer_id)
-    return board_cut(round_, board.classified_count, racers)
+    rows = [*board.rows, board.my_row] if board.my_row is not None else board.rows
+    ranked = {row.entry.racer_id: row.rank for row in rows if row.rank is not None}
+    return board_cut(round_, board.classified_count, ranked)
 
 
 @register.simple_tag
@@ -63,7 +62,7 @@ def decisions_shown(race: Race) -> dict[str, Any]:
     round_ = round_of(race)
     if round_ is None or (round_.closed_at is None and round_.held_at is None):
         return {}
-    decisions = list(decisions_of(round_)[:DECISIONS])
+    decisions = list(decisions_of(round_)[:DECISIONS]) if round_.has_decisions else []
     return {"round": round_, "decisions": decisions, "under_review": round_.is_under_review(timezone.now())}
 
 

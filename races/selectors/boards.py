@@ -72,7 +72,8 @@ class Board:
 
     ``rows`` hold racers and, between them by their score, baselines. ``count``: racers on the whole board (without
     baselines), ``classified_count`` of them with a rank. ``my_row``: the reader's row, wherever it stands; None if they
-    are not on the board. ``leader_ms``: the leader's score; None once duels are drawn, whose board ranks by points.
+    are not on the board. ``my_entry``: the reader's entry, also one that has left. ``leader_ms``: the leader's score;
+    None once duels are drawn, whose board ranks by points.
     """
 
     race: Race
@@ -82,6 +83,7 @@ class Board:
     page: int
     pages: int
     my_row: BoardRow | None
+    my_entry: Entry | None
     leader_ms: int | None
 
     @property
@@ -100,17 +102,23 @@ class Board:
 def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
 
-    Three queries, two more when the reader's row is on another page, one more on later pages and one more in
-    the middle of a long board; the cost does not grow with the board.
+    Two queries, one more for a reader who is not on this page, one more for the ranks of both, and on later pages one
+    for the leader and one in the middle of a long board; the cost does not grow with the board.
     """
     totals = totals_of(race)
     pages = max(1, -(-totals.rows // per_page))
     page = min(max(1, page), pages)
-    view = _View(race, racer)
     offset = (page - 1) * per_page
-    entries = page_of(_with_relations(board_entries(race)), race, ORDER, offset, per_page, totals.rows)
-    rows = list(view.rows(entries, offset))
-    my_row = next((row for row in rows if row.is_me), None) or view.my_row()
+    entries = list(page_of(_with_relations(board_entries(race)), race, ORDER, offset, per_page, totals.rows))
+    view = _View(race, racer, entries if offset == 0 else ())
+    mine = next((entry for entry in entries if entry.racer_id == view.reader_id), None)
+    elsewhere = view.my_entry() if mine is None else None
+    first = next((entry for entry in entries if _has_rank(entry)), None) if offset else None
+    ranks = ranks_of([entry for entry in (first, elsewhere) if entry is not None])
+    rows = list(view.rows(entries, 0 if first is None else ranks[first.pk] - 1))
+    my_row = next((row for row in rows if row.is_me), None)
+    if elsewhere is not None and not elsewhere.is_withdrawn:
+        my_row = view.row(elsewhere, ranks[elsewhere.pk])
     return Board(
         race=race,
         rows=rows,
@@ -119,6 +127,7 @@ def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int =
         page=page,
         pages=pages,
         my_row=my_row,
+        my_entry=mine or elsewhere,
         leader_ms=view.leader_ms,
     )
 
@@ -141,10 +150,14 @@ def rank_of(entry: Entry) -> int | None:
 def ranks_of(entries: Sequence[Entry]) -> dict[int, int | None]:
     """The rank of each entry by its id, as :func:`rank_of` says it, of any number of races: one query or none."""
     ranks: dict[int, int | None] = {entry.pk: None for entry in entries}
-    ranked = [e.pk for e in entries if e.classified and not e.is_baseline and not e.is_withdrawn]
+    ranked = [entry.pk for entry in entries if _has_rank(entry)]
     if ranked:
         ranks |= {pk: 1 + before for pk, before in places_of(ranked).items()}
     return ranks
+
+
+def _has_rank(entry: Entry) -> bool:
+    return entry.classified and not entry.is_baseline and not entry.is_withdrawn
 
 
 def podiums(races: Iterable[Race], size: int = 3) -> dict[int, list[BoardRow]]:
@@ -172,36 +185,37 @@ def _lead(score_ms: int | None, seed: int | None) -> int | None:
 
 
 class _View:
-    """What ranks and marks the rows of one board for one reader."""
+    """What ranks and marks the rows of one board for one reader. ``first_page``: its first entries, if known."""
 
-    def __init__(self, race: Race, racer: Racer | AnonymousUser | None) -> None:
+    def __init__(self, race: Race, racer: Racer | AnonymousUser | None, first_page: Sequence[Entry] = ()) -> None:
         self.race = race
         self.reader_id = racer.pk if racer is not None and racer.is_authenticated else None
-        classified = board_entries(race).filter(CLASSIFIED)
-        leader = classified.filter(is_baseline=False).values_list("score_ms", "seed").first()
+        leader = next(((entry.score_ms, entry.seed) for entry in first_page if _has_rank(entry)), None)
+        if leader is None:
+            classified = board_entries(race).filter(CLASSIFIED, is_baseline=False)
+            leader = classified.values_list("score_ms", "seed").first()
         self.leader_ms = None if leader is None else _lead(*leader)
 
-    def rows(self, entries: Iterable[Entry], offset: int) -> Iterator[BoardRow]:
-        """Rows for entries that follow each other on the board, the first of them at position ``offset`` (from 0)."""
-        rank = None if offset else 0
+    def rows(self, entries: Iterable[Entry], rank: int) -> Iterator[BoardRow]:
+        """Rows for entries that follow each other on the board; ``rank``: how many with a rank stand above them."""
         for entry in entries:
-            if entry.classified and not entry.is_baseline:
-                rank = rank_of(entry) if rank is None else rank + 1
-                yield self._row(entry, rank)
+            if _has_rank(entry):
+                rank += 1
+                yield self.row(entry, rank)
             else:
-                yield self._row(entry, None)
+                yield self.row(entry, None)
 
-    def my_row(self) -> BoardRow | None:
-        """The reader's row, looked up."""
+    def my_entry(self) -> Entry | None:
+        """The reader's entry, looked up, also one that has left the board."""
         if self.reader_id is None:
             return None
-        entry = _with_relations(board_entries(self.race)).filter(racer_id=self.reader_id).first()
-        if entry is None:
-            return None
-        entry.race = self.race
-        return self._row(entry, rank_of(entry))
+        entry = _with_relations(Entry.objects.filter(race=self.race, racer_id=self.reader_id)).first()
+        if entry is not None:
+            entry.race = self.race
+        return entry
 
-    def _row(self, entry: Entry, rank: int | None) -> BoardRow:
+    def row(self, entry: Entry, rank: int | None) -> BoardRow:
+        """A line for an entry whose rank is known."""
         return make_row(entry, rank, self.race, self.leader_ms, self.reader_id)
 
 

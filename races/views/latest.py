@@ -38,7 +38,7 @@ def live_mark(evaluation: Evaluation, position: int | None) -> str:
 
 def latest_run(entry: Entry | None) -> LatestRun | None:
     """The last submission of ``entry``, if there is one."""
-    if entry is None:
+    if entry is None or not entry.last_number:
         return None
     related = ("evaluation__model", "evaluation__track", "evaluation__result")
     submission = Submission.objects.filter(entry=entry).select_related(*related).order_by("-number").first()

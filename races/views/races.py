@@ -87,7 +87,7 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
     shown = visible_race(request, slug)
     page = request.GET.get("page", "1")
     standings = board(shown, request.user, page=int(page) if page.isdecimal() and len(page) < 9 else 1)
-    context = race_context(request, shown, standings.my_row.entry if standings.my_row else None)
+    context = race_context(request, shown, standings.my_entry, looked_up=True)
     context |= {"tab": "board", "board": standings, "score_column": score_column(shown)}
     return render(request, "races/race.html", context)
 
@@ -131,11 +131,14 @@ def race_live(request: HttpRequest, slug: str) -> HttpResponse:
     return response
 
 
-def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None) -> dict:
-    """What the head of a race's pages and its box for sending a car need. ``entry`` saves looking it up."""
+def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, *, looked_up: bool = False) -> dict:
+    """What the head of a race's pages and its box for sending a car need.
+
+    ``entry``: the reader's, also None, where it was ``looked_up`` already.
+    """
     now = timezone.now()
     state = shown.state_at(now)
-    entry = entry or entry_of(shown, request.user)
+    entry = entry if looked_up else entry_of(shown, request.user)
     latest: LatestRun | None = latest_run(entry)
     context = {
         "race": shown,
@@ -152,7 +155,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None) 
     if state == RaceState.OPEN and request.user.is_authenticated:
         garage = list(models_of(request.user))
         fitting = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
-        sent = _networks_sent(entry)
+        sent = _networks_sent(entry) if fitting else set()
         context |= {
             "models": [model for model in fitting if model.network_id not in sent],
             "all_sent": bool(fitting),
