@@ -34,6 +34,30 @@ def test_a_good_function_has_no_problems_and_a_reward_in_every_state(level):
     assert validate_reward(GOOD, level=level) == []
 
 
+ORDINARY = {
+    "Korean names": "def reward_function(params):\n    보상 = 1.5\n    return 보상\n",
+    "a letter by its name": "def reward_function(params):\n    return len('\\N{EM DASH}') + 0.5\n",
+    "full-width letters": "def reward_function(params):\n    \uff41 = 1.5\n    return a\n",
+    "a warning of the compiler": "def reward_function(params):\n    return 1.5 if params is not 1 else '\\d'\n",
+    "a warning of numpy": (
+        "import numpy\n\n\ndef reward_function(params):\n"
+        "    numpy.array([1.0]) / numpy.array([0.0])\n    numpy.log(numpy.zeros(2))\n    return 1.5\n"
+    ),
+    "numbers in a text": (
+        "def reward_function(params):\n    print(f'{1234.5:n} {1e9:,} {0.5:%}', flush=True)\n    return 1.5\n"
+    ),
+    "a long number as text": "def reward_function(params):\n    str(10**4000)\n    return 1.5\n",
+    "a set of everything": "def reward_function(params):\n    repr(params) + str(vars())\n    return 1.5\n",
+}
+
+
+@pytest.mark.parametrize("text", ORDINARY.values(), ids=ORDINARY)
+def test_ordinary_python_needs_nothing_that_the_lock_took_away(level, text):
+    report = check_reward(text, level=level)
+    assert report.problems == []
+    assert set(report.rewards.values()) == {1.5}
+
+
 def test_the_libraries_work_behind_the_wall(level):
     text = """
 import math

@@ -13,6 +13,7 @@ from __future__ import annotations
 import inspect
 import math
 import sys
+import unicodedata  # noqa: F401  the compiler asks for it at the first name beyond ASCII, and a locked process opens no file
 from collections.abc import Callable
 from types import CodeType, FrameType, ModuleType, TracebackType
 from typing import Any
