@@ -1,0 +1,44 @@
+"""Cars that the site makes by itself wear what they should: those of trainings and those of the house."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from django.utils import timezone
+
+from evaluation.looks import Look
+from evaluation.models import TrainedModel
+from league.services.house import LOOKS, _model_of, house_cars, house_racer
+from tests.factories import a_racer, a_track
+from tests.training.jobs import a_training
+from training.models import TrainingJob
+from training.services.results import admit_networks
+
+pytestmark = pytest.mark.django_db(transaction=True)
+HOUSE_CARS = Path(__file__).resolve().parents[2] / "training" / "house_cars"
+
+
+def test_the_models_of_a_training_wear_the_shell_and_colour_of_its_vehicle(settings):
+    settings.TRAINING, settings.TRAINING_PAUSED = True, False
+    now = timezone.now()
+    job = a_training(a_racer("alice"), a_track(), now)
+    TrainingJob.objects.filter(pk=job.pk).update(shell="buggy", colour="#aa00ff")
+    job.refresh_from_db()
+    networks = [(HOUSE_CARS / f"{name}.onnx").read_bytes() for name in ("steady", "steady")]
+    models = admit_networks(job=job, best=networks[0], last=networks[1], now=now)
+    assert {model.look for model in models} == {Look("buggy", "#aa00ff")}
+
+
+def test_each_house_car_has_a_look_of_its_own_and_one_from_before_gets_it():
+    now = timezone.now()
+    cars = house_cars()
+    assert {car.name: car.look for car in cars} == LOOKS and len(set(LOOKS.values())) == 3
+    steady = next(car for car in cars if car.name == "steady")
+    racer = house_racer(name="steady", display_name="Steady", now=now)
+    model = _model_of(steady, racer, now)
+    assert model.look == LOOKS["steady"]
+    TrainedModel.objects.update(shell="paddock", colour="#3b82f6")
+    assert _model_of(steady, racer, now).pk == model.pk
+    model.refresh_from_db()
+    assert model.look == LOOKS["steady"]
