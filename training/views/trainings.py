@@ -61,13 +61,14 @@ def training_live(request: HttpRequest, public_id: str) -> HttpResponse:
     """The part of the page that changes. ``seen`` is what the reader has on screen: unchanged, the answer is empty
     (204); over, the page is loaded anew."""
     job = visible_training(request, public_id)
-    context = _context(request, job)
-    if context["mark"] == request.GET.get("seen"):
-        return HttpResponse(status=204)
-    response = render(request, "training/parts/live.html", {**context, "renewed": True})
     if job.is_final:
         response = HttpResponse(status=204)
-        response["HX-Refresh"] = "true"
+        if request.GET.get("seen") != _mark(request, job):
+            response["HX-Refresh"] = "true"
+    elif request.GET.get("seen") == _mark(request, job):
+        response = HttpResponse(status=204)  # before anything is drawn: it is asked for all the time
+    else:
+        response = render(request, "training/parts/live.html", {**_context(request, job), "renewed": True})
     response["Cache-Control"] = "private, no-store"
     return response
 
@@ -108,9 +109,21 @@ def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
     return redirect(evaluation)
 
 
-def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
+def _mark(request: HttpRequest, job: TrainingJob) -> str:
+    """What tells two states of the page apart."""
+    steps = (job.progress or {}).get("steps", 0)
+    known = (job.state, training_queue_position(job), job.iterations.count(), steps, bool(job.stop_asked_at))
+    return "-".join(map(str, (*known, _window(request))))
+
+
+def _window(request: HttpRequest) -> int:
+    """How many iterations are smoothed."""
     smoothing = request.GET.get("smooth", "")
-    window = int(smoothing) if smoothing in map(str, SMOOTHINGS) else 1
+    return int(smoothing) if smoothing in map(str, SMOOTHINGS) else 1
+
+
+def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
+    window = _window(request)
     small = job.iterations.defer("simtrace", "eval_trials")
     points = points_of(list(small))
     last = job.iterations.defer("episodes", "eval_trials").order_by("-number").first()
@@ -139,7 +152,7 @@ def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
         "drive": json.dumps(_drive(job)),
         "map_size": map_size(job.track),
         "course_boxes": _boxes(job),
-        "mark": f"{job.state}-{position}-{len(points)}-{progress.get('steps', 0)}-{bool(job.stop_asked_at)}-{window}",
+        "mark": _mark(request, job),
         "model": job.best_model if mine else None,
         "is_failed": job.state == JobState.FAILED,
     }
