@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 HOST ?= 127.0.0.1
 PORT ?= 8000
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
 export ORT_DISABLE_TELEMETRY := 1
@@ -33,8 +34,8 @@ lint: $(VENV)/.test ## style, layering, migrations, translations
 	$(BIN)/python manage.py check
 	$(BIN)/python manage.py spectacular --validate --fail-on-warn --file /dev/null
 
-bench: $(VENV)/.test ## the benchmarks, as JSON
-	$(BIN)/python -m benchmarks.evaluation --json
+bench: $(VENV)/.test ## all benchmarks, as one JSON object (BENCH_ARGS=--quick: minutes)
+	@$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
 clean: ## the virtual environment (never the data)
 	rm -rf $(VENV)

@@ -1,0 +1,49 @@
+"""``make bench``: every part is measured and told in one object, also where one cannot be; and what a season costs."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+
+import pytest
+
+from benchmarks import __main__ as everything
+from benchmarks import season
+from tests.benchmarks.running import run
+from tests.shared import CHECKOUT
+
+
+@pytest.mark.slow
+def test_the_parts_that_are_asked_for_come_as_one_object() -> None:
+    figures = json.loads(run("benchmarks", "--quick", "--parts", "season", "board"))
+    assert set(figures) == {"season", "board"}
+    assert figures["season"]["figures"]["made_up"][0]["results"] > 900
+    assert set(figures["board"]["figures"]["queries"].values()) <= set(range(1, 13))
+    for part in figures.values():
+        assert part["seconds"] > 0 and isinstance(part["missed"], list)
+
+
+def test_every_part_is_a_program_that_knows_its_options() -> None:
+    for part, (module, full, quick) in everything.PARTS.items():
+        loaded = importlib.import_module(f"benchmarks.{module}")
+        known = set(re.findall(r'"(--[a-z-]+)"', (CHECKOUT / f"benchmarks/{module}.py").read_text()))
+        assert {one for one in (*full, *quick) if one.startswith("--")} <= known and loaded.main, part
+
+
+def test_a_part_that_cannot_be_measured_says_why(monkeypatch, capsys) -> None:
+    monkeypatch.setitem(everything.PARTS, "season", ("season", ("--results", "none"), ()))
+    assert everything.main(["--parts", "season"]) == 1
+    assert "invalid literal" in json.loads(capsys.readouterr().out)["season"]["error"]
+
+
+def test_make_bench_runs_them_all() -> None:
+    assert re.search(
+        r"^bench:.*\n\t@\$\(BIN\)/python -m benchmarks \$\(BENCH_ARGS\)$", (CHECKOUT / "Makefile").read_text(), re.M
+    )
+
+
+def test_a_season_that_takes_too_long_or_grows_too_fast_is_a_miss() -> None:
+    one = {"results": 1000, "races": 27, "seconds": 61.0, "processor_s": 1.0}
+    figures = {"database": "sqlite", "made_up": [one | {"seconds": 1.0}, one], "growth": 1.6, "recorded": None}
+    assert len(season.misses(figures)) == 2 and "1,000 results of 27 races" in season.table(figures)
