@@ -83,7 +83,7 @@ def test_a_board_costs_the_same_however_long(now, as_racer, django_assert_num_qu
     for count in (2, 6):
         while Racer.objects.count() < count:
             drive(race, a_racer(), laps(10_000, 10_000, 10_000), now)
-        with django_assert_num_queries(4):
+        with django_assert_num_queries(3):
             assert board(client, race).data["count"] == count
 
 

@@ -115,7 +115,7 @@ class TestFromTheRace:
         assert "Two accounts" in done.content.decode() or field[0].alias not in done.content.decode()
 
     def test_looking_at_an_action_and_a_forged_post_do_nothing(self, boss, played):
-        round_, field = played
+        round_, _field = played
         boss.get(reverse(LIST), {"action": "publish", "_selected_action": round_.pk, "step": "confirmed"})
         forged = Client(enforce_csrf_checks=True)
         forged.cookies = boss.cookies
