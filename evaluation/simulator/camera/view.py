@@ -112,7 +112,7 @@ class Camera:
     def render(self, pose: Pose, solids: Sequence[Solid] = ()) -> np.ndarray:
         """The grey frame, uint8 (rows, columns), a fresh array. ``solids`` hide each other and the ground by distance;
         one that the camera is inside of is not seen, as its faces look outwards."""
-        x, y, yaw = pose
+        x, y, yaw = pose.x, pose.y, pose.yaw  # of anything that has them, as pictures of sensors do
         place, wall = self._place, self._wall
         place[0], place[1], place[2], place[3] = math.cos(yaw), math.sin(yaw), x, y
         np.matmul(place, self._terms, self._homographies)
