@@ -102,17 +102,17 @@ class Board:
 def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
 
-    Two queries, one more for a reader who is not on this page, one more for the ranks of both, and on later pages one
-    for the leader and one in the middle of a long board; the cost does not grow with the board.
+    Two queries, one more for a leader or a reader who is not on this page, one more for the ranks of reader and page,
+    and one in the middle of a long board; the cost does not grow with the board.
     """
     totals = totals_of(race)
     pages = max(1, -(-totals.rows // per_page))
     page = min(max(1, page), pages)
     offset = (page - 1) * per_page
     entries = list(page_of(_with_relations(board_entries(race)), race, ORDER, offset, per_page, totals.rows))
-    view = _View(race, racer, entries if offset == 0 else ())
+    view = _View(race, racer)
     mine = next((entry for entry in entries if entry.racer_id == view.reader_id), None)
-    elsewhere = view.my_entry() if mine is None else None
+    elsewhere = view.look_up(entries if offset == 0 else (), reader=mine is None)
     first = next((entry for entry in entries if _has_rank(entry)), None) if offset else None
     ranks = ranks_of([entry for entry in (first, elsewhere) if entry is not None])
     rows = list(view.rows(entries, 0 if first is None else ranks[first.pk] - 1))
@@ -134,7 +134,9 @@ def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int =
 
 def whole_board(race: Race, racer: Racer | AnonymousUser | None = None) -> Iterator[BoardRow]:
     """Every row of a board in order, read in chunks: for exports."""
-    return _View(race, racer).rows(_with_relations(board_entries(race)).iterator(chunk_size=1000), 0)
+    view = _View(race, racer)
+    view.look_up()
+    return view.rows(_with_relations(board_entries(race)).iterator(chunk_size=1000), 0)
 
 
 def board_entries(race: Race) -> QuerySet[Entry]:
@@ -185,16 +187,34 @@ def _lead(score_ms: int | None, seed: int | None) -> int | None:
 
 
 class _View:
-    """What ranks and marks the rows of one board for one reader. ``first_page``: its first entries, if known."""
+    """What ranks and marks the rows of one board for one reader. ``leader_ms`` is known once it was looked up."""
 
-    def __init__(self, race: Race, racer: Racer | AnonymousUser | None, first_page: Sequence[Entry] = ()) -> None:
+    def __init__(self, race: Race, racer: Racer | AnonymousUser | None) -> None:
         self.race = race
         self.reader_id = racer.pk if racer is not None and racer.is_authenticated else None
-        leader = next(((entry.score_ms, entry.seed) for entry in first_page if _has_rank(entry)), None)
+        self.leader_ms: int | None = None
+
+    def look_up(self, first_page: Sequence[Entry] = (), *, reader: bool = False) -> Entry | None:
+        """Find the leader, in ``first_page`` or in the database, and in the same query the reader's entry, also one
+        that has left the board, where ``reader`` asks for it."""
+        leader = next((entry for entry in first_page if _has_rank(entry)), None)
+        wanted = []
+        if reader and self.reader_id is not None:
+            wanted.append(Entry.objects.filter(race=self.race, racer_id=self.reader_id).values("pk")[:1])
         if leader is None:
-            classified = board_entries(race).filter(CLASSIFIED, is_baseline=False)
-            leader = classified.values_list("score_ms", "seed").first()
-        self.leader_ms = None if leader is None else _lead(*leader)
+            wanted.append(board_entries(self.race).filter(CLASSIFIED, is_baseline=False).values("pk")[:1])
+        mine = None
+        if wanted:  # by their numbers: an OR would read the whole board
+            entries = Entry.objects.filter(pk__in=[Subquery(each) for each in wanted])
+            found = list(_with_relations(entries.order_by(*ORDER)))
+            if leader is None:
+                leader = next((entry for entry in found if _has_rank(entry)), None)
+            mine = next((entry for entry in found if reader and entry.racer_id == self.reader_id), None)
+        if leader is not None:
+            self.leader_ms = _lead(leader.score_ms, leader.seed)
+        if mine is not None:
+            mine.race = self.race
+        return mine
 
     def rows(self, entries: Iterable[Entry], rank: int) -> Iterator[BoardRow]:
         """Rows for entries that follow each other on the board; ``rank``: how many with a rank stand above them."""
@@ -204,15 +224,6 @@ class _View:
                 yield self.row(entry, rank)
             else:
                 yield self.row(entry, None)
-
-    def my_entry(self) -> Entry | None:
-        """The reader's entry, looked up, also one that has left the board."""
-        if self.reader_id is None:
-            return None
-        entry = _with_relations(Entry.objects.filter(race=self.race, racer_id=self.reader_id)).first()
-        if entry is not None:
-            entry.race = self.race
-        return entry
 
     def row(self, entry: Entry, rank: int | None) -> BoardRow:
         """A line for an entry whose rank is known."""

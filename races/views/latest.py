@@ -11,7 +11,8 @@ from races.models import Entry, Submission
 
 @dataclass(frozen=True)
 class LatestRun:
-    """A submission, its evaluation, and while it waits its place in the queue and the seconds until it is done."""
+    """A submission, its evaluation, and while it waits its place in the queue and the seconds until it is done, where
+    these were looked up."""
 
     submission: Submission
     position: int | None
@@ -36,14 +37,14 @@ def live_mark(evaluation: Evaluation, position: int | None) -> str:
     return f"{evaluation.public_id}-{evaluation.state}"
 
 
-def latest_run(entry: Entry | None) -> LatestRun | None:
-    """The last submission of ``entry``, if there is one."""
+def latest_run(entry: Entry | None, *, queue: bool = True) -> LatestRun | None:
+    """The last submission of ``entry``, if there is one. ``queue``: look for its place there while it waits."""
     if entry is None or not entry.last_number:
         return None
     related = ("evaluation__model", "evaluation__track", "evaluation__result")
     submission = Submission.objects.filter(entry=entry).select_related(*related).order_by("-number").first()
     if submission is None:
         return None
-    position = queue_position(submission.evaluation)
+    position = queue_position(submission.evaluation) if queue else None
     wait_s = expected_wait_s(submission.evaluation, position) if position else None
     return LatestRun(submission, position, wait_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
-from django.db.models import QuerySet
+from django.db.models import Exists, OuterRef, QuerySet, Value
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
@@ -139,7 +139,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
     now = timezone.now()
     state = shown.state_at(now)
     entry = entry if looked_up else entry_of(shown, request.user)
-    latest: LatestRun | None = latest_run(entry)
+    latest: LatestRun | None = latest_run(entry, queue=False)
     context = {
         "race": shown,
         "state": state,
@@ -153,19 +153,18 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         fault = refusal(shown, request.user, now)
         context["not_for_me"] = fault and explain(fault)
     if state == RaceState.OPEN and request.user.is_authenticated:
-        garage = list(models_of(request.user))
+        garage = list(models_of(request.user).annotate(is_sent=_is_sent(entry)))
         fitting = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
-        sent = _networks_sent(entry) if fitting else set()
         context |= {
-            "models": [model for model in fitting if model.network_id not in sent],
+            "models": [model for model in fitting if not model.is_sent],
             "all_sent": bool(fitting),
             "garage_is_empty": not garage,
         }
     return context
 
 
-def _networks_sent(entry: Entry | None) -> set[str]:
-    """Networks that an entry has sent: the same car would only drive the same laps again."""
+def _is_sent(entry: Entry | None) -> Exists | Value:
+    """Whether an entry has sent a model's network: the same car would only drive the same laps again."""
     if entry is None:
-        return set()
-    return set(entry.submissions.filter(is_void=False).order_by().values_list("network_id", flat=True))
+        return Value(False)
+    return Exists(entry.submissions.filter(is_void=False, network_id=OuterRef("network_id")).order_by())

@@ -287,8 +287,10 @@ def test_cancelling_asks_for_a_reason_that_everybody_reads(world: World) -> None
 def test_the_live_box_asks_again_only_while_there_is_something_to_see(world: World) -> None:
     client = world.client("alice")
     page = client.get("/races/waiting-race/").content.decode()
-    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)"', page)
-    assert polled and "Next in line." in page
+    asked_first = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="load, every 1s"', page)
+    box = client.get(asked_first[1]).content.decode()
+    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="every 1s"', box)
+    assert polled and "Next in line." in box
     unchanged = client.get(polled[1])
     assert (unchanged.status_code, unchanged.content) == (204, b"")
     from tests.factories import finish

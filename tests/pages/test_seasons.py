@@ -15,7 +15,7 @@ from icalendar import Calendar
 from league.models import Racer, Round, Season, Stage
 from league.season_form import SeasonForm
 from league.services import close_due_rounds, close_round, disqualify, open_demo_season
-from tests.factories import a_race, a_racer, a_track
+from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
 from tests.pages.test_pages import INLINE
 from tests.pages.test_queries import LIMIT, queries
@@ -258,6 +258,18 @@ def test_a_page_in_the_middle_of_a_long_board_needs_few_queries_too(season, set_
     for reader in (a_racer(), entries[0].racer):
         sent = queries(logged_in(reader), f"{second.race.get_absolute_url()}?page=3")
         assert len(sent) <= LIMIT, "\n".join(sent)
+
+
+@pytest.mark.parametrize("page", [1, 3, 99])
+def test_who_has_driven_needs_few_queries_on_any_page_of_a_long_board(season, set_clock, page):
+    second = Round.objects.get(number=2, stage=Stage.OPEN)
+    set_clock(now := second.race.opens_at + timedelta(days=3))
+    board(second.race, racers(220))
+    reader = a_racer()
+    a_model(reader)
+    drive(second.race, reader, laps(9_000, 9_100, 9_200), now)
+    sent = queries(logged_in(reader), f"{second.race.get_absolute_url()}?page={page}")
+    assert len(sent) <= LIMIT, "\n".join(sent)
 
 
 def test_standings_show_rounds_dropped_results_countries_and_teams(season, set_clock):
