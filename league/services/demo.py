@@ -5,23 +5,27 @@ from __future__ import annotations
 import logging
 from datetime import datetime, timedelta
 from itertools import pairwise
+from typing import Any
 
 from django.db import transaction
 from django.utils import timezone
 
-from races.models import Division, DuelFormat, Opponents, RaceType, RankingMethod
+from races.models import DuelFormat, Opponents, RaceType, RankingMethod
 from races.sensors import OFFERABLE
 from races.services import create_community_race
 from races.services.races import add_months
 from tracks.models import Direction, Track
 from tracks.services import load_catalogue
 
-from ..models import Season
+from ..models import Season, Stage
 from .house import ORGANISER, house_racer
 from .seasons import create_season, schedule_round
 
 logger = logging.getLogger(__name__)
 MONTHS = 12
+# As the form for a season proposes: a month's finale in the next one, the championship a week after the last.
+FINALE_AFTER, FINALE_LASTS = timedelta(days=9, hours=18), timedelta(days=1)
+CHAMPIONSHIP_AFTER, CHAMPIONSHIP_LASTS = timedelta(days=7), timedelta(days=2)
 MONTH_NAMES = (
     *("January", "February", "March", "April", "May", "June"),
     *("July", "August", "September", "October", "November", "December"),
@@ -29,6 +33,7 @@ MONTH_NAMES = (
 # The first month is the one that newcomers see: a fast track of middle length.
 OPEN_TRACKS = ("kuei-raceway", "cosmic-loop", "baja-turnpike", "cosmic-circuit", "baja-highway", "kuei-super-raceway")
 PRO_TRACKS = ("cosmic-circuit", "baja-highway", "kuei-super-raceway", "kuei-raceway", "cosmic-loop", "baja-turnpike")
+SLUGS = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale"}
 # Learners' cars of the old console drive 0.5 to 1 m/s: two minutes a lap must be enough.
 OPEN_RULES = {"laps": 3, "minimum_laps": 3, "off_track_penalty_ms": 3000, "max_simulated_ms": 360_000}
 PRO_RULES = {"laps": 5, "minimum_laps": 3, "off_track_penalty_ms": 5000, "max_simulated_ms": 360_000}
@@ -36,8 +41,8 @@ PRO_RULES = {"laps": 5, "minimum_laps": 3, "off_track_penalty_ms": 5000, "max_si
 
 @transaction.atomic
 def open_demo_season(*, now: datetime) -> Season:
-    """Load the catalogue and open a season of monthly races, the first of them this month's. Doing it again changes
-    nothing: where there is a season already, it is returned as it is.
+    """Load the catalogue and open a season of monthly races, the first of them this month's, with their finales and a
+    championship. Doing it again changes nothing: where there is a season already, it is returned as it is.
 
     The house cars come with :func:`league.services.enter_house_cars` once a worker is there to run them.
     """
@@ -49,9 +54,26 @@ def open_demo_season(*, now: datetime) -> Season:
     months = [add_months(first, month) for month in range(MONTHS + 1)]
     last_day = (months[-1] - timedelta(days=1)).date()
     years = f"{first.year}" if first.year == last_day.year else f"{first.year}-{last_day.year % 100:02}"
-    season = create_season(slug=years, name=f"Season {years}", starts_on=first.date(), ends_on=last_day)
+    crowned = months[-1] + FINALE_AFTER + FINALE_LASTS + CHAMPIONSHIP_AFTER
+    season = create_season(
+        slug=years,
+        name=f"Season {years}",
+        starts_on=first.date(),
+        ends_on=(crowned + CHAMPIONSHIP_LASTS).date(),
+    )
     for number, (opens, closes) in enumerate(pairwise(months), start=1):
-        _schedule_month(season, number, tracks, opens, closes, now)
+        pro = _schedule_month(season, number, tracks, opens, closes, now)
+    _schedule(
+        season,
+        MONTHS,
+        Stage.CHAMPIONSHIP,
+        (crowned, crowned + CHAMPIONSHIP_LASTS),
+        now,
+        slug=f"{years}-championship",
+        month=MONTH_NAMES[months[-2].month - 1],
+        name=f"{season.name} · championship",
+        **pro,
+    )
     _community_races(tracks, now)
     logger.info("Opened %s with %s months of races.", season, MONTHS)
     return season
@@ -59,28 +81,42 @@ def open_demo_season(*, now: datetime) -> Season:
 
 def _schedule_month(
     season: Season, number: int, tracks: dict[str, Track], opens: datetime, closes: datetime, now: datetime
-) -> None:
+) -> dict[str, Any]:
+    """The open race of a month, the pro race and its finale; returns where the latter two are driven."""
     month = MONTH_NAMES[opens.month - 1]
-    for division, slugs, rules, title in (
-        (Division.OPEN, OPEN_TRACKS, OPEN_RULES, month),
-        (Division.PRO, PRO_TRACKS, PRO_RULES, f"{month} pro"),
+    # half a year later every track comes back the other way round
+    turned = (number - 1) // len(OPEN_TRACKS) % 2 == 1
+    direction = Direction.CW if turned else Direction.CCW
+    finale = closes + FINALE_AFTER, closes + FINALE_AFTER + FINALE_LASTS
+    pro_track = tracks[PRO_TRACKS[(number - 1) % len(PRO_TRACKS)]]
+    for stage, times, track, title in (
+        (Stage.OPEN, (opens, closes), tracks[OPEN_TRACKS[(number - 1) % len(OPEN_TRACKS)]], month),
+        (Stage.PRO, (opens, closes), pro_track, f"{month} pro"),
+        (Stage.FINALE, finale, pro_track, f"{month} finale"),
     ):
-        track = tracks[slugs[(number - 1) % len(slugs)]]
-        # half a year later every track comes back the other way round
-        turned = (number - 1) // len(slugs) % 2 == 1
-        schedule_round(
-            season=season,
-            number=number,
-            now=now,
-            division=division,
-            slug=f"{opens:%Y-%m}-{division.value}",
+        _schedule(
+            season,
+            number,
+            stage,
+            times,
+            now,
+            slug=f"{opens:%Y-%m}-{SLUGS[stage]}",
+            month=month,
             name=f"{title} · {track.name}",
             track=track,
-            direction=Direction.CW if turned else Direction.CCW,
-            opens_at=opens,
-            closes_at=closes,
-            **rules,
+            direction=direction,
         )
+    return {"track": pro_track, "direction": direction}
+
+
+def _schedule(
+    season: Season, number: int, stage: Stage, times: tuple[datetime, datetime], now: datetime, **race: Any
+) -> None:
+    rules = OPEN_RULES if stage == Stage.OPEN else PRO_RULES
+    opens, closes = times
+    schedule_round(
+        season=season, number=number, stage=stage, now=now, opens_at=opens, closes_at=closes, **rules, **race
+    )
 
 
 def _community_races(tracks: dict[str, Track], now: datetime) -> None:

@@ -15,11 +15,11 @@ from django.utils import timezone
 from evaluation.models import Evaluation, TrainedModel
 from faults import PlatformFault
 from league.eligibility import check_division
-from league.models import Racer, Round, Season
+from league.models import Racer, Round, Season, Stage
 from league.services import enter_house_cars, house_cars, open_demo_season
 from league.services import house as house_services
 from league.services.house import HOUSE_CARS_DIR
-from races.models import Division, Entry, Kind, Race, RaceState
+from races.models import Entry, Kind, Race, RaceState
 from races.selectors import racing_now
 from races.services import create_community_race
 from tests.factories import a_racer, a_track
@@ -46,10 +46,11 @@ def stable(tmp_path: Path, monkeypatch) -> Path:
         def __init__(self, files):
             self.source_sha256 = model_hash(files[0].stream.read())
 
-    def upload(*, owner, files, description, now):
+    def upload(*, owner, files, description, look, now):
         class Uploaded:
             model = model_row(owner, name=files[0].name, onnx=files[0].stream.read(), at=now)
 
+        TrainedModel.objects.filter(pk=Uploaded.model.pk).update(shell=look.shell, colour=look.colour)
         return Uploaded
 
     monkeypatch.setattr(house_services, "read_upload", Raw)
@@ -64,9 +65,9 @@ def model_hash(data: bytes) -> str:
 def test_it_opens_twelve_months_from_this_month_on(now):
     season = open_demo_season(now=now)
     assert (season.slug, season.name) == ("2026-27", "Season 2026-27")
-    assert (season.starts_on, season.ends_on) == (date(2026, 11, 1), date(2027, 10, 31))
-    for division in (Division.OPEN, Division.PRO):
-        rounds = list(season.rounds.filter(race__division=division).select_related("race").order_by("number"))
+    assert (season.starts_on, season.ends_on) == (date(2026, 11, 1), date(2027, 11, 20))
+    for stage in (Stage.OPEN, Stage.PRO):
+        rounds = list(season.rounds.filter(stage=stage).select_related("race").order_by("number"))
         assert [round_.number for round_ in rounds] == list(range(1, 13))
         assert rounds[0].race.opens_at == datetime(2026, 11, 1, tzinfo=UTC)
         for one, following in pairwise(rounds):
@@ -81,7 +82,26 @@ def test_it_opens_twelve_months_from_this_month_on(now):
 
 def test_a_season_of_one_calendar_year_is_named_by_it():
     season = open_demo_season(now=datetime(2027, 1, 1, tzinfo=UTC))
-    assert (season.slug, season.ends_on) == ("2027", date(2027, 12, 31))
+    assert (season.slug, season.ends_on) == ("2027", date(2028, 1, 20))
+
+
+def test_each_month_has_a_finale_and_the_season_a_championship(now):
+    season = open_demo_season(now=now)
+    finales = list(season.rounds.filter(stage=Stage.FINALE).select_related("race").order_by("number"))
+    pros = list(season.rounds.filter(stage=Stage.PRO).select_related("race").order_by("number"))
+    assert [finale.name for finale in finales] == [pro.name for pro in pros] and finales[0].name == "November"
+    for finale, pro in zip(finales, pros, strict=True):
+        assert finale.race.opens_at > pro.race.closes_at
+        assert (finale.race.track_id, finale.race.direction) == (pro.race.track_id, pro.race.direction)
+    last = season.rounds.get(stage=Stage.CHAMPIONSHIP).race
+    assert last.opens_at > finales[-1].race.closes_at and last.closes_at.date() <= season.ends_on
+
+
+def test_a_finale_is_no_less_a_race_of_the_league_for_house_cars(now, stable):
+    season = open_demo_season(now=now)
+    finale = season.rounds.get(number=1, stage=Stage.FINALE).race
+    enter_house_cars(now=finale.opens_at, folder=stable)
+    assert {entry.racer.alias for entry in finale.entries.filter(is_baseline=True)} == {"Steady", "Quick"}
 
 
 def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
