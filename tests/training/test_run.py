@@ -50,7 +50,7 @@ def run(job: TrainingJob) -> TrainingJob:
 
 def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval, now, tmp_path):
     race = a_race(now=timezone.now(), track=oval)
-    job = run(a_training(alice, oval, now, stop_clean_laps=3, stop_minutes=5, submit_to_race=race))
+    job = run(a_training(alice, oval, timezone.now(), stop_clean_laps=3, stop_minutes=5, submit_to_race=race))
     assert (job.state, job.reason, job.operator_detail) == (JobState.FINISHED, "", "")
     assert job.best_model.name == "first"
     assert job.best_model.metadata["action_space"] == job.action_space
