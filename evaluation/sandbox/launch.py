@@ -33,6 +33,7 @@ from .enter import COMMAND
 from .frames import FrameError, wait_for
 from .limits import STDERR_LIMIT, Limits
 from .lock import VARIABLE, LockSpec
+from .orphans import end_orphans
 
 LEVEL_NONE, LEVEL_PARTIAL, LEVEL_LOCK, LEVEL_NAMESPACES = 0, 1, 2, 3
 
@@ -270,6 +271,7 @@ def start(
 ) -> SandboxedProcess:
     """:func:`launch` without asking the probe (which itself starts processes). Raises OSError and the like."""
     compile_code()
+    _end_orphans()
     home = _home()
     code = [str(CODE_ROOT / name) for name in _CODE] + [str(Path(part).resolve()) for part in python_path]
     as_root = os.geteuid() == 0
@@ -316,6 +318,12 @@ def compile_code() -> None:
     for name in _CODE:
         with contextlib.suppress(OSError):
             compileall.compile_dir(CODE_ROOT / name, quiet=2)
+
+
+@functools.cache
+def _end_orphans() -> None:
+    """Once in each process that launches: what a worker before it left."""
+    end_orphans(COMMAND)
 
 
 @functools.cache
