@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
+from email.utils import parseaddr
 from pathlib import Path
+from urllib.parse import SplitResult, urlsplit
+from zoneinfo import ZoneInfo
 
+import dj_database_url
 from django.core.exceptions import ImproperlyConfigured
+
+# What may stand in Django's ALLOWED_HOSTS: a name, a name below a domain (".example.org"), an address, or anything
+_HOST = re.compile(r"\*|\.?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*|\[[0-9A-Fa-f:.]+\]")
 
 
 def env_str(name: str, default: str | None = None) -> str:
@@ -48,9 +56,97 @@ def env_list(name: str, default: str = "") -> list[str]:
     return [word.strip() for word in os.environ.get(name, default).split(",") if word.strip()]
 
 
-def env_path(name: str, default: Path) -> Path:
-    """An absolute folder or file name; a relative one counts from the current folder."""
-    return Path(os.environ.get(name, default)).expanduser().resolve()
+def env_choice(name: str, default: str, choices: tuple[str, ...]) -> str:
+    """One of ``choices``. Raises ImproperlyConfigured for anything else."""
+    value = os.environ.get(name, default)
+    if value not in choices:
+        raise ImproperlyConfigured(f"{name} must be one of {', '.join(choices)}, not {value!r}.")
+    return value
+
+
+def env_url(name: str, default: str, schemes: tuple[str, ...], example: str) -> str:
+    """An address with one of ``schemes``, a host or a path, and a port that is one; unset or empty is ``default``.
+
+    Raises ImproperlyConfigured otherwise, and shows ``example``.
+    """
+    value = os.environ.get(name, "") or default
+    if value:
+        check_url(name, value, schemes, example)
+    return value
+
+
+def check_url(name: str, value: str, schemes: tuple[str, ...], example: str) -> SplitResult:
+    """The parts of an address; see :func:`env_url`. What is wrong is said without a password that it may hold."""
+    try:
+        parts = urlsplit(value)
+        usable = parts.scheme in schemes and bool(parts.hostname or "unix" in parts.scheme or "socket" in parts.scheme)
+        _ = parts.port  # raises where it is no number or out of range
+    except ValueError:
+        usable = False
+    if not usable or any(mark.isspace() for mark in value):
+        raise ImproperlyConfigured(f"{name} must be an address such as {example}.")
+    return parts
+
+
+def env_hosts(name: str, default: str) -> list[str]:
+    """Comma-separated host names as ALLOWED_HOSTS takes them. Raises ImproperlyConfigured for what is no host name."""
+    hosts = env_list(name, default)
+    for host in hosts:
+        if not _HOST.fullmatch(host):
+            raise ImproperlyConfigured(
+                f"{name} must be host names separated by commas, without http:// and port, not {host!r}."
+            )
+    return hosts
+
+
+def env_database(name: str, default: str) -> dict:
+    """Django's settings of a database on PostgreSQL or SQLite. Raises ImproperlyConfigured for any other address."""
+    schemes = ("postgres", "postgresql", "pgsql", "sqlite")
+    example = "postgres://user:password@host:5432/name"
+    value = os.environ.get(name, "") or default
+    try:
+        if urlsplit(value).scheme not in schemes:
+            raise ValueError(value)
+        return dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True)
+    except ValueError:  # what dj_database_url raises is one, too
+        raise ImproperlyConfigured(f"{name} must be an address such as {example}.") from None
+
+
+def env_time_zone(name: str, default: str) -> str:
+    """A time zone by its name, such as Asia/Seoul. Raises ImproperlyConfigured for what is none."""
+    value = os.environ.get(name, default)
+    try:
+        ZoneInfo(value)
+    except (ValueError, OSError, KeyError):
+        raise ImproperlyConfigured(f"{name} must be a time zone such as Europe/Berlin, not {value!r}.") from None
+    return value
+
+
+def env_sender(name: str, default: str) -> str:
+    """An e-mail address, also with a name before it. Raises ImproperlyConfigured for what is none."""
+    value = os.environ.get(name, default)
+    address = parseaddr(value)[1]
+    if not re.fullmatch(r"[^@\s]+@[^@\s]+", address) or not value.isprintable():
+        raise ImproperlyConfigured(f"{name} must be an e-mail address such as paddock@example.org, not {value!r}.")
+    return value
+
+
+def env_folder(name: str, default: Path) -> Path:
+    """A folder, made for its owner only if it is not there; a relative one counts from the current folder.
+
+    Raises ImproperlyConfigured when it cannot be made or written.
+    """
+    try:
+        folder = Path(os.environ.get(name, "") or default).expanduser().resolve()
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except (OSError, ValueError, RuntimeError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ImproperlyConfigured(
+            f"{name} must be a folder that can be made and written: {os.environ.get(name, default)!s}: {why}."
+        ) from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ImproperlyConfigured(f"{name} must be a folder that can be written, which {folder} is not.")
+    return folder
 
 
 def secret_from_file(path: Path) -> str:

@@ -8,31 +8,46 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
-import dj_database_url
 from csp.constants import NONE, SELF
 from django.core.exceptions import ImproperlyConfigured
 from django.utils.translation import gettext_lazy as _
 
 from . import broker
-from .env import env_bool, env_int, env_list, env_path, env_str, secret_from_file
+from .env import (
+    check_url,
+    env_bool,
+    env_choice,
+    env_database,
+    env_folder,
+    env_hosts,
+    env_int,
+    env_list,
+    env_sender,
+    env_str,
+    env_time_zone,
+    env_url,
+    secret_from_file,
+)
 
 BASE_DIR = Path(__file__).resolve().parent.parent
-DATA_DIR = env_path("PADDOCK_DATA", BASE_DIR / "data")
-DATA_DIR.mkdir(parents=True, exist_ok=True)
+DATA_DIR = env_folder("PADDOCK_DATA", BASE_DIR / "data")
 
 DEBUG = env_bool("PADDOCK_DEBUG", False)
 SECRET_KEY = env_str("PADDOCK_SECRET_KEY", "") or secret_from_file(DATA_DIR / "secret-key")
 
 # Where the site is reached. The host is allowed and trusted for forms; an https address makes cookies secure.
-SITE_URL = env_str("PADDOCK_SITE_URL", "http://127.0.0.1:8000").rstrip("/")
-if not SITE_URL.startswith(("http://", "https://")):
-    raise ImproperlyConfigured(f"PADDOCK_SITE_URL must start with http:// or https://, not be {SITE_URL!r}.")
+_HTTP = ("http", "https")
+SITE_URL = env_url("PADDOCK_SITE_URL", "http://127.0.0.1:8000", _HTTP, "https://paddock.example.org").rstrip("/")
+_site_host = urlsplit(SITE_URL).hostname
 ALLOWED_HOSTS = [
-    SITE_URL.split("://", 1)[1].split("/")[0].split(":")[0],
-    *env_list("PADDOCK_HOSTS", "localhost,127.0.0.1"),
+    f"[{_site_host}]" if ":" in _site_host else _site_host,
+    *env_hosts("PADDOCK_HOSTS", "localhost,127.0.0.1"),
 ]
 CSRF_TRUSTED_ORIGINS = [SITE_URL, *env_list("PADDOCK_TRUSTED_ORIGINS")]
+for _origin in CSRF_TRUSTED_ORIGINS[1:]:
+    check_url("PADDOCK_TRUSTED_ORIGINS", _origin, _HTTP, "https://other.example.org")
 BEHIND_HTTPS = SITE_URL.startswith("https://")
 SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = BEHIND_HTTPS
 SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https") if env_bool("PADDOCK_BEHIND_PROXY", False) else None
@@ -104,11 +119,7 @@ TEMPLATES = [
 
 # --- database: SQLite in WAL mode that takes its write lock at BEGIN, or what DATABASE_URL names -------------------
 DATABASES = {
-    "default": dj_database_url.parse(
-        env_str("DATABASE_URL", "") or f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}",
-        conn_max_age=60,
-        conn_health_checks=True,
-    )
+    "default": env_database("DATABASE_URL", f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}"),
 }
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     DATABASES["default"]["OPTIONS"] = {
@@ -124,11 +135,14 @@ DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 # --- broker and cache: the bundled Valkey on a unix socket, or what the variables name ----------------------------
 VALKEY_DIR = DATA_DIR / "valkey"
 VALKEY_SOCKET = broker.socket_path(VALKEY_DIR)
+_REDIS = ("redis", "rediss", "unix")
+_BROKERS = ("redis", "rediss", "redis+socket", "sentinel", "amqp", "amqps", "pyamqp")
 EMBEDDED_BROKER = not env_str("CELERY_BROKER_URL", "")
-CELERY_BROKER_URL = env_str("CELERY_BROKER_URL", "") or broker.broker_url(VALKEY_SOCKET)
+CELERY_BROKER_URL = env_url("CELERY_BROKER_URL", broker.broker_url(VALKEY_SOCKET), _BROKERS, "redis://host:6379/0")
 CACHE_URL = env_str("CACHE_URL", "") or (broker.cache_url(VALKEY_SOCKET) if EMBEDDED_BROKER else CELERY_BROKER_URL)
-if not CACHE_URL.startswith(("unix://", "redis://", "rediss://")):
-    raise ImproperlyConfigured("Set CACHE_URL to a Redis or Valkey server, such as redis://host:6379/1.")
+check_url(
+    "CACHE_URL (Redis or Valkey, also where CELERY_BROKER_URL is neither)", CACHE_URL, _REDIS, "redis://host:6379/1"
+)
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": CACHE_URL}}
 
 CELERY_TASK_IGNORE_RESULT = True
@@ -187,7 +201,7 @@ if STORAGE == "local":
             "directory_permissions_mode": 0o700,
         },
     }
-elif STORAGE.startswith("s3://"):
+elif STORAGE.startswith("s3://") and STORAGE.removeprefix("s3://"):
     _default_storage = {
         "BACKEND": "storages.backends.s3.S3Storage",
         "OPTIONS": {"bucket_name": STORAGE.removeprefix("s3://"), "default_acl": "private", "querystring_auth": True},
@@ -221,36 +235,33 @@ ACCOUNT_SIGNUP_FIELDS = ["email*", "username*", "password1*", "password2*"]
 ACCOUNT_USERNAME_VALIDATORS = "league.models.ALIAS_VALIDATORS"
 ACCOUNT_USERNAME_MIN_LENGTH = 2
 ACCOUNT_USERNAME_BLACKLIST = ["admin", "administrator", "paddock", "house", "steward", "anonymous", "me", "new"]
-ACCOUNT_EMAIL_VERIFICATION = env_str("PADDOCK_EMAIL_VERIFICATION", "optional")
-if ACCOUNT_EMAIL_VERIFICATION not in ("none", "optional", "mandatory"):
-    raise ImproperlyConfigured("PADDOCK_EMAIL_VERIFICATION must be none, optional or mandatory.")
+ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional", ("none", "optional", "mandatory"))
 ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True
 ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
 LOGIN_URL = "account_login"
 LOGIN_REDIRECT_URL = "home"
 LOGOUT_REDIRECT_URL = "home"
-# E-mail goes to the log unless an SMTP server is named: smtp://user:password@host:587/?tls=True
-EMAIL_CONFIG_URL = env_str("EMAIL_URL", "")
+# E-mail goes to the log unless an SMTP server is named
+_SMTP = "smtp://user:password@host:587/?tls=True"
+EMAIL_CONFIG_URL = env_url("EMAIL_URL", "", ("smtp",), _SMTP)
 if EMAIL_CONFIG_URL:
-    from urllib.parse import parse_qs, unquote, urlsplit
-
     _mail = urlsplit(EMAIL_CONFIG_URL)
-    if _mail.scheme != "smtp" or not _mail.hostname:
-        raise ImproperlyConfigured("EMAIL_URL must look like smtp://user:password@host:587/?tls=True.")
     EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
     EMAIL_HOST, EMAIL_PORT = _mail.hostname, _mail.port or 25
     EMAIL_HOST_USER, EMAIL_HOST_PASSWORD = unquote(_mail.username or ""), unquote(_mail.password or "")
-    EMAIL_USE_TLS = parse_qs(_mail.query).get("tls") == ["True"]
+    if _mail.query not in ("", "tls=True", "tls=False"):
+        raise ImproperlyConfigured(f"EMAIL_URL must be an address such as {_SMTP}.")
+    EMAIL_USE_TLS = _mail.query == "tls=True"
 else:
     EMAIL_BACKEND = "django.core.mail.backends.console.EmailBackend"
-DEFAULT_FROM_EMAIL = env_str("PADDOCK_FROM_EMAIL", "paddock@localhost")
+DEFAULT_FROM_EMAIL = env_sender("PADDOCK_FROM_EMAIL", "paddock@localhost")
 
 # --- languages and time --------------------------------------------------------------------------------------------
 LANGUAGE_CODE = "en"
 LANGUAGES = [("en", _("English")), ("ko", _("Korean"))]
 LOCALE_PATHS = [BASE_DIR / "locale"]
-TIME_ZONE = env_str("PADDOCK_TIME_ZONE", "UTC")
+TIME_ZONE = env_time_zone("PADDOCK_TIME_ZONE", "UTC")
 USE_TZ = True
 
 # --- what a page may load: only our own files -------------------------------------------------------------------------
@@ -309,11 +320,12 @@ SPECTACULAR_SETTINGS = {
     ],
 }
 
+LOG_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"line": {"format": "%(levelname).1s %(name)s %(message)s"}},
     "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "line"}},
-    "root": {"handlers": ["console"], "level": env_str("PADDOCK_LOG_LEVEL", "INFO")},
+    "root": {"handlers": ["console"], "level": env_choice("PADDOCK_LOG_LEVEL", "INFO", LOG_LEVELS)},
     "loggers": {"celery": {"level": "WARNING"}, "kombu": {"level": "WARNING"}},
 }

@@ -59,7 +59,7 @@ def test_no_variable_is_described_that_nothing_reads():
 def test_defaults_are_those_of_the_settings():
     settings = (CHECKOUT / "league/settings.py").read_text()
     defaults = re.findall(r'env_(?:int|bool)\("([A-Z_]+)", (\w+)', settings)
-    defaults += re.findall(r'env_(?:str|list)\("([A-Z_]+)", "([^"]+)"\)', settings)
+    defaults += re.findall(r'env_(?:str|list|url|hosts|choice|sender|time_zone)\("([A-Z_]+)", "([^"]+)"', settings)
     assert len(defaults) > 10
     for name, default in defaults:
         assert re.search(rf"^\| `{name}` \| `{re.escape(default)}`", text("operators.md"), re.M), (name, default)
