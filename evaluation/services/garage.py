@@ -1,4 +1,4 @@
-"""A racer's models: upload, describe, delete."""
+"""A racer's models: upload, describe, share, delete."""
 
 from __future__ import annotations
 
@@ -51,27 +51,30 @@ def upload_model(
     name: str | None = None,
     description: str = "",
     look: Look = Look(),  # noqa: B008  a tuple
+    has_place: bool = False,
     now: datetime,
 ) -> UploadedModel:
     """Read, check and keep a model. Nothing is stored unless all of it is in order.
 
     ``name=None`` names it after its file. ``look``: of a new model; one that is there already keeps its own.
+    ``has_place``: it was promised a place when there was one, so a garage that is full by now takes it.
     Raises UserFault (a code of the upload, metadata, conversion or gate section, or ``garage_full``,
     ``storage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
     """
     if name is not None:
         name = _valid_name(name)
     description = _valid_description(description)
-    refuse_full_garage(owner)
+    if not has_place:
+        refuse_full_garage(owner)
     limits = replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE)
     admitted = admit(files, limits, who=owner.pk)
     # once before anything is stored, and once more under the lock
-    known = _known_model(owner, admitted.sha256, name)
+    known = _known_model(owner, admitted.sha256, name, has_place)
     while known is None:
         _stored_network(admitted, now=now)
         with transaction.atomic():
             hold(owner)
-            known = _known_model(owner, admitted.sha256, name)
+            known = _known_model(owner, admitted.sha256, name, has_place)
             network = Network.objects.select_for_update().filter(pk=admitted.sha256).first()
             if known is None and network is not None:  # else it was purged in this very moment
                 model = TrainedModel.objects.create(
@@ -108,17 +111,36 @@ def describe_model(*, model: TrainedModel, name: str, description: str, look: Lo
     return model
 
 
+def share_model(*, model: TrainedModel, now: datetime) -> None:
+    """Let every racer look at a model, download it and train on from its weights. Sharing it again changes nothing.
+
+    Raises UserFault ``model_deleted_not_shared`` for one that has left the garage.
+    """
+    TrainedModel.objects.filter(pk=model.pk, deleted_at=None, shared_at=None).update(shared_at=now)
+    model.refresh_from_db(fields=["shared_at", "deleted_at"])
+    if model.shared_at is None:
+        raise UserFault("model_deleted_not_shared")
+
+
+def stop_sharing_model(*, model: TrainedModel) -> None:
+    """Keep a model to its owner again. Trainings that began with its weights go on, and what they made stays."""
+    TrainedModel.objects.filter(pk=model.pk).update(shared_at=None)
+    model.refresh_from_db(fields=["shared_at"])
+
+
 def delete_model(*, model: TrainedModel, now: datetime) -> None:
-    """Take a model out of its owner's garage. Its evaluations and what they reached on boards stay."""
-    TrainedModel.objects.filter(pk=model.pk, deleted_at=None).update(deleted_at=now)
-    model.refresh_from_db(fields=["deleted_at"])
+    """Take a model out of its owner's garage, and end its sharing. Its evaluations and what they reached on boards
+    stay, as do trainings that began with its weights."""
+    TrainedModel.objects.filter(pk=model.pk, deleted_at=None).update(deleted_at=now, shared_at=None)
+    model.refresh_from_db(fields=["deleted_at", "shared_at"])
 
 
 def purge_garages(*, now: datetime) -> int:
     """Remove for good what was deleted :data:`KEEP_DELETED` ago and never raced, and networks that nobody has.
 
-    Returns how many networks were removed. What has an evaluation stays, so that its result can be verified. Uploads
-    that a killed web server left half received on this machine go too.
+    Returns how many networks were removed. What has an evaluation stays, so that its result can be verified, and so
+    does what a training began with (a protected reference): it may yet have to begin anew. Uploads that a killed web
+    server left half received on this machine go too.
     """
     before = now - KEEP_DELETED
     _remove_abandoned_uploads(before)
@@ -141,11 +163,12 @@ def _remove_abandoned_uploads(before: datetime) -> None:
                 path.unlink()
 
 
-def _known_model(owner: Racer, sha256: str, name: str | None) -> TrainedModel | None:
+def _known_model(owner: Racer, sha256: str, name: str | None, has_place: bool) -> TrainedModel | None:
     """The owner's model of this network. None when there is none, and one of this name may be added."""
     known = _garage(owner).filter(network=sha256).first()
     if known is None:
-        refuse_full_garage(owner)
+        if not has_place:
+            refuse_full_garage(owner)
         if name is not None:
             _refuse_taken_name(owner, name)
     return known

@@ -174,7 +174,14 @@ def test_checkpoints_are_kept_in_bounds_with_their_files(held, now):
     assert [one.iteration for one in Checkpoint.objects.all()] == [5, 4]
     assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2 * CHECKPOINTS_KEPT
     assert networks_of(Checkpoint.objects.first()) == NETWORKS
-    fail_training(job_id=held.pk, lease=held.lease, fault=UserFault("training_over"), now=now)
+    fault = UserFault("reward_raised", line=2, error="KeyError")
+    fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
+    held.refresh_from_db()
+    assert (held.state, held.reason_code) == (JobState.QUEUED, "reward_raised"), "a worker makes models of them first"
+    again = claim_next_training(worker="v", now=now)
+    fail_training(job_id=again.pk, lease=again.lease, fault=UserFault("onnx_corrupt"), now=now)
+    held.refresh_from_db()
+    assert (held.state, held.reason_code) == (JobState.FAILED, "reward_raised"), "they are no networks"
     assert not Checkpoint.objects.exists()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 import numpy as np
 import onnx
 import pytest
@@ -13,7 +15,17 @@ from tests.factories import a_race
 from tests.rows import model_row
 from tests.training.jobs import a_training
 from training.models import Checkpoint, JobState
-from training.services import run_next_training, spec_of, work
+from training.services import (
+    claim_next_training,
+    keep_checkpoint,
+    record_iteration,
+    run_next_training,
+    spec_of,
+    sweep_trainings,
+    work,
+)
+from training.services.leases import KEEPINGS_TRIED
+from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
 from training.trainer.network import Layout, to_onnx
 
@@ -195,12 +207,100 @@ def test_a_racers_fault_ends_it_with_what_it_had_learned(job, trainer):
     assert (job.state, job.reason_code, job.best_model.name) == (JobState.FAILED, "reward_raised", "first")
 
 
-def test_a_garage_that_has_filled_up_is_the_reason_it_ends_with(job, alice, settings):
+def test_a_garage_that_has_filled_up_meanwhile_takes_its_models_all_the_same(job, alice, settings):
+    """There was room when it was taken on."""
     settings.MODELS_PER_RACER = 1
     model_row(alice, name="another")
     run_next_training(worker="w")
     job.refresh_from_db()
-    assert (job.state, job.reason_code) == (JobState.FAILED, "garage_full")
+    assert (job.state, job.best_model.name, job.last_model.name) == (JobState.FINISHED, "first", "first-last")
+
+
+class TestWorkersThatDisappear:
+    """Whatever ends a training, what its last checkpoint holds becomes its models, once."""
+
+    @pytest.fixture(autouse=True)
+    def _attempts(self, settings):
+        settings.EVALUATION_MAX_ATTEMPTS = 3
+
+    def lose(self, job, now, *, with_checkpoint: bool = True, times: int = 3) -> None:
+        """So many workers take it on and are never heard of again, the first after a checkpoint."""
+        for number in range(times):
+            held = claim_next_training(worker=f"w{number}", now=now)
+            assert held == job
+            if with_checkpoint and not number:
+                record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=now)
+                networks = (network(job, 1), network(job, 2))
+                state = SavedState(1, 100, 1.0, b"state")
+                keep_checkpoint(job=held, lease=held.lease, saved=state, networks=networks, now=now)
+            sweep_trainings(now=now + timedelta(hours=1))
+        job.refresh_from_db()
+
+    def test_leave_the_models_of_the_last_checkpoint(self, job, trainer, now):
+        self.lose(job, now)
+        assert (job.state, job.reason_code) == (JobState.QUEUED, "training_gave_up"), "its models are to be kept yet"
+        assert run_next_training(worker="another")
+        job.refresh_from_db()
+        assert (job.state, job.reason_code, job.reason_params) == (JobState.FAILED, "training_gave_up", {"attempts": 3})
+        assert trainer.starts == [], "it is not trained once more"
+        with job.best_model.network.onnx.open() as best, job.last_model.network.onnx.open() as last:
+            kept = weights(best.read()), weights(last.read())
+        assert kept == tuple(weights(each) for each in trainer.networks)
+        assert TrainedModel.objects.count() == 2
+        assert not Checkpoint.objects.exists()
+        assert not run_next_training(worker="another"), "nothing is left to do"
+
+    def test_leave_none_without_a_checkpoint(self, job, now):
+        self.lose(job, now, with_checkpoint=False)
+        assert (job.state, job.reason_code, job.best_model) == (JobState.FAILED, "training_gave_up", None)
+
+    def test_are_followed_by_one_that_disappears_while_it_keeps_the_models(self, job, now):
+        """They are in the garage already, and the next worker finds them there."""
+        self.lose(job, now)
+        held = claim_next_training(worker="also lost", now=now)
+        admit_networks(job=held, best=network(job, 1), last=network(job, 2), now=now)
+        sweep_trainings(now=now + timedelta(hours=1))
+        run_next_training(worker="another")
+        job.refresh_from_db()
+        assert (job.state, job.best_model.name, job.last_model.name) == (JobState.FAILED, "first", "first-last")
+        assert TrainedModel.objects.count() == 2
+
+    def test_are_not_followed_without_end(self, job, now):
+        self.lose(job, now)
+        lost = 0
+        while claim_next_training(worker="also lost", now=now) is not None:
+            sweep_trainings(now=now + timedelta(hours=1))
+            lost += 1
+            assert lost < 20
+        job.refresh_from_db()
+        assert (job.state, job.reason_code, lost) == (JobState.FAILED, "training_gave_up", KEEPINGS_TRIED)
+        assert not Checkpoint.objects.exists()
+
+    def test_cost_no_model_when_the_newest_checkpoint_cannot_be_read(self, job, trainer, now):
+        held = claim_next_training(worker="w", now=now)
+        for number, networks in ((1, (1, 2)), (2, (3, 4))):
+            state, made = SavedState(number, 100, 1.0, b"state"), tuple(network(job, seed) for seed in networks)
+            keep_checkpoint(job=held, lease=held.lease, saved=state, networks=made, now=now)
+        default_storage.delete(Checkpoint.objects.first().networks.name)
+        default_storage.delete(Checkpoint.objects.first().file.name)
+        sweep_trainings(now=now + timedelta(hours=1))
+        for _ in range(3):
+            run_next_training(worker="w")
+        job.refresh_from_db()
+        assert (job.state, job.reason_code, trainer.starts) == (JobState.FAILED, "training_gave_up", [])
+        with job.best_model.network.onnx.open() as best:
+            assert weights(best.read()) == weights(network(job, 1))
+
+
+def test_a_last_network_that_the_gate_refuses_does_not_cost_the_best(job, trainer):
+    """It may be what a reward function made of it."""
+    layout = Layout.of(job.metadata)
+    broken = to_onnx(layout, {name: np.full(shape, np.nan) for name, shape in layout.shapes.items()}, squash=False)
+    trainer.networks[1] = broken
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    assert (job.state, job.best_model.name, job.last_model) == (JobState.FINISHED, "first", job.best_model)
+    assert "the last network" in job.log
 
 
 def test_a_race_that_refuses_the_model_is_told_beside_a_finished_training(alice, oval, now, trainer):

@@ -12,15 +12,16 @@ from django.db import transaction
 from django.db.models import F, QuerySet, Value
 from django.db.models.functions import Concat
 
-from faults import PaddockError, PlatformFault, UserFault
+from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 
-from ..models import JobState, TrainingJob
+from ..models import Checkpoint, JobState, TrainingJob
 from ..rewards.examples import EXAMPLES
 from .bell import ring_training_bell
 
 logger = logging.getLogger(__name__)
 DETAIL_LIMIT = 4000
 BELLS_AT_ONCE = 4
+KEEPINGS_TRIED = 3  # by so many workers, one after the other, to make models of what a lost training had learned
 # What a process may die of that a stranger's code ran in; everything else is beyond that code's reach.
 _FROM_INSIDE = ("trainer_error", "trainer_died")
 _OUR_CODE = frozenset(example.code.strip() for example in EXAMPLES)
@@ -78,9 +79,18 @@ def fail_training(*, job_id: int, lease: uuid.UUID, fault: PaddockError, now: da
     A user's fault is final at once. After a platform's fault the training waits to go on from its last checkpoint,
     until ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``training_gave_up``, or with the UserFault
     ``training_broke_down`` where a reward function of the racer's own may have brought that about.
+
+    Where there is a checkpoint it waits once more, with that reason, for a worker that makes models of what the
+    checkpoint holds: a training leaves a model whatever ends it.
     """
     job = held(job_id, lease).first()
     return job is not None and _fail(held(job_id, lease), job, fault, now, detail)
+
+
+def verdict(job: TrainingJob) -> PaddockError | None:
+    """What a training that still waits or runs will end with: nothing is trained any more, its models are to be kept.
+    None: it trains."""
+    return fault_from_dict({"code": job.reason_code, "params": job.reason_params}) if job.reason_code else None
 
 
 def last_word(job: TrainingJob, fault: PaddockError) -> PaddockError | None:
@@ -108,7 +118,10 @@ def release_training(*, job_id: int, lease: uuid.UUID, now: datetime) -> bool:
 
 
 def sweep_trainings(*, now: datetime, ring: bool = True) -> int:
-    """Put trainings whose worker disappeared back into the queue, and ring for whatever waits. How many wait."""
+    """Put trainings whose worker disappeared back into the queue, and ring for whatever waits. How many wait.
+
+    What has used up its attempts fails; with a checkpoint, as soon as a worker has made models of that.
+    """
     for job in TrainingJob.objects.filter(state=JobState.RUNNING, leased_until__lt=now).order_by("leased_until"):
         mine = held(job.pk, job.lease).filter(leased_until__lt=now)
         try:
@@ -132,14 +145,25 @@ def _fail(mine: QuerySet[TrainingJob], job: TrainingJob, fault: PaddockError, no
         changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
     if ours:
         logger.warning("Training %s, attempt %s: %s. %s", job.public_id, job.attempt, fault.code, detail)
-    final = last_word(job, fault)
-    if final is None:
+    final, again = _what_next(job, fault)
+    if final is not None:
+        changes |= {"reason_code": final.code, "reason_params": final.params}
+    if again:
         requeued = mine.update(state=JobState.QUEUED, started_at=None, progress={}, **changes)
         if requeued:
             ring_training_bell()
         return bool(requeued)
-    changes |= {"reason_code": final.code, "reason_params": final.params}
     failed = mine.update(state=JobState.FAILED, ended_at=now, **changes)
     if failed:
         drop_checkpoints(job)
     return bool(failed)
+
+
+def _what_next(job: TrainingJob, fault: PaddockError) -> tuple[PaddockError | None, bool]:
+    """What the training ends with, None if it goes on; and whether a worker has yet to take it on."""
+    known = verdict(job)
+    if known is not None:
+        left = settings.EVALUATION_MAX_ATTEMPTS + KEEPINGS_TRIED - job.attempt
+        return known, isinstance(fault, PlatformFault) and left > 0
+    final = last_word(job, fault)
+    return final, final is None or Checkpoint.objects.filter(job=job).exclude(networks="").exists()

@@ -24,7 +24,7 @@ from races.services import submit_model
 from ..models import JobState, TrainingJob
 from ..trainer.client import Ended
 from .leases import DETAIL_LIMIT, held
-from .records import delete_stored, drop_checkpoints
+from .records import append_log, delete_stored, drop_checkpoints
 
 logger = logging.getLogger(__name__)
 _NAMES_TRIED = 50
@@ -35,10 +35,32 @@ def admit_networks(*, job: TrainingJob, best: bytes, last: bytes, now: datetime)
     """Both networks as models of the owner, by the way of every upload: the gate, canonical bytes, the garage's limits.
 
     The best takes the training's name, the last that name with ``-last``; where both are the same network they are one
-    model. Raises what :func:`evaluation.services.upload_model` raises.
+    model, and where the gate refuses one of them (a reward function can reach into the trainer) it is the other.
+    A full garage takes them too: there was room when the training was taken on. What is in the garage already is not
+    added again. Raises what :func:`evaluation.services.upload_model` raises, for the last if it refuses both.
     """
-    model = _admit(job, best, job.name, now)
-    return model, model if last == best else _admit(job, last, f"{job.name[: _NAME_LIMIT - 5]}-last", now)
+    try:
+        model = _admit(job, best, job.name, now)
+    except UserFault:
+        if last == best:
+            raise
+        model = _admit(job, last, job.name, now)
+        return model, model
+    if last == best:
+        return model, model
+    try:
+        return model, _admit(job, last, f"{job.name[: _NAME_LIMIT - 5]}-last", now)
+    except UserFault as fault:
+        append_log(job_id=job.pk, line=f"the last network is not kept: {fault}", now=now)
+        return model, model
+
+
+def keep_sb3(*, job: TrainingJob, lease: uuid.UUID, ended: Ended) -> str:
+    """Store what stable-baselines3 reads; the file's name, ``""`` where there is none. Raises OSError."""
+    if not ended.sb3_zip:
+        return ""
+    path = f"training/{job.public_id}/{lease.hex[:8]}-sb3.zip"
+    return default_storage.save(path, ContentFile(ended.sb3_zip))
 
 
 def finish_training(
@@ -47,6 +69,7 @@ def finish_training(
     lease: uuid.UUID,
     ended: Ended | None,
     models: tuple[TrainedModel, TrainedModel],
+    sb3_zip: str = "",
     fault: PaddockError | None = None,
     detail: str = "",
     now: datetime,
@@ -54,13 +77,9 @@ def finish_training(
     """Write how a training ended that leaves models, once, and submit the best to the race that was chosen. False: the
     lease is gone.
 
-    ``fault`` (and no ``ended``): what ended it early; what it had learned until then is kept. ``detail``: what
-    operators read of it.
+    ``fault`` (and no ``ended``): what ended it early; what it had learned until then is kept. ``sb3_zip``: of
+    :func:`keep_sb3`. ``detail``: what operators read of it.
     """
-    name = ""
-    if ended is not None and ended.sb3_zip:
-        path = f"training/{job.public_id}/{lease.hex[:8]}-sb3.zip"
-        name = default_storage.save(path, ContentFile(ended.sb3_zip))
     best, last = models
     changes: dict = {"state": JobState.FINISHED}
     if fault is not None:
@@ -73,12 +92,12 @@ def finish_training(
         changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}
     with transaction.atomic():
         finished = held(job.pk, lease).update(
-            lease=None, leased_until=None, ended_at=now, best_model=best, last_model=last, sb3_zip=name, **changes
+            lease=None, leased_until=None, ended_at=now, best_model=best, last_model=last, sb3_zip=sb3_zip, **changes
         )
         if finished:
             drop_checkpoints(job)
     if not finished:
-        delete_stored([name])
+        delete_stored([sb3_zip])
         return False
     if fault is None and job.submit_to_race_id is not None:
         _submit(job, best, now)
@@ -114,6 +133,7 @@ def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedMo
                 name=wanted,
                 description=job.description,
                 look=Look(job.shell, job.colour),
+                has_place=True,
                 now=now,
             )
         except UserFault as fault:

@@ -21,9 +21,9 @@ from ..models import Checkpoint, TrainingJob
 from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
 from ..trainer.spec import TrainerSpec
 from .create import course_of
-from .leases import beat, claim_next_training, fail_training, held, last_word, release_training
-from .records import append_log, keep_checkpoint, networks_of, record_iteration
-from .results import admit_networks, finish_training
+from .leases import beat, claim_next_training, fail_training, held, last_word, release_training, verdict
+from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration
+from .results import admit_networks, finish_training, keep_sb3
 
 logger = logging.getLogger(__name__)
 BEAT_S = 1.0
@@ -77,8 +77,11 @@ class _Turn(Listener):
 
     def take(self) -> str:
         """Run it. How it ended, for our log."""
-        job, ended, final = self._job, None, None
-        detail = ""
+        job, ended = self._job, None
+        final = verdict(job)
+        if final is not None:
+            return self._keep_models(final)
+        detail = sb3_zip = ""
         try:
             ended = self._train()
         except Exception as error:
@@ -92,18 +95,43 @@ class _Turn(Listener):
             if final is None or not self._best:
                 return self._fail(fault, detail)
         try:
-            models = self._admitted()
-            if final is not None:
-                self._log(f"ended early: {final}")
-            else:
-                self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
-            now = timezone.now()
-            done = finish_training(
-                job=job, lease=self._lease, ended=ended, models=models, fault=final, detail=detail, now=now
-            )
+            if ended is not None:  # before there are models: what cannot be kept is tried again, and makes them once
+                sb3_zip = keep_sb3(job=job, lease=self._lease, ended=ended)
+            return self._finish(ended, final, sb3_zip, detail)
         except Exception as error:
+            delete_stored([sb3_zip])
             return self._fail(*fault_of(error))
+
+    def _finish(self, ended: Ended | None, final: PaddockError | None, sb3_zip: str = "", detail: str = "") -> str:
+        """Make models of the best and the last network, and end with them."""
+        models = self._admitted()
+        if final is not None:
+            self._log(f"ended early: {final}")
+        else:
+            self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
+        done = finish_training(
+            job=self._job,
+            lease=self._lease,
+            ended=ended,
+            models=models,
+            sb3_zip=sb3_zip,
+            fault=final,
+            detail=detail,
+            now=timezone.now(),
+        )
         return ("failed" if final else "finished") if done else "was given to somebody else"
+
+    def _keep_models(self, final: PaddockError) -> str:
+        """Nothing is trained any more: what the newest readable checkpoint holds becomes the models."""
+        fault: Exception = PlatformFault("storage_failed")
+        for checkpoint in Checkpoint.objects.filter(job=self._job).order_by("-iteration"):
+            try:
+                self._best, self._last = networks_of(checkpoint)
+                if self._last:
+                    return self._finish(None, final)
+            except Exception as error:  # a file that is gone or no archive, networks that the gate refuses
+                fault = error
+        return self._fail(*fault_of(fault))
 
     def _train(self) -> Ended:
         job = self._job
