@@ -99,8 +99,9 @@ def start_places(length: float, bots: int) -> list[float]:
 
     Raises UserFault ``bots_do_not_fit`` when they would start less than 2 m apart.
     """
-    spacing = (length - BOTS_START_M - BOTS_END_M) / bots
-    if spacing < BOT_SPACING_M:
+    room = length - BOTS_START_M - BOTS_END_M
+    spacing = max(room / bots, BOT_SPACING_M)  # on a short track as near as they may, with the rest of it behind them
+    if (bots - 1) * spacing > room:
         raise UserFault("bots_do_not_fit", bots=bots, length_m=round(length, 2), least_m=BOT_SPACING_M)
     return [BOTS_START_M + number * spacing for number in range(bots)]
 

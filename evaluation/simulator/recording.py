@@ -20,6 +20,7 @@ MAX_BYTES = 64 * 1024 * 1024
 MAX_GAP_S = 0.25  # between two rows of a drive; simapp's longest measured step is 0.15 s
 MAX_SPEED_MPS = 5.5  # a car that moves faster between two rows was put elsewhere; the fastest command is 4 m/s
 FRAME_S = 1.0 / 15.0
+MAX_NUMBER = 1e10  # times of day in seconds are a fifth of it; far beyond, a float no longer tells two rows apart
 _LONGEST_FIELD = 1000
 
 
@@ -46,8 +47,8 @@ def read_drives(data: bytes, physics: CarPhysics = PADDOCK_CAR) -> list[Drive]:
     The time stamp of a row is that of the end of its step (in recorded drives the way to the next row goes with the
     difference of the two stamps *before* it, hardly with its own), so a state's time is the stamp of the row before.
 
-    Raises UserFault: ``trace_too_large``, ``trace_not_csv``, ``trace_columns_missing``, ``trace_not_a_number``,
-    ``trace_out_of_order``.
+    Raises UserFault: ``trace_too_large``, ``trace_not_csv``, ``trace_columns_missing``, ``trace_column_twice``,
+    ``trace_not_a_number``, ``trace_number_too_large``, ``trace_out_of_order``.
     """
     if len(data) > MAX_BYTES:
         raise UserFault("trace_too_large", limit_mb=MAX_BYTES // 1024**2)
@@ -66,6 +67,9 @@ def read_drives(data: bytes, physics: CarPhysics = PADDOCK_CAR) -> list[Drive]:
         missing = [name for name in COLUMNS if name not in names]
         if missing:
             raise UserFault("trace_columns_missing", columns=", ".join(missing))
+        twice = [name for name in COLUMNS if names.count(name) > 1]
+        if twice:
+            raise UserFault("trace_column_twice", columns=", ".join(twice))
         for row in rows:
             values = {name: _number(row, name, rows.line_num) for name in COLUMNS[1:-1]}
             status = (row["episode_status"] or "").strip()
@@ -92,7 +96,7 @@ def read_drives(data: bytes, physics: CarPhysics = PADDOCK_CAR) -> list[Drive]:
 
 
 def _number(row: dict[str, str | None], name: str, line: int) -> float:
-    """A finite number. Raises UserFault("trace_not_a_number")."""
+    """A number of at most ``MAX_NUMBER``. Raises UserFault: ``trace_not_a_number``, ``trace_number_too_large``."""
     text = row[name]
     try:
         value = float(text)  # type: ignore[arg-type]
@@ -101,6 +105,8 @@ def _number(row: dict[str, str | None], name: str, line: int) -> float:
     if not math.isfinite(value):
         shown = "nothing" if text is None else text[:40]
         raise UserFault("trace_not_a_number", row=line, column=name, value=shown)
+    if abs(value) > MAX_NUMBER:
+        raise UserFault("trace_number_too_large", row=line, column=name, value=f"{value:g}", limit=f"{MAX_NUMBER:g}")
     return value
 
 

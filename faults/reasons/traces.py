@@ -12,6 +12,10 @@ REASONS = table(
             "The trace has no column %(columns)s. Its first line must name the columns as the official simulator does."
         ),
         "trace_not_a_number": _("Line %(row)s of the trace holds %(value)s for %(column)s, which is no finite number."),
+        "trace_column_twice": _("The trace has the column %(columns)s twice. Leave one of the two."),
+        "trace_number_too_large": _(
+            "Line %(row)s of the trace holds %(value)s for %(column)s. No recorded drive has a figure beyond %(limit)s."
+        ),
         "trace_out_of_order": _(
             "Line %(row)s of the trace is older than the line before it. Rows must follow each other in time."
         ),

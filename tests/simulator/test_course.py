@@ -20,8 +20,9 @@ from evaluation.simulator.course import (
 )
 from evaluation.simulator.rules import BoxPlace, RaceRules
 from faults import UserFault
-from tests.shared import CHECKOUT
+from tests.shared import CHECKOUT, SHARED, needs_shared
 from tracks.catalogue import CATALOGUE
+from tracks.npy import read_npy
 
 from .tracks_for_tests import hairpin, stadium
 
@@ -106,13 +107,31 @@ def test_bots_start_apart_and_off_the_grid_or_are_refused():
     places = start_places(TRACK.length, 4)
     assert places[0] >= BOTS_START_M and places[-1] <= TRACK.length - BOTS_END_M
     assert min(b - a for a, b in pairwise(places)) >= 2.0
-    fault = refusal(TRACK, RaceRules(race_type="head_to_head", bots=6))
+    fault = refusal(stadium(straight=2.0), RaceRules(race_type="head_to_head", bots=6))
     assert (fault.code, fault.params["bots"]) == ("bots_do_not_fit", 6)
 
 
 def test_six_bots_have_room_on_every_catalogue_track():
     for entry in CATALOGUE:
         assert len(start_places(entry.geometry().length, 6)) == 6
+
+
+@given(length=st.floats(5.0, 100.0), bots=st.integers(1, 6))
+def test_bots_fit_wherever_they_can_stand_2_m_apart_off_the_grid(length, bots):
+    room = length - BOTS_START_M - BOTS_END_M
+    try:
+        places = start_places(length, bots)
+    except UserFault as fault:
+        assert fault.code == "bots_do_not_fit" and room < 2.0 * (bots - 1)
+        return
+    assert len(places) == bots and places[0] == BOTS_START_M and places[-1] <= length - BOTS_END_M + 1e-9
+    assert all(b - a >= 2.0 - 1e-9 for a, b in pairwise(places))
+
+
+@needs_shared
+def test_six_bots_have_room_on_the_shortest_track_of_the_official_league():
+    track = read_npy((SHARED / "tracks" / "reInvent2019_wide.npy").read_bytes(), "reInvent2019_wide")
+    assert len(start_places(track.length, 6)) == 6
 
 
 @given(seed=st.integers(0, 10**9), count=st.integers(1, 6), distance=st.floats(0.0, 2.2))

@@ -63,6 +63,10 @@ def test_headings_run_on_over_the_half_turn():
         (trace(row(0), row(1, yaw="inf")), "trace_not_a_number"),
         (trace(row(0), "0,1,0.1"), "trace_not_a_number"),
         (trace(row(1), row(0)), "trace_out_of_order"),
+        (trace(row(0), row(1, x="1e300")), "trace_number_too_large"),
+        (trace(row(0).replace("1.5", "-1.7e308"), row(1)), "trace_number_too_large"),
+        (trace(row(0, t=1e15), row(1, t=1e15 + 1 / 15)), "trace_number_too_large"),
+        (trace(f"{row(0)},0", f"{row(1)},0", header=f"{HEADER},X"), "trace_column_twice"),
     ],
 )
 def test_what_is_no_trace_is_refused_with_a_code(data, code):
