@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import logging
-import os
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from functools import partial
 from time import monotonic
 
-import billiard
 from celery import shared_task
-from celery.signals import worker_process_init, worker_process_shutdown, worker_ready, worker_shutting_down
+from celery.signals import worker_process_init, worker_process_shutdown, worker_ready
 from django.utils import timezone
 
 from faults import PlatformFault
 
 from .crew import Spare
 from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
+from .stopping import is_stopping, shutdown_flag
 
 logger = logging.getLogger(__name__)
 _spare: Spare | None = None  # of this process of a pool
@@ -54,7 +49,7 @@ def sweep(self) -> dict[str, int]:
     """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
     fit = _fit(self.request.hostname or "local")
     report = sweep_queue(now=timezone.now())
-    if fit and not report.waiting:
+    if fit and not report.waiting and not is_stopping():
         _wait_ready()
     return {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
 
@@ -76,9 +71,8 @@ def sweep_at_start(sender=None, **kwargs: object) -> None:
 
 @worker_process_init.connect
 def begin_process(**kwargs: object) -> None:
-    """A SIGTERM to the whole group reaches the pool's processes too; Celery's main process ends idle ones itself."""
+    """A process of a pool keeps the processes of the next evaluation ready."""
     global _spare
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     _spare = Spare()
 
 
@@ -87,28 +81,6 @@ def end_process(**kwargs: object) -> None:
     """What was kept ready is not needed any more. (It dies with this process in any case.)"""
     if _spare is not None:
         _spare.close()
-
-
-@worker_shutting_down.connect
-def pass_on_shutdown(**kwargs: object) -> None:
-    """Celery waits for running tasks when it is told to stop; tell them to hand their evaluation back instead."""
-    for process in billiard.active_children():
-        with suppress(ProcessLookupError):
-            os.kill(process.pid, signal.SIGTERM)
-
-
-@contextmanager
-def shutdown_flag() -> Iterator[threading.Event]:
-    """An event that SIGTERM sets, so that a worker which is told to stop hands its evaluation back."""
-    told = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield told
-        return
-    before = signal.signal(signal.SIGTERM, lambda *_: told.set())
-    try:
-        yield told
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _wait_ready() -> None:

@@ -12,7 +12,7 @@ from django.conf import settings
 from django.utils import timezone
 
 from evaluation.services import note_worker
-from evaluation.tasks import shutdown_flag
+from evaluation.stopping import shutdown_flag
 from faults import PlatformFault
 
 from .services import purge_trainings, ring_training_bell, run_next_training, sweep_trainings
@@ -33,7 +33,7 @@ def train(self) -> bool:
         return False
     sweep_trainings(now=timezone.now(), ring=False)
     with shutdown_flag() as told_to_stop:
-        ran = run_next_training(worker=worker, interrupted=told_to_stop.is_set)
+        ran = not told_to_stop.is_set() and run_next_training(worker=worker, interrupted=told_to_stop.is_set)
         if ran and not told_to_stop.is_set():
             ring_training_bell()
     return ran

@@ -112,6 +112,22 @@ def is_running(pid: int) -> bool:
         return False
 
 
+def threads_of(pid: int) -> int:
+    """How many threads a process has. OSError when it is gone."""
+    return sum(1 for _ in Path(f"/proc/{pid}/task").iterdir())
+
+
+@contextmanager
+def suspended(pid: int) -> Iterator[None]:
+    """A process does nothing within the block."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+
+
 def wait_for(holds: Callable[[], object], limit_s: float = 30.0, log: Path | None = None) -> None:
     """Poll until ``holds()`` is true."""
     deadline = monotonic() + limit_s

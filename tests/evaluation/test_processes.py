@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from django.core.files.storage import default_storage
 from django.utils import timezone
+from redis import Redis
 
 from evaluation import services, tasks
 from evaluation.models import Evaluation, Result, State
@@ -27,6 +28,8 @@ from tests.evaluation.processes import (
     is_running,
     parent_of,
     session_of,
+    suspended,
+    threads_of,
     wait_for,
 )
 from tests.rows import model_row
@@ -177,6 +180,25 @@ def test_an_idle_worker_whose_whole_group_is_told_to_stop_ends_quietly(submit, c
         assert worker.wait(15) == 0
         assert not session_of(worker.pid)
     assert "exited with" not in control.log.read_text()
+
+
+def test_a_worker_told_to_stop_does_not_run_what_is_on_its_way_to_its_process(submit, control, broker_url):
+    """Celery's main process then reads nothing more from its pool: the process must not wait for it, either."""
+    broker = Redis(unix_socket_path=broker_url.removeprefix("redis+socket://"))
+    with broker, control.worker(broker_url) as worker:
+        first = submit()
+        wait_for(lambda: finished(first), 30, control.log)
+        wait_for(lambda: not (broker.llen("celery") or broker.hlen("unacked")), 30, control.log)
+        (process,) = (pid for pid in session_of(worker.pid) if parent_of(pid) == worker.pid)
+        with suspended(process):
+            second = submit(seed=1)
+            wait_for(lambda: broker.hlen("unacked"), 10, control.log)
+            os.kill(worker.pid, signal.SIGTERM)
+            wait_for(lambda: threads_of(worker.pid) > 1, 10, control.log)  # Celery starts one for its wait
+        assert worker.wait(10) == 0
+        assert not session_of(worker.pid)
+    second.refresh_from_db()
+    assert (second.state, second.attempt) == (State.QUEUED, 0)
 
 
 def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, broker_url):
