@@ -161,5 +161,10 @@ def test_a_training_is_its_owners_and_admins_see_it(alice, cast, now):
     assert [len(cast[role].get(ADDRESS).data["results"]) for role in ("owner", "stranger", "admin")] == [1, 0, 0]
     for role in ("member", "stranger", "anonymous"):
         assert cast[role].post(f"{ADDRESS}{job.public_id}/stop/").status_code == expected[role], role
-    assert cast["owner"].post(f"{ADDRESS}{job.public_id}/stop/").data["state"] == "stopped"
+    stopped = cast["owner"].post(f"{ADDRESS}{job.public_id}/stop/").data
+    assert (stopped["state"], stopped["ended_because"], stopped["ending"]) == (
+        "stopped",
+        "stopped",
+        "You stopped it before it began.",
+    )
     assert cast["owner"].post(f"{ADDRESS}{job.public_id}/stop/").data["state"] == "stopped"

@@ -77,7 +77,13 @@ def run(job: TrainingJob, iterations: int = 3) -> TrainingJob:
 
 def end(job: TrainingJob, world: World) -> TrainingJob:
     """The same training, finished with a model of alice's."""
-    values = {"state": JobState.FINISHED, "lease": None, "leased_until": None, "ended_at": world.now}
+    values = {
+        "state": JobState.FINISHED,
+        "ended_because": "time",
+        "lease": None,
+        "leased_until": None,
+        "ended_at": world.now,
+    }
     values |= {"best_model": world.model, "last_model": world.model}
     TrainingJob.objects.filter(pk=job.pk).update(**values)
     job.refresh_from_db()

@@ -121,7 +121,7 @@ def test_no_more_at_once_than_allowed(alice, bob, oval, now, settings):
     job = a_training(alice, oval, now, name="before")
     assert refusal(alice, oval, now).code == "training_jobs_at_once"
     a_training(bob, oval, now, name="before")
-    TrainingJob.objects.filter(pk=job.pk).update(state=JobState.STOPPED, ended_at=now)
+    TrainingJob.objects.filter(pk=job.pk).update(state=JobState.STOPPED, ended_because="stopped", ended_at=now)
     a_training(alice, oval, now)
 
 
@@ -130,7 +130,9 @@ def test_minutes_of_the_month_are_used_up_by_what_ran_and_what_may_run(alice, ov
     job = a_training(alice, oval, now, name="before", stop_minutes=20)
     fault = refusal(alice, oval, now, stop_minutes=11)
     assert (fault.code, fault.params["left"]) == ("training_minutes_left", 10)
-    TrainingJob.objects.filter(pk=job.pk).update(state=JobState.STOPPED, ended_at=now, seconds_done=120.0)
+    TrainingJob.objects.filter(pk=job.pk).update(
+        state=JobState.STOPPED, ended_because="stopped", ended_at=now, seconds_done=120.0
+    )
     assert minutes_used(alice, now) == 2.0
     assert minutes_left(alice, now + timedelta(days=31)) == 30.0
 
@@ -138,7 +140,7 @@ def test_minutes_of_the_month_are_used_up_by_what_ran_and_what_may_run(alice, ov
 def test_our_own_faults_cost_no_minutes(alice, oval, now):
     job = a_training(alice, oval, now)
     TrainingJob.objects.filter(pk=job.pk).update(
-        state=JobState.FAILED, ended_at=now, seconds_done=600.0, reason_code="training_gave_up"
+        state=JobState.FAILED, ended_because="failed", ended_at=now, seconds_done=600.0, reason_code="training_gave_up"
     )
     assert minutes_used(alice, now) == 0.0
     TrainingJob.objects.filter(pk=job.pk).update(reason_code="reward_raised")

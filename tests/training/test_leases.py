@@ -217,7 +217,12 @@ def test_sim_traces_of_trainings_of_long_ago_are_cleared_away(held, now):
     zipped = default_storage.save(f"{folder}/sb3.zip", ContentFile(b"zip"))
     assert purge_trainings(now=now + timedelta(days=365)) == 0, "it runs still"
     TrainingJob.objects.filter(pk=held.pk).update(
-        state=JobState.STOPPED, lease=None, leased_until=None, ended_at=now, sb3_zip=zipped
+        state=JobState.STOPPED,
+        ended_because="stopped",
+        lease=None,
+        leased_until=None,
+        ended_at=now,
+        sb3_zip=zipped,
     )
     assert purge_trainings(now=now + TRACES_KEPT) == 0
     assert purge_trainings(now=now + TRACES_KEPT + timedelta(seconds=1)) == 1

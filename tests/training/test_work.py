@@ -9,11 +9,13 @@ import onnx
 import pytest
 from django.core.files.storage import default_storage
 
+from evaluation import stopping
 from evaluation.models import TrainedModel
 from faults import PlatformFault, UserFault
 from tests.factories import a_race
 from tests.rows import model_row
 from tests.training.jobs import a_training
+from training import tasks
 from training.models import Checkpoint, JobState
 from training.services import (
     claim_next_training,
@@ -102,6 +104,16 @@ def test_best_and_last_become_two_models(job, trainer):
     assert not Checkpoint.objects.exists()
 
 
+@pytest.mark.parametrize(
+    ("why", "state"), [("time", "finished"), ("steps", "finished"), ("clean_laps", "finished"), ("stopped", "stopped")]
+)
+def test_what_ended_it_is_written_down(job, trainer, why, state):
+    trainer.at_the_end = lambda: Ended(why, 200, 2.0, b"zip")
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    assert (job.state, job.ended_because) == (state, why)
+
+
 def test_a_name_that_was_taken_meanwhile_gets_a_number(job, alice):
     model_row(alice, name="first")
     run_next_training(worker="w")
@@ -115,6 +127,14 @@ def test_a_worker_that_shuts_down_hands_it_back_with_its_checkpoint(job, trainer
     assert (job.state, job.attempt) == (JobState.QUEUED, 0)
     run_next_training(worker="v")
     assert trainer.starts == ["", "checkpoint"]
+
+
+def test_a_worker_that_was_told_to_stop_begins_none(job, trainer, monkeypatch):
+    monkeypatch.setattr(stopping, "is_stopping", lambda: True)
+    assert tasks.train.apply().get() is False
+    job.refresh_from_db()
+    assert (job.state, job.attempt) == (JobState.QUEUED, 0)
+    assert not trainer.starts
 
 
 def test_our_fault_sends_it_back_to_go_on(job, trainer):

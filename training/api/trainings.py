@@ -20,10 +20,11 @@ from races.models import Race, RaceType
 from races.selectors import races_visible_to
 from tracks.models import Direction, Track
 from training.checks import refusals
+from training.endings import how_it_ended
 from training.files import training_metrics
 from training.forms.training import CONTINUOUS, DISCRETE, signature_of
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
-from training.models import Algorithm, BestMetric, JobState, NeuralNetwork, TrainingJob
+from training.models import Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, TrainingJob
 from training.models.job import MAX_MINUTES, MAX_TRIALS
 from training.selectors import clonable_models, training_queue_position, trainings_of, visible_trainings
 from training.services import create_training, stop_training
@@ -44,7 +45,12 @@ class TrainingSummarySerializer(serializers.Serializer):
     algorithm = serializers.ChoiceField(Algorithm.choices)
     steps = serializers.IntegerField(source="steps_done", help_text="Control steps driven.")
     training_s = serializers.FloatField(source="seconds_done", help_text="Wall time of training so far.")
-    reason_code = serializers.CharField(allow_blank=True, help_text="Why it failed.")
+    ended_because = serializers.ChoiceField(
+        EndReason.choices, allow_blank=True, help_text="Which of these ended it; empty while nothing has."
+    )
+    reason_code = serializers.CharField(
+        allow_blank=True, help_text="Why it failed. Of one that waits: it has failed, and its models are kept yet."
+    )
     best_model = serializers.CharField(source="best_model.public_id", default=None, allow_null=True)
     last_model = serializers.CharField(source="last_model.public_id", default=None, allow_null=True)
     created_at = serializers.DateTimeField()
@@ -75,7 +81,8 @@ class TrainingSerializer(TrainingSummarySerializer):
     """A training with its settings and its iterations."""
 
     owner = serializers.CharField(source="owner.alias")
-    reason = serializers.CharField(allow_blank=True, help_text="The same as a sentence.")
+    ending = serializers.SerializerMethodField(help_text="Why it ended, as a sentence; empty while it has not.")
+    reason = serializers.CharField(allow_blank=True, help_text="The sentence of `reason_code`.")
     queue_position = serializers.SerializerMethodField(help_text="1: the next one.")
     stop_asked = serializers.SerializerMethodField(help_text="It has been asked to stop.")
     direction = serializers.ChoiceField(Direction.choices)
@@ -103,6 +110,9 @@ class TrainingSerializer(TrainingSummarySerializer):
     )
     submit_reason_code = serializers.CharField(allow_blank=True, help_text="Why it was not submitted.")
     iterations = serializers.SerializerMethodField()
+
+    def get_ending(self, job: TrainingJob) -> str:
+        return how_it_ended(job, self.context["request"].user)
 
     def get_queue_position(self, job: TrainingJob) -> int | None:
         return training_queue_position(job)
@@ -178,7 +188,7 @@ class TrainingsView(generics.ListAPIView):
         serializer = CreateSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
         job = create_training(owner=request.user, now=timezone.now(), **_checked(request, serializer.validated_data))
-        return Response(TrainingSerializer(job).data, status=status.HTTP_201_CREATED)
+        return Response(TrainingSerializer(job, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
 
 class TrainingView(APIView):
@@ -188,7 +198,7 @@ class TrainingView(APIView):
 
     @extend_schema(operation_id="read_training", summary="A training", responses=TrainingSerializer, tags=["trainings"])
     def get(self, request: Request, public_id: str) -> Response:
-        return Response(TrainingSerializer(_visible(request, public_id)).data)
+        return Response(TrainingSerializer(_visible(request, public_id), context={"request": request}).data)
 
 
 class TrainingStopView(APIView):
@@ -206,8 +216,8 @@ class TrainingStopView(APIView):
     )
     def post(self, request: Request, public_id: str) -> Response:
         job = _visible(request, public_id)
-        stop_training(job=job, now=timezone.now())
-        return Response(TrainingSerializer(_visible(request, public_id)).data)
+        stop_training(job=job, by=request.user, now=timezone.now())
+        return Response(TrainingSerializer(_visible(request, public_id), context={"request": request}).data)
 
 
 class TrainingMetricsView(APIView):

@@ -24,6 +24,16 @@ class JobState(models.TextChoices):
     STOPPED = "stopped", _("stopped")
 
 
+class EndReason(models.TextChoices):
+    """Why a training ended: one of its stop conditions, its owner or an admin, or what the job's reason says."""
+
+    TIME = "time", pgettext_lazy("why a training ended", "its minutes were used up")
+    STEPS = "steps", pgettext_lazy("why a training ended", "it had driven its steps")
+    CLEAN_LAPS = "clean_laps", pgettext_lazy("why a training ended", "it lapped cleanly")
+    STOPPED = "stopped", pgettext_lazy("why a training ended", "it was stopped")
+    FAILED = "failed", pgettext_lazy("why a training ended", "it failed")
+
+
 FINAL_STATES = (JobState.FINISHED, JobState.FAILED, JobState.STOPPED)
 
 

@@ -17,7 +17,7 @@ from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES
 from races.models import RaceType
 from tracks.models import Direction
 
-from .choices import FINAL_STATES, Algorithm, BestMetric, JobState, NeuralNetwork, RewardSignature
+from .choices import FINAL_STATES, Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, RewardSignature
 
 MAX_MINUTES = 1440
 MAX_TRIALS = 10
@@ -101,6 +101,14 @@ class TrainingJob(models.Model):
     leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
     worker = models.CharField(_("worker"), max_length=128, blank=True)
     stop_asked_at = models.DateTimeField(_("asked to stop"), null=True, blank=True)
+    stopped_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("stopped by"),
+    )
     progress = models.JSONField(_("progress"), default=dict, blank=True)
     driving = models.JSONField(_("newest drive"), default=list, blank=True)
     steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
@@ -133,6 +141,7 @@ class TrainingJob(models.Model):
     )
     submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
     submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    ended_because = models.CharField(_("why it ended"), max_length=10, choices=EndReason.choices, blank=True)
     reason_code = models.CharField(_("reason"), max_length=40, blank=True)
     reason_params = models.JSONField(_("details"), default=dict, blank=True)
     operator_detail = models.TextField(_("for operators"), blank=True)
@@ -166,6 +175,13 @@ class TrainingJob(models.Model):
                 condition=Q(state__in=["finished", "failed", "stopped"], ended_at__isnull=False)
                 | Q(state__in=["queued", "running"], ended_at__isnull=True),
                 name="training_ended_when_final",
+            ),
+            models.CheckConstraint(
+                condition=Q(state__in=["queued", "running"], ended_because="")
+                | Q(state="finished", ended_because__in=["time", "steps", "clean_laps"])
+                | Q(state="stopped", ended_because="stopped")
+                | Q(state="failed", ended_because="failed"),
+                name="training_end_has_reason",
             ),
             models.CheckConstraint(
                 condition=~Q(state="failed") | ~Q(reason_code=""), name="training_failure_has_reason"

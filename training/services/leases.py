@@ -14,7 +14,7 @@ from django.db.models.functions import Concat
 
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 
-from ..models import Checkpoint, JobState, TrainingJob
+from ..models import Checkpoint, EndReason, JobState, TrainingJob
 from ..rewards.examples import EXAMPLES
 from .bell import ring_training_bell
 
@@ -153,7 +153,7 @@ def _fail(mine: QuerySet[TrainingJob], job: TrainingJob, fault: PaddockError, no
         if requeued:
             ring_training_bell()
         return bool(requeued)
-    failed = mine.update(state=JobState.FAILED, ended_at=now, **changes)
+    failed = mine.update(state=JobState.FAILED, ended_because=EndReason.FAILED, ended_at=now, **changes)
     if failed:
         drop_checkpoints(job)
     return bool(failed)

@@ -21,7 +21,7 @@ from evaluation.services import upload_model
 from faults import PaddockError, UserFault
 from races.services import submit_model
 
-from ..models import JobState, TrainingJob
+from ..models import EndReason, JobState, TrainingJob
 from ..trainer.client import Ended
 from .leases import DETAIL_LIMIT, held
 from .records import append_log, delete_stored, drop_checkpoints
@@ -81,13 +81,14 @@ def finish_training(
     :func:`keep_sb3`. ``detail``: what operators read of it.
     """
     best, last = models
-    changes: dict = {"state": JobState.FINISHED}
+    changes: dict = {"state": JobState.FINISHED, "ended_because": ended.why if ended is not None else ""}
     if fault is not None:
-        changes = {"state": JobState.FAILED, "reason_code": fault.code, "reason_params": fault.params}
+        changes = {"state": JobState.FAILED, "ended_because": EndReason.FAILED}
+        changes |= {"reason_code": fault.code, "reason_params": fault.params}
         if detail:
             changes["operator_detail"] = Concat("operator_detail", Value(f"{detail.strip()[-DETAIL_LIMIT:]}\n"))
     elif ended is not None and ended.why == "stopped":
-        changes = {"state": JobState.STOPPED}
+        changes = {"state": JobState.STOPPED, "ended_because": EndReason.STOPPED}
     if ended is not None:
         changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}
     with transaction.atomic():

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 from django.db import transaction
 
-from ..models import Checkpoint, JobState, TrainingJob
+from ..models import Checkpoint, EndReason, JobState, TrainingJob
 from .bell import ring_training_bell
+
+if TYPE_CHECKING:
+    from league.models import Racer
 
 
 @transaction.atomic
-def stop_training(*, job: TrainingJob, now: datetime) -> bool:
+def stop_training(*, job: TrainingJob, now: datetime, by: Racer | None = None) -> bool:
     """Stop a training for good; what it has learned stays. False when it had ended already.
 
     One that runs is told so by its worker within a second, and ends with its models; so does one that waits to go on
-    from a checkpoint. One that has not begun ends at once.
+    from a checkpoint. One that has not begun ends at once. ``by``: who asked, its owner or an admin.
     """
     begun = Checkpoint.objects.filter(job=job).exists()
     stopped = 0
     if not begun:
         stopped = TrainingJob.objects.filter(pk=job.pk, state=JobState.QUEUED).update(
-            state=JobState.STOPPED, ended_at=now, stop_asked_at=now
+            state=JobState.STOPPED, ended_because=EndReason.STOPPED, ended_at=now, stop_asked_at=now, stopped_by=by
         )
     if not stopped:
         stopped = TrainingJob.objects.filter(pk=job.pk, state__in=(JobState.QUEUED, JobState.RUNNING)).update(
-            stop_asked_at=now
+            stop_asked_at=now, stopped_by=by
         )
         ring_training_bell()
     job.refresh_from_db()

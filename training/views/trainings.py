@@ -23,6 +23,7 @@ from races.models import Race, RaceType
 from races.replay import map_point, map_size
 from races.views.common import tell_fault
 from tracks.drawing import BoxMark
+from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
 from training.models import JobState, TrainingJob
 from training.selectors import can_stop_training, training_queue_position, trainings_of
@@ -81,7 +82,7 @@ def training_stop(request: HttpRequest, public_id: str) -> HttpResponse:
     if not job.is_final:
         if not can_stop_training(request.user, job):
             raise Http404
-        stop_training(job=job, now=timezone.now())
+        stop_training(job=job, by=request.user, now=timezone.now())
         if job.is_final:
             messages.success(request, _("The training is stopped before it began."))
         else:
@@ -153,6 +154,7 @@ def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
         "map_size": map_size(job.track),
         "course_boxes": _boxes(job),
         "mark": _mark(request, job),
+        "ending": how_it_ended(job, request.user),
         "model": job.best_model if mine else None,
         "is_failed": job.state == JobState.FAILED,
     }

@@ -1,0 +1,79 @@
+"""Why a training ended: a code that never changes, and a sentence for whoever reads it."""
+
+from __future__ import annotations
+
+import pytest
+from django.db import IntegrityError, transaction
+from django.utils import translation
+
+from faults import UserFault
+from tests.training.jobs import a_training
+from training.endings import how_it_ended
+from training.models import EndReason, JobState, TrainingJob
+from training.services import claim_next_training, fail_training, stop_training
+
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+
+
+def ended(job: TrainingJob, why: str, **more) -> TrainingJob:
+    """The training as it stands when it has ended for this reason."""
+    states = {EndReason.STOPPED: JobState.STOPPED, EndReason.FAILED: JobState.FAILED}
+    values = {"state": states.get(why, JobState.FINISHED), "ended_because": why, "ended_at": job.created_at}
+    TrainingJob.objects.filter(pk=job.pk).update(steps_done=5000, started_at=job.created_at, **values, **more)
+    job.refresh_from_db()
+    return job
+
+
+@pytest.mark.parametrize(
+    ("why", "asked", "says", "in_korean"),
+    [
+        (EndReason.TIME, {"stop_minutes": 5}, "Its 5 minutes of training were used up.", "5분"),
+        (EndReason.STEPS, {"stop_steps": 5000}, "It had driven the 5,000 steps that it was to drive.", "5,000"),
+        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 3}, "It drove 3 clean laps in a row, as it was to do.", "3바퀴"),
+        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 1}, "It drove 1 clean lap, as it was to do.", "1바퀴"),
+    ],
+)
+def test_its_own_conditions_are_said_with_their_numbers(alice, oval, now, why, asked, says, in_korean):
+    job = ended(a_training(alice, oval, now, **asked), why)
+    assert how_it_ended(job, alice) == says
+    with translation.override("ko"):
+        assert in_korean in how_it_ended(job, alice)
+
+
+def test_while_it_waits_or_runs_there_is_nothing_to_say(alice, oval, now):
+    job = a_training(alice, oval, now)
+    assert how_it_ended(job, alice) == ""
+    assert how_it_ended(claim_next_training(worker="w", now=now), alice) == ""
+
+
+def test_who_stopped_it_is_said_to_whoever_reads(alice, bob, oval, now):
+    job = a_training(alice, oval, now)
+    stop_training(job=job, by=alice, now=now)
+    assert how_it_ended(job, alice) == "You stopped it before it began."
+    assert how_it_ended(job, bob) == "Its owner stopped it before it began."
+    job = ended(a_training(alice, oval, now, name="second"), EndReason.STOPPED, stopped_by=bob)
+    assert how_it_ended(job, alice) == "An admin of this site stopped it."
+    assert how_it_ended(ended(job, EndReason.STOPPED, stopped_by=None), alice) == "You stopped it."
+
+
+def test_a_failure_is_said_with_its_reason_and_line(alice, oval, now):
+    a_training(alice, oval, now)
+    job = claim_next_training(worker="w", now=now)
+    fault = UserFault("reward_raised", line=2, error="ZeroDivisionError")
+    fail_training(job_id=job.pk, lease=job.lease, fault=fault, now=now)
+    job.refresh_from_db()
+    assert job.ended_because == EndReason.FAILED
+    assert how_it_ended(job, alice) == "Line 2 of the reward function failed: ZeroDivisionError."
+
+
+@pytest.mark.parametrize(
+    ("state", "why"),
+    [("finished", ""), ("finished", "stopped"), ("stopped", "time"), ("stopped", ""), ("failed", "time")],
+)
+def test_nothing_ends_without_its_reason(alice, oval, now, state, why):
+    job = a_training(alice, oval, now)
+    values = {"state": state, "ended_because": why, "ended_at": now, "steps_done": 1, "reason_code": "reward_stuck"}
+    with pytest.raises(IntegrityError, match="training_end_has_reason"), transaction.atomic():
+        TrainingJob.objects.filter(pk=job.pk).update(**values)
+    with pytest.raises(IntegrityError, match="training_end_has_reason"), transaction.atomic():
+        TrainingJob.objects.filter(pk=job.pk).update(ended_because=why or "time")
