@@ -58,6 +58,12 @@
     each("[data-zone]", (element) => { element.textContent = zone; }, form);
   });
 
+  // --- on a narrow screen the menu of sections scrolls sideways: the one that the reader is in stands in view -----------
+  each(".nav [aria-current]", (link) => {
+    const nav = link.parentElement;
+    nav.scrollLeft = link.offsetLeft - nav.offsetLeft - (nav.clientWidth - link.offsetWidth) / 2;
+  });
+
   // --- menus close on Escape and on a click elsewhere ----------------------------------------------------------------
   document.addEventListener("click", (event) => each("details.menu[open]", (menu) => {
     if (!menu.contains(event.target)) menu.open = false;

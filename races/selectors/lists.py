@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeAlias
 
-from django.db.models import Case, OuterRef, QuerySet, Value, When
+from django.db.models import Case, OuterRef, Q, QuerySet, Value, When
 
 from ..models import Entry, Kind, Race, Submission
 from ..ranking import Standing, rule_for
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
     from league.models import Racer
+    from tracks.models import Track
 
     Reader: TypeAlias = Racer | AnonymousUser | None
 
@@ -66,6 +67,16 @@ def closed_races(now: datetime, racer: Reader = None) -> QuerySet[Race]:
 def cancelled_races(racer: Reader = None) -> QuerySet[Race]:
     """Cancelled races that the racer may see, the last cancelled first."""
     return _counted(races_visible_to(racer)).filter(cancelled_at__isnull=False).order_by("-cancelled_at", "pk")
+
+
+def races_on(track: Track, now: datetime, racer: Reader = None) -> QuerySet[Race]:
+    """Races on a track that the racer may see: what takes cars at ``now`` first, the next to close before the others;
+    then what opens, the next one first; then what has closed, the latest first; cancelled ones last."""
+    races = races_visible_to(racer).filter(track=track)
+    cancelled, opens, closes = Q(cancelled_at__isnull=False), Q(opens_at__gt=now), Q(closes_at__gt=now)
+    first = Case(When(cancelled, then=3), When(opens, then=1), When(closes, then=0), default=2)
+    soonest = Case(When(opens, then="opens_at"), When(closes, then="closes_at"))
+    return races.order_by(first, soonest, "-closes_at", "pk")
 
 
 def organised_by(racer: Racer, viewer: Reader = None) -> QuerySet[Race]:

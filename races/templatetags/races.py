@@ -19,7 +19,7 @@ from races import facts
 from races.course import box_marks
 from races.eligibility import refusal
 from races.models import Race, RaceState, Submission
-from races.selectors import races_visible_to, racing_now
+from races.selectors import races_on, racing_now
 from races.sensors import not_offered
 from tracks.drawing import BoxMark, DrivenLine, draw_svg
 from tracks.geometry import TrackGeometry
@@ -64,10 +64,10 @@ class RaceForModel:
     sent: Submission | None
 
 
-@register.simple_tag(takes_context=True)
-def races_on(context: Context, track: Track) -> list[Race]:
-    """The latest races on a track that the reader may see."""
-    return list(races_visible_to(context["user"]).filter(track=track).order_by("-opens_at", "pk")[:RACES_ON_A_TRACK])
+@register.simple_tag(name="races_on", takes_context=True)
+def races_here(context: Context, track: Track) -> list[Race]:
+    """Races on a track that the reader may see: open ones first."""
+    return list(races_on(track, timezone.now(), context["user"])[:RACES_ON_A_TRACK])
 
 
 @register.simple_tag(takes_context=True)

@@ -20,6 +20,7 @@ from races.selectors import (
     podiums,
     racer_history,
     races_of,
+    races_on,
     racing_now,
     rank_of,
     submissions_of,
@@ -28,7 +29,8 @@ from races.selectors import (
 )
 from races.selectors.boards import board_entries
 from races.services import enter_race, remove_entry, submit_model, withdraw
-from tests.factories import a_model, a_race, a_racer, drive, lap, laps
+from tests.factories import a_model, a_race, a_racer, a_track, drive, lap, laps
+from tests.rows import track_row
 
 pytestmark = pytest.mark.django_db
 
@@ -244,6 +246,21 @@ def test_races_are_listed_by_the_time(alice, now):
     assert list(closed_races(now)) == [over]
     assert list(organised_by(alice, alice)) == [secret]
     assert list(organised_by(alice)) == []
+
+
+def test_the_races_on_a_track_begin_with_what_one_can_race_in_and_end_with_what_is_over(now, alice):
+    track, day = a_track(), timedelta(days=1)
+    gone = a_race(now, track=track, opens_at=now - 5 * day, closes_at=now - 4 * day)
+    just_over = a_race(now, track=track, opens_at=now - 9 * day, closes_at=now - day)
+    cancelled = a_race(now, track=track, cancelled_at=now, cancel_reason="rain")
+    year = a_race(now, track=track, closes_at=now + 300 * day)
+    week = a_race(now, track=track, closes_at=now + 7 * day)
+    later = a_race(now, track=track, opens_at=now + 40 * day, closes_at=now + 41 * day)
+    next_up = a_race(now, track=track, opens_at=now + 2 * day, closes_at=now + 400 * day)
+    secret = a_race(now, track=track, visibility="invitation", organiser=alice, closes_at=now + day)
+    a_race(now, track=track_row("cosmic-loop"))
+    assert list(races_on(track, now)) == [week, year, next_up, later, just_over, gone, cancelled]
+    assert next(iter(races_on(track, now, alice))) == secret
 
 
 def test_lists_count_the_racers_of_each_race(now):
