@@ -137,6 +137,7 @@
     form.addEventListener("change", (event) => {
       if (event.target.name !== "algorithm") return;
       const chosen = event.target.value;
+      form.elements.usual_of.value = chosen;
       const before = chosen === "sac" ? "ppo" : "sac";
       form.querySelectorAll("[data-ppo][data-sac]").forEach((field) => {
         if (field.value === field.dataset[before]) field.value = field.dataset[chosen];

@@ -14,7 +14,7 @@ from races.course_form import DRAWN, FIXED
 from .actions import discrete_actions
 from .course import LESSON_CODE
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
-from .hyperparameters import DEFAULTS
+from .hyperparameters import DEFAULTS, PPO
 from .models import TrainingJob
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models
@@ -55,6 +55,7 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
         said["name"] = _free_name(owner, said["name"])
     initial |= said
     initial = {**DEFAULTS.get(initial.get("algorithm", ""), {}), **initial}
+    initial["usual_of"] = initial.get("algorithm", PPO)
     if said.keys() & set(GRANULARITIES):
         initial["actions"] = table({**INITIAL, **said})
     return initial

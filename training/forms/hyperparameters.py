@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from django import forms
@@ -44,6 +45,27 @@ def _plain(value: float) -> str:
     return f"{value:.8f}".rstrip("0").rstrip(".") or "0"
 
 
+def _follow_algorithm(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What was sent, with the usual values of the chosen algorithm in place of the usual ones of another: without a
+    script nothing changes them when another algorithm is chosen. ``usual_of`` names the one whose values were shown."""
+    shown, chosen = data.get("usual_of"), data.get("algorithm")
+    if shown == chosen or shown not in DEFAULTS or chosen not in DEFAULTS:
+        return data
+    followed = data.copy()
+    for name, usual in DEFAULTS[chosen].items():
+        if name in DEFAULTS[shown] and _means(data.get(name), DEFAULTS[shown][name]):
+            followed[name] = usual if isinstance(usual, str) else _plain(usual)
+    followed["usual_of"] = chosen
+    return followed
+
+
+def _means(typed: Any, value: Any) -> bool:
+    try:
+        return typed == value or float(typed) == value
+    except (TypeError, ValueError):
+        return False
+
+
 class SmallNumberField(forms.FloatField):
     """A number that may be very small, shown without an exponent."""
 
@@ -53,6 +75,9 @@ class SmallNumberField(forms.FloatField):
 
 class HyperparametersForm(forms.Form):
     """Empty fields mean the usual value. Whether a value makes sense is the service's to say."""
+
+    # the algorithm whose usual values are shown
+    usual_of = forms.CharField(required=False, initial=PPO, widget=forms.HiddenInput)
 
     batch_size = forms.TypedChoiceField(
         label=_("Batch size"),
@@ -99,6 +124,9 @@ class HyperparametersForm(forms.Form):
         _("Episodes between updates"),
         _("5 to 100: how much is driven before each update. An episode counts as 100 steps."),
     )
+
+    def __init__(self, data: Mapping[str, Any] | None = None, *args: Any, **kwargs: Any) -> None:
+        super().__init__(_follow_algorithm(data) if data else data, *args, **kwargs)
 
     def hyperparameters(self) -> dict[str, Any]:
         """What was chosen, without what belongs to the other algorithm."""

@@ -13,7 +13,10 @@ def write_down(apps, schema_editor):
     jobs.filter(state="finished").update(
         ended_because=Case(
             When(Q(stop_steps__isnull=False) & Q(steps_done__gte=F("stop_steps")), then=Value("steps")),
-            When(Q(stop_clean_laps__isnull=False) & Q(seconds_done__lt=F("stop_minutes") * 60.0), then=Value("clean_laps")),
+            When(
+                Q(stop_clean_laps__isnull=False) & Q(seconds_done__lt=F("stop_minutes") * 60.0),
+                then=Value("clean_laps"),
+            ),
             default=Value("time"),
         )
     )
