@@ -10,7 +10,7 @@ import mmap
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 import billiard
@@ -49,17 +49,27 @@ def is_stopping() -> bool:
 
 
 @contextmanager
-def shutdown_flag() -> Iterator[threading.Event]:
-    """An event that SIGTERM sets, so that a worker which is told to stop hands its work back; set from the start where
-    it was told before."""
-    told = threading.Event()
+def shutdown_flag() -> Iterator[Callable[[], bool]]:
+    """Within the block SIGTERM does not end the process: the function that it yields tells whether one came, or the
+    worker was told to stop before, so that the work is handed back.
+
+    Two signals come almost at once where the whole group is told: the second one may interrupt the handling of the
+    first. It therefore takes no lock (setting a threading.Event does, and would wait for itself).
+    """
+    signalled = False
+
+    def note(*_: object) -> None:
+        nonlocal signalled
+        signalled = True
+
+    def told() -> bool:
+        return signalled or is_stopping()
+
     if threading.current_thread() is not threading.main_thread():
         yield told
         return
-    before = signal.signal(signal.SIGTERM, lambda *_: told.set())
+    before = signal.signal(signal.SIGTERM, note)
     try:
-        if is_stopping():  # asked after the handler is there: nothing comes in between
-            told.set()
         yield told
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -33,13 +33,13 @@ def work(self) -> int:
     sweep_queue(now=timezone.now(), ring=False)
     started, count = monotonic(), 0
     with shutdown_flag() as told_to_stop:
-        turn = partial(run_next_evaluation, worker=worker, interrupted=told_to_stop.is_set, spare=_spare)
-        while not told_to_stop.is_set() and turn():
+        turn = partial(run_next_evaluation, worker=worker, interrupted=told_to_stop, spare=_spare)
+        while not told_to_stop() and turn():
             count += 1
             if monotonic() - started > BUDGET_S:
                 ring_bell()
                 break
-        if not told_to_stop.is_set():
+        if not told_to_stop():
             _wait_ready()
     return count
 

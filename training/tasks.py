@@ -33,8 +33,8 @@ def train(self) -> bool:
         return False
     sweep_trainings(now=timezone.now(), ring=False)
     with shutdown_flag() as told_to_stop:
-        ran = not told_to_stop.is_set() and run_next_training(worker=worker, interrupted=told_to_stop.is_set)
-        if ran and not told_to_stop.is_set():
+        ran = not told_to_stop() and run_next_training(worker=worker, interrupted=told_to_stop)
+        if ran and not told_to_stop():
             ring_training_bell()
     return ran
 

@@ -1,0 +1,62 @@
+"""How a worker hears that it is to stop. What real workers then do: test_processes.py."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from evaluation import stopping
+from evaluation.stopping import shutdown_flag
+
+
+@pytest.fixture
+def no_hanging() -> Iterator[None]:
+    """Five seconds for a test, which an exception then ends."""
+
+    def late(*_: object) -> None:
+        raise AssertionError("it hangs")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(5)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def test_a_sigterm_within_the_block_is_noted_and_after_it_as_before():
+    before = signal.getsignal(signal.SIGTERM)
+    with shutdown_flag() as told:
+        assert not told()
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert told()
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_second_sigterm_may_come_at_any_line_of_the_handling_of_the_first(no_hanging):
+    """As where a whole group is told: once by the group's signal and once more by the worker, which passes it on."""
+    traced = sys.gettrace()
+
+    def again(frame, event, argument):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return again
+
+    with shutdown_flag() as told:
+        handler = signal.getsignal(signal.SIGTERM)
+        sys.settrace(again)
+        try:
+            handler(signal.SIGTERM, None)
+        finally:
+            sys.settrace(traced)
+        assert told()
+
+
+def test_what_comes_to_a_worker_that_was_told_before_knows_it_from_the_start(monkeypatch):
+    monkeypatch.setattr(stopping, "_stopping", bytearray(1))
+    monkeypatch.setattr(stopping.billiard, "active_children", list)
+    stopping.pass_on_shutdown()
+    with shutdown_flag() as told:
+        assert told()
