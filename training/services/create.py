@@ -23,12 +23,12 @@ from races.services.gates import require_open
 from tracks.locks import hold
 from tracks.models import Direction, Track
 
+from ..cloning import build_of_model
 from ..hyperparameters import check_action_space, check_hyperparameters
 from ..models import BestMetric, JobState, NeuralNetwork, RewardSignature, TrainingJob, Vehicle
 from ..models.job import MAX_MINUTES, MAX_TRIALS
 from ..models.vehicle import default_sensors
 from ..selectors import can_clone_model, minutes_left
-from ..trainer.network import Layout
 from .bell import ring_training_bell
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def _check_clone(job: TrainingJob, model: TrainedModel) -> None:
     actions = [_actions(one) for one in (has, wanted)]
     if actions[0] != actions[1]:
         raise UserFault("clone_actions", has=actions[0], wanted=actions[1])
-    if Layout.of(wanted).parameters != model.network.parameters:
+    if build_of_model(model) is None:
         raise UserFault("clone_not_ours")
 
 

@@ -17,8 +17,10 @@ from evaluation.models import TrainedModel
 from evaluation.services.work import fault_of
 from faults import PaddockError, PlatformFault
 
+from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob
 from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
+from ..trainer.network import OURS
 from ..trainer.spec import TrainerSpec
 from .create import course_of
 from .leases import beat, claim_next_training, fail_training, held, last_word, release_training, verdict
@@ -64,6 +66,7 @@ def spec_of(job: TrainingJob, seconds_before: float = 0.0) -> TrainerSpec:
         seed=job.seed,
         seconds_before=seconds_before,
         look=job.track.look,
+        build=OURS if job.cloned_from is None else build_of_model(job.cloned_from) or OURS,
     )
 
 

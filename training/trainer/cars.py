@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from evaluation.simulator.action import CONTINUOUS, ActionSpace
@@ -21,6 +20,7 @@ from tracks.geometry import TrackGeometry
 
 from .senses import Sense, look
 from .spec import TrainerSpec
+from .warm import row_space
 
 KINDS = {
     TIME_TRIAL: TimeTrialVectorEnv,
@@ -42,7 +42,7 @@ def lap_limit_ms(track: TrackGeometry, space: ActionSpace) -> int:
 
 class Cars(VecEnv):
     """Many cars in one world, each from a random place of the track, until it leaves it, has done a lap or is out of
-    time. Observations: rows of float32, see :mod:`.senses`.
+    time. Observations: rows, see :mod:`.senses`.
 
     An episode that ends with a lap or out of time is "truncated": the car could have driven on, and what it would have
     earned counts.
@@ -73,8 +73,7 @@ class Cars(VecEnv):
             **spec.course,
         )
         self._senses, self._seed = senses, seed
-        row = spaces.Box(-np.inf, np.inf, (senses[-1].stop,), np.float32)
-        super().__init__(len(rewards), row, self._env.single_action_space)
+        super().__init__(len(rewards), row_space(senses), self._env.single_action_space)
         self._actions: np.ndarray | None = None
         self._earned = np.zeros(len(rewards))
         self.episodes: list[dict[str, Any]] = []  # those that ended since the last :meth:`harvest`

@@ -36,7 +36,7 @@ _FINISH_S = 120.0  # to end in good order: the update and the look at the car th
 _OVERTIME_S = 600.0  # the same on a busy host, or before there is anything to keep
 _STOP_EVERY_S = 0.25
 _JSON_LIMIT = 1024 * 1024
-_BLOB_LIMIT = 48 * 1024 * 1024
+_BLOB_LIMIT = 128 * 1024 * 1024  # a checkpoint of the console's network: its weights, and Adam's memory of them, twice
 _ITERATIONS = 2_000  # of one attempt; a day of the shortest updates makes 900
 _CHECKPOINT_EVERY_S = 5.0  # on the average; the trainer saves half as often
 

@@ -37,6 +37,7 @@ from .warm import torso_arguments
 HUBER = "huber"
 _CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
 _SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
+_SAC_MEMORY_UNPOOLED = 5_000  # the same in pictures of the console's network
 _SAC_TAU = 0.02  # the share of the critics that their targets take over at each step of learning
 _CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
 
@@ -62,11 +63,12 @@ class Learner:
         layout: Layout,
         cars: VecEnv,
         callback: BaseCallback,
-        pulse: Callable[[], None] = lambda: None,
+        hurry: Callable[[], bool] = lambda: False,
     ) -> None:
-        """``callback`` is asked after each control step; ``pulse`` is called between the steps of learning."""
+        """``callback`` is asked after each control step; ``hurry`` between the steps of learning: once it is true, the
+        update ends there."""
         self.spec, self.layout = spec, layout
-        self._pulse = pulse
+        self._hurry = hurry
         self.sac = spec.algorithm == "sac"
         values = spec.hyperparameters
         self.loss = functional.huber_loss if values["loss_type"] == HUBER else functional.mse_loss
@@ -85,7 +87,7 @@ class Learner:
             self.model = SAC(
                 "MlpPolicy",
                 cars,
-                buffer_size=_SAC_MEMORY,
+                buffer_size=_SAC_MEMORY if layout.senses[0].pool > 1 else _SAC_MEMORY_UNPOOLED,
                 learning_starts=0,
                 tau=_SAC_TAU,
                 ent_coef=values["sac_alpha"],
@@ -149,8 +151,9 @@ class Learner:
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), model.max_grad_norm)
                 policy.optimizer.step()
-                self._pulse()
                 told.append((spread.item(), policy_loss.item(), value_loss.item()))
+                if self._hurry():
+                    return _means(told)
             model._n_updates += 1
         return _means(told)
 
@@ -181,8 +184,9 @@ class Learner:
             model.actor.optimizer.step()
             model.critic.requires_grad_(True)
             polyak_update(model.critic.parameters(), model.critic_target.parameters(), model.tau)
-            self._pulse()
             told.append((-log_prob.mean().item(), policy_loss.item(), value_loss.item()))
+            if self._hurry():
+                break
         model._n_updates += len(told)
         return _means(told)
 

@@ -7,9 +7,10 @@ import zlib
 from dataclasses import dataclass
 from typing import Any
 
+from evaluation.packages.limits import DEFAULT_LIMITS
 from evaluation.simulator.trace import COLUMNS, LABELS
 
-_NETWORK_LIMIT = 16 * 1024 * 1024
+_NETWORK_LIMIT = DEFAULT_LIMITS.model_bytes
 _SIMTRACE_LIMIT, _CSV_LIMIT = 2 * 1024 * 1024, 4 * 1024 * 1024  # 6000 rows are 0.3 and 1.2 MB
 _EPISODES, _TRIALS, _PLACES = 200, 10, 400
 GREATEST = 1e12

@@ -3,10 +3,14 @@
 Every picture goes through convolutions of its own, a lidar through a dense layer; what they find goes through one dense
 layer to the heads. Depths, by the field's names: SHALLOW has two convolutions, as the prototype that learned to lap a
 hairpin track in ten seconds; DEEP_CONVOLUTIONAL_NETWORK three; DEEP four.
+
+A car of the old console is learned on as it was built there: its shallow network reads every pixel and is thirty times
+as large (deepracer.md 1.4, verified on a real one). Its deeper ones are refused: nobody has shown us one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +27,33 @@ CONVOLUTIONS = {
     "DEEP_CONVOLUTIONAL_NETWORK": ((16, 5, 2), (32, 3, 2), (32, 3, 1)),
     "DEEP_CONVOLUTIONAL_NETWORK_DEEP": ((16, 5, 2), (32, 3, 2), (32, 3, 1), (64, 3, 1)),
 }
+OF_THE_CONSOLE = {"DEEP_CONVOLUTIONAL_NETWORK_SHALLOW": ((32, 8, 4), (64, 4, 2), (64, 3, 1))}
+
+
+@dataclass(frozen=True)
+class Build:
+    """How the networks of one maker are built: the pooling of pictures, convolutions by depth, width of the dense
+    layer."""
+
+    pool: int
+    convolutions: Mapping[str, tuple[tuple[int, int, int], ...]]
+    features: int
+
+
+OURS, CONSOLE = "paddock", "console"
+BUILDS = {OURS: Build(POOL, CONVOLUTIONS, FEATURES), CONSOLE: Build(1, OF_THE_CONSOLE, 512)}
+
+
+def build_of(metadata: Mapping[str, Any], parameters: int) -> str | None:
+    """The name of the build that has so many weights for this metadata, None for none. No more than a good guess: what
+    the weights really are is seen where they are read (:func:`from_onnx`)."""
+    for name in BUILDS:
+        try:
+            if Layout.of(metadata, name).parameters == parameters:
+                return name
+        except LookupError:
+            continue
+    return None
 
 
 @dataclass(frozen=True)
@@ -32,29 +63,41 @@ class Layout:
     senses: tuple[Sense, ...]
     convolutions: tuple[tuple[int, int, int], ...]
     outputs: int
+    features: int = FEATURES
 
     @classmethod
-    def of(cls, metadata: Mapping[str, Any]) -> Layout:
-        """The network that a training with this metadata makes. KeyError for an unknown depth."""
+    def of(cls, metadata: Mapping[str, Any], build: str = OURS) -> Layout:
+        """The network that a training with this metadata makes, or learns on, by the name of its build.
+
+        Raises LookupError for a depth or a sensor that the build does not have.
+        """
+        built = BUILDS[build]
         discrete = metadata["action_space_type"] == "discrete"
         return cls(
-            tuple(senses_of(metadata["sensor"], metadata.get("lidar_config"))),
-            CONVOLUTIONS[metadata["neural_network"]],
+            tuple(senses_of(metadata["sensor"], metadata.get("lidar_config"), built.pool)),
+            built.convolutions[metadata["neural_network"]],
             len(metadata["action_space"]) if discrete else 2,
+            built.features,
         )
 
-    def picture_features(self, shape: tuple[int, ...]) -> int:
-        """How many numbers the convolutions make of a pooled picture (channels, rows, columns)."""
+    @property
+    def row_scale(self) -> float:
+        """What a row of bytes is multiplied with before it meets the weights; 1 for rows that are scaled already."""
+        return self.senses[0].scale if self.senses[0].pool == 1 else 1.0
+
+    def picture_shape(self, shape: tuple[int, ...]) -> tuple[int, int, int]:
+        """What the convolutions make of a picture as the learner sees it, both as (channels, rows, columns)."""
         _, rows, columns = shape
         for _, size, stride in self.convolutions:
             rows, columns = (rows - size) // stride + 1, (columns - size) // stride + 1
-        return self.convolutions[-1][0] * rows * columns
+        return self.convolutions[-1][0], rows, columns
 
     @property
     def joined(self) -> int:
         """The inputs of the dense layer that all sensors share."""
         return sum(
-            self.picture_features(sense.shape) if sense.spec.is_picture else LIDAR_FEATURES for sense in self.senses
+            math.prod(self.picture_shape(sense.shape)) if sense.spec.is_picture else LIDAR_FEATURES
+            for sense in self.senses
         )
 
     @property
@@ -71,8 +114,8 @@ class Layout:
                 found[f"{sense.name}.conv{number}"] = (filters, channels, size, size)
                 found[f"{sense.name}.conv{number}_bias"] = (filters,)
                 channels = filters
-        found["dense"], found["dense_bias"] = (FEATURES, self.joined), (FEATURES,)
-        found["head"], found["head_bias"] = (self.outputs, FEATURES), (self.outputs,)
+        found["dense"], found["dense_bias"] = (self.features, self.joined), (self.features,)
+        found["head"], found["head_bias"] = (self.outputs, self.features), (self.outputs,)
         return found
 
     @property
@@ -107,7 +150,9 @@ def to_onnx(layout: Layout, weights: Mapping[str, np.ndarray], squash: bool) -> 
             value = node("Gemm", [name, first, f"{first}_bias"], f"{name}.lidar", transB=1)
             found.append(node("Relu", [value], f"{name}.flat"))
             continue
-        value = node("AveragePool", [name], f"{name}.pooled", kernel_shape=[POOL, POOL], strides=[POOL, POOL])
+        value = name
+        if sense.pool > 1:
+            value = node("AveragePool", [name], f"{name}.pooled", kernel_shape=[POOL, POOL], strides=[POOL, POOL])
         for number, (_, size, stride) in enumerate(layout.convolutions):
             sources = [value, f"{name}.conv{number}", f"{name}.conv{number}_bias"]
             value = node("Conv", sources, f"{name}.seen{number}", kernel_shape=[size, size], strides=[stride, stride])
@@ -133,55 +178,122 @@ def to_onnx(layout: Layout, weights: Mapping[str, np.ndarray], squash: bool) -> 
 
 
 def from_onnx(layout: Layout, data: bytes) -> dict[str, np.ndarray]:
-    """The weights out of a canonical network that :func:`to_onnx` wrote once, whatever its values are called now.
+    """The weights out of a canonical network of this layout, whatever its values are called: one that :func:`to_onnx`
+    wrote once, or a converted car of the console, whose convolutions are flattened with the channels last.
 
     Raises ValueError where the network is built in another way.
     """
-    import onnx
-    from onnx import numpy_helper
+    return _Reader(layout, data).read()
 
-    graph = onnx.load_from_string(data).graph
-    stored = {one.name: numpy_helper.to_array(one) for one in graph.initializer}
-    makers = {node.output[0]: node for node in graph.node}
-    weights: dict[str, np.ndarray] = {}
 
-    def back(value: str, kind: str) -> Any:
-        made = makers.get(value)
+class _Reader:
+    """The way back through a network's graph, from its output to its sensors."""
+
+    def __init__(self, layout: Layout, data: bytes) -> None:
+        import onnx
+        from onnx import helper, numpy_helper
+
+        self._layout = layout
+        graph = onnx.load_from_string(data).graph
+        self._end = graph.output[0].name
+        self._stored = {one.name: numpy_helper.to_array(one) for one in graph.initializer}
+        self._makers = {node.output[0]: node for node in graph.node}
+        self._attributes = lambda node: {one.name: helper.get_attribute_value(one) for one in node.attribute}
+        self._weights: dict[str, np.ndarray] = {}
+
+    def read(self) -> dict[str, np.ndarray]:
+        """See :func:`from_onnx`."""
+        layout, weights = self._layout, self._weights
+        # what a softmax makes of the scores changes neither the best action nor what is learned from them
+        end = self._before(self._end, "Tanh", "Softmax")
+        joined = self._dense(self._weigh(self._back(end, "Gemm"), "head"))
+        count = len(layout.senses)
+        parts = [joined] if count == 1 else list(self._back(joined, "Concat").input)
+        if len(parts) != count:
+            raise ValueError(f"{len(parts)} sensors, not {count}")
+        for sense, part in zip(layout.senses, parts, strict=True):
+            first = f"{sense.name}.conv0" if sense.spec.is_picture else f"{sense.name}.dense"
+            if sense.spec.is_picture:
+                value = self._picture(sense, part)
+            else:
+                value = self._weigh(self._back(self._back(part, "Relu").input[0], "Gemm"), first)
+            if value != sense.name:
+                raise ValueError(f"{sense.name} does not come first")
+            weights[first] = weights[first] / np.float32(sense.scale)
+        if not all(np.isfinite(array).all() for array in weights.values()):
+            raise ValueError("weights that are not finite")
+        return weights
+
+    def _dense(self, found: str) -> str:
+        """Take the weights of the layer that made ``found``; what goes into it: a row, or the last convolution's picture
+        itself where the gate made a convolution of a large layer (:mod:`evaluation.packages.gate.dense`)."""
+        made = self._makers.get(found)
+        if made is None or made.op_type != "Reshape":
+            return self._weigh(self._back(self._back(found, "Relu").input[0], "Gemm"), "dense")
+        layer = self._back(self._back(made.input[0], "Relu").input[0], "Conv")
+        kernel = self._stored.get(layer.input[1])
+        if kernel is None or set(self._attributes(layer)) != {"kernel_shape"}:
+            raise ValueError("a dense layer in a form of its own")
+        self._stored[layer.input[1]] = kernel.reshape(len(kernel), -1)
+        return self._before(self._weigh(layer, "dense"), "Reshape")
+
+    def _picture(self, sense: Sense, flat: str) -> str:
+        """The convolutions of one camera, from their flattened end; what they start from."""
+        value = self._unflattened(sense, flat)
+        for number in reversed(range(len(self._layout.convolutions))):
+            made = self._back(self._back(value, "Relu").input[0], "Conv")
+            _, _, stride = self._layout.convolutions[number]
+            said = self._attributes(made)
+            plain = {"strides": [stride] * 2, "group": 1, "dilations": [1, 1], "auto_pad": b"NOTSET"}
+            if {**plain, "pads": [0] * 4, **said, "kernel_shape": 0} != {**plain, "pads": [0] * 4, "kernel_shape": 0}:
+                raise ValueError(f"a convolution with {said}")
+            value = self._weigh(made, f"{sense.name}.conv{number}")
+        if sense.pool > 1:
+            return self._before(self._back(value, "AveragePool").input[0], "Cast")
+        if sense.shape[0] == 1:  # one channel: channels first or last are the same numbers in the same order
+            value = self._before(value, "Reshape")
+        return self._before(value, "Cast")
+
+    def _unflattened(self, sense: Sense, flat: str) -> str:
+        """What was flattened. The dense layer's columns are put into the order that torch flattens in."""
+        made = self._makers.get(flat)
+        if made is not None and made.op_type == "Relu":  # the dense layer reads the picture as it is
+            return flat
+        if made is None or made.op_type not in ("Flatten", "Reshape"):
+            raise ValueError("Flatten expected")
+        turned = self._makers.get(made.input[0])
+        if turned is None or turned.op_type != "Transpose":
+            return made.input[0]
+        if self._attributes(turned)["perm"] != [0, 2, 3, 1] or len(self._layout.senses) > 1:
+            raise ValueError("values in an order of their own")
+        channels, rows, columns = self._layout.picture_shape(sense.shape)
+        dense = self._weights["dense"].reshape(-1, rows, columns, channels)
+        self._weights["dense"] = np.ascontiguousarray(dense.transpose(0, 3, 1, 2)).reshape(len(dense), -1)
+        return turned.input[0]
+
+    def _back(self, value: str, kind: str) -> Any:
+        """The node that makes ``value``. Raises ValueError if it is of another kind."""
+        made = self._makers.get(value)
         if made is None or made.op_type != kind:
             raise ValueError(f"{kind} expected, not {made.op_type if made else 'an input'}")
         return made
 
-    def weigh(made: Any, name: str) -> str:
+    def _before(self, value: str, *kinds: str) -> str:
+        """What goes into the node that makes ``value`` if it is one of these kinds, else ``value`` itself."""
+        made = self._makers.get(value)
+        return made.input[0] if made is not None and made.op_type in kinds else value
+
+    def _weigh(self, made: Any, name: str) -> str:
+        """Take the weights of a node; what goes into it."""
         if len(made.input) != 3:
             raise ValueError(f"{made.op_type} without a bias")
         for key, source in ((name, made.input[1]), (f"{name}_bias", made.input[2])):
-            array = stored.get(source)
-            if array is None or array.shape != layout.shapes[key]:
+            array = self._stored.get(source)
+            if array is None or array.shape != self._layout.shapes[key]:
                 raise ValueError(f"{key} has the shape {None if array is None else array.shape}")
-            weights[key] = array.astype(np.float32)
+            self._weights[key] = array.astype(np.float32)
+        if made.op_type == "Gemm":
+            said = {"alpha": 1.0, "beta": 1.0, "transA": 0, **self._attributes(made)}
+            if said != {"alpha": 1.0, "beta": 1.0, "transA": 0, "transB": 1}:
+                raise ValueError(f"a dense layer with {said}")
         return made.input[0]
-
-    end = graph.output[0].name
-    if end in makers and makers[end].op_type == "Tanh":
-        end = makers[end].input[0]
-    features = back(weigh(back(end, "Gemm"), "head"), "Relu").input[0]
-    joined = weigh(back(features, "Gemm"), "dense")
-    count = len(layout.senses)
-    parts = [joined] if count == 1 else list(back(joined, "Concat").input)
-    if len(parts) != count:
-        raise ValueError(f"{len(parts)} sensors, not {count}")
-    for sense, part in zip(layout.senses, parts, strict=True):
-        first = f"{sense.name}.conv0" if sense.spec.is_picture else f"{sense.name}.dense"
-        if sense.spec.is_picture:
-            value = back(part, "Flatten").input[0]
-            for number in reversed(range(len(layout.convolutions))):
-                value = weigh(back(back(value, "Relu").input[0], "Conv"), f"{sense.name}.conv{number}")
-            value = back(value, "AveragePool").input[0]
-        else:
-            value = weigh(back(back(part, "Relu").input[0], "Gemm"), first)
-        if value != sense.name:
-            raise ValueError(f"{sense.name} does not come first")
-        weights[first] = weights[first] / np.float32(sense.scale)
-    if not all(np.isfinite(array).all() for array in weights.values()):
-        raise ValueError("weights that are not finite")
-    return weights

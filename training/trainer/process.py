@@ -45,13 +45,14 @@ from .cars import Cars
 from .judging import Judge
 from .learners import Learner
 from .messages import GREATEST
-from .network import Layout, from_onnx, to_onnx
+from .network import OURS, Layout, from_onnx, to_onnx
 from .spec import CARS, TrainerSpec
 from .warm import warm_up
 
 cv2.setNumThreads(1)
 
 CHECKPOINT_EVERY_S = 10.0
+LARGE_CHECKPOINT_EVERY_S = 60.0  # of a network of the console: 70 MB each
 PULSE_S = 1.0
 EVERY_UPDATE = 100  # so many updates are looked at one by one; then ever fewer of them, about 1 % of the way apart
 CLEAN, TIME, STEPS, ASKED = "clean_laps", "time", "steps", "stopped"
@@ -91,7 +92,7 @@ class Training:
         self._out = frames_out
         self._poller = select.poll()
         self._poller.register(frames_in, select.POLLIN)
-        self.layout = Layout.of(spec.metadata)
+        self.layout = Layout.of(spec.metadata, spec.build)
         self._senses = list(self.layout.senses)
         self._track = TrackGeometry.from_trusted_dict(spec.track)
         self.number = self._looked_at = 0  # the iteration, and the update that it looked at
@@ -117,7 +118,7 @@ class Training:
         rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials)
         self._cars = Cars(self.spec, self._track, rewards[:CARS], self._senses, seed)
         self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
-        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._pulse)
+        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry)
         if start == "weights":
             self._learner.take(_weights(self.layout, blob))
         if state is not None:
@@ -171,6 +172,12 @@ class Training:
             self._ended = STEPS
         return not self._ended
 
+    def _hurry(self) -> bool:
+        """Asked between the steps of learning: whether somebody wants it to stop, or its time is up. An update of a
+        large network takes half a minute."""
+        self._pulse()
+        return bool(self._poller.poll(0)) or self.seconds >= self.spec.stop_seconds
+
     def _pulse(self) -> None:
         """Tell about once a second that it goes on; called in everything that takes long."""
         now = time.monotonic()
@@ -218,7 +225,8 @@ class Training:
         self._told_at, self._told_steps = now, steps
         network = to_onnx(self.layout, learner.weights(), squash=learner.sac)
         write_message(self._out, {"iteration": iteration, "driving": verdict.driving}, [network, simtrace])
-        if self.number == 1 or now - self._saved >= CHECKPOINT_EVERY_S:
+        every = CHECKPOINT_EVERY_S if self.spec.build == OURS else LARGE_CHECKPOINT_EVERY_S
+        if self.number == 1 or now - self._saved >= every:
             self._save()
 
     def _save(self) -> None:

@@ -1,6 +1,7 @@
 """What the learner sees: all sensors of a car in one row of numbers, pictures pooled.
 
 Pooling happens here, outside the learner: a rollout then stores a sixteenth, and learning is about twice as fast.
+A network that reads every pixel gets rows of bytes, for a rollout to stay as small.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ class Sense:
     start: int
     shape: tuple[int, ...]
     scale: float  # of the network's own input
+    pool: int = POOL
 
     @property
     def name(self) -> str:
@@ -36,15 +38,22 @@ class Sense:
         return self.start + int(np.prod(self.shape))
 
 
-def senses_of(sensors: list[str] | tuple[str, ...], lidar_config: Mapping[str, float] | None = None) -> list[Sense]:
-    """The sensors in the order of their names, as they lie in the row."""
+def senses_of(
+    sensors: list[str] | tuple[str, ...], lidar_config: Mapping[str, float] | None = None, pool: int = POOL
+) -> list[Sense]:
+    """The sensors in the order of their names, as they lie in the row. ``pool``: 4, or 1 for every pixel.
+
+    Raises LookupError for a lidar beside unpooled pictures: a row of bytes has no place for metres.
+    """
     senses: list[Sense] = []
     start = 0
     for name in sorted(sensors):
         spec = input_spec(name, lidar_config)
         if spec.is_picture:
             rows, columns, channels = spec.shape
-            sense = Sense(spec, start, (channels, rows // POOL, columns // POOL), 1.0 / 255.0)
+            sense = Sense(spec, start, (channels, rows // pool, columns // pool), 1.0 / 255.0, pool)
+        elif pool == 1:
+            raise LookupError(name)
         else:
             sense = Sense(spec, start, spec.shape, _LIDAR_SCALE.get(name, 1.0))
         senses.append(sense)
@@ -53,11 +62,14 @@ def senses_of(sensors: list[str] | tuple[str, ...], lidar_config: Mapping[str, f
 
 
 def look(senses: list[Sense], readings: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Readings of n cars (each sensor's array with the car first) as float32 (n, length of the row)."""
+    """Readings of n cars (each sensor's array with the car first) as (n, length of the row): float32, or uint8 as the
+    camera sees where pictures are not pooled."""
     rows = []
     for sense in senses:
         batch = readings[sense.name]
-        if sense.spec.is_picture:
+        if sense.pool == 1:
+            rows.append(batch.transpose(0, 3, 1, 2).reshape(len(batch), -1))
+        elif sense.spec.is_picture:
             channels, height, width = sense.shape
             # whole numbers below 2**12: uint16 sums of 16 pixels are exact, and fast
             columns = batch[:, 0::POOL].astype(np.uint16)

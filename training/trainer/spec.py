@@ -9,6 +9,8 @@ from typing import Any
 
 from evaluation.simulator.camera.theme import OFFICIAL
 
+from .network import OURS
+
 PROGRESS, REWARD, LAP_TIME = "progress", "reward", "lap_time"
 CARS = 16  # that drive at the same time
 EPISODE_STEPS = 100  # what one episode counts for when the steps between two updates are reckoned
@@ -22,6 +24,7 @@ class TrainerSpec:
 
     ``course``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
     ``model_metadata.json`` of the model to be made. ``hyperparameters``: checked, see :mod:`training.hyperparameters`.
+    ``build``: how the network is built, a name of :data:`.network.BUILDS`.
     ``reward_code``: the source of the reward function; ``""`` is the console's default, which needs no stranger's code.
 
     It stops at the first of: ``stop_seconds`` of wall time (those of earlier attempts, ``seconds_before``, count),
@@ -43,6 +46,7 @@ class TrainerSpec:
     seed: int = 0
     seconds_before: float = 0.0
     look: str = OFFICIAL.name
+    build: str = OURS
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -64,6 +68,7 @@ class TrainerSpec:
         keys = ("sensor", "lidar_config", "neural_network", "action_space_type", "action_space")
         return {
             "metadata": {key: self.metadata[key] for key in keys if key in self.metadata},
+            "build": self.build,
             "learned": sorted({batch, CARS * self.steps_each % batch or batch} if ppo else {batch}),
             "driven": [*range(1, self.trials + 1), CARS],
         }

@@ -8,12 +8,16 @@ from torch import nn
 
 
 class Torso(BaseFeaturesExtractor):
-    """A row of numbers (see ``training.trainer.senses``) to features: convolutions for each pooled picture, a dense
-    layer for a lidar, and one dense layer for all."""
+    """A row of numbers (see ``training.trainer.senses``) to features: convolutions for each picture, a dense layer for
+    a lidar, and one dense layer for all."""
 
-    def __init__(self, observation_space, senses, convolutions, lidar_features: int, joined: int, features: int):
-        """``senses``: for each sensor (is a picture, start, shape); the others as in ``network.Layout``."""
+    def __init__(
+        self, observation_space, senses, convolutions, lidar_features: int, joined: int, features: int, scale=1.0
+    ):
+        """``senses``: for each sensor (is a picture, start, shape); ``scale``: of a row of bytes; the others as in
+        ``network.Layout``."""
         super().__init__(observation_space, features)
+        self.scale = float(scale)
         self.senses = [(bool(picture), int(start), tuple(shape)) for picture, start, shape in senses]
         self.eyes = nn.ModuleList()
         for picture, _, shape in self.senses:
@@ -31,6 +35,8 @@ class Torso(BaseFeaturesExtractor):
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Features of a batch of rows."""
+        if self.scale != 1.0:
+            observations = observations.float() * self.scale
         seen = []
         for (picture, start, shape), eye in zip(self.senses, self.eyes, strict=True):
             size = shape[0] * shape[1] * shape[2] if picture else shape[0]

@@ -7,7 +7,7 @@ half as long again), so every size that this training will have is met once befo
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,21 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.save_util import save_to_zip_file
 
-from .network import FEATURES, LIDAR_FEATURES, Layout
+from .network import LIDAR_FEATURES, Layout
+from .senses import Sense
 from .torso import Torso
 
 
 def make_torso(layout: Layout) -> Torso:
     """The learner's eyes for a layout."""
-    return Torso(spaces.Box(-np.inf, np.inf, (layout.senses[-1].stop,), np.float32), **torso_arguments(layout))
+    return Torso(row_space(layout.senses), **torso_arguments(layout))
+
+
+def row_space(senses: Sequence[Sense]) -> spaces.Box:
+    """The rows that a learner is given."""
+    if senses[0].pool == 1:
+        return spaces.Box(0, 255, (senses[-1].stop,), np.uint8)
+    return spaces.Box(-np.inf, np.inf, (senses[-1].stop,), np.float32)
 
 
 def torso_arguments(layout: Layout) -> dict[str, Any]:
@@ -31,14 +39,15 @@ def torso_arguments(layout: Layout) -> dict[str, Any]:
         "convolutions": layout.convolutions,
         "lidar_features": LIDAR_FEATURES,
         "joined": layout.joined,
-        "features": FEATURES,
+        "features": layout.features,
+        "scale": layout.row_scale,
     }
 
 
 def warm_up(planned: Mapping[str, Any]) -> None:
     """Meet every size of a batch once, forwards, and backwards where it will be learned from; and write and read what
     will be written and read. ``planned``: :attr:`.spec.TrainerSpec.warmth`."""
-    layout = Layout.of(planned["metadata"])
+    layout = Layout.of(planned["metadata"], planned["build"])
     torso = make_torso(layout)
     optimiser = torch.optim.Adam(torso.parameters())
     for size in planned["learned"]:
