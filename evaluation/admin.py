@@ -10,7 +10,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .models import Evaluation, EvaluationRival, Network, Result, RivalResult, State, TrainedModel, WorkerNode
-from .services import delete_model, stop_evaluation, sweep_queue
+from .services import delete_model, stop_evaluation, stop_sharing_model, sweep_queue
 
 
 class ReadOnlyAdmin(admin.ModelAdmin):
@@ -35,12 +35,17 @@ class NetworkAdmin(ReadOnlyAdmin):
 
 @admin.register(TrainedModel)
 class TrainedModelAdmin(ReadOnlyAdmin):
-    list_display = ["public_id", "name", "owner", "source_kind", "created_at", "deleted_at"]
-    list_filter = ["source_kind", ("deleted_at", admin.EmptyFieldListFilter)]
+    list_display = ["public_id", "name", "owner", "source_kind", "created_at", "shared_at", "deleted_at"]
+    list_filter = ["source_kind", ("shared_at", admin.EmptyFieldListFilter), ("deleted_at", admin.EmptyFieldListFilter)]
     search_fields = ["public_id", "name", "owner__alias", "network__sha256", "source_sha256"]
     list_select_related = ["owner"]
     date_hierarchy = "created_at"
-    actions = ["delete_from_garage"]
+    actions = ["stop_sharing", "delete_from_garage"]
+
+    @admin.action(description=_("Stop sharing with other racers"), permissions=["stop"])
+    def stop_sharing(self, request: HttpRequest, queryset: QuerySet[TrainedModel]) -> None:
+        for model in queryset.exclude(shared_at=None):
+            stop_sharing_model(model=model)
 
     @admin.action(description=_("Take out of the garage (results stay)"), permissions=["stop"])
     def delete_from_garage(self, request: HttpRequest, queryset: QuerySet[TrainedModel]) -> None:

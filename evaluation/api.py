@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from django.db import transaction
 from django.db.models import QuerySet
+from django.http import HttpResponse
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
+from drf_spectacular.types import OpenApiTypes
+from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema, extend_schema_view
 from rest_framework import generics, serializers, status
 from rest_framework.parsers import JSONParser, MultiPartParser
 from rest_framework.permissions import IsAuthenticated
@@ -16,18 +19,20 @@ from rest_framework.views import APIView
 from faults import UserFault
 
 from . import services
+from .files import download_of
 from .looks import Look, Shell
 from .models import TrainedModel
 from .packages.read import UploadPart
-from .selectors import models_of
+from .selectors import is_shared, models_of, shared_models, visible_models
 
 SOURCE_KINDS = [("onnx", "ONNX"), ("tensorflow", "frozen TensorFlow graph")]
 
 
 class ModelSerializer(serializers.Serializer):
-    """A model of the garage."""
+    """A model of the garage, or one that somebody shares."""
 
     public_id = serializers.CharField()
+    owner = serializers.CharField(source="owner.alias", help_text="Whose it is.")
     name = serializers.CharField()
     description = serializers.CharField(allow_blank=True)
     sha256 = serializers.CharField(source="network_id", help_text="Of the canonical network: the model's identity.")
@@ -41,6 +46,19 @@ class ModelSerializer(serializers.Serializer):
     source_kind = serializers.ChoiceField(SOURCE_KINDS, help_text="What was uploaded.")
     source_sha256 = serializers.CharField(help_text="Of the upload itself.")
     uploaded_at = serializers.DateTimeField(source="created_at")
+    shared = serializers.SerializerMethodField(
+        help_text="Every racer may look at it, download it and train on from its weights."
+    )
+
+    def get_shared(self, model: TrainedModel) -> bool:
+        return is_shared(model)
+
+
+class ListFilter(serializers.Serializer):
+    """What a list of models may be asked for."""
+
+    shared = serializers.BooleanField(required=False, allow_null=True, default=None)
+    racer = serializers.CharField(required=False, max_length=64)
 
 
 class UploadSerializer(serializers.Serializer):
@@ -64,10 +82,19 @@ class DescriptionSerializer(serializers.Serializer):
     description = serializers.CharField(required=False, allow_blank=True, help_text="At most 255 characters.")
     shell = serializers.CharField(required=False, help_text=f"In replays; one of {', '.join(Shell.values)}.")
     colour = serializers.CharField(required=False, help_text="In replays, as #rrggbb.")
+    shared = serializers.BooleanField(
+        required=False, help_text="Let every racer look at it, download it and train on from its weights, or stop it."
+    )
 
 
 @extend_schema_view(
-    get=extend_schema(operation_id="list_models", summary="My models", responses=ModelSerializer, tags=["models"])
+    get=extend_schema(
+        operation_id="list_models",
+        summary="My models",
+        parameters=[OpenApiParameter("shared", OpenApiTypes.BOOL, description="Only those that I share, or do not.")],
+        responses=ModelSerializer,
+        tags=["models"],
+    )
 )
 class ModelsView(generics.ListAPIView):
     """The garage: list it, add to it."""
@@ -78,7 +105,12 @@ class ModelsView(generics.ListAPIView):
     throttle_scope = "upload"
 
     def get_queryset(self) -> QuerySet[TrainedModel]:
-        return models_of(self.request.user)
+        models = models_of(self.request.user)
+        asked = ListFilter(data=self.request.query_params)
+        asked.is_valid(raise_exception=True)
+        if (wanted := asked.validated_data.get("shared")) is None:
+            return models
+        return models.filter(shared_at__isnull=not wanted)
 
     @extend_schema(
         operation_id="upload_model",
@@ -106,19 +138,60 @@ class ModelsView(generics.ListAPIView):
         )
 
 
+@extend_schema_view(
+    get=extend_schema(
+        operation_id="list_shared_models",
+        summary="Shared models",
+        description="What racers share and the house's cars, the latest first.",
+        parameters=[OpenApiParameter("racer", str, description="Only those of the racer with this alias.")],
+        responses=ModelSerializer,
+        tags=["models"],
+    )
+)
+class SharedModelsView(generics.ListAPIView):
+    """What every racer may train on from."""
+
+    permission_classes = [IsAuthenticated]
+    serializer_class = ModelSerializer
+
+    def get_queryset(self) -> QuerySet[TrainedModel]:
+        models = shared_models(self.request.user)
+        asked = ListFilter(data=self.request.query_params)
+        asked.is_valid(raise_exception=True)
+        alias = asked.validated_data.get("racer")
+        return models.filter(owner__alias__iexact=alias) if alias else models
+
+
+class ModelPackageView(APIView):
+    """The network itself."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="download_model",
+        summary="A model as a package",
+        description="A zip of the canonical ONNX and its model_metadata.json, of a model of yours or a shared one.",
+        responses={(200, "application/zip"): OpenApiTypes.BINARY},
+        tags=["models"],
+    )
+    def get(self, request: Request, public_id: str) -> HttpResponse:
+        return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
+
+
 class ModelView(APIView):
-    """One model of mine."""
+    """One model: mine, or to look at one that is shared."""
 
     permission_classes = [IsAuthenticated]
     parser_classes = [JSONParser]
 
     @extend_schema(operation_id="read_model", summary="A model", responses=ModelSerializer, tags=["models"])
     def get(self, request: Request, public_id: str) -> Response:
-        return Response(ModelSerializer(self._model(public_id)).data)
+        shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+        return Response(ModelSerializer(shown).data)
 
     @extend_schema(
         operation_id="describe_model",
-        summary="Change a model's name, description or look",
+        summary="Change a model's name, description or look, or share it",
         request=DescriptionSerializer,
         responses=ModelSerializer,
         tags=["models"],
@@ -128,13 +201,18 @@ class ModelView(APIView):
         serializer = DescriptionSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
         sent = serializer.validated_data
-        described = services.describe_model(
-            model=model,
-            name=sent.get("name", model.name),
-            description=sent.get("description", model.description),
-            look=Look(sent.get("shell", model.shell), sent.get("colour", model.colour).lower()),
-        )
-        return Response(ModelSerializer(described).data)
+        with transaction.atomic():
+            services.describe_model(
+                model=model,
+                name=sent.get("name", model.name),
+                description=sent.get("description", model.description),
+                look=Look(sent.get("shell", model.shell), sent.get("colour", model.colour).lower()),
+            )
+            if sent.get("shared") is True:
+                services.share_model(model=model, now=timezone.now())
+            elif sent.get("shared") is False:
+                services.stop_sharing_model(model=model)
+        return Response(ModelSerializer(model).data)
 
     @extend_schema(
         operation_id="delete_model",

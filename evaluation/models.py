@@ -57,7 +57,8 @@ class Network(models.Model):
 class TrainedModel(models.Model):
     """A racer's model: a trained network with its metadata. Immutable but for its name, description and look.
 
-    Deleting one hides it from its owner's garage (``deleted_at``); results that stand on boards stay.
+    Deleting one hides it from its owner's garage (``deleted_at``); results that stand on boards stay. ``shared_at``:
+    since when its owner lets every racer look at it, download it and train on from its weights; None while they do not.
     """
 
     public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
@@ -72,12 +73,20 @@ class TrainedModel(models.Model):
     source_sha256 = models.CharField(_("sha-256 of the upload"), max_length=64)
     created_at = models.DateTimeField(_("uploaded"), default=timezone.now)
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
+    shared_at = models.DateTimeField(_("shared"), null=True, blank=True)
 
     class Meta:
         verbose_name = _("model")
         verbose_name_plural = _("models")
         ordering = ["-created_at", "-pk"]
+        indexes = [
+            # the page of shared models: the latest first
+            models.Index(fields=["-shared_at", "-id"], condition=Q(shared_at__isnull=False), name="model_shared"),
+        ]
         constraints = [
+            models.CheckConstraint(
+                condition=Q(deleted_at=None) | Q(shared_at=None), name="model_deleted_is_not_shared"
+            ),
             models.UniqueConstraint(
                 fields=["owner", "network"], condition=Q(deleted_at=None), name="model_uploaded_once_by_owner"
             ),

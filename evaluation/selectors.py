@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from django.conf import settings
-from django.db.models import Avg, DurationField, ExpressionWrapper, F, QuerySet
+from django.db.models import Avg, DurationField, ExpressionWrapper, F, Q, QuerySet
 
 from .line import queued, whole_line
 from .models import Evaluation, State, TrainedModel
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from league.models import Racer
 
 RECENT = 20  # finished evaluations that the expected wait is reckoned from
+# A deactivated racer shares nothing, and what drives for the house belongs to everybody.
+_SHARED = Q(Q(shared_at__isnull=False) | Q(owner__is_house=True), owner__is_active=True, deleted_at=None)
 
 
 def models_of(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
@@ -28,6 +30,40 @@ def models_of(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
 def can_use_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
     """Whether the racer may see, change, race and delete the model: it is theirs and not deleted."""
     return racer.pk is not None and model.owner_id == racer.pk and model.deleted_at is None
+
+
+def visible_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
+    """Models that the racer may look at, download and train on from: their own, and what others share. Twin of
+    :func:`can_see_model`. Admins see what others see; the admin site shows them the rest."""
+    models = TrainedModel.objects.select_related("network", "owner")
+    if racer.pk is None:
+        return models.none()
+    return models.filter(_SHARED | Q(owner_id=racer.pk, deleted_at=None))
+
+
+def can_see_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
+    """Whether the racer may look at the model, download it and train on from it: it is theirs, or shared."""
+    return racer.pk is not None and (can_use_model(racer, model) or is_shared(model))
+
+
+def shared_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
+    """What racers share and the house's cars, the latest first; nothing for somebody who is not logged in. Twin of
+    :func:`is_shared`."""
+    models = TrainedModel.objects.select_related("network", "owner")
+    if racer.pk is None:
+        return models.none()
+    return models.filter(_SHARED).order_by(F("shared_at").desc(nulls_last=True), "-pk")
+
+
+def is_shared(model: TrainedModel) -> bool:
+    """Whether every racer may look at the model, download it and train on from it."""
+    owner = model.owner
+    return model.deleted_at is None and owner.is_active and (model.shared_at is not None or owner.is_house)
+
+
+def can_stop_sharing(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
+    """Whether the racer may end the sharing of a model: its owner, or an admin."""
+    return racer.pk is not None and model.shared_at is not None and (racer.pk == model.owner_id or racer.is_staff)
 
 
 def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) -> bool:

@@ -9,6 +9,8 @@ urlpatterns = [
     path("models/upload/", views.model_upload, name="model_upload"),
     path("models/<str:public_id>/", views.model, name="model"),
     path("models/<str:public_id>/sensors.png", views.model_sensors, name="model_sensors"),
+    path("models/<str:public_id>/package.zip", views.model_package, name="model_package"),
+    path("models/<str:public_id>/share/", views.model_share, name="model_share"),
     path("models/<str:public_id>/edit/", views.model_edit, name="model_edit"),
     path("models/<str:public_id>/delete/", views.model_delete, name="model_delete"),
 ]

@@ -9,19 +9,20 @@ from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.cache import cache
 from django.core.paginator import Paginator
-from django.http import HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.views.decorators.http import require_http_methods, require_safe
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from faults import PlatformFault, UserFault
 from tracks.catalogue import by_slug
-from tracks.forms import add_fault
+from tracks.forms import add_fault, explain
 
 from . import services
+from .files import download_of
 from .forms import DescribeForm, UploadForm
-from .selectors import models_of
+from .selectors import can_stop_sharing, can_use_model, models_of, visible_models
 from .simulator.engine import ENGINE_ID
 
 MODELS_PER_PAGE = 50
@@ -72,18 +73,22 @@ def model_upload(request: HttpRequest) -> HttpResponse:
 @login_required
 @require_safe
 def model(request: HttpRequest, public_id: str) -> HttpResponse:
-    """One of my models: what it is, what it drove, where it can race."""
-    return render(
-        request, "evaluation/model.html", {"model": get_object_or_404(models_of(request.user), public_id=public_id)}
-    )
+    """A model of mine, or one that somebody shares: what it is, what it drove, where mine can race."""
+    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    context = {
+        "model": shown,
+        "is_mine": can_use_model(request.user, shown),
+        "can_stop_sharing": can_stop_sharing(request.user, shown),
+    }
+    return render(request, "evaluation/model.html", context)
 
 
 @login_required
 @require_safe
 def model_sensors(request: HttpRequest, public_id: str) -> HttpResponse:
-    """What the sensors of one of my models see, as a picture (PNG). Models that read alike share one."""
-    mine = get_object_or_404(models_of(request.user), public_id=public_id)
-    png = _sensor_picture(tuple(mine.sensors), mine.metadata.get("lidar_config"))
+    """What the sensors of a model see, as a picture (PNG). Models that read alike share one."""
+    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    png = _sensor_picture(tuple(shown.sensors), shown.metadata.get("lidar_config"))
     response = HttpResponse(png, content_type="image/png")
     response["Cache-Control"] = "private, max-age=86400"
     return response
@@ -100,6 +105,36 @@ def _sensor_picture(sensors: tuple[str, ...], lidar_config: dict | None) -> byte
         png = sensor_picture(by_slug(PICTURED_TRACK).geometry(), sensors, lidar_config)
         cache.set(name, png, PICTURE_KEPT_S)
     return png
+
+
+@login_required
+@require_safe
+def model_package(request: HttpRequest, public_id: str) -> HttpResponse:
+    """A model of mine, or one that somebody shares, as a package: ONNX and model_metadata.json in a zip."""
+    return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
+
+
+@login_required
+@require_POST
+def model_share(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Share one of my models with every racer, or (``stop``) keep it to myself again; admins stop what they must."""
+    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    is_mine = can_use_model(request.user, shown)
+    if "stop" in request.POST:
+        if not is_mine and not can_stop_sharing(request.user, shown):
+            raise Http404
+        services.stop_sharing_model(model=shown)
+        messages.success(request, _("The model is not shared any more. Trainings that began with it go on."))
+        return redirect(shown) if is_mine else redirect("shared_models")
+    if not is_mine:
+        raise Http404
+    try:
+        services.share_model(model=shown, now=timezone.now())
+    except UserFault as fault:
+        messages.error(request, explain(fault))
+        return redirect("models")
+    messages.success(request, _("The model is shared: every racer can look at it, download it and train on from it."))
+    return redirect(shown)
 
 
 @login_required

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 from django.db.models import Q
 
 from evaluation.models import TrainedModel
+from evaluation.packages.inputs import lidar_settings
 from races.course_form import DRAWN, FIXED
 
 from .actions import discrete_actions
 from .course import LESSON_CODE
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
 from .hyperparameters import DEFAULTS, PPO
-from .models import TrainingJob
+from .models import TrainingJob, Vehicle
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models
 from .vehicles import vehicles_of
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from league.models import Racer
 
 LONGEST = 255
+LACKS_VEHICLE = "lacks_vehicle"  # not a field: the model to begin with, where none of the racer's vehicles fits it
 BOOKED = ("track", "direction", "race_type", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes", "boxes")
 TAKEN_OVER = (*BOOKED, "algorithm", "action_space_type", "reward_code", "stop_minutes", "stop_steps")
 TAKEN_OVER += ("stop_clean_laps", "trials", "best_metric")
@@ -98,12 +100,34 @@ def _of_model(owner: Racer, model: TrainedModel) -> dict[str, Any]:
     initial = {"clone": model.public_id, "action_space_type": metadata.get("action_space_type", DISCRETE)}
     initial["algorithm"] = "sac" if metadata.get("training_algorithm") == "sac" else "ppo"
     initial |= _of_actions(metadata["action_space"])
-    sensors, network = set(model.sensors), metadata.get("neural_network")
-    for vehicle in vehicles_of(owner):
-        if set(vehicle.sensors) == sensors and network in (None, vehicle.neural_network):
-            initial["vehicle"] = vehicle.public_id
-            break
+    mine = list(vehicles_of(owner)) or [Vehicle()]
+    fitting = next((vehicle for vehicle in mine if fits(vehicle, metadata)), None)
+    if fitting is None:
+        initial[LACKS_VEHICLE] = model
+    elif fitting.pk is not None:
+        initial["vehicle"] = fitting.public_id
     return initial
+
+
+def fits(vehicle: Vehicle, metadata: Mapping[str, Any]) -> bool:
+    """Whether a training with this vehicle can begin with the weights of a model of this metadata."""
+    if set(vehicle.sensors) != set(metadata["sensor"]) or vehicle.neural_network != metadata.get("neural_network"):
+        return False
+    in_steps = "DISCRETIZED_SECTOR_LIDAR" in metadata["sensor"]
+    return not in_steps or lidar_settings(vehicle.lidar_config) == lidar_settings(metadata.get("lidar_config"))
+
+
+def vehicle_like(model: TrainedModel) -> Vehicle:
+    """A vehicle, not saved, that goes with a model's weights and wears its look."""
+    metadata = model.metadata
+    return Vehicle(
+        name=model.name,
+        sensors=model.sensors,
+        lidar_config=metadata.get("lidar_config", {}),
+        neural_network=metadata["neural_network"],
+        shell=model.shell,
+        colour=model.colour,
+    )
 
 
 def _of_actions(space: Any) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from evaluation.models import TrainedModel
+from evaluation.selectors import can_see_model, visible_models
 from faults.reasons import REASONS
 
 from .models import JobState, TrainingJob
@@ -47,20 +48,15 @@ def can_stop_training(racer: Racer | AnonymousUser, job: TrainingJob) -> bool:
 
 
 def clonable_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
-    """Models whose weights the racer may begin with: their own, uploaded ones too, and the house's. Whether the network
-    is one that is trained here shows at :func:`training.services.create_training`. Twin of :func:`can_clone_model`."""
-    if racer.pk is None:
-        return TrainedModel.objects.none()
-    return TrainedModel.objects.filter(Q(owner_id=racer.pk) | Q(owner__is_house=True), deleted_at=None).select_related(
-        "network", "owner"
-    )
+    """Models whose weights the racer may begin with: all that they see, which are their own, uploaded ones too, and
+    shared ones. Whether the network is one that is trained here shows at :func:`training.services.create_training`.
+    Twin of :func:`can_clone_model`."""
+    return visible_models(racer)
 
 
 def can_clone_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
     """Whether the racer may begin with the weights of this model."""
-    if racer.pk is None or model.deleted_at is not None:
-        return False
-    return model.owner_id == racer.pk or model.owner.is_house
+    return can_see_model(racer, model)
 
 
 def training_queue_position(job: TrainingJob) -> int | None:

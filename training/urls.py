@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import files, lab, learn, trainings, vehicles, wizard
+from .views import files, lab, learn, shared, trainings, vehicles, wizard
 
 urlpatterns = [
     path("train/", trainings.trainings, name="trainings"),
@@ -18,6 +18,7 @@ urlpatterns = [
     path("train/<str:public_id>/logs.zip", files.training_logs, name="training_logs"),
     path("train/<str:public_id>/metrics.json", files.training_metrics_file, name="training_metrics"),
     path("train/<str:public_id>/trace.csv", files.training_trace, name="training_trace"),
+    path("models/shared/", shared.shared, name="shared_models"),
     path("vehicles/", vehicles.vehicles, name="vehicles"),
     path("vehicles/new/", vehicles.vehicle_new, name="vehicle_new"),
     path("vehicles/<str:public_id>/", vehicles.vehicle_edit, name="vehicle_edit"),

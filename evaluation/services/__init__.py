@@ -1,7 +1,15 @@
 """Every write to models, evaluations and results."""
 
 from .bell import ring_bell
-from .garage import UploadedModel, delete_model, describe_model, purge_garages, upload_model
+from .garage import (
+    UploadedModel,
+    delete_model,
+    describe_model,
+    purge_garages,
+    share_model,
+    stop_sharing_model,
+    upload_model,
+)
 from .leases import (
     SweepReport,
     beat,
@@ -31,7 +39,9 @@ __all__ = [
     "release_evaluation",
     "ring_bell",
     "run_next_evaluation",
+    "share_model",
     "stop_evaluation",
+    "stop_sharing_model",
     "sweep_queue",
     "upload_model",
 ]

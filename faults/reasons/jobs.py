@@ -50,7 +50,10 @@ _USER = table(
             "Of the %(limit)s minutes of training that you have each month %(left)s are left (what waits or runs is "
             "taken off in full). Choose a shorter training."
         ),
-        "clone_not_yours": _("Only a model of your own garage or one of the house's can be cloned."),
+        "clone_not_yours": _(
+            "This model cannot be cloned: it is not yours, and its owner does not share it, or not any more. Choose "
+            "one of your own or a shared one."
+        ),
         "clone_sensors": _(
             "The model to be cloned sees with %(has)s, this vehicle with %(wanted)s. Choose a vehicle with the same "
             "sensors."
@@ -65,7 +68,8 @@ _USER = table(
         ),
         "clone_not_ours": _(
             "This model's network is not built like the ones that are trained here, so its weights cannot be learned "
-            "on. Clone a model that was trained on this site, or one of the house's."
+            "on. Clone a model that was trained on this site, one of the house's, or one of the console's with its "
+            "shallow network and a camera."
         ),
         "training_memory": _(
             "The training needed more than the %(limit_mb)s MB of memory that it may use. Keep less in the reward "

@@ -64,6 +64,7 @@ REASONS = table(
         "model_look": _(
             "There is no such look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
         ),
+        "model_deleted_not_shared": _("A deleted model cannot be shared. Upload it again, or share another one."),
         "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
     },
 )

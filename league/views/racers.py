@@ -6,10 +6,12 @@ from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.views.decorators.http import require_safe
 
+from evaluation.selectors import shared_models
 from league.selectors.racers import racer_shown
 from races.selectors import organised_by, racer_history
 
 ORGANISED = 10
+SHARED = 20
 
 
 @require_safe
@@ -26,6 +28,7 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
         "history": history,
         "wins": sum(row.rank == 1 for row in history),
         "podium_count": sum(row.rank is not None and row.rank <= 3 for row in history),
+        "shared": list(shared_models(request.user).filter(owner=shown)[:SHARED]),
         "organised": list(organised_by(shown, request.user)[:ORGANISED]),
     }
     return render(request, "league/racer.html", context)

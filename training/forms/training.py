@@ -11,7 +11,6 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
-from evaluation.models import TrainedModel
 from faults import UserFault
 from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
@@ -26,9 +25,9 @@ from training.actions import (
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, SPEED_MPS, STEERING_DEG, check_action_space
 from training.models import Algorithm, BestMetric, RewardSignature, Vehicle
 from training.models.job import MAX_MINUTES, MAX_TRIALS
-from training.selectors import clonable_models
 from training.vehicles import vehicles_of
 
+from .clone import CloneField
 from .fields import ActionsField
 from .hyperparameters import HYPERPARAMETERS, HyperparametersForm
 
@@ -99,12 +98,8 @@ class TrainingForm(HyperparametersForm, CourseForm):
         widget=forms.RadioSelect,
         error_messages={"invalid_choice": _("This vehicle is not in your garage. Choose one of yours.")},
     )
-    clone = forms.ModelChoiceField(
+    clone = CloneField(
         label=_("Start from"),
-        queryset=TrainedModel.objects.none(),
-        to_field_name="public_id",
-        empty_label=_("nothing: a new network"),
-        required=False,
         help_text=_(
             "A model whose weights it begins with. It must have the same sensors, network and number of actions."
         ),
@@ -161,10 +156,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
         super().__init__(*args, initial={**INITIAL, **(initial or {})}, **kwargs)
         self.fields["vehicle"].queryset = vehicles_of(owner)
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
-        self.fields["clone"].queryset = clonable_models(owner)
-        self.fields["clone"].label_from_instance = lambda model: (
-            model.name if model.owner_id == owner.pk else f"{model.name} ({model.owner.alias})"
-        )
+        self.fields["clone"].offer(owner, self["clone"].value())
         self.fields["submit_to_race"].queryset = racing_now(now, owner)
         self.fields["submit_to_race"].label_from_instance = lambda race: f"{race.name} · {race.track.name}"
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
-
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.views.decorators.http import require_safe
 
-from evaluation.models import TrainedModel
+from evaluation.files import as_download, download_of
 from training.files import logs_zip, simtrace, training_metrics
 
 from .common import visible_training
@@ -24,7 +20,7 @@ def training_package(request: HttpRequest, public_id: str, which: str) -> HttpRe
     model = job.best_model if which == "best" else job.last_model
     if model is None or model.deleted_at is not None:
         raise Http404
-    return _file(package_of(model), "application/zip", f"{model.name}.zip")
+    return download_of(model)
 
 
 @login_required
@@ -52,7 +48,7 @@ def training_metrics_file(request: HttpRequest, public_id: str) -> HttpResponse:
     """The training metrics JSON, as the community's tools read it."""
     job = visible_training(request, public_id)
     response = JsonResponse(training_metrics(job), json_dumps_params={"indent": 1})
-    return _named(response, f"{job.name}-training-metrics.json")
+    return as_download(response, f"{job.name}-training-metrics.json")
 
 
 @login_required
@@ -66,21 +62,5 @@ def training_trace(request: HttpRequest, public_id: str) -> HttpResponse:
     return _file(simtrace(newest), "text/csv; charset=utf-8", f"{job.name}-{newest.number}-sim-trace.csv")
 
 
-def package_of(model: TrainedModel) -> bytes:
-    """A zip of the network and its ``model_metadata.json``, as this site, and any other Paddock, takes it."""
-    file = io.BytesIO()
-    with model.network.onnx.open("rb") as onnx, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("model.onnx", onnx.read())
-        archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
-    return file.getvalue()
-
-
 def _file(data: bytes, kind: str, name: str) -> HttpResponse:
-    return _named(HttpResponse(data, content_type=kind), name)
-
-
-def _named(response: HttpResponse, name: str) -> HttpResponse:
-    safe = "".join(letter if (letter.isalnum() and letter.isascii()) or letter in "-_." else "-" for letter in name)
-    response["Content-Disposition"] = f'attachment; filename="{safe}"'
-    response["Cache-Control"] = "private, no-store"
-    return response
+    return as_download(HttpResponse(data, content_type=kind), name)

@@ -6,13 +6,17 @@ from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
+from evaluation.models import TrainedModel
 from faults import UserFault
 from tracks.forms import add_fault
 from training.forms.vehicle import VehicleForm
 from training.models import Vehicle
+from training.prefill import vehicle_like
+from training.selectors import clonable_models
 from training.vehicles import VEHICLES_PER_RACER, delete_vehicle, save_vehicle, vehicles_of
 
 
@@ -27,8 +31,8 @@ def vehicles(request: HttpRequest) -> HttpResponse:
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def vehicle_new(request: HttpRequest) -> HttpResponse:
-    """Add a vehicle."""
-    return _form(request, None)
+    """Add a vehicle; ``?clone=`` proposes one that goes with a model's weights, and leads back to the wizard."""
+    return _form(request, None, clonable_models(request.user).filter(public_id=request.GET.get("clone", "")).first())
 
 
 @login_required
@@ -50,8 +54,8 @@ def vehicle_delete(request: HttpRequest, public_id: str) -> HttpResponse:
     return render(request, "training/vehicle_delete.html", {"vehicle": vehicle})
 
 
-def _form(request: HttpRequest, vehicle: Vehicle | None) -> HttpResponse:
-    form = VehicleForm(request.POST or None, vehicle=vehicle)
+def _form(request: HttpRequest, vehicle: Vehicle | None, clone: TrainedModel | None = None) -> HttpResponse:
+    form = VehicleForm(request.POST or None, vehicle=vehicle if clone is None else vehicle_like(clone))
     if request.method == "POST" and form.is_valid():
         try:
             save_vehicle(owner=request.user, vehicle=vehicle, **form.values())
@@ -59,6 +63,8 @@ def _form(request: HttpRequest, vehicle: Vehicle | None) -> HttpResponse:
             add_fault(form, fault, "name" if fault.code == "vehicle_name_taken" else None)
         else:
             messages.success(request, _("Saved."))
+            if clone is not None:
+                return redirect(f"{reverse('training_new')}?clone={clone.public_id}")
             return redirect("vehicles")
     status = 422 if form.errors else 200
     return render(request, "training/vehicle.html", {"form": form, "vehicle": vehicle}, status=status)

@@ -22,7 +22,7 @@ from training.checks import one_check, refusals
 from training.forms.fields import MOST
 from training.forms.training import TrainingForm
 from training.models import TrainingJob
-from training.prefill import proposals, table
+from training.prefill import LACKS_VEHICLE, proposals, table
 from training.rewards.examples import EXAMPLES
 from training.services import create_training
 from training.vehicles import vehicles_of
@@ -48,7 +48,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
     table of actions, one checks the reward function."""
     now = timezone.now()
     owner = request.user
-    status, checked = 200, None
+    status, checked, lacking = 200, None, None
     if request.method == "POST":
         step = request.POST.get("do")
         form = TrainingForm(_with_table(request.POST) if step == "table" else request.POST, owner=owner, now=now)
@@ -66,6 +66,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         initial = proposals(owner, request.GET)
         first = vehicles_of(owner).first()
         initial.setdefault("vehicle", first.public_id if first else None)
+        lacking = initial.pop(LACKS_VEHICLE, None)
         form = TrainingForm(owner=owner, now=now, initial=initial)
     context = {
         "form": form,
@@ -74,6 +75,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         "examples": EXAMPLES,
         "usage": usage_of(owner, now),
         "checked": checked,
+        "lacking": lacking,
     }
     return render(request, "training/new.html", context, status=status)
 
