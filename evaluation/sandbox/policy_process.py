@@ -67,8 +67,9 @@ def load(onnx: bytes) -> onnxruntime.InferenceSession:
     # Bytes in onnxruntime's own format would be run too, by another parser than the one that judged the network.
     options.add_session_config_entry("session.load_model_format", "ONNX")
     if b"MatMul" not in onnx[:_OPERATIONS]:
-        # Weights of dense layers lie as one row wants them (the gate sees to it): packed for many rows they would take
-        # twice the memory, longer to load and, for one row, a tenth more time. A bare MatMul has them the other way.
+        # Weights of dense layers lie as one row wants them (the gate sees to it, and makes convolutions of the large
+        # ones): packed for many rows they would take twice the memory and longer to load. A bare MatMul has them the
+        # other way.
         options.add_session_config_entry("session.disable_prepacking", "1")
     try:
         return onnxruntime.InferenceSession(onnx, options, providers=["CPUExecutionProvider"])

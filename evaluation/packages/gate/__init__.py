@@ -18,6 +18,7 @@ from faults import UserFault
 
 from .canonical import Network, canonicalise, to_model_proto
 from .cost import measure
+from .dense import dense_as_convolutions
 from .model import DTYPES, FLOAT, UINT8, Port, read_model
 from .operators import check_operator
 
@@ -56,6 +57,7 @@ def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEF
     cost = measure(network, limits)
     if cost.output != (FLOAT, (1, metadata.output_size)):
         raise UserFault("onnx_output", expected=metadata.output_size, found=str(list(cost.output[1])))
+    network = dense_as_convolutions(network, cost.shapes)
     network.output = Port(network.output.name, FLOAT, list(cost.output[1]))
     written = to_model_proto(network).SerializeToString(deterministic=True)
     return Canonical(

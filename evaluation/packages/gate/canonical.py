@@ -2,7 +2,8 @@
 
 Constants become weights, operations that do nothing vanish, what the output does not need is dropped, nodes are
 ordered by need and values numbered in that order. The weights of a dense layer lie output by output, which is how the
-runtime computes one row fastest. What is left is written by us, so the runtime never reads a byte of the uploaded file.
+runtime computes one row fastest; large ones become convolutions later (:mod:`.dense`). What is left is written by us,
+so the runtime never reads a byte of the uploaded file.
 """
 
 from __future__ import annotations

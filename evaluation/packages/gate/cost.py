@@ -20,11 +20,13 @@ Shape = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Cost:
-    """``macs``: multiplications a step; ``elements``: intermediate values a step; ``output``: type and shape."""
+    """``macs``: multiplications a step; ``elements``: intermediate values a step; ``output``: type and shape;
+    ``shapes``: of all values and weights."""
 
     macs: int
     elements: int
     output: tuple[int, Shape]
+    shapes: dict[str, Shape]
 
 
 def measure(network: Network, limits: PackageLimits) -> Cost:
@@ -45,7 +47,8 @@ def measure(network: Network, limits: PackageLimits) -> Cost:
             )  # fmt: skip
         if elements > limits.elements:
             raise UserFault("network_too_wide")
-    return Cost(macs, elements, values[network.output.name])
+    shapes = {name: shape for name, (_, shape) in values.items()}
+    return Cost(macs, elements, values[network.output.name], shapes)
 
 
 def _infer(network: Network) -> dict[str, tuple[int, Shape]]:

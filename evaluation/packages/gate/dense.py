@@ -1,0 +1,113 @@
+"""Large dense layers, written as the convolutions that they are.
+
+A dense layer over a row of k values is a convolution over a picture of one pixel and k channels; over all values of a
+picture, it is one whose kernel is as large as that picture. For a single row the runtime's convolution reads the
+weights faster than its matrix product does, and a layer whose weights are larger than the processor's own cache is
+nothing but reading them: 11,264 x 512 values take 0.41 ms in place of 0.72 ms. Only the order of the additions differs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from .canonical import Network, canonicalise
+from .model import Model, Node
+
+# Below, measured on processors with 16 lanes of float32 and 1 MB of cache a core, the matrix product is as fast.
+LEAST_WEIGHTS = 1 << 21
+LEAST_OUTPUTS = 64
+_LANES = 16  # channels come in blocks of this many, else the runtime has no fast convolution
+
+Shapes = dict[str, tuple[int, ...]]
+
+
+def dense_as_convolutions(network: Network, shapes: Shapes) -> Network:
+    """The same network with every large dense layer as a convolution; the very same if there is none.
+
+    ``shapes``: of all its values and weights. Raises nothing that :func:`.canonicalise` did not raise before.
+    """
+    readers = Counter(name for node in network.nodes for name in node.inputs)
+    found = [layer for node in network.nodes if (layer := _layer(network, node, shapes, readers))]
+    if not found:
+        return network
+    shapes = dict(shapes)
+    for layer in found:
+        _rewrite(network, *layer, shapes)
+    model = Model(network.opset, network.nodes, network.weights, network.inputs, [network.output])
+    return canonicalise(model)  # leaves out what nobody reads any more, and orders and numbers the rest
+
+
+def _layer(
+    network: Network, node: Node, shapes: Shapes, readers: Counter[str]
+) -> tuple[Node, np.ndarray, list[str]] | None:
+    """A large dense layer over one row: its operation, its weights output by output, and the name of its bias."""
+    if node.op not in ("Gemm", "MatMul"):
+        return None
+    row, name, *bias = node.inputs
+    weights = network.weights.get(name)
+    plain = all(node.attributes.get(scale, 1.0) == 1.0 for scale in ("alpha", "beta"))
+    if weights is None or weights.ndim != 2 or weights.dtype != np.float32 or not plain or readers[name] > 1:
+        return None
+    if not node.attributes.get("transB", 0):
+        weights = weights.T
+    outputs, inputs = weights.shape
+    if weights.size < LEAST_WEIGHTS or outputs < LEAST_OUTPUTS or inputs % _LANES:
+        return None
+    if shapes[row] != (1, inputs) or shapes[node.outputs[0]] != (1, outputs):
+        return None
+    if any(one not in network.weights or shapes[one] != (outputs,) for one in bias):
+        return None
+    return node, weights, bias
+
+
+def _rewrite(network: Network, node: Node, weights: np.ndarray, bias: list[str], shapes: Shapes) -> None:
+    row, result = node.inputs[0], node.outputs[0]
+    outputs, inputs = weights.shape
+    before: list[Node] = []
+    behind = _picture(network, row, shapes)
+    if behind is None:
+        picture, (channels, *size) = f"{result}_picture", (inputs, 1, 1)
+        before.append(Node("Reshape", [row, _shape(network, picture, (1, inputs, 1, 1))], [picture], {}))
+    else:
+        picture, turned = behind
+        channels, *size = shapes[picture][1:]
+        if turned:
+            weights = weights.reshape(outputs, *size, channels).transpose(0, 3, 1, 2)
+    kernel = f"{result}_kernel"
+    network.weights[kernel] = np.ascontiguousarray(weights.reshape(outputs, channels, *size))
+    pixels = f"{result}_pixels"
+    after = [Node("Conv", [picture, kernel, *bias], [pixels], {"kernel_shape": size})]
+    place = network.nodes.index(node)
+    end = place + 1
+    readers = [other for other in network.nodes if result in other.inputs]
+    if len(readers) == 1 and readers == network.nodes[end : end + 1] and readers[0].op == "Relu":
+        after.append(Node("Relu", [pixels], [f"{pixels}_on"], {}))  # at once, the runtime makes one operation of both
+        pixels, result = f"{pixels}_on", readers[0].outputs[0]
+        end += 1
+    shapes[pixels] = (1, outputs, 1, 1)
+    after.append(Node("Reshape", [pixels, _shape(network, kernel, (1, outputs))], [result], {}))
+    network.nodes[place:end] = before + after
+
+
+def _picture(network: Network, row: str, shapes: Shapes) -> tuple[str, bool] | None:
+    """The picture ``[1, C, H, W]`` whose values the row is, and whether they lie there channels last; or None."""
+    makers = {name: node for node in network.nodes for name in node.outputs}
+    flat = makers.get(row)
+    if flat is None or flat.op not in ("Flatten", "Reshape"):
+        return None
+    picture, turned = flat.inputs[0], False
+    maker = makers.get(picture)
+    if maker is not None and maker.op == "Transpose" and maker.attributes.get("perm") == [0, 2, 3, 1]:
+        picture, turned = maker.inputs[0], True
+    shape = shapes[picture]
+    if picture in network.weights or len(shape) != 4 or shape[1] % _LANES or math.prod(shape) != shapes[row][1]:
+        return None
+    return (picture, turned) if shape[0] == 1 else None
+
+
+def _shape(network: Network, name: str, shape: tuple[int, ...]) -> str:
+    network.weights[f"{name}_shape"] = np.array(shape, np.int64)
+    return f"{name}_shape"
