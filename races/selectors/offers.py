@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Protocol
 
-from django.db.models import Case, Exists, F, OuterRef, Q, Value, When
+from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Value, When
 
 from evaluation.models import TrainedModel
 
@@ -59,7 +59,7 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
     )
     races = racing_now(now, racer).filter(~Exists(left)).filter(~Exists(used_up) | Exists(sent_there))
     if learned is not None:
-        races = races.order_by(_distance(learned), *races.query.order_by)
+        races = likest_first(races, learned)
     taken = [
         race
         for race in races[:LOOKED_AT]
@@ -70,6 +70,11 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
     ).select_related("evaluation", "entry")
     by_race = {submission.entry.race_id: submission for submission in sent}
     return [Offer(race, by_race.get(race.pk), _fits(race, learned)) for race in taken]
+
+
+def likest_first(races: QuerySet[Race], learned: Learned) -> QuerySet[Race]:
+    """The races in the order of :func:`offers_for`; among equals in the order that they have."""
+    return races.order_by(_distance(learned), *races.query.order_by)
 
 
 def _fits(race: Race, learned: Learned | None) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 from django import template
@@ -17,10 +16,9 @@ from django.utils.translation import gettext_noop
 from evaluation.models import Evaluation, TrainedModel
 from races import facts
 from races.course import box_marks
-from races.eligibility import refusal
-from races.models import Race, RaceState, Submission
-from races.selectors import races_on, racing_now
-from races.sensors import not_offered
+from races.models import Race, RaceState
+from races.selectors import races_on
+from races.selectors.offers import Learned, Offer, offers_for
 from tracks.drawing import BoxMark, DrivenLine, draw_svg
 from tracks.geometry import TrackGeometry
 from tracks.models import Track
@@ -28,7 +26,6 @@ from tracks.models import Track
 register = template.Library()
 
 RACES_ON_A_TRACK = 20
-RACES_FOR_A_MODEL = 12
 RUNS_OF_A_MODEL = 50
 
 # Stopwatch, box, two cars: lines of a 20 x 20 picture.
@@ -56,14 +53,6 @@ LAP_STATUS = {
 }
 
 
-@dataclass(frozen=True)
-class RaceForModel:
-    """A race that a model can be sent to, and its run there if it was sent already."""
-
-    race: Race
-    sent: Submission | None
-
-
 @register.simple_tag(name="races_on", takes_context=True)
 def races_here(context: Context, track: Track) -> list[Race]:
     """Races on a track that the reader may see: open ones first."""
@@ -71,19 +60,9 @@ def races_here(context: Context, track: Track) -> list[Race]:
 
 
 @register.simple_tag(takes_context=True)
-def races_for(context: Context, model: TrainedModel) -> list[RaceForModel]:
-    """Races that take cars of the reader now and offer the model's sensors."""
-    now, reader = timezone.now(), context["user"]
-    races = [
-        race
-        for race in racing_now(now, reader)[: 2 * RACES_FOR_A_MODEL]
-        if not not_offered(model.sensors, race.sensors) and refusal(race, reader, now) is None
-    ][:RACES_FOR_A_MODEL]
-    sent = Submission.objects.filter(
-        entry__race__in=races, entry__racer_id=model.owner_id, network_id=model.network_id, is_void=False
-    ).select_related("evaluation", "entry")
-    by_race = {submission.entry.race_id: submission for submission in sent}
-    return [RaceForModel(race, by_race.get(race.pk)) for race in races]
+def races_for(context: Context, model: TrainedModel, learned: Learned | None = None) -> list[Offer]:
+    """Races that take this model of the reader now, those first that are like ``learned``, its training."""
+    return offers_for(model=model, racer=context["user"], now=timezone.now(), learned=learned)
 
 
 @register.simple_tag

@@ -13,8 +13,10 @@ from django.utils.html import escape
 
 from evaluation.models import Evaluation
 from evaluation.templatetags.looks import shell_picture
+from tests.factories import a_race
 from tests.pages.conftest import VIEWERS, World
 from tests.pages.test_pages import INLINE
+from tests.rows import track_row
 from tests.training.jobs import REWARD, a_training
 from tracks.models import Track
 from training import tasks
@@ -412,3 +414,18 @@ def test_small_things_are_shown_as_people_write_them() -> None:
     assert [span(59.6), span(3661), span(None)] == ["1:00", "1:01:01", "0:00"]
     picture = shell_picture("kart", '"><script>', "A kart")
     assert "<script>" not in picture and 'aria-label="A kart"' in picture
+
+
+def test_races_like_the_training_are_offered_first(world: World, job: TrainingJob) -> None:
+    """And said to be so, on the training's page and on the model's."""
+    elsewhere = track_row("kuei-raceway")
+    boxes = {"race_type": "object_avoidance", "random_boxes": 3, "closes_at": world.now + timedelta(hours=1)}
+    a_race(world.now, track=job.track, name="Boxes here", **boxes)
+    a_race(world.now, track=elsewhere, name="Trial elsewhere", closes_at=world.now + timedelta(hours=2))
+    like = a_race(world.now, track=job.track, name="Just like it", closes_at=world.now + timedelta(days=90))
+    job = end(run(job), world)
+    body = world.client("alice").get(f"/train/{job.public_id}/").content.decode()
+    assert body.index(like.name) < body.index("Races unlike its training") < body.index("Boxes here")
+    assert body.index("Boxes here") < body.index("Trial elsewhere")
+    body = world.client("alice").get(job.best_model.get_absolute_url()).content.decode()
+    assert body.index(like.name) < body.index("what it was trained for") < body.index("Boxes here")

@@ -41,7 +41,7 @@ def test_what_is_like_its_training_comes_first(alice, now):
     offers = offers_for(model=model, racer=alice, now=now, learned=Learned(here.pk))
     assert [offer.race for offer in offers] == [short, long, other_way, same_track, same_type, league, other]
     assert [offer.fits for offer in offers] == [True, True] + [False] * 5
-    assert [offer.race for offer in offers_for(model=model, racer=alice, now=now)][0] == league, "the league's first"
+    assert offers_for(model=model, racer=alice, now=now)[0].race == league, "the league's first"
 
 
 def test_none_that_would_refuse_it(alice, bob, now, monkeypatch):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from django import template
+from django.db.models import Q
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from evaluation.models import TrainedModel
 from evaluation.templatetags.garage import sensor_name
 from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
+from training.models import TrainingJob
 
 register = template.Library()
 
@@ -22,6 +25,12 @@ HYPERPARAMETER_NAMES = {
     "num_episodes_between_training": gettext_noop("Episodes between updates"),
 }
 LOSS_NAMES = {HUBER: gettext_noop("Huber"), MEAN_SQUARED_ERROR: gettext_noop("mean squared error")}
+
+
+@register.simple_tag
+def training_of(model: TrainedModel) -> TrainingJob | None:
+    """The training that made a model; None for an uploaded one."""
+    return TrainingJob.objects.filter(Q(best_model=model) | Q(last_model=model)).defer("log", "driving").first()
 
 
 @register.filter
