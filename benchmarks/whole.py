@@ -1,7 +1,7 @@
 """Whole evaluations behind the wall on one core: speed, where the time goes, memory.
 
-As a worker runs them: the two processes were started while it had nothing to do, and wait. ``cold_factor`` is for an
-evaluation that has to start them itself.
+As a worker runs them: the two processes were started while it had nothing to do, and wait for another race on the track
+of the last one. ``cold_factor`` is for an evaluation that has to start them itself.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def pin_to_one_core() -> None:
 
 def warm(job: RaceJob) -> tuple[EvaluationOutcome, float]:
     """One evaluation with processes that waited for it, and the processor seconds that it took in all of them."""
-    crew = Crew()
+    crew = Crew(venues=[job.venue])
     time.sleep(READY_S)
     clock = Clock()
     try:

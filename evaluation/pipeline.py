@@ -26,6 +26,7 @@ from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from .simulator.camera.theme import OFFICIAL
 from .simulator.engine import cpu_model
 from .simulator.rules import RaceRules
+from .venue import Venue
 
 WALL_LIMIT_S = 300.0
 _START_S = 30.0
@@ -58,6 +59,11 @@ class RaceJob:
 
     def __post_init__(self) -> None:
         check_rivals(self.rules, len(self.rivals))
+
+    @property
+    def venue(self) -> Venue:
+        """Where the race is."""
+        return Venue(self.track, self.rules.direction, self.look)
 
 
 @dataclass(frozen=True)
@@ -180,7 +186,7 @@ class _Run:
         on_progress: Callable[[dict[str, Any]], None] | None,
         should_stop: Callable[[], bool],
     ) -> None:
-        self._policies, self._runner = crew.policies, crew.runner
+        self._crew, self._policies, self._runner = crew, crew.policies, crew.runner
         self._on_progress, self._should_stop = on_progress, should_stop
         self._network_from = [0.0] * len(crew.policies)
         self._network_s = [0.0] * len(crew.policies)
@@ -194,8 +200,7 @@ class _Run:
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
         cars = (job, *job.rivals)
-        described = {"track": job.track.to_dict(), "rules": job.rules.to_dict(), "budget": asdict(budget)}
-        described["look"] = job.look
+        described = {**self._crew.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         try:
             write_message(
                 self._runner.stdin, {**described, "metadata": [car.metadata for car in cars]}, deadline=deadline

@@ -1,10 +1,13 @@
 """The referee in its own walled-off process: simulator and rules, no secrets, no network, no file.
 
-Started by :mod:`.pipeline`. It reads a message with the job, answers ``{"headers": [...]}`` (what it will ask each
-policy, see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for ``{"start": true}`` before it asks a
-policy for the first time, drives, and sends ``{"progress": ...}`` messages, ``{"retired": {"car", "error"}}`` for each
-car that is taken off the track, and then one ``{"result": ...}`` with the course and the traces, or one
-``{"error": {"code", "fault", "params"}}``.
+Started by :mod:`.crew`, used by :mod:`.pipeline`. It reads a message with the job, answers ``{"headers": [...]}``
+(what it will ask each policy, see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for
+``{"start": true}`` before it asks a policy for the first time, drives, and sends ``{"progress": ...}`` messages,
+``{"retired": {"car", "error"}}`` for each car that is taken off the track, and then one ``{"result": ...}`` with the
+course and the traces, or one ``{"error": {"code", "fault", "params"}}``.
+
+Before the job there may be a message with ``{"venues": [...]}``, where the job may be: they are built up, and a short
+drive on each leaves nothing to be done for the first time in the race.
 
 ``sys.argv[1:]``: for each car the descriptors on which it reads from and writes to its policy.
 """
@@ -34,9 +37,11 @@ from .simulator.metrics import metrics_json
 from .simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
 from .simulator.rules import RaceRules
 from .simulator.sensors import sensor_spec
+from .simulator.stage import Ground
 from .simulator.world import make_ready
 
 _PROGRESS_S = 0.05
+_REHEARSAL_MS = 2000  # simulated
 
 cv2.setNumThreads(1)
 versions()  # reads the names of installed packages, once
@@ -59,7 +64,12 @@ def main(frames_in: int, frames_out: int) -> None:
 
 def _run(frames_in: int, frames_out: int) -> None:
     job, _ = read_message(frames_in)
-    track = TrackGeometry.from_trusted_dict(job["track"])  # the worker sent it
+    grounds: list[Ground] = []
+    if "venues" in job:
+        grounds = [_rehearsed(_ground(venue)) for venue in job["venues"]]
+        make_ready()
+        job, _ = read_message(frames_in)
+    ground = grounds[job["prepared"]] if "prepared" in job else _ground(job["venue"])
     rules = RaceRules.from_dict(job["rules"])
     spaces = [ActionSpace.from_metadata(metadata) for metadata in job["metadata"]]
     headers = [policy_header(metadata, space) for metadata, space in zip(job["metadata"], spaces, strict=True)]
@@ -79,7 +89,7 @@ def _run(frames_in: int, frames_out: int) -> None:
     ]
     telling = _Telling(frames_out)
     result = run_race(
-        track,
+        ground.track,
         rules,
         first.action_space,
         first.sensors,
@@ -87,7 +97,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         on_progress=telling,
         rivals=rivals,
         lidar_config=first.lidar_config,
-        theme=THEMES[job["look"]],
+        ground=ground,
     )
     telling.finish()
     cars = [result, *result.rivals]
@@ -97,6 +107,25 @@ def _run(frames_in: int, frames_out: int) -> None:
     write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds}, blobs)
     with contextlib.suppress(FrameError):  # with this process the policies would end, and nobody could measure them
         read_message(frames_in)
+
+
+def _ground(venue: dict[str, Any]) -> Ground:
+    """The ground of an :class:`evaluation.venue.Venue`."""
+    track = TrackGeometry.from_trusted_dict(venue["track"])  # the worker sent it
+    return Ground(track, venue["direction"], THEMES[venue["look"]])
+
+
+def _rehearsed(ground: Ground) -> Ground:
+    """``ground`` after a drive on it, straight on: a race on it then finds everything drawn, loaded and warm."""
+    run_race(
+        ground.track,
+        RaceRules(max_simulated_ms=_REHEARSAL_MS, direction=ground.track.direction),
+        ActionSpace.discrete([(0.0, 1.0)]),
+        ["FRONT_FACING_CAMERA"],
+        lambda readings: np.zeros(1, np.float32),
+        ground=ground,
+    ).trace.to_csv()
+    return ground
 
 
 class _Telling:

@@ -150,7 +150,7 @@ def _run(
     job = job_of(evaluation)
     return evaluate(
         job,
-        crew=spare.take() if spare else None,
+        crew=spare.take(job.venue) if spare else None,
         on_progress=heart.tell,
         should_stop=lambda: heart.lost or interrupted(),
         wall_limit_s=settings.EVALUATION_WALL_SECONDS,

@@ -147,6 +147,7 @@ def run_race(
     theme: Theme = OFFICIAL,
     physics: CarPhysics = PADDOCK_CAR,
     start_m: float = 0.0,
+    ground: Ground | None = None,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
 
@@ -156,7 +157,8 @@ def run_race(
     ``policy`` gets a dict of sensor readings and returns the network's output. It may raise: the race of a car alone is
     then over without a result, and so it is for any error but a UserFault; of several cars the one whose policy raises
     a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps and at
-    the end. ``start_m`` moves start and finish along the track, but no box.
+    the end. ``start_m`` moves start and finish along the track, but no box. ``ground``: that of this track, direction
+    and theme, where somebody has built it up already.
 
     Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes.
     """
@@ -164,7 +166,7 @@ def run_race(
         raise ValueError(f"at most {MAX_CARS} cars race in one world, not {1 + len(rivals)}")
     begun = perf_counter()
     entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
-    with Stage(Ground(track, rules.direction, theme), rules, physics) as stage:
+    with Stage(ground or Ground(track, rules.direction, theme), rules, physics) as stage:
         race = _Race(stage, entrants, start_m)
         first = race.cars[0]
         while not race.over:

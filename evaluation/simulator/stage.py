@@ -22,7 +22,7 @@ from .rules import RaceRules
 from .sensors import Reading, make_sensors
 from .solids import Solid, car
 from .traffic import Traffic
-from .world import World
+from .world import World, new_world
 
 
 class Ground:
@@ -76,7 +76,7 @@ class Stage:
         self.ground = ground
         self.contestants: list[Contestant] = []
         self._lay(rules, physics.control_hz)
-        self.world = world or World(physics)
+        self.world = world or new_world(physics)
         self._shared = world is not None
 
     def _lay(self, rules: RaceRules, control_hz: float) -> None:

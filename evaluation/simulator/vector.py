@@ -21,7 +21,7 @@ from .contestant import Contestant
 from .envs.drive import Drive, Outcome, Readings
 from .envs.setting import Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
-from .world import World
+from .world import World, new_world
 
 _Infos = dict[str, Any]
 
@@ -97,7 +97,7 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         mask = _mask(options.pop("reset_mask", None), self.num_envs)
         seeds = self._seeds(seed)
         if not self._drives:
-            self._world = World(self.setting.physics)
+            self._world = new_world(self.setting.physics)
             self._drives = [Drive(setting, self._world) for setting in self._settings]
         infos: _Infos = {}
         for number in np.flatnonzero(mask).tolist():

@@ -10,12 +10,20 @@ import pybullet as bullet
 from .car import Car
 from .physics import PADDOCK_CAR, CarPhysics
 
-_ready: list[int] = []  # clients that nobody has used
+_ready: list[World] = []  # that nobody has used
 
 
 def make_ready() -> None:
-    """Open the Bullet client of the next world now; it takes some milliseconds, which are free while nobody waits."""
-    _ready.append(_connect())
+    """Build the next world now, and its first car; that takes twenty milliseconds, which are free while nobody
+    waits."""
+    world = World()
+    world.build_ahead()
+    _ready.append(world)
+
+
+def new_world(physics: CarPhysics) -> World:
+    """A world that nobody has used: the one that was made ready, if there is one with these physics."""
+    return _ready.pop() if _ready and _ready[-1].physics == physics else World(physics)
 
 
 def _connect() -> int:
@@ -36,8 +44,9 @@ class World:
         self.physics = physics
         self.cars: list[Car] = []
         self._idle: list[Car] = []
+        self._new: list[Car] = []  # built ahead
         self.seconds = 0.0  # spent inside Bullet's step, a diagnostic
-        self.client = _ready.pop() if _ready else _connect()
+        self.client = _connect()
         self._stride = 0  # ticks that Bullet does for one call
         self._prepare()
 
@@ -73,9 +82,13 @@ class World:
             car = self._idle.pop()
             car.renew()
         else:
-            car = Car(self.client, self.physics)
+            car = self._new.pop() if self._new else Car(self.client, self.physics)
         self.cars.append(car)
         return car
+
+    def build_ahead(self) -> None:
+        """Build the next car, which :meth:`add_car` then hands out."""
+        self._new.append(Car(self.client, self.physics))
 
     def give_back(self, car: Car) -> None:
         """The car's run is over; it drives on idle until :meth:`add_car` makes it a new one, which costs a fiftieth of

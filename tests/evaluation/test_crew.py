@@ -1,13 +1,16 @@
 """Processes that are kept ready for the next evaluation."""
 
+from dataclasses import replace
+
 import pytest
 
-from evaluation.crew import Crew, Spare
-from evaluation.pipeline import RaceJob, evaluate
-from evaluation.simulator.rules import RaceRules
+from evaluation.crew import VENUES_KEPT, Crew, Spare
+from evaluation.pipeline import RaceJob, RivalCar, evaluate
+from evaluation.sandbox.frames import FrameClosed
+from evaluation.simulator.rules import HEAD_TO_HEAD, RaceRules
 from faults import PlatformFault
 from tests.sandbox.networks import METADATA, small_network
-from tracks.catalogue import by_slug
+from tracks.catalogue import CATALOGUE, by_slug
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +29,75 @@ def gone(crew: Crew) -> bool:
     return not crew.alive
 
 
+def elsewhere(job: RaceJob) -> RaceJob:
+    return replace(job, track=by_slug("kuei-raceway").geometry())
+
+
 def test_a_ready_crew_drives_the_same_race_and_is_used_up(job, spare):
     spare.prepare()
-    crew = spare.take()
+    crew = spare.take(job.venue)
     assert crew is not None and crew.alive
     assert evaluate(job, crew=crew).trace_sha256 == evaluate(job).trace_sha256
     assert gone(crew)
-    assert spare.take() is None
+    assert spare.take(job.venue) is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"look": "bold"}, {"rules": RaceRules(max_simulated_ms=3_000, direction="cw")}],
+    ids=["track", "look", "direction"],
+)
+def test_a_crew_that_rehearsed_where_the_race_is_drives_the_same_race(job, changes):
+    here = replace(job, **changes)
+    crew = Crew(venues=[elsewhere(job).venue, here.venue])
+    assert crew.described(here.venue) == {"prepared": 1}
+    assert evaluate(here, crew=crew).trace_sha256 == evaluate(here).trace_sha256
+
+
+@pytest.mark.parametrize("changes", [{"look": "bold"}, {"rules": RaceRules(max_simulated_ms=3_000, direction="cw")}])
+def test_a_crew_that_rehearsed_elsewhere_drives_the_same_race(job, changes):
+    here = replace(job, **changes)
+    crew = Crew(venues=[job.venue])  # the track alone does not make it the same place
+    assert "venue" in crew.described(here.venue)
+    assert evaluate(here, crew=crew).trace_sha256 == evaluate(here).trace_sha256
+
+
+def test_a_crew_that_rehearsed_takes_a_race_of_more_cars(job):
+    rivals = (RivalCar(small_network(seed=1), METADATA),)
+    crew = Crew(venues=[job.venue])
+    together = replace(job, rivals=rivals, rules=replace(job.rules, race_type=HEAD_TO_HEAD))
+    assert evaluate(together, crew=crew).trace_sha256 == evaluate(together).trace_sha256
+
+
+def test_the_largest_tracks_that_are_kept_reach_a_runner_that_is_still_starting(job):
+    venues = [replace(job, track=track.geometry()).venue for track in CATALOGUE]
+    with Crew(venues=venues) as crew:
+        assert evaluate(job, crew=crew).end_reason == "time_up"
+
+
+def test_a_runner_that_is_gone_before_it_hears_of_venues_is_the_platforms_fault(job, spare, monkeypatch):
+    def closed(*_args, **_options):
+        raise FrameClosed("nobody reads")
+
+    monkeypatch.setattr("evaluation.crew.write_message", closed)
+    with pytest.raises(PlatformFault) as caught:
+        Crew(venues=[job.venue])
+    assert caught.value.code == "sandbox_failed" and "nobody reads" in caught.value.params["detail"]
+    spare.take(job.venue)
+    spare.prepare()
+    assert spare.take(job.venue) is None
+
+
+def test_a_spare_crew_rehearses_where_the_last_races_were(job, spare):
+    jobs = [replace(job, track=track.geometry()) for track in CATALOGUE[: VENUES_KEPT + 1]]
+    for each in (*jobs, jobs[-2]):
+        assert spare.take(each.venue) is None
+    spare.prepare()
+    crew = spare.take(job.venue)
+    assert crew.described(jobs[-2].venue) == {"prepared": 0}
+    assert crew.described(jobs[-1].venue) == {"prepared": 1}
+    assert [each for each in jobs if "venue" in crew.described(each.venue)] == jobs[:-VENUES_KEPT]
+    crew.close()
 
 
 def test_only_one_crew_waits(spare):
@@ -43,15 +108,15 @@ def test_only_one_crew_waits(spare):
 
 
 @pytest.mark.parametrize("which", ["policy", "runner"])
-def test_a_crew_that_died_while_it_waited_is_not_handed_out(spare, which):
+def test_a_crew_that_died_while_it_waited_is_not_handed_out(job, spare, which):
     spare.prepare()
     crew = spare._crew
     process = crew.runner if which == "runner" else crew.policies[0].process
     process.kill()
-    assert spare.take() is None
+    assert spare.take(job.venue) is None
     assert gone(crew)
     spare.prepare()
-    assert spare.take().alive
+    assert spare.take(job.venue).alive
 
 
 def test_a_spare_that_is_closed_leaves_no_process(spare):
@@ -62,17 +127,17 @@ def test_a_spare_that_is_closed_leaves_no_process(spare):
     spare.close()
 
 
-def test_a_crew_that_cannot_be_started_is_left_to_the_next_evaluation_to_report(spare, monkeypatch):
+def test_a_crew_that_cannot_be_started_is_left_to_the_next_evaluation_to_report(job, spare, monkeypatch):
     def fail(*_args, **_options):
         raise PlatformFault("sandbox_failed", detail="no more processes")
 
     monkeypatch.setattr("evaluation.crew.launch", fail)
     spare.prepare()
-    assert spare.take() is None
+    assert spare.take(job.venue) is None
 
 
 def test_the_wall_time_of_a_ready_crew_begins_with_its_job(job, spare):
     spare.prepare()
-    crew = spare.take()
+    crew = spare.take(job.venue)
     crew.runner.deadline = 0.0  # it has waited for longer than any race may take
     assert evaluate(job, crew=crew, wall_limit_s=60.0).end_reason == "time_up"

@@ -94,7 +94,7 @@ class TestARaceOfSeveral:
     def test_processes_that_waited_drive_the_same_race(self, job):
         spare = Spare()
         spare.prepare()
-        crew = spare.take()
+        crew = spare.take(job.venue)
         assert len(crew.policies) == 1
         assert same(evaluate(job, crew=crew)) == same(evaluate(job))
         assert not crew.alive

@@ -204,9 +204,9 @@ def test_cars_pass_through_each_other(world):
     assert car.height == pytest.approx(PADDOCK_CAR.wheel_radius, abs=1e-4)
 
 
-def wandering(cars=1):
+def wandering(cars=1, make=World):
     """Positions, headings and velocities to the last bit of cars that slide, turn and are put back."""
-    with World() as world:
+    with make() as world:
         driven = [world.add_car() for _ in range(cars)]
         found = []
         for step in range(240):
@@ -223,13 +223,23 @@ def wandering(cars=1):
 
 
 @pytest.mark.parametrize("cars", [1, 3])
+def test_a_world_that_was_made_ready_moves_like_any_other_to_the_last_bit(cars):
+    world_module.make_ready()
+    (ready,) = world_module._ready
+    other = dataclasses.replace(PADDOCK_CAR, friction=3.0)
+    with world_module.new_world(other) as world:
+        assert world is not ready
+    assert wandering(cars, lambda: world_module.new_world(PADDOCK_CAR)) == wandering(cars)
+    assert not world_module._ready
+
+
+@pytest.mark.parametrize("cars", [1, 3])
 def test_the_cheaper_search_for_contacts_finds_what_bullets_own_finds_to_the_last_bit(monkeypatch, cars):
     def full_filters(body, client):
         for link in (-1, *range(len(WHEELS) + len(HINGES))):
             pybullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP, client)
 
     ours = wandering(cars)
-    monkeypatch.setattr(world_module, "_ready", [])
     monkeypatch.setattr(world_module, "_connect", lambda: pybullet.connect(pybullet.DIRECT))
     monkeypatch.setattr(car_module, "_set_filters", full_filters)
     assert wandering(cars) == ours
