@@ -17,7 +17,7 @@ from evaluation.models import Evaluation, TrainedModel
 from races import facts
 from races.course import box_marks
 from races.models import Race, RaceState
-from races.selectors import races_on
+from races.selectors import evaluations_visible_to, races_on
 from races.selectors.offers import Learned, Offer, offers_for
 from tracks.drawing import BoxMark, DrivenLine, draw_svg
 from tracks.geometry import TrackGeometry
@@ -65,13 +65,12 @@ def races_for(context: Context, model: TrainedModel, learned: Learned | None = N
     return offers_for(model=model, racer=context["user"], now=timezone.now(), learned=learned)
 
 
-@register.simple_tag
-def runs_of(model: TrainedModel) -> list[Evaluation]:
-    """The latest evaluations of a model."""
+@register.simple_tag(takes_context=True)
+def runs_of(context: Context, model: TrainedModel) -> list[Evaluation]:
+    """The latest evaluations of a model that the reader may see: of another's those that stand on boards."""
     related = ("track", "result", "submission__entry__race", "duel__race")
-    return list(
-        Evaluation.objects.filter(model=model).select_related(*related).order_by("-queued_at")[:RUNS_OF_A_MODEL]
-    )
+    runs = evaluations_visible_to(context["user"]).filter(model=model).select_related(*related)
+    return list(runs.order_by("-queued_at")[:RUNS_OF_A_MODEL])
 
 
 @register.simple_tag

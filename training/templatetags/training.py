@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from django import template
 from django.db.models import Q
+from django.template import Context
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from evaluation.models import TrainedModel
+from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
+from training.cloning import build_of_model
 from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
-from training.models import TrainingJob
+from training.models import NeuralNetwork, TrainingJob
 
 register = template.Library()
 
@@ -25,6 +30,43 @@ HYPERPARAMETER_NAMES = {
     "num_episodes_between_training": gettext_noop("Episodes between updates"),
 }
 LOSS_NAMES = {HUBER: gettext_noop("Huber"), MEAN_SQUARED_ERROR: gettext_noop("mean squared error")}
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The model whose weights another began with. ``is_visible``: the reader may open its page; ``is_named``: they may
+    know its name, as they trained from it. ``by``: its racer where it is another's and may be told, else ``""``."""
+
+    model: TrainedModel
+    is_visible: bool
+    is_named: bool
+    by: str
+
+
+@register.simple_tag(takes_context=True)
+def origin_of(context: Context, model: TrainedModel) -> Origin | None:
+    """What a model was cloned from; None for one that was not, or came from elsewhere."""
+    made = TrainingJob.objects.filter(Q(best_model=model) | Q(last_model=model)).exclude(cloned_from=None)
+    job = made.select_related("cloned_from__owner").order_by("pk").first()
+    if job is None or job.cloned_from is None:
+        return None
+    reader, origin = context["user"], job.cloned_from
+    visible = can_see_model(reader, origin)
+    named = visible or reader.pk == job.owner_id
+    another_s = named and origin.owner_id != reader.pk
+    return Origin(origin, visible, named, origin.owner.alias if another_s else "")
+
+
+@register.filter
+def network_word(name: str) -> str:
+    """The depth of a network in the reader's language; the field's own name where there is none."""
+    return str(NeuralNetwork(name).label) if name in NeuralNetwork.values else name
+
+
+@register.filter
+def trains_on(model: TrainedModel) -> bool:
+    """Whether the model's weights can be learned on here."""
+    return build_of_model(model) is not None
 
 
 @register.simple_tag

@@ -1,0 +1,157 @@
+"""Training on from the weights of somebody else's shared model."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.contrib.auth.models import AnonymousUser
+
+from evaluation.models import Network, TrainedModel
+from evaluation.services import delete_model, purge_garages, share_model, stop_sharing_model
+from faults import UserFault
+from races.services import submit_model
+from tests.factories import a_race
+from tests.rows import METADATA, model_row
+from tests.training.jobs import a_training
+from training.forms.clone import OWN_LISTED, SHARED_LISTED
+from training.forms.training import TrainingForm
+from training.models import JobState, TrainingJob, Vehicle
+from training.prefill import LACKS_VEHICLE, proposals
+from training.selectors import can_clone_model, can_see_training, clonable_models
+from training.services.work import spec_of
+from training.trainer.network import Layout
+
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell", "bell")]
+
+SPACE = [{key: action[key] for key in ("steering_angle", "speed")} for action in METADATA["action_space"]]
+
+
+def trained_here(owner, name: str = "Bolt", onnx: bytes = b"a network") -> TrainedModel:
+    """A model with as many weights as a training here makes."""
+    model = model_row(owner, name, onnx)
+    Network.objects.filter(pk=model.network_id).update(parameters=Layout.of(METADATA).parameters)
+    model.refresh_from_db()
+    return model
+
+
+@pytest.fixture
+def shared(bob, now) -> TrainedModel:
+    """Bob's, shared."""
+    model = trained_here(bob)
+    share_model(model=model, now=now)
+    return model
+
+
+def test_a_shared_model_is_trained_on_and_makes_a_new_one_of_the_racers_own(alice, shared, oval, now):
+    job = a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
+    assert (job.owner, job.cloned_from, job.state) == (alice, shared, JobState.QUEUED)
+    assert spec_of(job).build == "paddock"
+
+
+def test_who_may_begin_with_it_is_who_sees_it(alice, bob, shared, now):
+    everybody = (alice, bob, AnonymousUser())
+    for expected in ({alice, bob}, {bob}):
+        for racer in everybody:
+            may = can_clone_model(racer, shared)
+            assert may == (shared in clonable_models(racer)) == (racer in expected)
+        stop_sharing_model(model=shared)
+
+
+def test_a_model_that_is_not_shared_any_more_starts_no_training(alice, shared, oval, now):
+    stop_sharing_model(model=shared)
+    with pytest.raises(UserFault) as refused:
+        a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
+    assert refused.value.code == "clone_not_yours"
+
+
+@pytest.mark.parametrize("end", ["stop_sharing", "delete"])
+def test_a_training_that_began_goes_on_and_names_what_it_began_with(alice, shared, oval, now, end):
+    job = a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
+    if end == "delete":
+        delete_model(model=shared, now=now)
+    else:
+        stop_sharing_model(model=shared)
+    Network.objects.update(created_at=now - timedelta(days=9))
+    purge_garages(now=now + timedelta(days=9))
+    job = TrainingJob.objects.get(pk=job.pk)
+    assert job.cloned_from == shared
+    with job.cloned_from.network.onnx.open("rb") as file:
+        assert file.read() == b"a network", "the trainer may still have to begin with it"
+
+
+def test_the_training_and_its_reward_function_stay_the_owners(alice, bob, shared, oval, now):
+    job = a_training(bob, oval, now)
+    TrainingJob.objects.filter(pk=job.pk).update(best_model=shared)
+    assert not can_see_training(alice, job)
+    assert "reward_code" not in {
+        k for k, v in proposals(alice, {"clone": shared.public_id}).items() if v == job.reward_code
+    }
+
+
+def test_a_shared_model_cannot_be_submitted_by_somebody_else(alice, shared, now):
+    with pytest.raises(UserFault) as refused:
+        submit_model(race=a_race(now), racer=alice, model=shared, now=now)
+    assert refused.value.code == "model_not_yours"
+
+
+class TestTheChoiceInTheWizard:
+    def groups(self, racer, now, chosen=None) -> dict[str, list[str]]:
+        form = TrainingForm(owner=racer, now=now, initial={"clone": chosen})
+        return {name: [label for _, label in rows] for name, rows in form.fields["clone"].choices if name}
+
+    def test_lists_own_and_shared_models_in_groups(self, alice, shared, now):
+        assert self.groups(alice, now) == {"Shared models": ["Bolt (bob)"]}
+        model_row(alice, "Mine", b"mine")
+        assert self.groups(alice, now) == {"My models": ["Mine"], "Shared models": ["Bolt (bob)"]}
+
+    def test_lists_a_models_owner_only_once(self, bob, shared, now):
+        assert self.groups(bob, now) == {"My models": ["Bolt"]}
+
+    def test_is_bounded_and_keeps_the_chosen_one(self, alice, bob, shared, now, django_assert_max_num_queries):
+        for number in range(SHARED_LISTED + 5):
+            later = model_row(bob, f"Car {number}", str(number).encode())
+            share_model(model=later, now=now + timedelta(minutes=number + 1))
+        with django_assert_max_num_queries(3):
+            listed = self.groups(alice, now, shared.public_id)["Shared models"]
+        assert len(listed) == SHARED_LISTED + 1
+        assert listed[-1] == "Bolt (bob)", "the oldest one is chosen"
+        assert OWN_LISTED + SHARED_LISTED < 200
+
+    def test_takes_any_model_that_may_be_cloned_listed_or_not(self, alice, bob, shared, now):
+        field = TrainingForm(owner=alice, now=now).fields["clone"]
+        for number in range(SHARED_LISTED + 1):
+            share_model(model=model_row(bob, f"Car {number}", str(number).encode()), now=now + timedelta(minutes=1))
+        assert field.clean(shared.public_id) == shared
+
+    @pytest.mark.parametrize("sent", ["x" * 12, "\x00", "\ud800"])
+    def test_refuses_what_is_not_there(self, alice, shared, now, sent):
+        from django.core.exceptions import ValidationError
+
+        with pytest.raises(ValidationError):
+            TrainingForm(owner=alice, now=now).fields["clone"].clean(sent)
+
+
+class TestTheVehicleForIt:
+    def test_is_chosen_where_one_fits(self, alice, shared):
+        Vehicle.objects.create(owner=alice, name="A", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
+        fits = Vehicle.objects.create(owner=alice, name="B")
+        initial = proposals(alice, {"clone": shared.public_id})
+        assert initial["vehicle"] == fits.public_id
+        assert LACKS_VEHICLE not in initial
+
+    def test_is_asked_for_where_none_does(self, alice, shared):
+        Vehicle.objects.create(owner=alice, name="A", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
+        assert proposals(alice, {"clone": shared.public_id})[LACKS_VEHICLE] == shared
+
+    def test_is_not_missed_by_a_racer_without_any_whose_car_is_the_usual_one(self, alice, shared):
+        assert LACKS_VEHICLE not in proposals(alice, {"clone": shared.public_id})
+
+    def test_must_have_the_same_lidar(self, alice, bob, shared):
+        metadata = METADATA | {"sensor": ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]}
+        metadata |= {"lidar_config": {"num_sectors": 4, "num_values_per_sector": 2, "clipping_dist": 2.0}}
+        TrainedModel.objects.filter(pk=shared.pk).update(metadata=metadata)
+        Vehicle.objects.create(owner=alice, name="A", sensors=metadata["sensor"])
+        assert LACKS_VEHICLE in proposals(alice, {"clone": shared.public_id})
+        Vehicle.objects.create(owner=alice, name="B", sensors=metadata["sensor"], lidar_config=metadata["lidar_config"])
+        assert LACKS_VEHICLE not in proposals(alice, {"clone": shared.public_id})
