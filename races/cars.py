@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from evaluation.looks import Look, told_apart
-from evaluation.models import CarResult, Evaluation
+from evaluation.models import CarResult, Evaluation, EvaluationRival
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -24,18 +26,70 @@ class CarRow:
     look: Look
 
 
+@dataclass(frozen=True)
+class LiveCar:
+    """A car of a run that waits or drives: its number as in :class:`CarRow`, whose, and what it looks like.
+
+    ``progress``: what the runner told of it last (``evaluation.simulator.race.Progress`` or its ``RivalProgress``),
+    with the ``laps`` of the race; empty as long as it has told nothing.
+    """
+
+    number: int
+    racer: Racer
+    look: Look
+    progress: Mapping[str, Any]
+
+    @cached_property
+    def is_retired(self) -> bool:
+        """Whether its network failed, so that it is off the track."""
+        return bool(self.progress.get("retired"))
+
+    @property
+    def place_key(self) -> tuple:
+        """Smaller for the car that leads: farther along, or through all laps in less time."""
+        told = self.progress
+        return self.is_retired, -told.get("lap", 0), -told.get("percent", 0.0), told.get("total_ms", 0), self.number
+
+
 def car_rows(evaluation: Evaluation) -> list[CarRow]:
     """The cars of a finished run, winner first. Two queries, or one for a car that drove without others."""
-    rivals = sorted(evaluation.rivals.select_related("model__owner"), key=lambda rival: rival.number)
+    rivals = _rivals(evaluation)
+    looks = _looks(evaluation, rivals)
     result = evaluation.result
-    looks = told_apart([evaluation.model.look, *(rival.model.look for rival in rivals)])
     if not rivals:
         return [CarRow(0, 1, evaluation.owner, result, looks[0])]
-    worn = dict(zip((0, *(rival.number for rival in rivals)), looks, strict=True))
     racers = {0: evaluation.owner} | {rival.number: rival.model.owner for rival in rivals}
     results: dict[int, CarResult] = {0: result} | {rival.number: rival for rival in result.rivals.all()}
     return [
-        CarRow(number, place, racers[number], results[number], worn[number])
+        CarRow(number, place, racers[number], results[number], looks[number])
         for place, number in enumerate(result.order, start=1)
         if number in results
     ]
+
+
+def live_cars(evaluation: Evaluation) -> list[LiveCar]:
+    """The cars of a run that waits or drives, by their numbers. One query."""
+    rivals = _rivals(evaluation)
+    looks = _looks(evaluation, rivals)
+    progress = evaluation.progress or {}
+    told = dict(enumerate(progress.get("rivals", ()), start=1))
+    laps = {"laps": progress.get("laps")}
+    return [
+        LiveCar(0, evaluation.owner, looks[0], progress),
+        *(
+            LiveCar(
+                one.number, one.model.owner, looks[one.number], told[one.number] | laps if one.number in told else {}
+            )
+            for one in rivals
+        ),
+    ]
+
+
+def _rivals(evaluation: Evaluation) -> list[EvaluationRival]:
+    return sorted(evaluation.rivals.select_related("model__owner"), key=lambda rival: rival.number)
+
+
+def _looks(evaluation: Evaluation, rivals: Sequence[EvaluationRival]) -> dict[int, Look]:
+    """What the cars of a run wear, by their numbers."""
+    looks = told_apart([evaluation.model.look, *(rival.model.look for rival in rivals)])
+    return dict(zip((0, *(rival.number for rival in rivals)), looks, strict=True))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
@@ -14,12 +17,15 @@ from evaluation.models import Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
-from races.cars import car_rows
+from races.cars import LiveCar, car_rows, live_cars
 from races.course import awaited_boxes, driven_boxes
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
 
 from .common import visible_evaluation
 from .latest import live_mark
+
+if TYPE_CHECKING:
+    from league.models import Racer
 
 REPLAY_FORMAT = 2
 
@@ -123,6 +129,8 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         "is_mine": request.user.is_authenticated and request.user.pk == shown.owner_id,
     }
     if shown.state == State.FINISHED:
+        rows = car_rows(shown)
+        context["heading"] = _heading((row.number, row.racer) for row in rows)
         colour = ColourBy.of(request.GET.get("colour"))
         lap = request.GET.get("lap", "")
         number = int(lap) if lap.isdecimal() and 0 < int(lap) <= len(shown.result.laps) else None
@@ -135,31 +143,41 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "lines": driven_lines(shown.result.line, colour, number),
             "boxes": driven_boxes(shown.result.course),
             "bot_count": shown.spec["rules"].get("bots", 0),
-            "cars": car_rows(shown),
+            "cars": rows,
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or shown.result.crashes,
             "map_size": map_size(shown.track),
         }
         return context
     position = queue_position(shown)
     progress = shown.progress or {}
+    cars = live_cars(shown)
+    standing = sorted(cars, key=lambda car: car.place_key)
     context |= {
+        "heading": _heading((car.number, car.racer) for car in cars),
+        "standing": standing if len(cars) > 1 else [],
+        "clock_ms": max(car.progress.get("total_ms", 0) for car in cars),
         "mark": live_mark(shown, position),
         "position": position,
         "wait_s": expected_wait_s(shown, position) if position else None,
         "progress": progress,
-        "car": map_point(shown.track, progress["x"], progress["y"]) if "x" in progress and "y" in progress else None,
-        "others": _others(shown, progress),
+        "bots": [map_point(shown.track, x, y) for x, y in progress.get("bots", ())],
+        "dots": _dots(shown, cars),
         "boxes": awaited_boxes(shown.track, shown.spec["rules"]),
         "map_size": map_size(shown.track),
     }
     return context
 
 
-def _others(shown: Evaluation, progress: dict) -> list[tuple[tuple[float, float], str]]:
-    """Where bots and rivals are on the map just now, each with the class of its dot."""
-    bots = [(map_point(shown.track, x, y), "") for x, y in progress.get("bots", ())]
-    rivals = [
-        (map_point(shown.track, rival["x"], rival["y"]), f"r{number}")
-        for number, rival in enumerate(progress.get("rivals", ()), start=1)
+def _heading(cars: Iterable[tuple[int, Racer]]) -> list[Racer]:
+    """Whose run it is where several cars drive, in the order of the start; nobody for a car alone."""
+    racers = [racer for _, racer in sorted(cars, key=lambda car: car[0])]
+    return racers if len(racers) > 1 else []
+
+
+def _dots(shown: Evaluation, cars: Iterable[LiveCar]) -> list[tuple[LiveCar, tuple[float, float]]]:
+    """The racers' cars that are on the map just now, and where. The car whose run it is comes last, on top."""
+    return [
+        (car, map_point(shown.track, car.progress["x"], car.progress["y"]))
+        for car in sorted(cars, key=lambda car: -car.number)
+        if "x" in car.progress and "y" in car.progress and not car.is_retired
     ]
-    return [*bots, *rivals]

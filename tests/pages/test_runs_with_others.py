@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from django.utils import timezone
 
@@ -65,11 +67,67 @@ def test_a_run_that_waits_shows_its_boxes_and_one_on_track_where_everybody_is(wo
         "crashes": 4,
         "bots": [[0.0, 1.0], [2.0, 1.0]],
     }
-    progress |= {"rivals": [{"x": 0.5, "y": 0.5}]}
     Evaluation.objects.filter(pk=queued.pk).update(progress=progress)
     html = boss.get(queued.get_absolute_url()).content.decode()
-    assert html.count('class="track-other "') == 2 and html.count('class="track-other r1"') == 1
+    assert html.count('class="track-other"') == 2 and html.count('class="track-car"') == 1
     assert "<dt>Crashes</dt><dd>4</dd>" in html
+
+
+def driving_duel(world: World, **progress) -> Evaluation:
+    """Alice in red against bob in green and charlie in the same red, on track."""
+    now = timezone.now()
+    cars = [a_model(owner) for owner in (world.alice, world.bob, a_racer("charlie"))]
+    for car, colour in zip(cars, ("#ef4444", "#84cc16", "#ef4444"), strict=True):
+        TrainedModel.objects.filter(pk=car.pk).update(shell="kart", colour=colour)
+    first, *others = TrainedModel.objects.filter(pk__in=[car.pk for car in cars]).order_by("pk")
+    rules = RaceRules(race_type="head_to_head")
+    queued = queue_evaluation(
+        owner=world.alice, model=first, rivals=others, track=a_track(), rules=rules, priority=99, now=now
+    )
+    start(queued, now)
+    mine = {"lap": 1, "laps": 3, "percent": 60.0, "x": 1.0, "y": 1.0, "total_ms": 9000, "off_tracks": 1, "crashes": 2}
+    Evaluation.objects.filter(pk=queued.pk).update(progress=mine | progress)
+    return Evaluation.objects.get(pk=queued.pk)
+
+
+BEHIND = {"lap": 1, "percent": 20.0, "total_ms": 9000, "x": 0.5, "y": 0.5, "off_tracks": 0, "crashes": 0}
+AHEAD = {"lap": 2, "percent": 5.0, "total_ms": 9000, "x": -0.5, "y": 0.5, "off_tracks": 0, "crashes": 0}
+
+
+def test_a_duel_on_track_shows_every_car_in_its_own_colour_and_who_leads(world: World, boss) -> None:
+    shown = driving_duel(world, rivals=[BEHIND | {"retired": False}, AHEAD | {"retired": False}])
+    html = boss.get(shown.get_absolute_url()).content.decode()
+    card = html[html.index('id="live"') :]
+    assert card.index(">charlie</a>") < card.index(">alice</a>") < card.index(">bob</a>")
+    assert "Lap 2 / 3" in card and "0:09.000" in card and "2 crashes" in card and "1 off track" in card
+    dots = dict(re.findall(r'<circle id="live-dot-?(\d?)" class="track-car" fill="(#\w+)"', html))
+    assert (dots[""], dots["1"]) == ("#ef4444", "#84cc16"), "each its own"
+    assert dots["2"] not in ("#ef4444", "#84cc16"), "told apart from the same red"
+    renewed = boss.get(f"{shown.get_absolute_url()}live/?seen=x").content.decode()
+    assert renewed.count('class="track-car"') == 3 and "charlie" in renewed
+
+
+def test_a_car_that_retired_is_last_and_off_the_map(world: World, boss) -> None:
+    shown = driving_duel(world, rivals=[BEHIND | {"retired": False}, AHEAD | {"retired": True}])
+    html = boss.get(shown.get_absolute_url()).content.decode()
+    card = html[html.index('id="live"') :]
+    assert card.index(">alice</a>") < card.index(">bob</a>") < card.index(">charlie</a>")
+    assert html.count('class="track-car"') == 2 and "retired" in card
+
+
+def test_a_duel_that_has_not_told_anything_yet_names_its_cars(world: World, boss) -> None:
+    shown = driving_duel(world)
+    Evaluation.objects.filter(pk=shown.pk).update(progress={})
+    html = boss.get(shown.get_absolute_url()).content.decode()
+    assert all(f">{name}</a>" in html for name in ("alice", "bob", "charlie")) and "Starting" in html
+
+
+def test_the_page_of_a_duel_is_headed_by_its_racers(world: World, boss) -> None:
+    html = boss.get(driving_duel(world).get_absolute_url()).content.decode()
+    head = html[html.index("<h1") : html.index("</h1>")]
+    assert [head.index(f">{name}</a>") for name in ("alice", "bob", "charlie")] == sorted(
+        head.index(f">{name}</a>") for name in ("alice", "bob", "charlie")
+    )
 
 
 def test_bots_drive_along_in_the_replay(world: World, boss) -> None:
