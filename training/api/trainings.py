@@ -158,7 +158,12 @@ class CreateSerializer(serializers.Serializer):
     trials = serializers.IntegerField(required=False, min_value=1, max_value=MAX_TRIALS)
     best_metric = serializers.ChoiceField(BestMetric.choices, required=False)
     seed = serializers.IntegerField(required=False, min_value=0, max_value=MOST)
-    clone_from = serializers.CharField(required=False, max_length=12, help_text="The public_id of a model.")
+    clone_from = serializers.CharField(
+        required=False,
+        max_length=12,
+        help_text="The public_id of a model, yours or shared, whose weights it begins with. Its action space and "
+        "algorithm are taken over unless one of them is sent.",
+    )
     submit_to_race = serializers.CharField(required=False, max_length=80, help_text="The slug of a race.")
 
 
@@ -245,6 +250,13 @@ def _checked(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
     kwargs = dict(sent)
     kwargs["reward_code"] = sent["reward_code"].replace("\r\n", "\n")
     kwargs["reward_signature"] = signature_of(kwargs["reward_code"])
+    if "clone_from" in sent:
+        model = kwargs["clone_from"] = clonable_models(request.user).filter(public_id=sent["clone_from"]).first()
+        if model is None:
+            raise UserFault("clone_not_yours")
+        if not sent.keys() & {"action_space", "action_space_type", "algorithm"}:  # those that it was trained with
+            kwargs |= {name: model.metadata[name] for name in ("action_space", "action_space_type")}
+            kwargs["algorithm"] = Algorithm.SAC if model.metadata["training_algorithm"] == "sac" else Algorithm.PPO
     kind = kwargs.setdefault("action_space_type", CONTINUOUS if sent.get("algorithm") == Algorithm.SAC else DISCRETE)
     usual = DEFAULT_BOUNDS if kind == CONTINUOUS else [dict(action) for action in DEFAULT_ACTIONS]
     kwargs.setdefault("action_space", usual)
@@ -252,10 +264,6 @@ def _checked(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
         kwargs["vehicle"] = vehicles_of(request.user).filter(public_id=sent["vehicle"]).first()
         if kwargs["vehicle"] is None:
             raise UserFault("vehicle_not_yours")
-    if "clone_from" in sent:
-        kwargs["clone_from"] = clonable_models(request.user).filter(public_id=sent["clone_from"]).first()
-        if kwargs["clone_from"] is None:
-            raise UserFault("clone_not_yours")
     if "submit_to_race" in sent:
         races: QuerySet[Race] = races_visible_to(request.user)
         kwargs["submit_to_race"] = get_object_or_404(races, slug=sent["submit_to_race"])
