@@ -1,4 +1,5 @@
-"""What a fresh installation races: a season of twelve months and a few community races of the house."""
+"""What a fresh installation races: a season of twelve months with races of every type, and a few community races of the
+house."""
 
 from __future__ import annotations
 
@@ -36,7 +37,31 @@ PRO_TRACKS = ("cosmic-circuit", "baja-highway", "kuei-super-raceway", "kuei-race
 SLUGS = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale"}
 # Learners' cars of the old console drive 0.5 to 1 m/s: two minutes a lap must be enough.
 OPEN_RULES = {"laps": 3, "minimum_laps": 3, "off_track_penalty_ms": 3000, "max_simulated_ms": 360_000}
-PRO_RULES = {"laps": 5, "minimum_laps": 3, "off_track_penalty_ms": 5000, "max_simulated_ms": 360_000}
+PRO_RULES = {
+    "laps": 3,
+    "minimum_laps": 3,
+    "off_track_penalty_ms": 5000,
+    "collision_penalty_ms": 3000,
+    "max_simulated_ms": 360_000,
+    "sensors": list(OFFERABLE),
+}
+# What the pro races and their finales are by turns, as the official league's were in 2021 and 2022: boxes or bots.
+PRO_TYPES: tuple[dict[str, Any], ...] = (
+    {"race_type": RaceType.OBJECT_AVOIDANCE, "random_boxes": 4},
+    {
+        "race_type": RaceType.HEAD_TO_HEAD,
+        "opponents": Opponents.BOTS,
+        "bots": 4,
+        "bot_speed_mps": 1.0,
+        "bot_lane_changes": True,
+    },
+)
+CHAMPIONSHIP_TYPE: dict[str, Any] = {
+    "race_type": RaceType.HEAD_TO_HEAD,
+    "opponents": Opponents.MODELS,
+    "duel_format": DuelFormat.BRACKET,
+    "duel_cars": 2,
+}
 
 
 @transaction.atomic
@@ -73,6 +98,7 @@ def open_demo_season(*, now: datetime) -> Season:
         month=MONTH_NAMES[months[-2].month - 1],
         name=f"{season.name} · championship",
         **pro,
+        **CHAMPIONSHIP_TYPE,
     )
     _community_races(tracks, now)
     logger.info("Opened %s with %s months of races.", season, MONTHS)
@@ -89,6 +115,7 @@ def _schedule_month(
     direction = Direction.CW if turned else Direction.CCW
     finale = closes + FINALE_AFTER, closes + FINALE_AFTER + FINALE_LASTS
     pro_track = tracks[PRO_TRACKS[(number - 1) % len(PRO_TRACKS)]]
+    pro_type = PRO_TYPES[(number - 1) % len(PRO_TYPES)] | {"seed": number}
     for stage, times, track, title in (
         (Stage.OPEN, (opens, closes), tracks[OPEN_TRACKS[(number - 1) % len(OPEN_TRACKS)]], month),
         (Stage.PRO, (opens, closes), pro_track, f"{month} pro"),
@@ -105,6 +132,7 @@ def _schedule_month(
             name=f"{title} · {track.name}",
             track=track,
             direction=direction,
+            **({} if stage == Stage.OPEN else pro_type),
         )
     return {"track": pro_track, "direction": direction}
 

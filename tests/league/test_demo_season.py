@@ -19,8 +19,10 @@ from league.models import Racer, Round, Season, Stage
 from league.services import enter_house_cars, house_cars, open_demo_season
 from league.services import house as house_services
 from league.services.house import HOUSE_CARS_DIR
+from races.course import race_rules
 from races.models import Entry, Kind, Race, RaceState
 from races.selectors import racing_now
+from races.sensors import OFFERABLE
 from races.services import create_community_race
 from tests.factories import a_racer, a_track
 from tests.rows import model_row
@@ -95,6 +97,24 @@ def test_each_month_has_a_finale_and_the_season_a_championship(now):
         assert (finale.race.track_id, finale.race.direction) == (pro.race.track_id, pro.race.direction)
     last = season.rounds.get(stage=Stage.CHAMPIONSHIP).race
     assert last.opens_at > finales[-1].race.closes_at and last.closes_at.date() <= season.ends_on
+
+
+def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_every_sensor(now):
+    season = open_demo_season(now=now)
+
+    def races(stage: str) -> list[Race]:
+        return [one.race for one in season.rounds.filter(stage=stage).select_related("race").order_by("number")]
+
+    assert {race.race_type for race in races(Stage.OPEN)} == {"time_trial"}
+    pros, finales = races(Stage.PRO), races(Stage.FINALE)
+    assert [race.race_type for race in pros[:4]] == ["object_avoidance", "head_to_head"] * 2
+    assert all(race.opponents == "bots" for race in pros[1::2])
+    for pro, finale in zip(pros, finales, strict=True):
+        assert race_rules(finale) == race_rules(pro), "a finale is driven as its qualifier was"
+        assert set(pro.sensors) == set(finale.sensors) == set(OFFERABLE)
+    assert len({race_rules(pro).seed for pro in pros}) == 12, "every month has its own course"
+    (last,) = races(Stage.CHAMPIONSHIP)
+    assert (last.opponents, last.duel_format) == ("models", "bracket")
 
 
 def test_a_finale_is_no_less_a_race_of_the_league_for_house_cars(now, stable):
