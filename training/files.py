@@ -6,13 +6,15 @@ deepracer-simapp 6 (metrics/s3_metrics.py, training metrics of version 2.0) and 
 from __future__ import annotations
 
 import gzip
-import io
 import json
-import zipfile
+from collections.abc import Iterator
 from typing import Any
 
+from .archive import Part, part_of, part_of_gzip, zipped
 from .models import BestMetric, TrainingIteration, TrainingJob
 
+VERSION = 2.0
+AT_A_TIME = 50  # iterations that are held
 _METRIC_NAMES = {BestMetric.PROGRESS: "progress", BestMetric.REWARD: "reward", BestMetric.LAP_TIME: "laptime"}
 
 
@@ -22,10 +24,32 @@ def training_metrics(job: TrainingJob) -> dict[str, Any]:
 
     Many cars drive at once here, so ``start_time`` is the sum of what was driven before: no two episodes overlap.
     """
-    metrics: list[dict[str, Any]] = []
+    return {
+        "metrics": [entry for entries in _entries(job) for entry in entries],
+        "version": VERSION,
+        "best_model_metric": _METRIC_NAMES[BestMetric(job.best_metric)],
+    }
+
+
+def metrics_json(job: TrainingJob) -> Iterator[bytes]:
+    """:func:`training_metrics` as JSON, an iteration at a time: a long training has a hundred thousand episodes."""
+    before = b'{"metrics": ['
+    for entries in _entries(job):
+        if entries:
+            yield before + json.dumps(entries)[1:-1].encode()
+            before = b",\n"
+    if before != b",\n":
+        yield before
+    best = json.dumps(_METRIC_NAMES[BestMetric(job.best_metric)])
+    yield f'], "version": {VERSION}, "best_model_metric": {best}}}\n'.encode()
+
+
+def _entries(job: TrainingJob) -> Iterator[list[dict[str, Any]]]:
     clock = episode = 0
-    for iteration in job.iterations.order_by("number").defer("simtrace"):
-        for phase, driven in (("training", iteration.episodes), ("evaluation", iteration.eval_trials)):
+    rows = job.iterations.order_by("number").values_list("episodes", "eval_trials")
+    for driven_here in rows.iterator(chunk_size=AT_A_TIME):
+        metrics: list[dict[str, Any]] = []
+        for phase, driven in zip(("training", "evaluation"), driven_here, strict=True):
             for trial, one in enumerate(driven, start=1):
                 metrics.append(
                     {
@@ -42,7 +66,7 @@ def training_metrics(job: TrainingJob) -> dict[str, Any]:
                 )
                 clock += one["time_ms"]
                 episode += phase == "training"
-    return {"metrics": metrics, "version": 2.0, "best_model_metric": _METRIC_NAMES[BestMetric(job.best_metric)]}
+        yield metrics
 
 
 def simtrace(iteration: TrainingIteration) -> bytes:
@@ -53,17 +77,24 @@ def simtrace(iteration: TrainingIteration) -> bytes:
         return gzip.decompress(file.read())
 
 
-def logs_zip(job: TrainingJob) -> bytes:
-    """Everything that was written down: metrics, the newest sim-traces, the log, and what the training was made of.
-    Names are those of the console, as deepracer-utils looks for them."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("metrics/training/training-metrics.json", json.dumps(training_metrics(job)))
-        archive.writestr(f"logs/training/{job.name}-robomaker.log", job.log)
-        archive.writestr("reward_function.py", job.reward_code)
-        archive.writestr("model_metadata.json", json.dumps(job.metadata, indent=1))
-        archive.writestr("hyperparameters.json", json.dumps(job.hyperparameters, indent=1))
-        for iteration in job.iterations.exclude(simtrace="").order_by("number"):
-            name = f"sim-trace/training/training-simtrace/{iteration.number - 1}-iteration.csv"
-            archive.writestr(name, simtrace(iteration))
-    return file.getvalue()
+def logs_zip(job: TrainingJob) -> Iterator[bytes]:
+    """Everything that was written down, as a zip in pieces: metrics, the newest sim-traces, the log, and what the
+    training was made of. Names are those of the console, as deepracer-utils looks for them."""
+    return zipped(_parts(job))
+
+
+def _parts(job: TrainingJob) -> Iterator[Part]:
+    yield part_of("metrics/training/training-metrics.json", metrics_json(job))
+    yield part_of(f"logs/training/{job.name}-robomaker.log", [job.log.encode()])
+    yield part_of("reward_function.py", [job.reward_code.encode()])
+    yield part_of("model_metadata.json", [json.dumps(job.metadata, indent=1).encode()])
+    yield part_of("hyperparameters.json", [json.dumps(job.hyperparameters, indent=1).encode()])
+    traces = job.iterations.exclude(simtrace="").order_by("number").only("number", "simtrace", "job_id")
+    for iteration in traces:
+        name = f"sim-trace/training/training-simtrace/{iteration.number - 1}-iteration.csv"
+        try:
+            with iteration.simtrace.open("rb") as file:
+                packed = file.read()
+        except OSError:  # cleared away in this very moment
+            continue
+        yield part_of_gzip(name, packed)

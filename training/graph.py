@@ -9,50 +9,47 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from django.db.models import F
 from django.utils.html import format_html, format_html_join
-from django.utils.safestring import SafeString
+from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
-from .models import TrainingIteration
+from .models import TrainingJob
 
 WIDTH, HEIGHT = 860.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 44.0, 14.0, 34.0
 MOST_DOTS = 1500
 MOST_POINTS = 600
+MOST_CLOUDS = 150  # iterations whose episodes are drawn: a long training has a hundred thousand of them
+LAYERS = 6  # of dots: those of one layer do not darken each other
 SMOOTHINGS = (1, 3, 9)  # iterations that a smoothed value is the mean of
 
 
 @dataclass(frozen=True)
 class Point:
-    """One iteration in the graph."""
+    """One iteration in the graph. ``rewards``: of its episodes, where they are drawn."""
 
     number: int
     steps: int
     reward: float | None
     progress: float | None
     evaluation: float
-    eval_reward: float
     lap_ms: int | None
     is_best: bool
     rewards: tuple[float, ...]
 
 
-def points_of(iterations: Sequence[TrainingIteration]) -> list[Point]:
-    """The rows as points of the graph."""
-    return [
-        Point(
-            row.number,
-            row.steps,
-            row.mean_reward,
-            row.mean_progress,
-            row.eval_progress,
-            row.eval_reward,
-            row.eval_lap_ms,
-            row.is_best,
-            tuple(float(episode["reward"]) for episode in row.episodes),
-        )
-        for row in iterations
-    ]
+def points_of(job: TrainingJob) -> list[Point]:
+    """The iterations of a training as points of the graph, with the episodes of at most :data:`MOST_CLOUDS`."""
+    columns = ("number", "steps", "mean_reward", "mean_progress", "eval_progress", "eval_lap_ms", "is_best")
+    rows = list(job.iterations.order_by("number").values_list(*columns))
+    every = math.ceil(len(rows) / MOST_CLOUDS) or 1
+    some = job.iterations.annotate(rest=F("number") % every).filter(rest=0)
+    clouds = {
+        number: tuple(float(episode["reward"]) for episode in episodes)
+        for number, episodes in some.order_by("number").values_list("number", "episodes")
+    }
+    return [Point(*row, clouds.get(row[0], ())) for row in rows]
 
 
 def smoothed(values: Sequence[float | None], window: int) -> list[float | None]:
@@ -165,17 +162,18 @@ def _numbers(points: Sequence[Point], x: Any) -> SafeString:
 
 
 def _dots(points: Sequence[Point], x: Any, y: Any) -> SafeString:
+    """Dots as strokes without a length, of which a thousand are one path."""
     places = [
         (index + (number + 0.5) / len(point.rewards) - 0.5, reward)
         for index, point in enumerate(points)
         for number, reward in enumerate(point.rewards)
     ]
-    stride = max(1, math.ceil(len(places) / MOST_DOTS))
-    return format_html_join(
-        "",
-        '<circle class="graph-dot" cx="{}" cy="{}" r="2"/>',
-        ((f"{x(place):.1f}", f"{y(reward):.1f}") for place, reward in places[::stride]),
+    drawn = places[:: max(1, math.ceil(len(places) / MOST_DOTS))]
+    layers = (
+        "".join(f"M{x(place):.1f} {y(reward):.1f}h0" for place, reward in drawn[layer::LAYERS])
+        for layer in range(min(LAYERS, len(drawn)))
     )
+    return mark_safe("".join(f'<path class="graph-dots" d="{layer}"/>' for layer in layers))
 
 
 def _line(style: str, places: Sequence[tuple[float, float]]) -> SafeString:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -21,7 +22,7 @@ from tests.training.jobs import REWARD, a_training
 from tracks.models import Track
 from training import tasks
 from training.course import LESSONS
-from training.graph import draw_graph, points_of, smoothed
+from training.graph import MOST_CLOUDS, draw_graph, points_of, smoothed
 from training.models import JobState, TrainingIteration, TrainingJob, Vehicle
 from training.templatetags.training import span
 from training.views import learn
@@ -61,7 +62,7 @@ def run(job: TrainingJob, iterations: int = 3) -> TrainingJob:
             ],
             mean_reward=10.0 * number + 1.5,
             mean_progress=20.0 * number,
-            eval_progress=30.0 * number,
+            eval_progress=min(30.0 * number, 100.0),
             eval_reward=40.0,
             eval_lap_ms=13_000 if number == iterations else None,
             entropy=1.5,
@@ -90,6 +91,11 @@ def end(job: TrainingJob, world: World) -> TrainingJob:
     TrainingJob.objects.filter(pk=job.pk).update(**values)
     job.refresh_from_db()
     return job
+
+
+def dots(html: str) -> int:
+    """Episodes in the graph."""
+    return sum(path.count("h0") for path in re.findall(r'class="graph-dots" d="([^"]*)"', html))
 
 
 def form_of(client: Client, query: str = "", **changes: str) -> dict[str, str]:
@@ -292,14 +298,23 @@ def test_a_running_training_shows_its_graph_and_its_drive(world: World, job: Tra
     assert "begins as soon as a worker" in client.get(job.get_absolute_url()).content.decode()
     run(job)
     html = client.get(job.get_absolute_url()).content.decode()
-    assert html.count('class="graph-dot"') == 12
+    assert dots(html) == 12
     assert "&lt;b&gt;fast&lt;/b&gt;" in html
-    drive = json.loads(re.search(r'id="training-live"[^>]*data-drive="([^"]*)"', html)[1])
+    drive = json.loads(re.search(r'id="training-graph"[^>]*data-drive="([^"]*)"', html)[1])
     assert len(drive) == 2 and drive[0][3] == 1.2
     live = client.get(f"/train/{job.public_id}/live/")
     assert 'hx-swap-oob="true"' in live.content.decode()
     seen = live.context["mark"]
     assert client.get(f"/train/{job.public_id}/live/", {"seen": seen}).status_code == 204
+    TrainingJob.objects.filter(pk=job.pk).update(progress={"steps": 6500, "seconds": 7.0})
+    figures = client.get(f"/train/{job.public_id}/live/", {"seen": seen})
+    html = figures.content.decode()
+    assert "6.5 k" in html and "<svg" not in html, "no iteration came"
+    seen = figures.context["mark"]
+    TrainingIteration.objects.filter(number=3).delete()
+    TrainingIteration.objects.create(job=job, number=3, steps=6600, seconds=8, eval_progress=77.0, eval_reward=1.0)
+    again = client.get(f"/train/{job.public_id}/live/", {"seen": seen}).content.decode()
+    assert dots(again) == 8 and 'id="training-graph"' in again, "the number is the same, the iteration another"
     end(job, world)
     over = client.get(f"/train/{job.public_id}/live/", {"seen": seen})
     assert (over.status_code, over["HX-Refresh"]) == (204, "true")
@@ -398,11 +413,20 @@ def test_the_laboratory_shows_a_function_and_what_a_change_changes(world: World)
 
 def test_the_graph_of_one_iteration_and_of_thousands(world: World, job: TrainingJob) -> None:
     assert draw_graph([]) == ""
-    one = points_of(list(run(job, 1).iterations.all()))
+    one = points_of(run(job, 1))
     assert draw_graph(one).count("<polyline") == 3
     many = draw_graph(one * 5000, 9)
-    assert many.count('class="graph-dot"') <= 1500
+    assert 1000 < dots(many) <= 1500
     assert len(json.loads(re.search(r'data-points="([^"]*)"', many)[1].replace("&quot;", '"'))) <= 601
+
+
+def test_of_a_long_training_the_episodes_of_some_iterations_are_drawn(job: TrainingJob) -> None:
+    run(job, 2 * MOST_CLOUDS + 1)
+    points = points_of(job)
+    assert len(points) == 2 * MOST_CLOUDS + 1
+    drawn = [point.number for point in points if point.rewards]
+    assert MOST_CLOUDS / 2 < len(drawn) <= MOST_CLOUDS
+    assert {later - before for before, later in itertools.pairwise(drawn)} == {3}
 
 
 def test_smoothing_is_a_mean_of_the_last_ones() -> None:

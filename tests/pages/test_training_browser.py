@@ -74,7 +74,7 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     page.get_by_role("button", name="Create and train").click()
     playwright.expect(page.get_by_role("heading", name="First-car")).to_be_visible(timeout=DRIVE_MS)
     page.evaluate("window.sameDocument = true")
-    playwright.expect(page.locator(".graph-dot").first).to_be_visible(timeout=TRAIN_MS)
+    playwright.expect(page.locator(".graph-dots").first).to_be_visible(timeout=TRAIN_MS)
     points = page.locator("svg.graph").get_attribute("data-points").count("[")
     playwright.expect(page.locator("svg.graph")).not_to_have_attribute(
         "data-points", re.compile(rf"^(?:[^\[]*\[){{{points}}}[^\[]*$"), timeout=TRAIN_MS

@@ -71,7 +71,7 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
     metrics = training_metrics(job)
     assert {one["phase"] for one in metrics["metrics"]} == {"training", "evaluation"}
     assert metrics["best_model_metric"] == "progress"
-    with zipfile.ZipFile(io.BytesIO(logs_zip(job))) as archive:
+    with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
         assert json.loads(archive.read("metrics/training/training-metrics.json")) == metrics
         assert archive.read("reward_function.py").decode() == REWARD
         archive.extractall(tmp_path)

@@ -57,7 +57,13 @@ def closed_because() -> str:
     return ""
 
 
-def visible_training(request: HttpRequest, public_id: str) -> TrainingJob:
-    """The training, or 404 when there is none or the reader may not see it."""
-    related = ("track", "owner", "best_model__network", "last_model__network", "cloned_from", "submit_to_race")
-    return get_object_or_404(visible_trainings(request.user).select_related(*related), public_id=public_id)
+def visible_training(request: HttpRequest, public_id: str, *, whole: bool = True) -> TrainingJob:
+    """The training, or 404 when there is none or the reader may not see it. ``whole=False``: only what is asked for
+    all the time, the rest when it is looked at."""
+    jobs = visible_trainings(request.user)
+    if whole:
+        related = ("track", "owner", "best_model__network", "last_model__network", "cloned_from", "submit_to_race")
+        jobs = jobs.select_related(*related)
+    else:
+        jobs = jobs.defer("log", "driving", "reward_code", "operator_detail")
+    return get_object_or_404(jobs, public_id=public_id)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from django.contrib.auth.decorators import login_required
-from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.http import Http404, HttpRequest, HttpResponse, StreamingHttpResponse
 from django.views.decorators.http import require_safe
 
 from evaluation.files import as_download, download_of
-from training.files import logs_zip, simtrace, training_metrics
+from training.files import logs_zip, metrics_json, simtrace
 
 from .common import visible_training
 
@@ -36,18 +36,19 @@ def training_sb3(request: HttpRequest, public_id: str) -> HttpResponse:
 
 @login_required
 @require_safe
-def training_logs(request: HttpRequest, public_id: str) -> HttpResponse:
+def training_logs(request: HttpRequest, public_id: str) -> StreamingHttpResponse:
     """Log, reward function, settings, metrics and sim-traces in one zip."""
     job = visible_training(request, public_id)
-    return _file(logs_zip(job), "application/zip", f"{job.name}-logs.zip")
+    response = StreamingHttpResponse(logs_zip(job), content_type="application/zip")
+    return as_download(response, f"{job.name}-logs.zip")
 
 
 @login_required
 @require_safe
-def training_metrics_file(request: HttpRequest, public_id: str) -> HttpResponse:
+def training_metrics_file(request: HttpRequest, public_id: str) -> StreamingHttpResponse:
     """The training metrics JSON, as the community's tools read it."""
     job = visible_training(request, public_id)
-    response = JsonResponse(training_metrics(job), json_dumps_params={"indent": 1})
+    response = StreamingHttpResponse(metrics_json(job), content_type="application/json")
     return as_download(response, f"{job.name}-training-metrics.json")
 
 

@@ -25,7 +25,7 @@ from races.views.common import tell_fault
 from tracks.drawing import BoxMark
 from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
-from training.models import JobState, TrainingJob
+from training.models import TrainingIteration, TrainingJob
 from training.selectors import can_stop_training, training_queue_position, trainings_of
 from training.services import stop_training
 from training.services.create import course_of
@@ -35,6 +35,7 @@ from .common import usage_of, visible_training
 PER_PAGE = 30
 LOG_SHOWN = 4000
 LAPS_OF_A_TEST = 3
+APART = "~"
 
 
 @login_required
@@ -59,17 +60,21 @@ def training(request: HttpRequest, public_id: str) -> HttpResponse:
 @login_required
 @require_safe
 def training_live(request: HttpRequest, public_id: str) -> HttpResponse:
-    """The part of the page that changes. ``seen`` is what the reader has on screen: unchanged, the answer is empty
-    (204); over, the page is loaded anew."""
-    job = visible_training(request, public_id)
-    if job.is_final:
-        response = HttpResponse(status=204)
-        if request.GET.get("seen") != _mark(request, job):
-            response["HX-Refresh"] = "true"
-    elif request.GET.get("seen") == _mark(request, job):
+    """What of the page has changed. ``seen`` is what the reader has on screen: unchanged, the answer is empty (204);
+    without another iteration it is the figures without the graph; over, the page is loaded anew."""
+    job = visible_training(request, public_id, whole=False)
+    last = _last(job)
+    seen, mark = request.GET.get("seen", ""), _mark(request, job, last)
+    if seen == mark or job.is_final:
         response = HttpResponse(status=204)  # before anything is drawn: it is asked for all the time
+        if seen != mark:
+            response["HX-Refresh"] = "true"
     else:
-        response = render(request, "training/parts/live.html", {**_context(request, job), "renewed": True})
+        context = _figures(request, job, last)
+        context["graph_is_new"] = seen.partition(APART)[2] != mark.partition(APART)[2]
+        if context["graph_is_new"]:
+            context |= _graph(request, job)
+        response = render(request, "training/parts/live.html", context)
     response["Cache-Control"] = "private, no-store"
     return response
 
@@ -110,11 +115,17 @@ def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
     return redirect(evaluation)
 
 
-def _mark(request: HttpRequest, job: TrainingJob) -> str:
-    """What tells two states of the page apart."""
+def _last(job: TrainingJob) -> TrainingIteration | None:
+    return job.iterations.defer("episodes", "eval_trials").order_by("-number").first()
+
+
+def _mark(request: HttpRequest, job: TrainingJob, last: TrainingIteration | None) -> str:
+    """What tells two states of the page apart: its figures, and behind :data:`APART` its graph."""
     steps = (job.progress or {}).get("steps", 0)
-    known = (job.state, training_queue_position(job), job.iterations.count(), steps, bool(job.stop_asked_at))
-    return "-".join(map(str, (*known, _window(request))))
+    figures = (training_queue_position(job), steps, bool(job.stop_asked_at))
+    # the row, not its number: what goes on from a checkpoint drives the same numbers again
+    graph = (job.state, last.pk if last else 0, _window(request))
+    return APART.join("-".join(map(str, part)) for part in (figures, graph))
 
 
 def _window(request: HttpRequest) -> int:
@@ -124,39 +135,48 @@ def _window(request: HttpRequest) -> int:
 
 
 def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
-    window = _window(request)
-    small = job.iterations.defer("simtrace", "eval_trials")
-    points = points_of(list(small))
-    last = job.iterations.defer("episodes", "eval_trials").order_by("-number").first()
-    best = job.iterations.filter(is_best=True).defer("episodes", "eval_trials").first()
-    progress = job.progress or {}
-    seconds = max(job.seconds_done, float(progress.get("seconds", 0)))
-    position = training_queue_position(job)
+    """The whole page."""
+    last = _last(job)
     mine = request.user.pk == job.owner_id
     return {
+        **_figures(request, job, last),
+        **_graph(request, job),
+        "can_stop": can_stop_training(request.user, job),
+        "is_mine": mine,
+        "map_size": map_size(job.track),
+        "course_boxes": _boxes(job),
+        "ending": how_it_ended(job, request.user),
+        "model": job.best_model if mine else None,
+    }
+
+
+def _figures(request: HttpRequest, job: TrainingJob, last: TrainingIteration | None) -> dict[str, Any]:
+    """What changes from second to second; it costs the same however long the training is."""
+    progress = job.progress or {}
+    seconds = max(job.seconds_done, float(progress.get("seconds", 0)))
+    return {
         "job": job,
-        "graph": draw_graph(points, window),
-        "smoothing": window,
-        "smoothings": SMOOTHINGS,
-        "iterations": len(points),
         "last": last,
-        "best": best,
+        "best": job.iterations.filter(is_best=True).defer("episodes", "eval_trials").first(),
         "steps": max(job.steps_done, int(progress.get("steps", 0))),
         "steps_per_second": progress.get("steps_per_second") or (last.steps_per_second if last else None),
         "seconds": seconds,
         "seconds_left": max(0.0, job.stop_minutes * 60.0 - seconds),
-        "percent_of_time": min(100, round(100 * seconds / (job.stop_minutes * 60.0))),
-        "position": position,
+        "position": training_queue_position(job),
+        "smoothing": _window(request),
+        "mark": _mark(request, job, last),
+    }
+
+
+def _graph(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
+    """What changes with an iteration."""
+    points = points_of(job)
+    return {
+        "graph": draw_graph(points, _window(request)),
+        "smoothings": SMOOTHINGS,
+        "iterations": len(points),
         "log": job.log[-LOG_SHOWN:],
-        "can_stop": can_stop_training(request.user, job),
-        "is_mine": mine,
         "drive": json.dumps(_drive(job)),
-        "map_size": map_size(job.track),
-        "course_boxes": _boxes(job),
-        "mark": _mark(request, job),
-        "ending": how_it_ended(job, request.user),
-        "model": job.best_model if mine else None,
-        "is_failed": job.state == JobState.FAILED,
     }
 
 

@@ -1,0 +1,107 @@
+"""What a training is downloaded as: a zip and a JSON that are sent while they are written."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import zipfile
+
+import pytest
+from django.core.files.base import ContentFile
+from django.core.files.storage import default_storage
+
+from tests.training.jobs import REWARD, a_training
+from training.archive import part_of, part_of_gzip, zipped
+from training.files import logs_zip, metrics_json, training_metrics
+from training.models import TrainingIteration, TrainingJob
+
+
+def opened(parts) -> zipfile.ZipFile:
+    archive = zipfile.ZipFile(io.BytesIO(b"".join(zipped(parts))))
+    assert archive.testzip() is None, "a check sum is wrong"
+    return archive
+
+
+class TestTheZip:
+    TEXT = b"steps,X,Y\n" * 5000
+
+    def test_holds_what_it_was_given(self):
+        parts = [part_of("a.txt", [b"one ", b"two"]), part_of("차량/empty", []), part_of("b.csv", [self.TEXT])]
+        with opened(parts) as archive:
+            assert archive.namelist() == ["a.txt", "차량/empty", "b.csv"]
+            assert [archive.read(name) for name in archive.namelist()] == [b"one two", b"", self.TEXT]
+
+    def test_takes_a_gzip_over_as_it_is(self):
+        packed = gzip.compress(self.TEXT)
+        part = part_of_gzip("trace.csv", packed)
+        assert part.deflated in packed, "it is not packed anew"
+        with opened([part]) as archive:
+            assert archive.read("trace.csv") == self.TEXT
+
+    def test_unpacks_a_gzip_that_is_written_in_another_way(self):
+        file = io.BytesIO()
+        with gzip.GzipFile("a name in the head.csv", "wb", fileobj=file) as packed:
+            packed.write(self.TEXT)
+        with opened([part_of_gzip("trace.csv", file.getvalue())]) as archive:
+            assert archive.read("trace.csv") == self.TEXT
+
+    def test_of_nothing_is_an_empty_zip(self):
+        assert opened([]).namelist() == []
+
+    def test_holds_one_part_at_a_time(self):
+        read = []
+
+        def parts():
+            for name in ("a", "b"):
+                read.append(name)
+                yield part_of(name, [b"x"])
+
+        pieces = zipped(parts())
+        next(pieces)
+        assert read == ["a"]
+
+
+@pytest.mark.django_db
+class TestTheFilesOfATraining:
+    @pytest.fixture
+    def job(self, alice, oval, now, training_bell) -> TrainingJob:
+        job = a_training(alice, oval, now)
+        TrainingJob.objects.filter(pk=job.pk).update(log="한 줄\n")
+        one = {"reward": 1.5, "progress": 20.0, "status": "Off track", "steps": 30, "time_ms": 2000}
+        for number in (1, 2, 3):
+            name = default_storage.save(f"training/{number}.csv.gz", ContentFile(gzip.compress(b"%d\n" % number)))
+            TrainingIteration.objects.create(
+                job=job,
+                number=number,
+                steps=number,
+                seconds=1.0,
+                episodes=[one] * (number - 1),
+                eval_trials=[one] * (number % 2),
+                eval_progress=20.0,
+                eval_reward=1.5,
+                simtrace=name,
+            )
+        job.refresh_from_db()
+        return job
+
+    def test_metrics_come_in_pieces_and_are_the_same(self, job):
+        pieces = list(metrics_json(job))
+        assert len(pieces) == 4
+        assert json.loads(b"".join(pieces)) == training_metrics(job)
+        assert len(training_metrics(job)["metrics"]) == 5
+
+    def test_metrics_of_one_that_has_not_driven_are_none(self, job):
+        job.iterations.all().delete()
+        assert json.loads(b"".join(metrics_json(job))) == training_metrics(job)
+        assert training_metrics(job)["metrics"] == []
+
+    def test_the_zip_has_all_of_it_but_what_is_gone(self, job):
+        default_storage.delete(job.iterations.get(number=2).simtrace.name)
+        with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
+            assert archive.testzip() is None
+            assert archive.read("reward_function.py").decode() == REWARD
+            assert archive.read("logs/training/first-robomaker.log").decode() == "한 줄\n"
+            traces = [name for name in archive.namelist() if name.startswith("sim-trace/")]
+            assert [name[-15:] for name in traces] == ["0-iteration.csv", "2-iteration.csv"]
+            assert archive.read(traces[1]) == b"3\n"
