@@ -24,7 +24,7 @@ run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 training: system-run $(VENV)/.training ## what training models needs, however large, for the next "make run"
 
 test: system-test $(VENV)/.test $(VENV)/.offered ## every test (PYTEST_ARGS= for more)
-	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
 lint: $(VENV)/.test ## style, layering, migrations, translations
 	$(BIN)/ruff check .

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import pytest
 from django.db import connection
 
-from tests import database
+from tests import database, postgres
+
+PACK = 20
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -21,11 +25,28 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that share what their module makes once run on one worker: elsewhere every worker would make it anew."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """How ``make test`` deals tests out to its two workers: slow ones first and each by itself, so that no worker is
+    left with a long one at the end; then the others, in packs of a file, which is cheaper than one by one.
+
+    Tests that share what their module makes once stay together: elsewhere every worker would make it anew.
+    """
+    quick_ones: Counter[str] = Counter()
     for item in items:
-        if item.get_closest_marker("xdist_group") is None and _shares_with_its_module(item):
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+        if item.get_closest_marker("xdist_group") is not None:
+            continue
+        file = item.nodeid.partition("::")[0]
+        if _shares_with_its_module(item):
+            item.add_marker(pytest.mark.xdist_group(file))
+        elif _is_quick(item):
+            item.add_marker(pytest.mark.xdist_group(f"{file} {quick_ones[file] // PACK}"))
+            quick_ones[file] += 1
+    if hasattr(config, "workerinput"):
+        items.sort(key=_is_quick)
+
+
+def _is_quick(item: pytest.Item) -> bool:
+    return item.get_closest_marker("slow") is None
 
 
 def _shares_with_its_module(item: pytest.Item) -> bool:
@@ -71,6 +92,23 @@ def new_data(django_db_setup: None, migrated: Path | None) -> Callable[[Path], P
         return folder
 
     return make
+
+
+@pytest.fixture(scope="session")
+def postgresql(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where PostgreSQL's data with a migrated test database are kept from run to run (tests/postgres.py)."""
+    if not postgres.is_installed():
+        pytest.skip("PostgreSQL is not installed")
+    if connection.vendor == "postgresql":
+        pytest.skip("this already is a run on PostgreSQL")
+    cache = getattr(request.config, "cache", None)
+    return Path(cache.mkdir("postgresql")) if cache else tmp_path_factory.mktemp("postgresql")
+
+
+@pytest.fixture
+def again_on_postgresql(postgresql: Path) -> Callable[..., None]:
+    """Run tests (arguments of pytest) once more, on PostgreSQL: those whose subject is what the database does."""
+    return partial(postgres.again, postgresql)
 
 
 @pytest.fixture

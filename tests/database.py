@@ -22,10 +22,15 @@ MADE_BY = ("*/migrations/*.py", "*/models.py", "*/models/*.py", "*/apps.py", "*/
 
 def template(folder: Path) -> Path:
     """Where the migrated database of this code is kept in ``folder``, whether it is there yet or not."""
-    made_by = hashlib.sha256(f"{django.__version__} {sqlite3.sqlite_version}".encode())
+    return folder / f"{digest(sqlite3.sqlite_version)}.sqlite3"
+
+
+def digest(version: str) -> str:
+    """A name for what our migrations make of an empty database of this ``version``."""
+    made_by = hashlib.sha256(f"{django.__version__} {version}".encode())
     for source in sorted({path for pattern in MADE_BY for path in CHECKOUT.glob(pattern)}):
         made_by.update(source.relative_to(CHECKOUT).as_posix().encode() + b"\0" + source.read_bytes())
-    return folder / f"{made_by.hexdigest()[:24]}.sqlite3"
+    return made_by.hexdigest()[:24]
 
 
 def copy(source: Path, target: Path) -> None:

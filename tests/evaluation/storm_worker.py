@@ -1,7 +1,8 @@
-"""A worker without Celery that crashes and dawdles at random: ``python -m tests.evaluation.storm_worker SEED``.
+"""Workers without Celery that crash and dawdle at random: ``python -m tests.evaluation.storm_worker NUMBER``.
 
-It runs evaluations until none is left that has not ended. Now and then it is killed at a random point, and now and then
-it stops beating for longer than its lease lasts and then comes with a late result. It prints what it did.
+They run evaluations until none is left that has not ended. Now and then one is killed at a random point, and another
+takes its place; now and then one stops beating for longer than its lease lasts and then comes with a late result. They
+print what they did. All are forks of one process, which waits for them.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import random
 import signal
 import sys
 import threading
+import traceback
+from itertools import count
 
 import django
 
@@ -30,7 +33,7 @@ from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
 
 LEASE_S = 1.0
 CRASH, DAWDLE, OUR_FAULT, USER_FAULT = 0.012, 0.03, 0.02, 0.03
-luck = random.Random(int(sys.argv[1]))
+luck = random.Random()
 pause = threading.Event().wait
 
 
@@ -85,14 +88,7 @@ def dawdle(evaluation) -> None:
     say("late accepted" if late else "late refused")
 
 
-def main() -> None:
-    settings.LEASE_SECONDS = LEASE_S
-    settings.EVALUATION_MAX_ATTEMPTS = 1000
-    pipeline.evaluate = evaluate
-    leases.store_files = store_files_and_perhaps_die
-    bell._ring = lambda times: None
-    work.PROGRESS_EVERY_S = 0.1
-    evaluation_ended.connect(count_the_end, weak=False)
+def worker() -> None:
     while Evaluation.objects.filter(state__in=(State.QUEUED, State.RUNNING)).exists():
         services.sweep_queue(now=timezone.now(), ring=False)
         if luck.random() < DAWDLE:
@@ -104,4 +100,37 @@ def main() -> None:
     say("done")
 
 
-main()
+def start(seed: int) -> None:
+    """Fork a worker with luck of its own."""
+    if os.fork():
+        return
+    try:
+        luck.seed(seed)
+        worker()
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    os._exit(0)
+
+
+def main(workers: int) -> None:
+    settings.LEASE_SECONDS = LEASE_S
+    settings.EVALUATION_MAX_ATTEMPTS = 1000
+    pipeline.evaluate = evaluate
+    leases.store_files = store_files_and_perhaps_die
+    bell._ring = lambda times: None
+    work.PROGRESS_EVERY_S = 0.1
+    evaluation_ended.connect(count_the_end, weak=False)
+    seeds = count(1)
+    for _ in range(workers):
+        start(next(seeds))
+    while workers:
+        _, status = os.wait()
+        say(f"exit {os.waitstatus_to_exitcode(status)}")
+        if os.waitstatus_to_exitcode(status) == -signal.SIGKILL:
+            start(next(seeds))
+        else:
+            workers -= 1
+
+
+main(int(sys.argv[1]))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
-from itertools import count
 
 import pytest
 from django.core.files.storage import default_storage
@@ -15,7 +15,7 @@ from evaluation import services
 from evaluation.models import Evaluation, Result, State
 from evaluation.services.results import read_course, read_trace
 from evaluation.simulator.rules import RaceRules
-from tests.evaluation.processes import environment, is_running
+from tests.evaluation.processes import environment, kill_session, session_of
 from tests.evaluation.stubs import trace_csv
 from tests.rows import model_row
 from tests.shared import CHECKOUT
@@ -64,30 +64,17 @@ def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie
 
 def weather(log) -> list[int]:
     """Keep workers running until the queue is empty; the exit status of each."""
+    command = [sys.executable, "-m", "tests.evaluation.storm_worker", str(WORKERS)]
     env = environment("redis://127.0.0.1:1/0")
-    seeds = count(1)
-
-    def start() -> subprocess.Popen:
-        command = [sys.executable, "-m", "tests.evaluation.storm_worker", str(next(seeds))]
-        with log.open("ab") as output:
-            return subprocess.Popen(command, cwd=CHECKOUT, env=env, stdout=output, stderr=subprocess.STDOUT)
-
-    workers = [start() for _ in range(WORKERS)]
-    exit_codes = []
+    with log.open("ab") as output:
+        storm = subprocess.Popen(
+            command, cwd=CHECKOUT, env=env, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
     try:
-        while workers:
-            worker = workers.pop(0)
-            try:
-                exit_codes.append(worker.wait(0.1))
-            except subprocess.TimeoutExpired:
-                workers.append(worker)
-                continue
-            if worker.returncode == -9:
-                workers.append(start())
+        assert storm.wait() == 0, log.read_text()[-4000:]
+        assert not session_of(storm.pid)
     finally:
-        for worker in workers:
-            worker.kill()
-            worker.wait()
-    assert not any(is_running(worker.pid) for worker in workers)
+        kill_session(storm.pid)
+        storm.wait()
     connection.close()
-    return exit_codes
+    return [int(status) for status in re.findall(r"^exit (-?\d+)$", log.read_text(), re.MULTILINE)]

@@ -13,6 +13,7 @@ import sys
 import urllib.error
 import urllib.request
 from contextlib import closing
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -116,43 +117,60 @@ def rows(data: Path, query: str) -> list[tuple]:
         return database.execute(query).fetchall()
 
 
+@dataclass
+class FirstStart:
+    """What a first start did, and its data folder after it has stopped: preparing a new one takes seconds."""
+
+    data: Path
+    answers: tuple[int, int]
+    seasons: int
+    tracks: int
+    evaluation: str  # one that has finished
+    doctor: subprocess.CompletedProcess
+    status: int
+    said: str
+
+
 @pytest.fixture(scope="module")
-def template(tmp_path_factory, new_data):
-    """A data folder after its first start, to copy: preparing a new one takes seconds."""
+def first_start(tmp_path_factory, new_data) -> FirstStart:
     data = new_data(tmp_path_factory.mktemp("run") / "data")
+    finished = "select public_id from evaluation_evaluation where state = 'finished'"
     with Run(data) as run:
         run.ready()
-        assert run.stop(signal.SIGINT) == 130
-    return data
+        answers = run.answer(), run.answer("/health/ready")
+        wait_for(lambda: rows(data, finished), 60, run.log)
+        doctor = manage(data, "doctor")
+        status = run.stop(signal.SIGINT)
+    return FirstStart(
+        data,
+        answers,
+        *rows(data, "select count(*) from league_season")[0],
+        *rows(data, "select count(*) from tracks_track where is_catalogue")[0],
+        *rows(data, finished)[0],
+        doctor,
+        status,
+        run.said,
+    )
 
 
 @pytest.fixture
-def data(template, tmp_path):
-    return Path(shutil.copytree(template, tmp_path / "data"))
+def data(first_start, tmp_path):
+    return Path(shutil.copytree(first_start.data, tmp_path / "data"))
 
 
-def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_process(tmp_path):
-    data = tmp_path / "new" / "data"
-    data.parent.mkdir()
-    with Run(data) as run:
-        run.ready()
-        assert run.answer() == 200
-        assert run.answer("/health/ready") == 200
-        assert rows(data, "select count(*) from league_season") == [(1,)]
-        assert rows(data, "select count(*) from tracks_track where is_catalogue")[0][0] >= 7
-        # the whole way is open: a house car is uploaded, queued, run behind the wall, and has a result
-        finished = "select public_id from evaluation_evaluation where state = 'finished'"
-        wait_for(lambda: rows(data, finished), 60, run.log)
-        report = manage(data, "doctor")
-        assert report.returncode == 0, report.stdout
-        assert "bundled Valkey answers" in report.stdout
-        ((evaluation, *_), *_) = rows(data, finished)
-        assert run.stop(signal.SIGINT) == 130
-    assert "Traceback" not in run.said
-    again = manage(data, "verify", evaluation)
+def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_process(first_start):
+    assert first_start.answers == (200, 200)
+    assert first_start.seasons == 1
+    assert first_start.tracks >= 7
+    assert first_start.doctor.returncode == 0, first_start.doctor.stdout
+    assert "bundled Valkey answers" in first_start.doctor.stdout
+    assert first_start.status == 130
+    assert "Traceback" not in first_start.said
+    assert (first_start.data / "secret-key").stat().st_mode & 0o077 == 0
+    # the whole way is open: a house car was uploaded, queued, run behind the wall, and has a result
+    again = manage(first_start.data, "verify", first_start.evaluation)
     assert (again.returncode, again.stderr) == (0, ""), again.stdout
     assert "is the same" in again.stdout
-    assert (data / "secret-key").stat().st_mode & 0o077 == 0
 
 
 def test_a_second_start_keeps_all_data_and_sigterm_stops_it(data):

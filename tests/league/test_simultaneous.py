@@ -5,9 +5,6 @@ On SQLite here, on PostgreSQL below, where two transactions really run side by s
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from datetime import timedelta
 
 import pytest
@@ -23,12 +20,20 @@ from races.services import edit_race
 from races.services.races import edition_of
 from tests.factories import a_track
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
-from tests.postgres import postgres, program
 from tests.races.test_concurrency import at_once
-from tests.shared import CHECKOUT
 
 pytestmark = pytest.mark.django_db(transaction=True)
 NOW = JANUARY - timedelta(days=1)
+ABOUT_THE_DATABASE = (
+    "simultaneous",
+    "closing",
+    "stewards",
+    "moved_rounds",
+    "notices",
+    "history_attacks",
+    "duels_recorded",
+    "telling_costs",
+)
 
 
 @pytest.fixture(autouse=True)
@@ -169,24 +174,5 @@ def test_a_round_that_is_taken_back_while_others_close_it_ends_held_back_or_offi
 @pytest.mark.postgres
 @pytest.mark.slow
 @pytest.mark.django_db(transaction=False)
-@pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
-@pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
-def test_all_of_the_league_s_rules_hold_on_postgresql_too():
-    files = (
-        "simultaneous",
-        "closing",
-        "stewards",
-        "moved_rounds",
-        "notices",
-        "history_attacks",
-        "duels_recorded",
-        "telling_costs",
-    )
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not postgres"]
-    command += [f"tests/league/test_{name}.py" for name in files]
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
-    with postgres() as url:
-        run = subprocess.run(
-            command, cwd=CHECKOUT, env=clean | {"DATABASE_URL": url}, capture_output=True, text=True, check=False
-        )
-    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
+def test_all_of_the_league_s_rules_hold_on_postgresql_too(again_on_postgresql):
+    again_on_postgresql(*(f"tests/league/test_{name}.py" for name in ABOUT_THE_DATABASE))

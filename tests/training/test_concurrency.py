@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from datetime import timedelta
 
 import pytest
 
 from faults import UserFault
 from tests.factories import a_racer
-from tests.postgres import postgres, program
 from tests.races.test_concurrency import at_once
-from tests.shared import CHECKOUT
 from tests.training.jobs import a_training
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob, Vehicle
 from training.services import (
@@ -132,15 +127,5 @@ def test_six_tabs_save_the_same_vehicle_and_one_does(now):
 @pytest.mark.postgres
 @pytest.mark.slow
 @pytest.mark.django_db(transaction=False)
-@pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
-@pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
-def test_all_of_this_room_holds_on_postgresql_too():
-    rooms = [f"tests/training/test_{part}.py" for part in ("concurrency", "leases", "create", "work")]
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "0", *rooms, "-m", "not postgres"]
-    # the other run makes, and deletes, a data folder of its own
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
-    with postgres() as url:
-        run = subprocess.run(
-            command, cwd=CHECKOUT, env=clean | {"DATABASE_URL": url}, capture_output=True, text=True, check=False
-        )
-    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
+def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
+    again_on_postgresql(*(f"tests/training/test_{name}.py" for name in ("concurrency", "leases", "create", "work")))
