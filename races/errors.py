@@ -17,8 +17,8 @@ def problem(code: str, **params: Param) -> ValidationError:
 class RaceRefused(UserFault):
     """A race that cannot be created or changed so.
 
-    ``code`` and ``params`` are the first problem's; ``errors`` is the whole ValidationError by field, for a form's
-    ``add_error(None, refused.errors)`` or an API's answer.
+    ``code`` and ``params`` are those of the first problem that has a code of ours; ``errors`` is the whole
+    ValidationError by field, for a form's ``add_error(None, refused.errors)`` or an API's answer.
     """
 
     def __init__(self, errors: ValidationError) -> None:
@@ -32,9 +32,10 @@ class RaceRefused(UserFault):
 
 def _first(errors: ValidationError) -> tuple[str, dict[str, Param]]:
     by_field = errors.error_dict if hasattr(errors, "error_dict") else {"": errors.error_list}
-    for field, problems in by_field.items():
-        for error in problems:
-            if error.code in REASONS:
-                return error.code, dict(error.params or {})
-            return "race_field", {"field": field, "problem": " ".join(map(str, error.messages))}
+    told = [(field, error) for field, problems in by_field.items() for error in problems]
+    for _, error in told:
+        if error.code in REASONS:
+            return error.code, dict(error.params or {})
+    for field, error in told:
+        return "race_field", {"field": field, "problem": " ".join(map(str, error.messages))}
     raise ValueError("an empty ValidationError refuses nothing")

@@ -137,6 +137,13 @@ def test_a_problem_without_a_code_of_ours_still_has_one_and_names_the_field(alic
     assert caught.value.params["field"] == "name"
 
 
+def test_a_refusal_is_told_by_a_reason_of_the_list_where_one_of_its_problems_has_one(alice, now):
+    with pytest.raises(RaceRefused) as caught:
+        make(alice, now, sensors=[])
+    assert caught.value.code == "race_sensors" and "FRONT_FACING_CAMERA" in str(caught.value)
+
+
+
 def test_what_no_race_has_is_a_mistake_of_the_program(alice, now):
     for wrong in ({"colour": "red"}, {"division": "pro"}, {"kind": "league"}, {"slug": "x"}):
         with pytest.raises(TypeError):
