@@ -104,7 +104,7 @@ def test_a_duel_on_track_shows_every_car_in_its_own_colour_and_who_leads(world: 
     assert (dots[""], dots["1"]) == ("#ef4444", "#84cc16"), "each its own"
     assert dots["2"] not in ("#ef4444", "#84cc16"), "told apart from the same red"
     renewed = boss.get(f"{shown.get_absolute_url()}live/?seen=x").content.decode()
-    assert renewed.count('class="track-car"') == 3 and "charlie" in renewed
+    assert renewed.count('id="live-dot') == 3 and "charlie" in renewed
 
 
 def test_a_car_that_retired_is_last_and_off_the_map(world: World, boss) -> None:
@@ -112,7 +112,7 @@ def test_a_car_that_retired_is_last_and_off_the_map(world: World, boss) -> None:
     html = boss.get(shown.get_absolute_url()).content.decode()
     card = html[html.index('id="live"') :]
     assert card.index(">alice</a>") < card.index(">bob</a>") < card.index(">charlie</a>")
-    assert html.count('class="track-car"') == 2 and "retired" in card
+    assert html.count('id="live-dot') == 2 and "retired" in card
 
 
 def test_a_duel_that_has_not_told_anything_yet_names_its_cars(world: World, boss) -> None:
