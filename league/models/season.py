@@ -130,7 +130,7 @@ class Season(models.Model):
         if self.slug in RESERVED_SLUGS:
             problems["slug"] = problem("season_exists", season=self.slug)
         percent = self.promotion_percent
-        if isinstance(percent, int | float | Decimal) and not 0 < percent < 100:
+        if isinstance(percent, int | float | Decimal) and not _is_share(percent):
             problems["promotion_percent"] = problem("season_cut", percent=str(percent))
         if not _is_table(self.points):
             problems["points"] = problem("season_points_shape", most=MOST_POINTS, places=MOST_PLACES)
@@ -144,6 +144,11 @@ class Season(models.Model):
             problems["championship_places"] = problem("season_more_places_than_cars", size=size)
         if problems:
             raise ValidationError(problems)
+
+
+def _is_share(percent: float | Decimal) -> bool:
+    """More than 0 and less than 100; NaN, which as a Decimal cannot even be compared, is neither."""
+    return Decimal(percent).is_finite() and 0 < percent < 100
 
 
 def _is_table(points: object) -> bool:

@@ -58,6 +58,7 @@ def test_several_seasons_are_summed(folder):
     [
         (("--cut", "100"), "season_cut"),
         (("--cut", "0"), "season_cut"),
+        *((("--cut", value), "season_cut") for value in ("nan", "snan", "inf")),
         (("--points", "1,2"), "season_points_rise"),
         (("--points", "one"), "season_points_shape"),
         (("--season", "1999"), "import_no_season"),
