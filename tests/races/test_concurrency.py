@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from datetime import timedelta
 from threading import Barrier, Thread
@@ -26,10 +23,21 @@ from races.services import (
     withdraw,
 )
 from tests.factories import a_model, a_race, a_racer, a_track, laps, outcome, start
-from tests.postgres import postgres, program
-from tests.shared import CHECKOUT
 
 pytestmark = pytest.mark.django_db(transaction=True)
+ABOUT_THE_DATABASE = (  # locks, constraints, triggers, plans and queries
+    "boards",
+    "concurrency",
+    "counting",
+    "duels",
+    "duels_concurrency",
+    "duels_kept",
+    "entries",
+    "races",
+    "standings",
+    "submit",
+    "visibility",
+)
 
 
 def at_once(calls: Sequence[Callable[[], object]]) -> list[object]:
@@ -179,14 +187,5 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 @pytest.mark.postgres
 @pytest.mark.slow
 @pytest.mark.django_db(transaction=False)
-@pytest.mark.skipif(not (program("initdb") and program("pg_ctl")), reason="no PostgreSQL server is installed")
-@pytest.mark.skipif("DATABASE_URL" in os.environ, reason="this already is a run against another database")
-def test_all_of_this_room_holds_on_postgresql_too():
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/races", "-m", "not postgres"]
-    # the other run makes, and deletes, a data folder of its own
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
-    with postgres() as url:
-        run = subprocess.run(
-            command, cwd=CHECKOUT, env=clean | {"DATABASE_URL": url}, capture_output=True, text=True, check=False
-        )
-    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
+def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
+    again_on_postgresql(*(f"tests/races/test_{name}.py" for name in ABOUT_THE_DATABASE))
