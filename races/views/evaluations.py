@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
-from django.shortcuts import redirect, render
+from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
 from django.views.decorators.http import require_POST, require_safe
 
-from evaluation.models import Evaluation, Result, State
+from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
-from races.cars import LiveCar, car_rows, live_cars
+from races.cars import CarRow, LiveCar, car_rows, live_cars
 from races.course import awaited_boxes, driven_boxes
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
 
@@ -88,19 +88,19 @@ def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
 
 @require_safe
 def evaluation_trace(request: HttpRequest, public_id: str) -> HttpResponse:
-    """The sim-trace as CSV, as the community's tools read it."""
-    shown, result = _finished(request, public_id)
+    """The sim-trace as CSV, as the community's tools read it; with ``car`` that of another car of the run."""
+    shown, result, suffix = _finished_car(request, public_id)
     response = HttpResponse(read_trace(result), content_type="text/csv; charset=utf-8")
-    response["Content-Disposition"] = f'attachment; filename="{shown.public_id}-sim-trace.csv"'
+    response["Content-Disposition"] = f'attachment; filename="{shown.public_id}{suffix}-sim-trace.csv"'
     return response
 
 
 @require_safe
 def evaluation_metrics(request: HttpRequest, public_id: str) -> HttpResponse:
-    """The evaluation metrics JSON, as the community's tools read it."""
-    shown, result = _finished(request, public_id)
+    """The evaluation metrics JSON, as the community's tools read it; with ``car`` that of another car of the run."""
+    shown, result, suffix = _finished_car(request, public_id)
     response = JsonResponse(result.metrics, json_dumps_params={"indent": 1})
-    response["Content-Disposition"] = f'attachment; filename="{shown.public_id}-metrics.json"'
+    response["Content-Disposition"] = f'attachment; filename="{shown.public_id}{suffix}-metrics.json"'
     return response
 
 
@@ -109,6 +109,17 @@ def _finished(request: HttpRequest, public_id: str) -> tuple[Evaluation, Result]
     if shown.state != State.FINISHED:
         raise Http404
     return shown, shown.result
+
+
+def _finished_car(request: HttpRequest, public_id: str) -> tuple[Evaluation, CarResult, str]:
+    """A finished run, what the car of it did that ``car`` names (0: the one whose run it is), and what to put into the
+    names of its files."""
+    shown, result = _finished(request, public_id)
+    number = request.GET.get("car", "0")
+    if number == "0":
+        return shown, result, ""
+    rival = get_object_or_404(result.rivals, number=int(number) if number.isdecimal() else None)
+    return shown, rival, f"-car{rival.number}"
 
 
 def _direction(shown: Evaluation) -> str:
@@ -133,18 +144,20 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         context["heading"] = _heading((row.number, row.racer) for row in rows)
         colour = ColourBy.of(request.GET.get("colour"))
         lap = request.GET.get("lap", "")
-        number = int(lap) if lap.isdecimal() and 0 < int(lap) <= len(shown.result.laps) else None
+        car = _chosen_car(request, rows)
+        number = int(lap) if lap.isdecimal() and 0 < int(lap) <= len(car.result.laps) else None
         context |= {
             "mark": live_mark(shown, None),
             "result": shown.result,
-            "laps": lap_rows(shown.result.laps, race),
+            "car": car,
+            "laps": lap_rows(car.result.laps, race),
             "colour": colour,
             "lap": number,
-            "lines": driven_lines(shown.result.line, colour, number),
+            "lines": driven_lines(car.result.line, colour, number),
             "boxes": driven_boxes(shown.result.course),
             "bot_count": shown.spec["rules"].get("bots", 0),
             "cars": rows,
-            "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or shown.result.crashes,
+            "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,
             "map_size": map_size(shown.track),
         }
         return context
@@ -166,6 +179,13 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         "map_size": map_size(shown.track),
     }
     return context
+
+
+def _chosen_car(request: HttpRequest, rows: Sequence[CarRow]) -> CarRow:
+    """The car whose laps are shown: that of ``car``, else the reader's own, else the one whose run it is."""
+    asked = request.GET.get("car", "")
+    wanted = (lambda row: str(row.number) == asked, lambda row: row.racer == request.user, lambda row: not row.number)
+    return next(row for fits in wanted for row in rows if fits(row))
 
 
 def _heading(cars: Iterable[tuple[int, Racer]]) -> list[Racer]:

@@ -7,13 +7,14 @@ import re
 import pytest
 from django.utils import timezone
 
-from evaluation.models import Evaluation, TrainedModel
+from evaluation.models import Evaluation, RivalResult, TrainedModel
 from evaluation.services import finish_evaluation, queue_evaluation
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import BoxPlace, RaceRules
+from races.models import Duel
 from races.replay import map_point
 from tests.evaluation.stubs import car_outcome, outcome_of
-from tests.factories import a_model, a_racer, a_track, start
+from tests.factories import a_model, a_race, a_racer, a_track, start
 from tests.pages.conftest import World
 from tests.pages.test_race_types import box_middles
 
@@ -153,3 +154,44 @@ def test_a_duel_shows_its_cars_in_the_order_of_the_end_and_drives_them_all(world
     replay = boss.get(f"{shown.get_absolute_url()}replay.json").json()
     assert [rival["number"] for rival in replay["rivals"]] == [1, 2]
     assert all(len(rival["x"]) == len(rival["t"]) for rival in replay["rivals"])
+
+
+@pytest.fixture
+def decided(world: World) -> Evaluation:
+    """Alice, whose run it is, against bob, who drove laps of 9.0 and 9.73 s."""
+    others = [car_outcome(salt=2, laps=(9_000, 9_730))]
+    return run(world.alice, RaceRules(race_type="head_to_head"), a_model(world.bob), rivals=others, order=[1, 0])
+
+
+def test_the_page_of_a_duel_shows_the_laps_of_each_car(world: World, boss, decided: Evaluation) -> None:
+    def laps(query: str, viewer=boss) -> str:
+        html = viewer.get(f"{decided.get_absolute_url()}{query}").content.decode()
+        return html[html.index("<h2>Laps</h2>") : html.index('id="driven"')]
+
+    assert "0:09.730" in laps("?car=1") and "0:09.730" not in laps("?car=0")
+    assert laps("") == laps("?car=0") == laps("?car=7") == laps("?car=x") == laps("?car=-1")
+    html = boss.get(f"{decided.get_absolute_url()}?car=1&colour=lap").content.decode()
+    assert "?colour=lap&amp;lap=2&amp;car=1#driven" in html, "other views keep the car"
+    assert RivalResult.objects.get().trace_sha256 in html and decided.result.trace_sha256 not in html
+
+
+def test_who_drove_in_a_duel_finds_their_own_laps_first(world: World, decided: Evaluation) -> None:
+    page = decided.get_absolute_url()
+    a_race_of_duels = a_race(
+        world.now, slug="duels", race_type="head_to_head", opponents="models", duel_format="bracket"
+    )
+    Duel.objects.create(race=a_race_of_duels, round=1, number=1, evaluation=decided, state="driving", tries=1)
+    html = world.client("bob").get(page).content.decode()
+    assert "0:09.730" in html[html.index("<h2>Laps</h2>") : html.index('id="driven"')]
+    rows = html[html.index("<h2>Cars</h2>") : html.index("<h2>Laps</h2>")]
+    assert rows.count("linked me") == 1 and rows.index("linked me") < rows.index(">bob</a>") < rows.index(">alice</a>")
+
+
+def test_the_files_of_each_car_of_a_duel_can_be_downloaded(world: World, boss, decided: Evaluation) -> None:
+    page = decided.get_absolute_url()
+    assert f"{page}trace.csv?car=1" in boss.get(f"{page}?car=1").content.decode()
+    first, other = (boss.get(f"{page}trace.csv?car={number}") for number in (0, 1))
+    assert first.content == boss.get(f"{page}trace.csv").content != other.content
+    assert "-car1-sim-trace.csv" in other["Content-Disposition"]
+    assert boss.get(f"{page}metrics.json?car=1").json() == RivalResult.objects.get().metrics
+    assert boss.get(f"{page}trace.csv?car=2").status_code == boss.get(f"{page}metrics.json?car=x").status_code == 404
