@@ -98,6 +98,13 @@ REWRITTEN = {
     "whose values two others read": lambda: car(
         *FLAT, dense(made="this"), op("Relu", ["this"], ["that"]), op("Add", ["this", "that"], ["made"]), *END
     ),
+    "over a row of constants": lambda: car(
+        dense(row="same"),
+        *END[:1],
+        op("Gemm", ["found", "head", "bias"], ["this"]),
+        op("Add", ["this", "row"], ["scores"]),
+        same=drawn(1, VALUES),
+    ),
     "of which the scores are a part": lambda: car(
         *FLAT, dense(), op("Split", ["made", "parts"], ["scores", "rest"], axis=1), parts=np.array([5, FEATURES - 5])
     ),
