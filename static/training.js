@@ -93,15 +93,21 @@
     const names = ["steering_low", "steering_high", "speed_low", "speed_high"];
     const area = shape("path", { class: "fan-area", d: "" }, inside);
     const corners = [["steering_low", "speed_high"], ["steering_high", "speed_high"], ["steering_low", "speed_low"], ["steering_high", "speed_low"]];
-    const handles = corners.map(() => shape("circle", { class: "fan-handle", r: 5 }, inside));
+    const handles = corners.map(() => {
+      const handle = shape("g", { class: "fan-handle", tabindex: 0, role: "button" }, inside);
+      shape("circle", { class: "fan-reach", r: 11 }, handle); // a finger is no needle
+      shape("circle", { class: "fan-knob", r: 5 }, handle);
+      return handle;
+    });
+    const labels = Object.fromEntries(names.map((name) => [name, form.elements[name].labels[0].textContent.trim()]));
     const draw = () => {
       const [low, high, slow, fast] = names.map((name) => number(form, name));
       if (![low, high, slow, fast].every(Number.isFinite)) return;
       area.setAttribute("d", sector(low, high, slow, fast));
       corners.forEach(([angle, speed], index) => {
         const [x, y] = place(number(form, angle), number(form, speed));
-        handles[index].setAttribute("cx", x);
-        handles[index].setAttribute("cy", y);
+        handles[index].setAttribute("transform", `translate(${x} ${y})`);
+        handles[index].setAttribute("aria-label", [angle, speed].map((name) => `${labels[name]}: ${number(form, name)}`).join(", "));
       });
     };
     const point = (event) => {
@@ -109,17 +115,26 @@
       return [(Math.atan2(-at.x, -at.y) * 180) / Math.PI / TURN, (Math.hypot(at.x, at.y) * TOP_SPEED) / RADIUS];
     };
     const put = (name, value, low, high, digits) => { form.elements[name].value = round(clamp(value, low, high), digits); };
+    const move = ([angleName, speedName], angle, speed) => {
+      const [left, right] = [number(form, "steering_high"), number(form, "steering_low")];
+      const [slow, fast] = [number(form, "speed_low"), number(form, "speed_high")];
+      put(angleName, angle, angleName === "steering_low" ? -30 : right + 1, angleName === "steering_low" ? left - 1 : 30, 0);
+      put(speedName, speed, speedName === "speed_low" ? 0.1 : slow + 0.1, speedName === "speed_low" ? fast - 0.1 : 4, 1);
+      draw();
+    };
+    const KEYS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
     handles.forEach((handle, index) => {
       const [angleName, speedName] = corners[index];
-      handle.addEventListener("pointerdown", (event) => { handle.setPointerCapture(event.pointerId); event.preventDefault(); });
+      handle.addEventListener("keydown", (event) => {
+        const step = KEYS[event.key];
+        if (!step) return;
+        event.preventDefault();
+        move(corners[index], number(form, angleName) + step[0], number(form, speedName) + step[1]);
+      });
+      handle.addEventListener("pointerdown", (event) => { handle.setPointerCapture(event.pointerId); handle.focus(); event.preventDefault(); });
       handle.addEventListener("pointermove", (event) => {
         if (!handle.hasPointerCapture(event.pointerId)) return;
-        const [angle, speed] = point(event);
-        const [left, right] = [number(form, "steering_high"), number(form, "steering_low")];
-        const [slow, fast] = [number(form, "speed_low"), number(form, "speed_high")];
-        put(angleName, angle, angleName === "steering_low" ? -30 : right + 1, angleName === "steering_low" ? left - 1 : 30, 0);
-        put(speedName, speed, speedName === "speed_low" ? 0.1 : slow + 0.1, speedName === "speed_low" ? fast - 0.1 : 4, 1);
-        draw();
+        move(corners[index], ...point(event));
       });
     });
     form.addEventListener("input", (event) => { if (names.includes(event.target.name)) draw(); });

@@ -7,12 +7,12 @@ from time import monotonic
 
 import pytest
 
-from tests.pages.test_browser import CHROMIUM, DRIVE_MS, browser, page, playwright, sign_up, site
+from tests.pages.test_browser import CHROMIUM, DRIVE_MS, browser, page, playwright, sign_up
 
 pytest.importorskip("torch", reason="training is not installed (make training)")
 pytest.importorskip("stable_baselines3", reason="training is not installed (make training)")
 
-__all__ = ["browser", "page", "site"]
+__all__ = ["browser", "page"]
 TRAIN_MS = 90_000
 pytestmark = [
     pytest.mark.browser,
@@ -54,11 +54,15 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     handle = page.locator("[data-fan='continuous'] .fan-handle").nth(1)
     handle.scroll_into_view_if_needed()
     handle = handle.bounding_box()
-    page.mouse.move(handle["x"] + 4, handle["y"] + 4)
+    x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+    page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(handle["x"] + 34, handle["y"] - 26)
+    page.mouse.move(x + 30, y - 30)
     page.mouse.up()
-    assert float(page.get_by_label("Steering to the left").input_value()) < 30
+    steering = float(page.get_by_label("Steering to the left").input_value())
+    assert steering < 30
+    page.keyboard.press("ArrowRight")
+    assert float(page.get_by_label("Steering to the left").input_value()) == steering - 1
     page.get_by_label("a table of actions").check()
 
     # what nobody has changed follows the algorithm
