@@ -40,7 +40,7 @@ from .simulator.sensors import sensor_spec
 from .simulator.stage import Ground
 from .simulator.world import make_ready
 
-_PROGRESS_S = 0.05
+_PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated
 
 cv2.setNumThreads(1)
@@ -129,7 +129,8 @@ def _rehearsed(ground: Ground) -> Ground:
 
 
 class _Telling:
-    """Sends progress, but no more often than anybody could see: every message takes the core from the race."""
+    """Sends progress, but no more often than anybody could see: every message takes the core from the race, for a
+    third of a millisecond."""
 
     def __init__(self, frames_out: int) -> None:
         self._frames_out = frames_out

@@ -67,9 +67,8 @@ class PolicyClient:
         taken = time.monotonic() - self._started
         self.seconds += taken
         self._bank -= max(0.0, taken - self._step_deadline_s)
-        for value in action.tolist():  # so few numbers are looked at faster without numpy
-            if not math.isfinite(value):
-                raise UserFault("non_finite_action", step=self.step)
+        if not all(map(math.isfinite, action.tolist())):  # so few numbers are looked at faster without numpy
+            raise UserFault("non_finite_action", step=self.step)
         return action
 
     def _fill(self, observation: Mapping[str, np.ndarray]) -> None:

@@ -77,17 +77,22 @@ class ActionSpace:
         values = np.asarray(output).reshape(-1).tolist()  # so few numbers are looked at faster without numpy
         if len(values) != self.size:
             raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
-        for value in values:
-            if not math.isfinite(value):
-                raise UserFault("non_finite_action", step=step)
+        if not all(map(math.isfinite, values)):
+            raise UserFault("non_finite_action", step=step)
         if self.kind == DISCRETE:
             index = values.index(max(values))
             return Action(*self.actions[index], index)
-        steering, speed = (min(max(value, -1.0), 1.0) for value in values)
-        return Action(*_command(_scale(steering, *self.steering), _scale(speed, *self.speed)), None)
+        steering, speed = values
+        return Action(*_command(_scale(steering, self.steering), _scale(speed, self.speed)), None)
 
 
-def _scale(value: float, low: float, high: float) -> float:
+def _scale(value: float, limits: tuple[float, float]) -> float:
+    """``value``, clipped to [-1, 1], on the way from the low to the high limit."""
+    low, high = limits
+    if value < -1.0:
+        value = -1.0
+    elif value > 1.0:
+        value = 1.0
     return low + (value + 1.0) / 2.0 * (high - low)
 
 
