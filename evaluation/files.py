@@ -20,7 +20,10 @@ def package_of(model: TrainedModel) -> bytes:
     """
     file = io.BytesIO()
     try:
-        with model.network.onnx.open("rb") as onnx, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        with (
+            model.network.onnx.open("rb") as onnx,
+            zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        ):
             archive.writestr("model.onnx", onnx.read())
             archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
     except OSError as error:

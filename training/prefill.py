@@ -13,18 +13,22 @@ from evaluation.packages.inputs import lidar_settings
 from races.course_form import DRAWN, FIXED
 
 from .actions import discrete_actions
+from .cloning import build_of_model
 from .course import LESSON_CODE
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
 from .hyperparameters import DEFAULTS, PPO
 from .models import TrainingJob, Vehicle
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models
+from .trainer.network import CONSOLE
 from .vehicles import vehicles_of
 
 if TYPE_CHECKING:
     from league.models import Racer
 
 LONGEST = 255
+# The console's own (deepracer.md 2.4), at which those cars were trained; ours learn best at three times as much.
+CONSOLE_LR = 3e-4
 LACKS_VEHICLE = "lacks_vehicle"  # not a field: the model to begin with, where none of the racer's vehicles fits it
 BOOKED = ("track", "direction", "race_type", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes", "boxes")
 TAKEN_OVER = (*BOOKED, "algorithm", "action_space_type", "reward_code", "stop_minutes", "stop_steps")
@@ -48,6 +52,8 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
     model = clonable_models(owner).filter(public_id=asked.get("clone", "")).first()
     if model is not None:
         initial |= _of_model(owner, model)
+        if build_of_model(model) == CONSOLE:
+            initial.setdefault("lr", CONSOLE_LR)
     for example in EXAMPLES:
         if example.slug == asked.get("example"):
             initial["reward_code"] = example.code

@@ -6,6 +6,8 @@ from datetime import timedelta
 
 import pytest
 from django.contrib.auth.models import AnonymousUser
+from django.db import transaction
+from django.db.models import ProtectedError
 
 from evaluation.models import Network, TrainedModel
 from evaluation.services import delete_model, purge_garages, share_model, stop_sharing_model
@@ -20,7 +22,7 @@ from training.models import JobState, TrainingJob, Vehicle
 from training.prefill import LACKS_VEHICLE, proposals
 from training.selectors import can_clone_model, can_see_training, clonable_models
 from training.services.work import spec_of
-from training.trainer.network import Layout
+from training.trainer.network import CONSOLE, Layout
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell", "bell")]
 
@@ -80,6 +82,13 @@ def test_a_training_that_began_goes_on_and_names_what_it_began_with(alice, share
         assert file.read() == b"a network", "the trainer may still have to begin with it"
 
 
+def test_a_racer_cannot_be_removed_with_a_model_that_others_began_with(alice, bob, shared, oval, now):
+    job = a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
+    with pytest.raises(ProtectedError), transaction.atomic():
+        bob.delete()
+    assert TrainingJob.objects.get(pk=job.pk).cloned_from == shared
+
+
 def test_the_training_and_its_reward_function_stay_the_owners(alice, bob, shared, oval, now):
     job = a_training(bob, oval, now)
     TrainingJob.objects.filter(pk=job.pk).update(best_model=shared)
@@ -97,7 +106,9 @@ def test_a_shared_model_cannot_be_submitted_by_somebody_else(alice, shared, now)
 
 class TestTheChoiceInTheWizard:
     def groups(self, racer, now, chosen=None) -> dict[str, list[str]]:
-        form = TrainingForm(owner=racer, now=now, initial={"clone": chosen})
+        return self.groups_of(TrainingForm(owner=racer, now=now, initial={"clone": chosen}))
+
+    def groups_of(self, form: TrainingForm) -> dict[str, list[str]]:
         return {name: [label for _, label in rows] for name, rows in form.fields["clone"].choices if name}
 
     def test_lists_own_and_shared_models_in_groups(self, alice, shared, now):
@@ -112,8 +123,9 @@ class TestTheChoiceInTheWizard:
         for number in range(SHARED_LISTED + 5):
             later = model_row(bob, f"Car {number}", str(number).encode())
             share_model(model=later, now=now + timedelta(minutes=number + 1))
+        form = TrainingForm(owner=alice, now=now, initial={"clone": shared.public_id})
         with django_assert_max_num_queries(3):
-            listed = self.groups(alice, now, shared.public_id)["Shared models"]
+            listed = self.groups_of(form)["Shared models"]
         assert len(listed) == SHARED_LISTED + 1
         assert listed[-1] == "Bolt (bob)", "the oldest one is chosen"
         assert OWN_LISTED + SHARED_LISTED < 200
@@ -130,6 +142,15 @@ class TestTheChoiceInTheWizard:
 
         with pytest.raises(ValidationError):
             TrainingForm(owner=alice, now=now).fields["clone"].clean(sent)
+
+
+def test_a_car_of_the_console_is_proposed_to_learn_at_the_consoles_rate(alice, shared, oval, now):
+    clone = {"clone": shared.public_id}
+    assert proposals(alice, clone)["lr"] == 0.001
+    Network.objects.filter(pk=shared.network_id).update(parameters=Layout.of(METADATA, CONSOLE).parameters)
+    assert proposals(alice, clone)["lr"] == 0.0003
+    job = a_training(alice, oval, now, hyperparameters={"lr": 0.0007})
+    assert proposals(alice, clone | {"job": job.public_id})["lr"] == 0.0007
 
 
 class TestTheVehicleForIt:

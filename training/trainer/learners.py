@@ -66,7 +66,7 @@ class Learner:
         hurry: Callable[[], bool] = lambda: False,
     ) -> None:
         """``callback`` is asked after each control step; ``hurry`` between the steps of learning: once it is true, the
-        update ends there."""
+        update ends there, and one of PPO is undone."""
         self.spec, self.layout = spec, layout
         self._hurry = hurry
         self.sac = spec.algorithm == "sac"
@@ -131,8 +131,13 @@ class Learner:
         return self._update_sac() if self.sac else self._update_ppo()
 
     def _update_ppo(self) -> Losses:
-        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss."""
+        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss.
+
+        An update that is cut short is undone: in its midst a car may drive far worse than before and after it, a large
+        network most of all, whose first steps with a new optimiser are long.
+        """
         model, policy, told = self.model, self.model.policy, []
+        before = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
         discrete = self.spec.metadata["action_space_type"] == "discrete"
         for _ in range(model.n_epochs):
             for batch in model.rollout_buffer.get(model.batch_size):
@@ -153,6 +158,7 @@ class Learner:
                 policy.optimizer.step()
                 told.append((spread.item(), policy_loss.item(), value_loss.item()))
                 if self._hurry():
+                    policy.load_state_dict(before)
                     return _means(told)
             model._n_updates += 1
         return _means(told)
