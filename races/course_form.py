@@ -130,6 +130,7 @@ def preview(form: CourseForm) -> Preview:
             values["track"] = form.fields["track"].queryset.filter(slug=values["track"]).first()
         foreign = form._foreign(values | {"box_choice": form.initial.get("box_choice")})
         values |= {name: _usual(name) for name in foreign}
+        values = {name: _meant(form, name, value) for name, value in values.items()}
     if values.get("track") is None:
         return Preview(None, [], ())
     race = Race(**values)
@@ -148,6 +149,17 @@ def preview(form: CourseForm) -> Preview:
     typed = form["boxes"].value() if form.is_bound else values["boxes"]
     boxes, all_of_them = typed_boxes(race, form.fields["boxes"].each(typed))
     return Preview(race, list(dict.fromkeys([*sentences, *all_of_them])), boxes)
+
+
+def _meant(form: CourseForm, name: str, value: Any) -> Any:
+    """An initial value as the course takes it: an address may fill in any text, or none."""
+    if name in ("track", "boxes") or not (value is None or isinstance(value, str)):
+        return value
+    try:
+        cleaned = form.fields[name].clean(value)
+    except ValidationError:
+        return _usual(name)
+    return _usual(name) if cleaned is None else cleaned
 
 
 _DRAWN_BY = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")

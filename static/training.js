@@ -160,6 +160,25 @@
     });
   });
 
+  // --- races like the training come first --------------------------------------------------------------------------------
+  document.querySelectorAll("select:has(option[data-course])").forEach((list) => {
+    const form = list.closest("form");
+    const value = (name) => new FormData(form).get(name);
+    const order = [...list.options]; // the league's first, then those that close first
+    const unlike = (option) => {
+      if (!option.dataset.course) return -1;
+      const [track, type, direction] = option.dataset.course.split(" ");
+      const [here, same] = [track === value("track"), type === value("race_type")];
+      return here && same ? Number(direction !== value("direction")) : 4 - 2 * here - same;
+    };
+    form.addEventListener("change", (event) => {
+      if (!["track", "direction", "race_type"].includes(event.target.name)) return;
+      const chosen = list.value;
+      list.append(...[...order].sort((one, other) => unlike(one) - unlike(other)));
+      list.value = chosen;
+    });
+  });
+
   // --- the step that is on screen --------------------------------------------------------------------------------------
   const links = [...document.querySelectorAll(".wizard-steps a")];
   if (links.length && "IntersectionObserver" in window) {

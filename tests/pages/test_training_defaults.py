@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+from datetime import timedelta
 
 import pytest
 
+from tests.factories import a_race
 from tests.pages.conftest import World
 from tests.pages.test_training import form_of
+from tests.rows import track_row
 from training import tasks
 from training.hyperparameters import DEFAULTS, RANGES
 from training.models import TrainingJob
 
+SOON = timedelta(hours=1)
 NUMBERS = [name for name in RANGES if name in DEFAULTS["ppo"] and name in DEFAULTS["sac"] and name != "batch_size"]
 
 
@@ -81,3 +85,34 @@ class TestWithoutAScript:
         page = world.client("alice").post("/train/new/", sent).content.decode()
         assert shown(page, "num_epochs") == DEFAULTS["sac"]["num_epochs"]
         assert 'name="usual_of" value="sac"' in page
+
+
+def test_races_like_the_training_stand_first_in_the_wizard_too(world):
+    elsewhere = a_race(world.now, track=track_row("kuei-raceway"), name="Elsewhere", closes_at=world.now + SOON)
+    boxes = {"race_type": "object_avoidance", "random_boxes": 3}
+    here = a_race(world.now, track=world.track, name="Boxes here", closes_at=world.now + SOON, **boxes)
+
+    def offered(query: str) -> list[str]:
+        (select,) = re.findall(r'<select name="submit_to_race".*?</select>', page(world, query), re.S)
+        return re.findall(r'value="([^"]+)"', select)
+
+    names = offered("")
+    assert names.index("open-race") < names.index(here.slug) < names.index(elsewhere.slug)
+    assert offered("?track=kuei-raceway")[0] == elsewhere.slug
+    assert offered("?race_type=object_avoidance")[0] == here.slug
+    assert 'data-course="kuei-raceway time_trial ccw"' in page(world)
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "?race_type=object_avoidance",
+        "?race_type=object_avoidance&random_boxes=4&seed=7",
+        "?race_type=object_avoidance&random_boxes=many&seed=x",
+        "?race_type=head_to_head",
+        "?race_type=head_to_head&bots=2&bot_speed_mps=fast&bot_lane_changes=on",
+        "?race_type=rally&direction=up&track=nowhere",
+    ],
+)
+def test_an_address_may_ask_for_any_course(world, query):
+    assert 'id="where"' in page(world, query)

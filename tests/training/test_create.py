@@ -7,7 +7,8 @@ from datetime import timedelta
 import pytest
 from django.db import IntegrityError, transaction
 
-from faults import PaddockError
+from faults import PaddockError, UserFault
+from tests.factories import a_race
 from tests.rows import METADATA, model_row
 from tests.training.jobs import a_training
 from training.models import JobState, TrainingJob, Vehicle
@@ -162,6 +163,20 @@ def test_a_stopped_queue_is_said(alice, oval, now, settings):
 def test_somebody_elses_vehicle(alice, bob, oval, now):
     vehicle = Vehicle.objects.create(owner=bob, name="Bob's")
     assert refusal(alice, oval, now, vehicle=vehicle).code == "vehicle_not_yours"
+
+
+def test_a_race_that_would_not_take_the_model_is_said_at_the_form(alice, oval, now, monkeypatch):
+    closed = a_race(now, opens_at=now - timedelta(days=3), closes_at=now)
+    assert refusal(alice, oval, now, submit_to_race=closed).code == "race_closed"
+    stereo = a_race(now, sensors=["STEREO_CAMERAS"])
+    fault = refusal(alice, oval, now, submit_to_race=stereo)
+    assert (fault.code, fault.params["needed"]) == ("sensors_not_offered", "FRONT_FACING_CAMERA")
+
+    def check(race, racer, when):
+        raise UserFault("race_needs_invitation")
+
+    monkeypatch.setattr("races.eligibility._CHECKS", [check])
+    assert refusal(alice, oval, now, submit_to_race=a_race(now)).code == "race_needs_invitation"
 
 
 def test_a_vehicle_is_copied_into_the_training(alice, oval, now):

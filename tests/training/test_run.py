@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import zipfile
 from datetime import timedelta
 from time import monotonic, sleep
 
+import numpy as np
 import pandas
 import pytest
 from deepracer.logs import DeepRacerLog
@@ -31,6 +33,7 @@ from training.files import logs_zip, simtrace, training_metrics
 from training.hyperparameters import DEFAULT_BOUNDS
 from training.models import Checkpoint, JobState, TrainingJob, Vehicle
 from training.services import run_next_training, stop_training, sweep_trainings
+from training.trainer.network import Layout, from_onnx
 
 pytest.importorskip("torch", reason="training is not installed: make training")
 pytestmark = [
@@ -54,6 +57,7 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
     assert (job.state, job.reason, job.operator_detail) == (JobState.FINISHED, "", "")
     assert job.best_model.name == "first"
     assert job.best_model.metadata["action_space"] == job.action_space
+    assert (job.ended_because, job.steps_done > 0) == ("clean_laps", True)
     last = job.iterations.last()
     assert (last.eval_progress, last.eval_clean_laps, last.is_best) == (100.0, 3, True)
     assert 5_000 < last.eval_lap_ms < 30_000
@@ -182,6 +186,30 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
     steps = list(job.iterations.values_list("steps", flat=True))
     assert steps == sorted(set(steps))
     assert not Checkpoint.objects.exists()
+    assert TrainedModel.objects.filter(owner=alice).count() == len({job.best_model_id, job.last_model_id})
+    weights = Layout.of(job.metadata), job.last_model.network.onnx.read()
+    assert all(np.isfinite(layer).all() for layer in from_onnx(*weights).values())
+    assert job.iterations.last().entropy < math.log(5), "it has learned, and its policy is one still"
+
+
+def test_one_whose_last_worker_is_killed_leaves_the_models_of_its_checkpoint(alice, oval, now, settings):
+    settings.EVALUATION_MAX_ATTEMPTS = 1
+    job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
+    command = [sys.executable, "-m", "tests.training.train_worker"]
+    worker = subprocess.Popen(command, cwd=CHECKOUT, env=environment("redis://127.0.0.1:1/0"), start_new_session=True)
+    try:
+        wait_for(lambda: Checkpoint.objects.filter(job=job).exists(), worker)
+    finally:
+        os.kill(worker.pid, signal.SIGKILL)
+        worker.wait()
+    job.refresh_from_db()
+    sweep_trainings(now=job.leased_until + timedelta(seconds=1))
+    run(job)
+    assert (job.state, job.ended_because, job.reason_code) == (JobState.FAILED, "failed", "training_gave_up")
+    assert job.best_model.name == "first" and job.last_model is not None
+    assert not Checkpoint.objects.exists()
+    clone = run(a_training(alice, oval, now, name="clone", clone_from=job.best_model, stop_steps=1, **SHORT))
+    assert (clone.state, clone.ended_because) == (JobState.FINISHED, "steps"), "it can be learned on"
 
 
 def test_one_that_is_stopped_while_it_waits_to_go_on_keeps_its_best_and_its_last(alice, oval, now):

@@ -12,6 +12,7 @@ from django.core.files.storage import default_storage
 from evaluation import stopping
 from evaluation.models import TrainedModel
 from faults import PlatformFault, UserFault
+from races.models import Race
 from tests.factories import a_race
 from tests.rows import model_row
 from tests.training.jobs import a_training
@@ -324,8 +325,9 @@ def test_a_last_network_that_the_gate_refuses_does_not_cost_the_best(job, traine
 
 
 def test_a_race_that_refuses_the_model_is_told_beside_a_finished_training(alice, oval, now, trainer):
-    race = a_race(now, track=oval, sensors=["STEREO_CAMERAS"])  # long closed by today's clock, or not: refused anyway
+    race = a_race(now, track=oval)
     job = a_training(alice, oval, now, submit_to_race=race)
+    Race.objects.filter(pk=race.pk).update(sensors=["STEREO_CAMERAS"])  # its organiser thought again
     trainer.networks = [network(job, 1)] * 2
     run_next_training(worker="w")
     job.refresh_from_db()

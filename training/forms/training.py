@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,9 @@ from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
 from races.models import Opponents, Race, RaceType
 from races.selectors import racing_now
+from races.selectors.offers import likest_first
 from tracks.forms import add_fault
+from tracks.models import Track
 from training.actions import (
     SPEED_GRANULARITIES,
     STEERING_GRANULARITIES,
@@ -49,6 +52,27 @@ def _number(label: Any, least: float, most: float, step: float = 1, kind: type =
         widget=forms.NumberInput(attrs={"min": least, "max": most, "step": step}),
         **more,
     )
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where a training drives."""
+
+    track_id: int
+    direction: str
+    race_type: str
+
+
+class RaceSelect(forms.Select):
+    """Races, each with its course for the script of the page, which puts those first that are like the training."""
+
+    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, Any]:
+        """As Django's, with ``data-course``: track, race type and direction."""
+        option = super().create_option(name, value, *args, **kwargs)
+        race = getattr(value, "instance", None)
+        if race is not None:
+            option["attrs"]["data-course"] = f"{race.track.slug} {race.race_type} {race.direction}"
+        return option
 
 
 class TrainingForm(HyperparametersForm, CourseForm):
@@ -147,6 +171,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
         to_field_name="slug",
         empty_label=_("no"),
         required=False,
+        widget=RaceSelect,
         help_text=_("The best model is sent there by itself."),
     )
 
@@ -157,8 +182,13 @@ class TrainingForm(HyperparametersForm, CourseForm):
         self.fields["vehicle"].queryset = vehicles_of(owner)
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
         self.fields["clone"].offer(owner, self["clone"].value())
-        self.fields["submit_to_race"].queryset = racing_now(now, owner)
+        self.fields["submit_to_race"].queryset = likest_first(racing_now(now, owner), self._course())
         self.fields["submit_to_race"].label_from_instance = lambda race: f"{race.name} · {race.track.name}"
+
+    def _course(self) -> Course:
+        """Where it will learn, as far as the form says: races like that are offered first."""
+        slug, direction, race_type = (str(self[name].value()) for name in ("track", "direction", "race_type"))
+        return Course(Track.objects.filter(slug=slug).values_list("pk", flat=True).first() or 0, direction, race_type)
 
     def clean_reward_code(self) -> str:
         """The text with line ends as Python counts them; forms send CR LF."""
@@ -282,6 +312,9 @@ PLACES = {
     "training_best_metric": "best_metric",
     "training_seed": "seed",
     "training_reward_missing": "reward_code",
+    "sensors_not_offered": "submit_to_race",
+    "race_closed": "submit_to_race",
+    "race_cancelled": "submit_to_race",
     "clone_not_yours": "clone",
     "clone_sensors": "clone",
     "clone_network": "clone",

@@ -18,7 +18,9 @@ from evaluation.services.garage import refuse_full_garage
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import RaceRules
 from faults import PlatformFault, UserFault
+from races.eligibility import check_eligible
 from races.models import Race, RaceType
+from races.sensors import not_offered
 from races.services.gates import require_open
 from tracks.locks import hold
 from tracks.models import Direction, Track
@@ -76,7 +78,8 @@ def create_training(
 
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
     ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``,
-    what a race that is not open says, and what :func:`evaluation.simulator.course.lay_course` says of boxes.
+    what a race says that is not open, does not offer the sensors or not to this racer, and what
+    :func:`evaluation.simulator.course.lay_course` says of boxes.
     """
     refuse_when_closed()
     if not NAME.fullmatch(name):
@@ -90,8 +93,6 @@ def create_training(
     _check_numbers(stop_minutes, stop_steps, stop_clean_laps, trials, seed)
     if best_metric not in BestMetric.values:
         raise UserFault("training_best_metric")
-    if submit_to_race is not None:
-        require_open(submit_to_race, now)
     job = TrainingJob(
         owner=owner,
         name=name,
@@ -124,6 +125,8 @@ def create_training(
     )
     _check_sensors(job)
     check_course(job)
+    if submit_to_race is not None:
+        _check_race(job, submit_to_race, now)
     if clone_from is not None:
         _check_clone(job, clone_from)
     refuse_full_garage(owner)
@@ -216,6 +219,15 @@ def _check_sensors(job: TrainingJob) -> None:
         raise UserFault("metadata_sensor", sensor=str(unknown[0])[:40])
     if sum(sensor in CAMERAS for sensor in job.sensors) != 1 or sum(sensor in LIDARS for sensor in job.sensors) > 1:
         raise UserFault("metadata_sensor_set")
+
+
+def _check_race(job: TrainingJob, race: Race, now: datetime) -> None:
+    """Whether the race would take the model today; whatever else may have changed when it is sent is said then."""
+    require_open(race, now)
+    missing = not_offered(job.sensors, race.sensors)
+    if missing:
+        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
+    check_eligible(race, job.owner, now)
 
 
 def _check_clone(job: TrainingJob, model: TrainedModel) -> None:
