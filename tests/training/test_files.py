@@ -8,6 +8,7 @@ import json
 import zipfile
 
 import pytest
+from deepracer.logs.metrics import TrainingMetrics
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
@@ -105,3 +106,13 @@ class TestTheFilesOfATraining:
             traces = [name for name in archive.namelist() if name.startswith("sim-trace/")]
             assert [name[-15:] for name in traces] == ["0-iteration.csv", "2-iteration.csv"]
             assert archive.read(traces[1]) == b"3\n"
+
+    def test_the_communitys_reader_takes_the_metrics(self, job, tmp_path, monkeypatch):
+        """deepracer-utils, TrainingMetrics: it looks for AWS's shop first, which nothing is asked of."""
+        monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        path = tmp_path / "training-metrics.json"
+        path.write_bytes(b"".join(metrics_json(job)))
+        table = TrainingMetrics("no-bucket", fname=str(path))
+        training = table.getTraining()
+        assert list(training["reward"]) == [2, 2, 2] and list(training["completion"]) == [20, 20, 20]
+        assert len(table.getEvaluation()) == 2
