@@ -125,8 +125,12 @@ class TestEvaluate:
         assert (status, err.split(":")[0]) == (2, "track_not_npy")
 
     def test_a_models_fault_on_track_exits_2_and_ours_3(self, monkeypatch):
-        monkeypatch.setattr(command, "evaluate", refuse(UserFault("policy_died", step=3, how="signal 11")))
-        assert evaluate(*CAR_FILES, "--track", "oval")[0] == 2
+        fault = UserFault("policy_died", step=3, how="signal 11")
+        fault.add_note("what our processes said")
+        monkeypatch.setattr(command, "evaluate", refuse(fault))
+        status, out, err = evaluate(*CAR_FILES, "--track", "oval")
+        assert (status, out) == (2, "") and err.startswith("policy_died: ") and "our processes" not in err
+        assert "what our processes said" in evaluate(*CAR_FILES, "--track", "oval", verbosity=2)[2]
         fault = PlatformFault("sandbox_unavailable", level=0, minimum=2)
         fault.add_note("Landlock is missing")
         monkeypatch.setattr(command, "evaluate", refuse(fault))

@@ -79,10 +79,12 @@ class Command(JsonCommand):
         except PaddockError as fault:
             if as_json:
                 self.stdout.write(told(fault))
-            for note in getattr(fault, "__notes__", ()):
-                self.stderr.write(note)
+            theirs = isinstance(fault, UserFault)
+            if not theirs or options["verbosity"] > 1:  # what our processes said helps with our own faults
+                for note in getattr(fault, "__notes__", ()):
+                    self.stderr.write(note)
             self.stderr.write(f"{fault.code}: {fault}")
-            sys.exit(REFUSED if isinstance(fault, UserFault) else OUR_FAULT)
+            sys.exit(REFUSED if theirs else OUR_FAULT)
         except KeyboardInterrupt:
             sys.exit(130)
         if as_json:
