@@ -187,6 +187,13 @@ def test_everybody_sees_every_page_without_a_log_in(season, set_clock, language)
             assert len(queries(client, path)) <= LIMIT, path
 
 
+def test_the_rounds_of_a_season_say_what_type_of_race_each_is():
+    shown = open_demo_season(now=datetime(2026, 11, 21, tzinfo=UTC))
+    html = Client().get(f"/seasons/{shown.slug}/").content.decode()
+    for race_type in ("time trial", "object avoidance", "head-to-head"):
+        assert html.count(f'title="{race_type}"') == 12 + (race_type == "head-to-head")
+
+
 def test_unknown_seasons_and_racers_are_not_found(season):
     for path in ("/seasons/1999/", "/seasons/2027/racers/nobody/", "/seasons/1999/calendar.ics"):
         assert Client().get(path).status_code == 404
