@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
+from urllib.parse import quote
 
 from tests import database
 from tests.shared import CHECKOUT
@@ -118,7 +119,7 @@ def _who() -> dict[str, str]:
 
 
 def _url(folder: Path, name: str) -> str:
-    return f"postgres://paddock@/{name}?host={folder}"
+    return f"postgres://paddock@{quote(str(folder), safe='')}/{name}"
 
 
 def _make(data: Path) -> None:

@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import pytest
 
-from tests import servers
-from tests.shared import CHECKOUT
+from tests.evaluation import test_processes as processes
 
-FILES = [
-    f"tests/evaluation/test_{name}.py" for name in ("states", "queue", "rivals", "work", "garage", "storm", "processes")
-]
-QUICK_ENOUGH = "not valkey or finishing or told"  # the brokers do not care which database it is
+FILES = [f"tests/evaluation/test_{name}.py" for name in ("states", "queue", "rivals", "work", "garage", "storm")]
+CUT_OFF = (  # in the middle of a transaction; a stop or a wall is the same with every database
+    processes.test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result,
+    processes.test_a_pool_process_killed_in_a_run_is_made_up_for_with_redis_too,
+    processes.test_a_worker_killed_at_any_point_leaves_no_process_and_the_next_one_finishes,
+)
 
 
 @pytest.mark.slow
 @pytest.mark.postgres
 @pytest.mark.redis
 @pytest.mark.xdist_group("workers")
-def test_the_queue_holds_on_postgresql_as_on_sqlite():
-    with servers.short_folder() as folder, servers.postgres(folder) as url:
-        inherited = {name: value for name, value in os.environ.items() if not name.startswith(("PADDOCK_", "PYTEST_"))}
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-k", QUICK_ENOUGH, *FILES],
-            cwd=CHECKOUT,
-            env={**inherited, "DATABASE_URL": url},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-    assert done.returncode == 0, done.stdout[-8000:]
-    assert " passed" in done.stdout and " skipped" not in done.stdout
+def test_the_queue_holds_on_postgresql_as_on_sqlite(again_on_postgresql):
+    again_on_postgresql(*FILES, *(f"tests/evaluation/test_processes.py::{test.__name__}" for test in CUT_OFF))

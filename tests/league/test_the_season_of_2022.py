@@ -13,7 +13,7 @@ import pytest
 from django.core.management import call_command
 
 from league.models import Racer, Season
-from tests.postgres import postgres, program
+from tests.postgres import MIGRATED, migrated, postgres
 from tests.shared import CHECKOUT, SHARED
 
 RECORD = SHARED / "league-history"
@@ -54,9 +54,8 @@ def test_our_rules_and_the_league_agree_and_the_record_goes_out_as_it_came(tmp_p
 
 
 @pytest.mark.postgres
-@pytest.mark.skipif(program("initdb") is None, reason="no PostgreSQL server is installed")
-def test_the_same_on_postgresql(tmp_path):
-    with postgres() as url:
+def test_the_same_on_postgresql(tmp_path, postgresql):
+    with postgres(migrated(postgresql), MIGRATED) as url:
         here = os.environ | {"DATABASE_URL": url, "PADDOCK_DATA": str(tmp_path)}
 
         def manage(*arguments: object) -> str:
@@ -65,7 +64,6 @@ def test_the_same_on_postgresql(tmp_path):
                 list(map(str, command)), env=here, check=True, capture_output=True, text=True, cwd=CHECKOUT
             ).stdout
 
-        manage("migrate", "--verbosity", 0)
         first = json.loads(manage("import_season", RECORD, "--season", 2022, "--json"))
         assert {name: first[name] for name in AGREEMENT} == AGREEMENT
         assert json.loads(manage("import_season", RECORD, "--season", 2022, "--json")) == first
