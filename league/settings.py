@@ -14,6 +14,8 @@ from csp.constants import NONE, SELF
 from django.core.exceptions import ImproperlyConfigured
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.sandbox.uids import configured_range
+
 from . import broker
 from .env import (
     check_url,
@@ -168,6 +170,13 @@ CELERY_BEAT_SCHEDULE = {
 
 # --- evaluation ----------------------------------------------------------------------------------------------------
 WORKER_CONCURRENCY = env_int("PADDOCK_WORKER_CONCURRENCY", 1, minimum=1)
+# the sandbox reads these two itself, in processes without settings; what is wrong shall not wait for the first model
+if env_str("PADDOCK_SANDBOX_LEVEL", ""):
+    env_choice("PADDOCK_SANDBOX_LEVEL", "2", ("2", "3"))
+try:
+    configured_range()
+except ValueError as problem:
+    raise ImproperlyConfigured(f"{problem}.") from None
 LEASE_SECONDS = env_int("PADDOCK_LEASE_SECONDS", 30, minimum=5)
 EVALUATION_WALL_SECONDS = env_int("PADDOCK_EVALUATION_WALL_SECONDS", 300, minimum=10)
 EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 3, minimum=1)
