@@ -23,7 +23,7 @@ from .models import AdmittedCar
 from .processor import Clock
 
 MEGABYTE = 1024.0  # of ru_maxrss, which counts in kilobytes
-READY_S = 1.5  # both processes have long imported and rehearsed everything by then
+READY_S = 1.5  # on an idle machine both processes have long imported and rehearsed everything by then
 IN_BULLET_AND_NETWORK = ("physics", "network")
 
 
@@ -45,6 +45,8 @@ def warm(job: RaceJob) -> tuple[EvaluationOutcome, float]:
     """One evaluation with processes that waited for it, and the processor seconds that it took in all of them."""
     crew = Crew(venues=[job.venue])
     time.sleep(READY_S)
+    while any(process.wants_processor() for process in (crew.runner, *(each.process for each in crew.policies))):
+        time.sleep(READY_S)
     clock = Clock()
     clock.look()  # a walk through /proc, and what the processes took to get ready: neither belongs to the evaluation
     before_s = clock.seconds

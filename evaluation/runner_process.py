@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import select
 import sys
 import time
 import traceback
@@ -64,12 +65,20 @@ def main(frames_in: int, frames_out: int) -> None:
 
 def _run(frames_in: int, frames_out: int) -> None:
     job, _ = read_message(frames_in)
+    venues: list[dict[str, Any]] = job.get("venues", [])
     grounds: list[Ground] = []
-    if "venues" in job:
-        grounds = [_rehearsed(_ground(venue)) for venue in job["venues"]]
-        make_ready()
+    if venues:
+        for venue in venues:
+            if select.select([frames_in], [], [], 0)[0]:
+                break  # the job has come, and would wait
+            grounds.append(_rehearsed(_ground(venue)))
+            make_ready()
         job, _ = read_message(frames_in)
-    ground = grounds[job["prepared"]] if "prepared" in job else _ground(job["venue"])
+    if "prepared" in job:
+        number = job["prepared"]
+        ground = grounds[number] if number < len(grounds) else _ground(venues[number])
+    else:
+        ground = _ground(job["venue"])
     rules = RaceRules.from_dict(job["rules"])
     spaces = [ActionSpace.from_metadata(metadata) for metadata in job["metadata"]]
     headers = [policy_header(metadata, space) for metadata, space in zip(job["metadata"], spaces, strict=True)]
