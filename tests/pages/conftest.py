@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from pathlib import Path
+from time import monotonic, sleep
 
 import pytest
 from django.core.cache import cache
@@ -16,8 +26,10 @@ from league.models import Racer
 from races.models import Race, RankingMethod, Submission, Visibility
 from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, lap, laps, start
+from tests.shared import CHECKOUT
 from tracks.models import Track
 
+START_S = 90
 VIEWERS = ("anonymous", "newcomer", "alice", "bob", "admin")
 
 
@@ -115,3 +127,47 @@ def world(db: None) -> World:
         failed=failed,
         ours=ours,
     )
+
+
+@pytest.fixture(scope="package")
+def site(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path], Path]) -> Iterator[str]:
+    """The address of ``manage.py run``, on a data folder that nobody had used before: one for all tests in a browser,
+    where everybody signs up under a name of their own."""
+    data = tmp_path_factory.mktemp("site")
+    new_data(data / "data")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    ours = ("PADDOCK_", "DJANGO_", "DATABASE_URL", "CELERY_", "CACHE_URL", "PYTEST_", "STORAGE")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    log = data / "run.log"
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "manage.py", "run", "--port", str(port)],
+            cwd=CHECKOUT,
+            env={**environment, "PADDOCK_DATA": str(data / "data")},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    try:
+        _wait_until_ready(f"http://127.0.0.1:{port}", process, log)
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def _wait_until_ready(url: str, process: subprocess.Popen, log: Path) -> None:
+    deadline = monotonic() + START_S
+    while monotonic() < deadline and process.poll() is None:
+        try:
+            with urllib.request.urlopen(f"{url}/health/ready", timeout=5):
+                return
+        except (urllib.error.URLError, OSError):
+            sleep(0.3)
+    pytest.fail(f"the site did not start:\n{log.read_text()[-3000:]}")

@@ -59,10 +59,10 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     page.mouse.down()
     page.mouse.move(x + 30, y - 30)
     page.mouse.up()
-    steering = float(page.get_by_label("Steering to the left").input_value())
+    steering = float(page.get_by_role("spinbutton", name="Steering to the left").input_value())
     assert steering < 30
     page.keyboard.press("ArrowRight")
-    assert float(page.get_by_label("Steering to the left").input_value()) == steering - 1
+    assert float(page.get_by_role("spinbutton", name="Steering to the left").input_value()) == steering - 1
     page.get_by_label("a table of actions").check()
 
     # what nobody has changed follows the algorithm
