@@ -133,7 +133,8 @@ def test_a_crew_that_died_while_it_waited_is_not_handed_out(job, spare, which):
     assert spare.take(job.venue) is None
     assert gone(crew)
     spare.prepare()
-    assert spare.take(job.venue).alive
+    with spare.take(job.venue) as another:
+        assert another.alive
 
 
 def test_a_spare_that_is_closed_leaves_no_process(spare):
