@@ -35,7 +35,8 @@
       this.run = run;
       this.index = 0;
       this.now = 0;
-      this.end = run.t[run.t.length - 1];
+      // The replay goes on until the last car is done.
+      this.end = Math.max(...[run, ...run.rivals].map(({ t }) => t[t.length - 1] ?? 0));
       this.part = (name) => root.querySelector(`[data-${name}]`);
       [this.toggle, this.seek, this.rate, this.out, this.tail] =
         ["toggle", "seek", "rate", "out", "tail"].map(this.part);
@@ -109,6 +110,7 @@
       const [cx, cy] = place;
       this.put(this.car, place);
       this.car.classList.toggle("standing", status[i] === "pause");
+      this.car.classList.toggle("gone", this.now > t[t.length - 1]);
       for (const other of this.others) {
         const { columns } = other;
         if (!columns.x.length) continue;
@@ -128,7 +130,7 @@
       this.tail.setAttribute("points", points.join(" "));
       this.seek.value = this.now;
       const number = [...this.laps.keys()].indexOf(lap[i]) + 1;
-      const inLap = clock(Math.max(0, this.now - this.laps.get(lap[i])));
+      const inLap = clock(Math.max(0, Math.min(this.now, t[t.length - 1]) - this.laps.get(lap[i])));
       const text = `${this.out.dataset.lap} ${number} · ${inLap} · ${v[i].toFixed(1)} m/s · ${steer[i].toFixed(0)}°`;
       this.out.textContent = text;
       this.seek.setAttribute("aria-valuetext", text);

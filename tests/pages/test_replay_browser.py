@@ -1,0 +1,68 @@
+"""The replay of a run in a real browser, on columns made by hand: no site is needed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+
+from tests.pages.test_browser import CHROMIUM, FLAGS
+from tests.shared import CHECKOUT
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
+]
+
+PAGE = """<div data-replay="/run.json" data-play="Play" data-pause="Pause">
+<svg viewBox="0 0 10 10" data-stage><polyline points="" data-tail/><g data-others></g>
+<g data-car="0" hidden></g><g data-car="1" hidden></g></svg>
+<div data-player hidden><button data-toggle>Play</button><input type="range" min="0" data-seek>
+<select data-rate><option value="4">4</option></select><output data-out data-lap="Lap"></output></div></div>"""
+
+
+def columns(*moments: int) -> dict[str, list]:
+    """A car that drives to the right, half a metre in a second."""
+    count = len(moments)
+    still = {"y": [1.0] * count, "yaw": [0.0] * count, "status": ["in_progress"] * count}
+    return {"t": list(moments), "x": [moment / 2000 for moment in moments], **still}
+
+
+@pytest.fixture
+def page() -> Iterator[playwright.Page]:
+    """A duel whose first car is done after a second and whose other car drives on for another two."""
+    first = columns(0, 500, 1000) | {"v": [1.0] * 3, "steer": [0.0] * 3, "lap": [1] * 3}
+    run = first | {"bots": [], "rivals": [columns(0, 1000, 2000, 3000) | {"number": 1}]}
+    with playwright.sync_playwright() as player:
+        chromium = player.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        opened = chromium.new_page()
+        errors: list[str] = []
+        opened.on("pageerror", lambda error: errors.append(str(error)))
+        opened.route("http://replay.test/", lambda route: route.fulfill(body=PAGE, content_type="text/html"))
+        opened.route("**/run.json", lambda route: route.fulfill(body=json.dumps(run), content_type="application/json"))
+        opened.goto("http://replay.test/")
+        opened.add_script_tag(path=CHECKOUT / "static" / "replay.js")
+        opened.locator("[data-player]").wait_for()
+        yield opened
+        chromium.close()
+    assert not errors
+
+
+def test_the_replay_of_a_duel_goes_on_until_the_last_car_is_done(page: playwright.Page) -> None:
+    assert page.locator("[data-seek]").get_attribute("max") == "3000"
+    page.locator("[data-seek]").fill("2500")
+    first, other = page.locator('[data-car="0"]'), page.locator('[data-car="1"]')
+    assert "translate(0.5 1)" in first.get_attribute("transform") and "translate(1.25 1)" in other.get_attribute(
+        "transform"
+    )
+    assert first.get_attribute("class") == "gone" and not other.get_attribute("class")
+    assert "Lap 1 · 0:01.000" in page.locator("[data-out]").text_content()
+    page.get_by_role("button").click()
+    playwright.expect(page.locator("[data-out]")).to_contain_text("Lap 1")
+    playwright.expect(page.get_by_role("button", name="Play")).to_be_visible()
+    assert page.locator("[data-seek]").input_value() == "3000"
