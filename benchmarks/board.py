@@ -252,11 +252,16 @@ def table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def numbers(text: str) -> tuple[int, ...]:
+    """Whole numbers with commas between them, as an option names them. ValueError when it is something else."""
+    return tuple(map(int, text.split(",")))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Set up a database, measure, print; 1 when a promise is not kept."""
     parser = argparse.ArgumentParser("python -m benchmarks.board", description="What boards cost as they grow.")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    parser.add_argument("--sizes", default=",".join(map(str, SIZES)), help="entries, the fewest first")
+    parser.add_argument("--sizes", type=numbers, default=SIZES, help="entries, the fewest first")
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--closed", type=int, default=CLOSED, help="entries of the month that is closed")
     parser.add_argument("--load", type=int, default=5, help="whole seconds of load at a time; 0: none, without wrk")
@@ -265,7 +270,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.load and not load.is_there():
         parser.error(load.MISSING)
     with database(options.postgres):
-        figures = measure(tuple(map(int, options.sizes.split(","))), options.runs, options.closed, options.load)
+        figures = measure(options.sizes, options.runs, options.closed, options.load)
     print(json.dumps(figures, indent=2) if options.json else table(figures))
     for miss in misses(figures):
         print(f"missed: {miss}", file=sys.stderr)

@@ -20,7 +20,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from .board import database
+from .board import database, numbers
 
 RESULTS = (4_000, 12_000, 36_000)
 MONTHS = 9
@@ -139,12 +139,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Set up a database, measure, print; 1 when a promise is not kept."""
     parser = argparse.ArgumentParser("python -m benchmarks.season", description="What importing a season costs.")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    parser.add_argument("--results", default=",".join(map(str, RESULTS)), help="results of the seasons made up")
+    parser.add_argument("--results", type=numbers, default=RESULTS, help="results of the seasons made up")
     parser.add_argument("--folder", type=Path, help="a recorded season of your own")
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server that is started for it")
     options = parser.parse_args(arguments)
     with database(options.postgres):
-        figures = measure(tuple(map(int, options.results.split(","))), options.folder)
+        figures = measure(options.results, options.folder)
     print(json.dumps(figures, indent=2) if options.json else table(figures))
     for miss in misses(figures):
         print(f"missed: {miss}", file=sys.stderr)

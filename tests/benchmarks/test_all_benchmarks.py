@@ -10,18 +10,19 @@ import pytest
 
 from benchmarks import __main__ as everything
 from benchmarks import season
-from tests.benchmarks.running import run
 from tests.shared import CHECKOUT
 
 
 @pytest.mark.slow
-def test_the_parts_that_are_asked_for_come_as_one_object() -> None:
-    figures = json.loads(run("benchmarks", "--quick", "--parts", "season", "board"))
-    assert set(figures) == {"season", "board"}
-    assert figures["season"]["figures"]["made_up"][0]["results"] > 900
-    assert set(figures["board"]["figures"]["queries"].values()) <= set(range(1, 13))
-    for part in figures.values():
-        assert part["seconds"] > 0 and isinstance(part["missed"], list)
+def test_the_parts_that_are_asked_for_come_as_one_object_and_one_that_cannot_be_measured_says_why(monkeypatch, capsys):
+    monkeypatch.setitem(everything.PARTS, "season", ("season", (), ("--results", "300,900")))
+    monkeypatch.setitem(everything.PARTS, "board", ("board", (), ("--sizes", "many")))
+    assert everything.main(["--quick", "--parts", "season", "board"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {"season", "board"}
+    assert found["season"]["figures"]["made_up"][1]["results"] > 900
+    assert found["season"]["seconds"] > 0 and isinstance(found["season"]["missed"], list)
+    assert "argument --sizes: invalid" in found["board"]["error"]
 
 
 def test_every_part_is_a_program_that_knows_its_options() -> None:
@@ -29,12 +30,6 @@ def test_every_part_is_a_program_that_knows_its_options() -> None:
         loaded = importlib.import_module(f"benchmarks.{module}")
         known = set(re.findall(r'"(--[a-z-]+)"', (CHECKOUT / f"benchmarks/{module}.py").read_text()))
         assert {one for one in (*full, *quick) if one.startswith("--")} <= known and loaded.main, part
-
-
-def test_a_part_that_cannot_be_measured_says_why(monkeypatch, capsys) -> None:
-    monkeypatch.setitem(everything.PARTS, "season", ("season", ("--results", "none"), ()))
-    assert everything.main(["--parts", "season"]) == 1
-    assert "invalid literal" in json.loads(capsys.readouterr().out)["season"]["error"]
 
 
 def test_make_bench_runs_them_all() -> None:

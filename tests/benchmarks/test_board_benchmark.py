@@ -12,9 +12,9 @@ import pytest
 
 from benchmarks import board, curves, load
 from tests.benchmarks.running import run
-from tests.postgres import program
+from tests.postgres import is_installed
 
-SMALLEST = ("--json", "--sizes", "120,400", "--runs", "1", "--closed", "100", "--load", "0")
+SMALLEST = ("--json", "--sizes", "120,400", "--runs", "1", "--closed", "100")
 NAMES = {*board.PAGES, "recorded result"}
 
 
@@ -30,29 +30,33 @@ def check(figures: dict, database: str) -> None:
     assert "closing 100 entries" in board.table(figures)
 
 
-@pytest.mark.slow
-def test_boards_of_each_size_are_measured_and_a_month_is_closed() -> None:
-    check(json.loads(run("benchmarks.board", *SMALLEST, may_miss=True)), "sqlite")
+@pytest.fixture(scope="module")
+def measured() -> dict:
+    """What one run on SQLite finds, with a second of load where there is something to make it with."""
+    return json.loads(run("benchmarks.board", *SMALLEST, "--load", "1" if load.is_there() else "0", may_miss=True))
 
 
 @pytest.mark.slow
-@pytest.mark.postgres
-@pytest.mark.skipif(program("initdb") is None, reason="no PostgreSQL server is installed")
-def test_the_same_on_a_server_of_its_own() -> None:
-    check(json.loads(run("benchmarks.board", "--postgres", *SMALLEST, may_miss=True)), "postgresql")
+def test_boards_of_each_size_are_measured_and_a_month_is_closed(measured) -> None:
+    check(measured, "sqlite")
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("wrk") is None, reason="wrk is not installed")
-def test_requests_a_second_stand_beside_those_of_a_bare_view() -> None:
-    figures = json.loads(run("benchmarks.board", *SMALLEST[:-1], "1", may_miss=True))
-
-    found = figures["requests"]
+@pytest.mark.skipif(not load.is_there(), reason="wrk is not installed")
+def test_requests_a_second_stand_beside_those_of_a_bare_view(measured) -> None:
+    found = measured["requests"]
     assert set(found) == {load.BARE, "page of 120", "page of 400", "API of 120", "API of 400"}
     for one in found.values():
         assert one["per_second"] > 0 and one["per_processor_second"] > 0
     assert found[load.BARE]["per_processor_second"] > found["page of 400"]["per_processor_second"]
-    assert load.BARE in board.table(figures)
+    assert load.BARE in board.table(measured)
+
+
+@pytest.mark.slow
+@pytest.mark.postgres
+@pytest.mark.skipif(not is_installed(), reason="PostgreSQL is not installed")
+def test_the_same_on_a_server_of_its_own() -> None:
+    check(json.loads(run("benchmarks.board", "--postgres", *SMALLEST, "--load", "0", may_miss=True)), "postgresql")
 
 
 def test_without_wrk_nothing_is_measured_in_vain(monkeypatch, capsys) -> None:
