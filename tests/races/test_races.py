@@ -143,7 +143,6 @@ def test_a_refusal_is_told_by_a_reason_of_the_list_where_one_of_its_problems_has
     assert caught.value.code == "race_sensors" and "FRONT_FACING_CAMERA" in str(caught.value)
 
 
-
 def test_what_no_race_has_is_a_mistake_of_the_program(alice, now):
     for wrong in ({"colour": "red"}, {"division": "pro"}, {"kind": "league"}, {"slug": "x"}):
         with pytest.raises(TypeError):
