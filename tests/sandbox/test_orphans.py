@@ -34,9 +34,12 @@ def orphan() -> Iterator[int]:
     """A process that waits for ever, whose session leader is gone, as bubblewrap's first process would."""
     leader = [sys.executable, "-c", LEADER, WAITS, COMMAND]
     pid = int(subprocess.run(leader, start_new_session=True, stdout=subprocess.PIPE, check=True).stdout)
+    pidfd = os.pidfd_open(pid)
     yield pid
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, signal.SIGKILL)
+    assert is_over(pidfd)  # else the next test might find it
+    os.close(pidfd)
 
 
 def is_over(pidfd: int) -> bool:
