@@ -158,8 +158,8 @@ def test_one_that_waits_is_stopped_at_once(alice, oval, now):
     assert not run_next_training(worker="tester")
 
 
-def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
-    job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
+def kill_the_worker_of(job):
+    """Start a worker, and kill it by SIGKILL as soon as there is a checkpoint of the training."""
     command = [sys.executable, "-m", "tests.training.train_worker"]
     worker = subprocess.Popen(command, cwd=CHECKOUT, env=environment("redis://127.0.0.1:1/0"), start_new_session=True)
     try:
@@ -167,8 +167,13 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
     finally:
         os.kill(worker.pid, signal.SIGKILL)
         worker.wait()
-    checkpoint = Checkpoint.objects.filter(job=job).first()
     job.refresh_from_db()
+
+
+def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
+    job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
+    kill_the_worker_of(job)
+    checkpoint = Checkpoint.objects.filter(job=job).first()
     assert (job.state, job.attempt, job.worker) == (JobState.RUNNING, 1, "to be killed")
     assert not run_next_training(worker="other"), "the lease is still good"
 
@@ -195,14 +200,7 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
 def test_one_whose_last_worker_is_killed_leaves_the_models_of_its_checkpoint(alice, oval, now, settings):
     settings.EVALUATION_MAX_ATTEMPTS = 1
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
-    command = [sys.executable, "-m", "tests.training.train_worker"]
-    worker = subprocess.Popen(command, cwd=CHECKOUT, env=environment("redis://127.0.0.1:1/0"), start_new_session=True)
-    try:
-        wait_for(lambda: Checkpoint.objects.filter(job=job).exists(), worker)
-    finally:
-        os.kill(worker.pid, signal.SIGKILL)
-        worker.wait()
-    job.refresh_from_db()
+    kill_the_worker_of(job)
     sweep_trainings(now=job.leased_until + timedelta(seconds=1))
     run(job)
     assert (job.state, job.ended_because, job.reason_code) == (JobState.FAILED, "failed", "training_gave_up")
@@ -215,14 +213,7 @@ def test_one_whose_last_worker_is_killed_leaves_the_models_of_its_checkpoint(ali
 def test_one_that_is_stopped_while_it_waits_to_go_on_keeps_its_best_and_its_last(alice, oval, now):
     """Its worker was killed, its owner has seen enough: nothing more is learned, and nothing that was is lost."""
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
-    command = [sys.executable, "-m", "tests.training.train_worker"]
-    worker = subprocess.Popen(command, cwd=CHECKOUT, env=environment("redis://127.0.0.1:1/0"), start_new_session=True)
-    try:
-        wait_for(lambda: Checkpoint.objects.filter(job=job).exists(), worker)
-    finally:
-        os.kill(worker.pid, signal.SIGKILL)
-        worker.wait()
-    job.refresh_from_db()
+    kill_the_worker_of(job)
     sweep_trainings(now=job.leased_until + timedelta(seconds=1))
     assert stop_training(job=job, now=timezone.now())
     run(job)
