@@ -94,6 +94,15 @@ def new_data(django_db_setup: None, migrated: Path | None) -> Callable[[Path], P
     return make
 
 
+@pytest.fixture
+def trainings_taken_on(settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings can be asked for, whatever is installed here, and wait: no broker is told of them."""
+    from training import tasks
+
+    settings.TRAINING, settings.TRAINING_PAUSED = True, False
+    monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
+
+
 @pytest.fixture(scope="session")
 def postgresql(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where PostgreSQL's data with a migrated test database are kept from run to run (tests/postgres.py)."""

@@ -14,7 +14,6 @@ from evaluation.models import Network
 from evaluation.services import share_model
 from tests.factories import a_model, a_race, a_track
 from tests.training.jobs import REWARD
-from training import tasks
 from training.models import TrainingJob
 from training.trainer.network import Layout
 
@@ -116,9 +115,7 @@ def test_another_s_shared_model_is_submitted_to_no_race(shared, cast):
 
 class TestTraining:
     @pytest.fixture(autouse=True)
-    def _installed(self, settings, monkeypatch):
-        settings.TRAINING, settings.TRAINING_PAUSED = True, False
-        monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
+    def _installed(self, trainings_taken_on, monkeypatch):
         monkeypatch.setattr("training.api.trainings.refusals", lambda *_: [])
 
     def begin(self, client, model):

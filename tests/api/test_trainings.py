@@ -11,7 +11,6 @@ from django.utils import timezone
 
 from tests.factories import a_race, a_track
 from tests.training.jobs import REWARD, a_training
-from training import tasks
 from training.forms.training import signature_of
 from training.models import TrainingIteration, TrainingJob
 from training.rewards.function import POSITIONAL_NAMES
@@ -21,9 +20,7 @@ ADDRESS = "/api/v1/trainings/"
 
 
 @pytest.fixture(autouse=True)
-def _installed(settings, monkeypatch):
-    settings.TRAINING, settings.TRAINING_PAUSED = True, False
-    monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
+def _installed(trainings_taken_on, monkeypatch):
     monkeypatch.setattr("training.api.trainings.refusals", lambda *_: [])
 
 

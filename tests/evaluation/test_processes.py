@@ -137,7 +137,8 @@ def test_a_pool_process_killed_in_a_run_is_made_up_for_with_redis_too(submit, co
         the_pool_process_is_killed_at("running", submit, control)
 
 
-def the_pool_process_is_killed_at(point, submit, control):
+def finished_after_a_kill_at(point, submit, control):
+    """An evaluation whose process of the pool was killed at that point, and which another one has finished."""
     control.hold_at(point)
     evaluation = submit()
     os.kill(control.held(), signal.SIGKILL)
@@ -145,6 +146,11 @@ def the_pool_process_is_killed_at(point, submit, control):
         lose_patience()
     sweep_now()
     wait_for(lambda: finished(evaluation), 30, control.log)
+    return evaluation
+
+
+def the_pool_process_is_killed_at(point, submit, control):
+    evaluation = finished_after_a_kill_at(point, submit, control)
     following = submit(seed=1)
     wait_for(lambda: finished(following), 30, control.log)
     evaluation.refresh_from_db()
@@ -227,13 +233,7 @@ def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, 
 def test_a_duel_killed_at_any_point_leaves_the_files_of_one_attempt(submit_duel, control, broker_url):
     with control.worker(broker_url):
         for point in POINTS:
-            control.hold_at(point)
-            evaluation = submit_duel()
-            os.kill(control.held(), signal.SIGKILL)
-            if point != "committed":
-                lose_patience()
-            sweep_now()
-            wait_for(lambda evaluation=evaluation: finished(evaluation), 30, control.log)
+            evaluation = finished_after_a_kill_at(point, submit_duel, control)
             result = Result.objects.get(evaluation=evaluation)
             kept = [result.trace, result.bots, result.rivals.get().trace]
             assert sorted(traces_of(evaluation)) == sorted(os.path.basename(file.name) for file in kept), point

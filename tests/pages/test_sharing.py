@@ -16,18 +16,12 @@ from evaluation.services import share_model, stop_sharing_model
 from tests.factories import a_model, a_race, drive, laps
 from tests.pages.conftest import VIEWERS, World
 from tests.training.jobs import a_training
-from training import tasks
 from training.models import TrainingJob, Vehicle
 from training.views.shared import SHARED_PER_PAGE
 
+pytestmark = pytest.mark.usefixtures("trainings_taken_on")
 LIMIT = 12
 BROWSE = "/models/shared/"
-
-
-@pytest.fixture(autouse=True)
-def _installed(settings, monkeypatch) -> None:
-    settings.TRAINING, settings.TRAINING_PAUSED = True, False
-    monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
 
 
 @pytest.fixture

@@ -20,24 +20,17 @@ from tests.pages.test_pages import INLINE
 from tests.rows import track_row
 from tests.training.jobs import REWARD, a_training
 from tracks.models import Track
-from training import tasks
 from training.course import LESSONS
 from training.graph import MOST_CLOUDS, draw_graph, points_of, smoothed
 from training.models import JobState, TrainingIteration, TrainingJob, Vehicle
 from training.templatetags.training import span
 from training.views import learn
 
+pytestmark = pytest.mark.usefixtures("trainings_taken_on")
 MINE = ("/train/", "/train/new/", "/train/new/?clone=x&job=y&example=z&speed_max=fast", "/learn/laboratory/")
 MINE += ("/vehicles/", "/vehicles/new/")
 ACTS = ("stop", "evaluate")
 OWNERS = {"anonymous": 302, "newcomer": 404, "alice": 200, "bob": 404, "admin": 200}
-
-
-@pytest.fixture(autouse=True)
-def _installed(settings, monkeypatch) -> None:
-    """Trainings are taken on, and no broker is asked for."""
-    settings.TRAINING, settings.TRAINING_PAUSED = True, False
-    monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from tests.factories import a_race
 from tests.pages.conftest import World
 from tests.pages.test_training import form_of
 from tests.rows import track_row
-from training import tasks
 from training.hyperparameters import DEFAULTS, RANGES
 from training.models import TrainingJob
 
@@ -54,11 +53,9 @@ class TestWithoutAScript:
     """A browser sends what the page shows, whichever algorithm is chosen."""
 
     @pytest.fixture
-    def made(self, world, settings, monkeypatch):
+    def made(self, world, trainings_taken_on, monkeypatch):
         """Send the wizard as it is shown but for ``changes``; the training that it makes."""
-        settings.TRAINING, settings.TRAINING_PAUSED = True, False
         monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
-        monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
 
         def send(query: str = "", **changes: str) -> TrainingJob:
             sent = form_of(world.client("alice"), query, action_space_type="continuous", **changes)
