@@ -18,6 +18,7 @@ from . import (
     training,
     upload,
     vehicles,
+    videos,
 )
 from .reason import Reason, gettext_noop
 
@@ -36,6 +37,7 @@ REASONS: dict[str, Reason] = {
     **duels.REASONS,
     **account.REASONS,
     **vehicles.REASONS,
+    **videos.REASONS,
     **training.REASONS,
     **jobs.REASONS,
     **commands.REASONS,
