@@ -17,6 +17,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from faults import UserFault
+from tracks.bodies import Body, refuse_fields
 
 from . import services
 from .files import download_of
@@ -61,7 +62,7 @@ class ListFilter(serializers.Serializer):
     racer = serializers.CharField(required=False, max_length=64)
 
 
-class UploadSerializer(serializers.Serializer):
+class UploadSerializer(Body):
     """``package``, or ``model`` and ``metadata``."""
 
     package = serializers.FileField(
@@ -75,7 +76,7 @@ class UploadSerializer(serializers.Serializer):
     description = serializers.CharField(required=False, allow_blank=True, help_text="At most 255 characters.")
 
 
-class DescriptionSerializer(serializers.Serializer):
+class DescriptionSerializer(Body):
     """What may be changed of a model."""
 
     name = serializers.CharField(required=False, allow_blank=True, help_text="1 to 64 characters.")
@@ -222,6 +223,7 @@ class ModelView(APIView):
         tags=["models"],
     )
     def delete(self, request: Request, public_id: str) -> Response:
+        refuse_fields(request)
         services.delete_model(model=self._model(public_id), now=timezone.now())
         return Response(status=status.HTTP_204_NO_CONTENT)
 

@@ -14,6 +14,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from . import services
+from .bodies import Body
 from .models import Direction, Look, Track
 from .npy import MAX_BYTES
 from .selectors import all_tracks
@@ -60,7 +61,7 @@ class TrackDetailSerializer(TrackSerializer):
     outer = LineField(source="geometry.outer", allow_null=True)
 
 
-class ImportSerializer(serializers.Serializer):
+class ImportSerializer(Body):
     """A track to import."""
 
     file = serializers.FileField(

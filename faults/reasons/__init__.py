@@ -2,6 +2,7 @@
 
 from . import (
     account,
+    bodies,
     commands,
     conversion,
     duels,
@@ -36,6 +37,7 @@ REASONS: dict[str, Reason] = {
     **rivals.REASONS,
     **duels.REASONS,
     **account.REASONS,
+    **bodies.REASONS,
     **vehicles.REASONS,
     **videos.REASONS,
     **training.REASONS,

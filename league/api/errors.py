@@ -174,7 +174,7 @@ def _messages(exc: DjangoValidationError) -> dict | list:
 
 def _fields(details: Any, name: str = "") -> dict[str, list[dict[str, str]]]:
     """Flatten nested validation details to ``{"track.name": [{"code", "message"}]}``; "" stands for the whole."""
-    if isinstance(details, dict) and set(details) == {"message", "code"}:
+    if _is_message(details):
         return {name: [{"code": str(details["code"]), "message": str(details["message"])}]}
     found: dict[str, list[dict[str, str]]] = {}
     if isinstance(details, dict):
@@ -188,7 +188,8 @@ def _fields(details: Any, name: str = "") -> dict[str, list[dict[str, str]]]:
 
 
 def _is_message(details: Any) -> bool:
-    return isinstance(details, dict) and set(details) == {"message", "code"}
+    """A leaf, and not two fields that are called so."""
+    return isinstance(details, dict) and set(details) == {"message", "code"} and isinstance(details["message"], str)
 
 
 def _summary(fields: dict[str, list[dict[str, str]]]) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from rest_framework import serializers
 from rest_framework.pagination import PageNumberPagination
+from rest_framework.request import Request
 from rest_framework.response import Response
 
 
@@ -14,6 +16,16 @@ class Pages(PageNumberPagination):
     page_size = 50
     page_size_query_param = "page_size"
     max_page_size = 100
+
+    def get_page_size(self, request: Request) -> int:
+        """Rows on a page; a hundred for whoever asks for more. Raises ValidationError for what is no number of rows."""
+        asked = request.query_params.get(self.page_size_query_param)
+        if asked is None:
+            return self.page_size
+        try:
+            return min(serializers.IntegerField(min_value=1).run_validation(asked), self.max_page_size)
+        except serializers.ValidationError as refused:
+            raise serializers.ValidationError({self.page_size_query_param: refused.detail}) from None
 
     def get_paginated_response(self, data: list) -> Response:
         return Response(

@@ -20,6 +20,7 @@ from rest_framework.views import APIView
 
 from league.models import Racer
 from league.tokens import create_token
+from tracks.bodies import Body, refuse_fields
 
 TOO_MANY_ATTEMPTS_WAIT_S = 300
 
@@ -48,7 +49,7 @@ class NoToken(APIException):
     default_detail = gettext_lazy("Send the token that is to end in the header Authorization: Token ...")
 
 
-class LoginSerializer(serializers.Serializer):
+class LoginSerializer(Body):
     """Who logs in."""
 
     login = serializers.CharField(max_length=254, help_text="Alias or e-mail address.")
@@ -110,6 +111,7 @@ class TokenView(APIView):
     def delete(self, request: Request) -> Response:
         if request.auth is None:
             raise NoToken()
+        refuse_fields(request)
         request.auth.delete()
         user_logged_out.send(sender=Racer, request=request._request, user=request.user)
         return Response(status=status.HTTP_204_NO_CONTENT)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rest_framework import serializers
 
 from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS
+from tracks.bodies import Body
 
 from ..models import DuelFormat, Lane, Opponents
 from ..models.course import BOX_DISTANCES_M, BOX_FRACTIONS
@@ -14,7 +15,7 @@ def _range(least: float, most: float) -> str:
     return f"{least:g} to {most:g}"
 
 
-class BoxPlaceSerializer(serializers.Serializer):
+class BoxPlaceSerializer(Body):
     """Where a box is put."""
 
     fraction = serializers.FloatField(

@@ -11,6 +11,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from faults import UserFault
+from tracks.bodies import refuse_fields
 
 from ..models import DuelFormat, DuelState, Opponents, Race
 from ..selectors import duels_of
@@ -86,6 +87,7 @@ class DuelsView(APIView):
     )
     def post(self, request: Request, slug: str) -> Response:
         race, now = organised_race(request, slug), timezone.now()
+        refuse_fields(request)
         draw_duels(race=race, now=now)
         drive_on(race=race, now=now)
         return self._answer(race)

@@ -14,6 +14,7 @@ from rest_framework.views import APIView
 from evaluation.models import State
 from evaluation.selectors import models_of
 from faults import UserFault
+from tracks.bodies import Body, refuse_fields
 
 from .. import services
 from ..models import Entry
@@ -81,13 +82,13 @@ class SubmissionSerializer(serializers.Serializer):
     resets = serializers.IntegerField(source="standing.resets", default=None, allow_null=True)
 
 
-class SubmitSerializer(serializers.Serializer):
+class SubmitSerializer(Body):
     """Which car."""
 
     model = serializers.CharField(max_length=64, help_text="The public_id of one of your models.")
 
 
-class RemovalSerializer(serializers.Serializer):
+class RemovalSerializer(Body):
     """Why."""
 
     reason = serializers.CharField(required=False, allow_blank=True, max_length=255, help_text="The racer reads it.")
@@ -111,6 +112,7 @@ class EntryView(APIView):
         tags=["races"],
     )
     def post(self, request: Request, slug: str) -> Response:
+        refuse_fields(request)
         entry = services.enter_race(race=visible_race(request, slug), racer=request.user, now=timezone.now())
         return Response(EntrySerializer(entry).data)
 
@@ -122,6 +124,7 @@ class EntryView(APIView):
         tags=["races"],
     )
     def delete(self, request: Request, slug: str) -> Response:
+        refuse_fields(request)
         services.withdraw(entry=own_entry(request, slug), now=timezone.now())
         return Response(status=status.HTTP_204_NO_CONTENT)
 
@@ -179,6 +182,7 @@ class InvitationView(APIView):
         tags=["races"],
     )
     def post(self, request: Request, token: str) -> Response:
+        refuse_fields(request)
         entry = services.accept_invitation(token=token, racer=request.user, now=timezone.now())
         return Response(EntrySerializer(entry).data)
 
@@ -211,6 +215,7 @@ class RemovalView(APIView):
         tags=["races"],
     )
     def delete(self, request: Request, slug: str, alias: str) -> Response:
+        refuse_fields(request)
         entry = services.restore_entry(entry=self._entry(request, slug, alias), by=request.user)
         return Response(EntrySerializer(entry).data)
 

@@ -23,6 +23,7 @@ from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
 from faults import UserFault
 from faults.reasons import REASONS
+from tracks.bodies import refuse_fields
 
 from .lookup import visible_evaluation
 from .placed import PlacedBoxSerializer
@@ -283,6 +284,7 @@ class StopView(APIView):
     )
     def post(self, request: Request, public_id: str) -> Response:
         evaluation = visible_evaluation(request, public_id)
+        refuse_fields(request)
         if not evaluation.is_final:
             if not can_stop_evaluation(request.user, evaluation):
                 raise PermissionDenied()

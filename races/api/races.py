@@ -11,6 +11,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from tracks.bodies import Body, refuse_fields
 from tracks.models import Direction, Track
 
 from .. import services
@@ -95,7 +96,7 @@ class RaceDetailSerializer(RaceSerializer):
         return None if hidden else race.invitation
 
 
-class RaceChangeSerializer(CourseSerializer):
+class RaceChangeSerializer(Body, CourseSerializer):
     """What may be changed of a race. Bounds that one field cannot know are checked with the whole race."""
 
     name = serializers.CharField(max_length=64, required=False)
@@ -155,7 +156,7 @@ class FilterSerializer(serializers.Serializer):
     mine = serializers.BooleanField(required=False, default=False)
 
 
-class CancelSerializer(serializers.Serializer):
+class CancelSerializer(Body):
     """Why."""
 
     reason = serializers.CharField(allow_blank=True, max_length=255, help_text="Everybody who entered reads it.")
@@ -275,6 +276,7 @@ class InvitationResetView(APIView):
         tags=["races"],
     )
     def post(self, request: Request, slug: str) -> Response:
+        refuse_fields(request)
         race = services.reset_invitation(race=organised_race(request, slug))
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 

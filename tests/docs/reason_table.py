@@ -29,6 +29,7 @@ SECTIONS = {
     "Reward functions": reasons.training.REASONS,
     "Trainings": reasons.jobs.REASONS,
     "Account": reasons.account.REASONS,
+    "Programs": reasons.bodies.REASONS,
     "Commands": reasons.commands.REASONS,
 }
 

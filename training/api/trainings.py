@@ -18,6 +18,7 @@ from faults import UserFault
 from races.api.course import BoxPlaceSerializer
 from races.models import Race, RaceType
 from races.selectors import races_visible_to
+from tracks.bodies import Body, refuse_fields
 from tracks.models import Direction, Track
 from training.checks import refusals
 from training.endings import how_it_ended
@@ -126,7 +127,7 @@ class TrainingSerializer(TrainingSummarySerializer):
         return IterationSerializer(rows, many=True).data
 
 
-class CreateSerializer(serializers.Serializer):
+class CreateSerializer(Body):
     """What is to be trained. What is left out has its usual value."""
 
     name = serializers.CharField(max_length=64, help_text="1 to 64 letters, digits and hyphens.")
@@ -221,6 +222,7 @@ class TrainingStopView(APIView):
     )
     def post(self, request: Request, public_id: str) -> Response:
         job = _visible(request, public_id)
+        refuse_fields(request)
         stop_training(job=job, by=request.user, now=timezone.now())
         return Response(TrainingSerializer(_visible(request, public_id), context={"request": request}).data)
 

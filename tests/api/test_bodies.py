@@ -1,0 +1,222 @@
+"""A field that an operation does not know is refused, by every operation that writes, and nothing is changed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import timedelta
+
+import pytest
+from django.core.files.uploadedfile import SimpleUploadedFile
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
+from django.utils import timezone
+from drf_spectacular.generators import SchemaGenerator
+from rest_framework.test import APIClient
+
+from races.models import Race, Visibility
+from races.services import accept_invitation
+from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.training.jobs import a_training
+from tracks.bodies import MAX_NAME, MAX_NAMED
+
+SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
+WRITES = sorted(
+    (method, path)
+    for path, operations in SCHEMA["paths"].items()
+    for method in operations
+    if method in ("post", "put", "patch", "delete")
+)
+NAMES = [f"{method} {path}" for method, path in WRITES]
+
+
+def body_of(method: str, path: str) -> tuple[str, dict] | None:
+    """Content type and schema of what the operation takes; None where it takes nothing."""
+    content = SCHEMA["paths"][path][method].get("requestBody", {}).get("content", {})
+    assert len(content) <= 1, f"{method} {path} takes several forms: send each of them here"
+    for kind, described in content.items():
+        name = described["schema"]["$ref"].rsplit("/", 1)[1]
+        return kind, SCHEMA["components"]["schemas"][name]
+    return None
+
+
+@pytest.fixture
+def places(alice, trainings_taken_on) -> Callable[[str], str]:
+    """An address with what it names filled in: all of it Alice's own, so that she is refused for the field only."""
+    now = timezone.now()
+    race = a_race(now, slug="tried", organiser=alice, visibility=Visibility.INVITATION)
+    accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
+    evaluation = drive(race, alice, laps(10_000, 10_000, 10_000), now).evaluation
+    training = a_training(alice, a_track(), now)
+    names = {"slug": "tried", "alias": "guest", "token": race.invitation}
+
+    def fill(path: str) -> str:
+        owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training}
+        room = path.removeprefix("/api/v1/").split("/")[0]
+        return path.format(**names, public_id=getattr(owned.get(room), "public_id", ""))
+
+    return fill
+
+
+def written(queries: CaptureQueriesContext) -> list[str]:
+    return [
+        query["sql"]
+        for query in queries
+        if query["sql"].split(maxsplit=1)[0].upper() in ("INSERT", "UPDATE", "DELETE", "REPLACE")
+    ]
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(("method", "path"), WRITES, ids=NAMES)
+def test_every_write_refuses_a_field_that_it_does_not_know(method, path, places, alice, as_racer):
+    taken = body_of(method, path)
+    kind = "multipart" if taken and taken[0] == "multipart/form-data" else "json"
+    client, address = as_racer(alice), places(path)
+    with CaptureQueriesContext(connection) as queries:
+        answer = getattr(client, method)(address, {"lapz": 5}, format=kind)
+    assert (answer.status_code, answer.data["code"]) == (400, "invalid"), answer.data
+    (problem,) = answer.data["fields"]["lapz"]
+    assert problem["code"] == ("unknown_field" if taken else "no_fields")
+    if taken:
+        assert "lapz" in problem["message"]
+        for name in taken[1]["properties"]:
+            assert name in problem["message"]
+    assert written(queries) == []
+
+
+@pytest.mark.parametrize(("method", "path"), WRITES, ids=NAMES)
+def test_the_schema_says_that_a_body_has_no_other_fields(method, path):
+    if taken := body_of(method, path):
+        assert taken[1]["additionalProperties"] is False
+
+
+def test_what_is_answered_may_grow():
+    closed = {name for name, each in SCHEMA["components"]["schemas"].items() if "additionalProperties" in each}
+    sent = {name for name in closed if name.endswith("Request")}
+    assert closed == sent
+
+
+@pytest.mark.django_db
+def test_a_misspelt_rule_makes_no_race_and_every_problem_is_told_at_once(alice, as_racer):
+    now = timezone.now()
+    sent = {"name": "Slalom", "track": a_track().slug, "lapz": 5, "opens_at": "soon"}
+    answer = as_racer(alice).post("/api/v1/races/", sent | {"closes_at": now + timedelta(days=1)})
+    assert answer.status_code == 400
+    assert set(answer.data["fields"]) == {"lapz", "opens_at"}
+    assert not Race.objects.exists()
+
+
+@pytest.mark.django_db
+def test_a_field_within_a_box_is_looked_at_too(alice, as_racer):
+    race = a_race(timezone.now(), organiser=alice)
+    place = {"fraction": 0.25, "lane": "inner", "lain": "outer"}
+    answer = as_racer(alice).patch(f"/api/v1/races/{race.slug}/", {"race_type": "object_avoidance", "boxes": [place]})
+    assert answer.data["fields"]["boxes.0.lain"][0]["code"] == "unknown_field"
+    race.refresh_from_db()
+    assert race.boxes == []
+
+
+@pytest.mark.django_db
+def test_a_race_that_was_read_is_not_sent_back_whole(alice, as_racer):
+    """What cannot be changed would be left as it was without a word."""
+    race = a_race(timezone.now(), organiser=alice)
+    answer = as_racer(alice).patch(f"/api/v1/races/{race.slug}/", {"laps": 4, "slug": "another"})
+    assert set(answer.data["fields"]) == {"slug"}
+    race.refresh_from_db()
+    assert race.laps == 3
+
+
+@pytest.mark.django_db
+def test_a_file_beside_those_of_an_upload_is_refused(alice, as_racer):
+    extra = SimpleUploadedFile("notes.txt", b"hello")
+    answer = as_racer(alice).post("/api/v1/models/", {"notes": extra, "name": "Bolt"}, format="multipart")
+    assert answer.data["fields"]["notes"][0]["code"] == "unknown_field"
+
+
+@pytest.mark.django_db
+def test_a_page_may_send_its_own_token_in_the_form(alice):
+    client = APIClient(enforce_csrf_checks=True)
+    client.force_login(alice)
+    client.cookies["csrftoken"] = token = "a" * 32
+    sent = {"csrfmiddlewaretoken": token, "model": SimpleUploadedFile("car.onnx", b"")}
+    answer = client.post("/api/v1/models/", sent, format="multipart")
+    assert answer.status_code == 400
+    assert "fields" not in answer.data, answer.data  # it is the file that is refused
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("body", ["", "{}", "null", "[]"])
+def test_an_operation_without_fields_takes_an_empty_body(alice, as_racer, body):
+    race = a_race(timezone.now())
+    answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/entry/", body, "application/json")
+    assert answer.status_code == 200
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("body", ['["x"]', '"x"', "5"])
+def test_an_operation_without_fields_refuses_whatever_else_is_sent(alice, as_racer, body):
+    race = a_race(timezone.now())
+    answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/entry/", body, "application/json")
+    assert answer.data["fields"][""][0]["code"] == "no_fields"
+    assert not race.entries.exists()
+
+
+@pytest.mark.django_db
+def test_odd_names_are_answered_and_not_all_of_thousands(alice, as_racer):
+    model = a_model(alice)
+    names = ["\ud800", "", "message", "code", "x" * 5000, *(f"f{number}" for number in range(5000))]
+    body = json.dumps(dict.fromkeys(names, 1))
+    answer = as_racer(alice).generic("PATCH", f"/api/v1/models/{model.public_id}/", body, "application/json")
+    assert answer.status_code == 400
+    told = json.loads(answer.content)["fields"]
+    assert len(told) == MAX_NAMED
+    assert max(map(len, told)) == MAX_NAME
+    assert {"message", "code", ""} <= set(told)
+
+
+@pytest.mark.django_db
+def test_fields_that_are_called_like_the_parts_of_an_error_are_told_as_fields(alice, as_racer):
+    answer = as_racer(alice).patch(f"/api/v1/models/{a_model(alice).public_id}/", {"message": 1, "code": 2})
+    assert {name: [each["code"] for each in problems] for name, problems in answer.data["fields"].items()} == {
+        "message": ["unknown_field"],
+        "code": ["unknown_field"],
+    }
+
+
+@pytest.mark.django_db
+def test_the_sentence_is_in_the_readers_language(alice, as_racer):
+    address = f"/api/v1/models/{a_model(alice).public_id}/"
+    english, korean = (
+        as_racer(alice).patch(address, {"nam": "x"}, headers={"accept-language": language}).data["message"]
+        for language in ("en", "ko")
+    )
+    assert english != korean
+    assert "name" in korean
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/api/v1/races/?state=opne",
+        "/api/v1/races/?kind=x",
+        "/api/v1/races/?race_type=x",
+        "/api/v1/races/?mine=perhaps",
+        "/api/v1/models/?shared=perhaps",
+        "/api/v1/races/?page_size=ten",
+        "/api/v1/tracks/?page_size=0",
+        "/api/v1/tracks/?page_size=-1",
+        "/api/v1/races/tried/board/?page=x",
+        "/api/v1/races/tried/board/?page_size=101",
+    ],
+)
+def test_a_bad_value_in_an_address_is_refused(address, alice, as_racer):
+    a_race(timezone.now(), slug="tried")
+    answer = as_racer(alice).get(address)
+    assert (answer.status_code, answer.data["code"]) == (400, "invalid")
+    assert answer.data["fields"]
+
+
+@pytest.mark.django_db
+def test_a_parameter_that_nobody_knows_is_ignored(alice, as_racer):
+    assert as_racer(alice).get("/api/v1/races/?utm_source=x&page_size=500").status_code == 200
