@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import logging
-import threading
 import traceback
-import uuid
 from collections.abc import Callable
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
-from django.db import DatabaseError, connections
 from django.utils import timezone
 
 from faults import PaddockError, PlatformFault, UserFault
 
 from ..models import Evaluation, TrainedModel
+from .heart import Heart
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 
 if TYPE_CHECKING:
@@ -25,7 +22,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 PROGRESS_EVERY_S = 1.0
-BEATS_PER_LEASE = 6
 
 
 def run_next_evaluation(
@@ -41,7 +37,11 @@ def run_next_evaluation(
         return False
     ident: dict[str, Any] = {"evaluation_id": evaluation.pk, "lease": evaluation.lease}
     logger.info("Evaluation %s attempt %s starts.", evaluation, evaluation.attempt)
-    with Heart(evaluation.pk, evaluation.lease) as heart:
+
+    def keep_beating(progress: dict[str, Any] | None) -> bool:
+        return beat(**ident, progress=progress, now=timezone.now())
+
+    with Heart(str(evaluation), keep_beating, every_s=PROGRESS_EVERY_S) as heart:
         try:
             outcome = _run(evaluation, heart, interrupted, spare)
             ended = finish_evaluation(**ident, outcome=outcome, now=timezone.now())
@@ -91,55 +91,6 @@ def _network_of(model: TrainedModel) -> bytes:
             return file.read()
     except OSError as error:
         raise PlatformFault("storage_failed") from error
-
-
-class Heart(threading.Thread):
-    """Keeps a lease alive while the work goes on, and carries the progress to the database.
-
-    Writes at most once a second, and at least :data:`BEATS_PER_LEASE` times per lease. ``lost`` turns true when the
-    lease is gone, or when the database could not be reached for as long as a lease lasts.
-    """
-
-    def __init__(self, evaluation_id: int, lease: uuid.UUID) -> None:
-        super().__init__(name=f"heart of {evaluation_id}", daemon=True)
-        self._held: dict[str, Any] = {"evaluation_id": evaluation_id, "lease": lease}
-        self._every = settings.LEASE_SECONDS / BEATS_PER_LEASE
-        self._ended = threading.Event()
-        self._progress: dict | None = None
-        self.lost = False
-
-    def __enter__(self) -> Heart:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._ended.set()
-        self.join()
-
-    def tell(self, progress: dict[str, Any]) -> None:
-        """Take the newest progress; the next beat writes it."""
-        self._progress = progress
-
-    def run(self) -> None:
-        last = monotonic()
-        try:
-            while not self._ended.wait(min(PROGRESS_EVERY_S, self._every)) and not self.lost:
-                progress = self._progress
-                if progress is None and monotonic() - last < self._every:
-                    continue
-                try:
-                    self.lost = not beat(**self._held, progress=progress, now=timezone.now())
-                except Exception as error:  # the database may be away in many ways
-                    trace = None if isinstance(error, DatabaseError) else error
-                    logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
-                    connections.close_all()
-                    self.lost = monotonic() - last > settings.LEASE_SECONDS
-                else:
-                    last = monotonic()
-                    if self._progress is progress:
-                        self._progress = None
-        finally:
-            connections.close_all()
 
 
 def _run(

@@ -14,7 +14,7 @@ from django.utils import timezone
 from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.sandbox import probe as probing
-from evaluation.services import work
+from evaluation.services import heart, work
 from evaluation.simulator.rules import RaceRules
 from faults import PlatformFault, UserFault
 from tests.evaluation.stubs import finishes, outcome_of, trace_csv
@@ -229,7 +229,7 @@ class TestTheHeart:
 
     def test_writes_at_most_once_a_second_and_six_times_a_lease(self, settings):
         assert work.PROGRESS_EVERY_S >= 1.0
-        assert settings.LEASE_SECONDS / work.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
+        assert settings.LEASE_SECONDS / heart.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
 
 
 class TestTheTask:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import logging
-import threading
 import uuid
 from collections.abc import Callable
-from time import monotonic, sleep
+from time import sleep
 from typing import Any
 
-from django.conf import settings
-from django.db import DatabaseError, connections
 from django.utils import timezone
 
 from evaluation.models import TrainedModel
+from evaluation.services.heart import Heart
 from evaluation.services.work import fault_of
 from faults import PaddockError, PlatformFault
 
@@ -210,53 +208,23 @@ class _Turn(Listener):
             append_log(job_id=self._job.pk, line=line, now=timezone.now())
 
 
-class _Heart(threading.Thread):
-    """Keeps the lease alive while the training goes on, and carries the progress to the database about once a second.
-
-    ``lost``: the lease is gone, or the database could not be reached for as long as a lease lasts. ``stop_asked``: the
-    owner wants it to end.
-    """
+class _Heart(Heart):
+    """The heart of a training: it also hears of its owner's wish, ``stop_asked``. ``progress``: as it was told last."""
 
     def __init__(self, job: TrainingJob) -> None:
-        super().__init__(name=f"heart of training {job.public_id}", daemon=True)
+        super().__init__(f"training {job.public_id}", self._look, every_s=BEAT_S, always=True)
         self._held: dict[str, Any] = {"job_id": job.pk, "lease": job.lease}
-        self._ended = threading.Event()
-        self._told = False
         self.progress: dict[str, Any] = {}
-        self.lost = False
         self.stop_asked = job.stop_asked_at is not None
 
-    def __enter__(self) -> _Heart:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._ended.set()
-        self.join()
-
     def tell(self, progress: dict[str, Any]) -> None:
-        """Take the newest progress; the next beat writes it."""
-        self.progress, self._told = progress, True
+        self.progress = progress
+        super().tell(progress)
 
-    def run(self) -> None:
-        last = monotonic()
-        every = min(BEAT_S, settings.LEASE_SECONDS / 6)
-        try:
-            while not self._ended.wait(every) and not self.lost:
-                told, self._told = self._told, False
-                try:
-                    pulse = beat(**self._held, progress=self.progress if told else None, now=timezone.now())
-                except Exception as error:  # the database may be away in many ways
-                    trace = None if isinstance(error, DatabaseError) else error
-                    logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
-                    connections.close_all()
-                    self.lost = monotonic() - last > settings.LEASE_SECONDS
-                else:
-                    last = monotonic()
-                    self.lost = not pulse.held
-                    self.stop_asked = self.stop_asked or pulse.stop_asked
-        finally:
-            connections.close_all()
+    def _look(self, progress: dict[str, Any] | None) -> bool:
+        pulse = beat(**self._held, progress=progress, now=timezone.now())
+        self.stop_asked = self.stop_asked or pulse.stop_asked
+        return pulse.held
 
 
 def _read(stored: Any) -> bytes:

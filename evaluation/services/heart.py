@@ -1,0 +1,70 @@
+"""A thread that holds a lease while the work goes on: of evaluations, trainings and videos."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from time import monotonic
+from typing import Any
+
+from django.conf import settings
+from django.db import DatabaseError, connections
+
+logger = logging.getLogger(__name__)
+BEATS_PER_LEASE = 6
+
+
+class Heart(threading.Thread):
+    """Keeps a lease alive within its block, and carries the progress to the database.
+
+    ``beat`` gets the newest progress, or None when nothing new was told, prolongs the lease and answers whether it is
+    still good. It is called at most every ``every_s`` seconds and at least :data:`BEATS_PER_LEASE` times per lease;
+    with ``always`` every ``every_s``, told something or not. ``lost`` turns true when the lease is gone, or when the
+    database could not be reached for as long as a lease lasts.
+    """
+
+    def __init__(
+        self, name: str, beat: Callable[[Any | None], bool], *, every_s: float = 1.0, always: bool = False
+    ) -> None:
+        super().__init__(name=f"heart of {name}", daemon=True)
+        self._beat = beat
+        self._idle_s = settings.LEASE_SECONDS / BEATS_PER_LEASE
+        self._every_s = min(every_s, self._idle_s)
+        self._always = always
+        self._ended = threading.Event()
+        self._news: Any | None = None
+        self.lost = False
+
+    def __enter__(self) -> Heart:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._ended.set()
+        self.join()
+
+    def tell(self, progress: Any) -> None:
+        """Take the newest progress; the next beat writes it."""
+        self._news = progress
+
+    def run(self) -> None:
+        last = monotonic()
+        try:
+            while not self._ended.wait(self._every_s) and not self.lost:
+                news = self._news
+                if news is None and not self._always and monotonic() - last < self._idle_s:
+                    continue
+                try:
+                    self.lost = not self._beat(news)
+                except Exception as error:  # the database may be away in many ways
+                    trace = None if isinstance(error, DatabaseError) else error
+                    logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
+                    connections.close_all()
+                    self.lost = monotonic() - last > settings.LEASE_SECONDS
+                else:
+                    last = monotonic()
+                    if self._news is news:
+                        self._news = None
+        finally:
+            connections.close_all()
