@@ -18,12 +18,22 @@ SENTENCES = {
     NoticeKind.OFFICIAL: gettext_noop("The results of %(race)s are official."),
     NoticeKind.MESSAGE: gettext_noop("%(race)s: %(text)s"),
     NoticeKind.CANCELLED: gettext_noop("%(race)s is cancelled: %(text)s"),
+    NoticeKind.DISQUALIFIED: gettext_noop("You are disqualified from %(race)s (%(text)s)."),
+    NoticeKind.RESTORED: gettext_noop("You are no longer disqualified from %(race)s (%(text)s)."),
 }
+# What a racer can do about it. Told while it can be changed: "until" is empty before the results are official.
+APPEAL = gettext_noop("If you think that this is wrong, tell the organisers: they can put you back.")
+APPEAL_UNTIL = gettext_noop(
+    "If you think that this is wrong, tell the organisers: they can put you back until %(until)s."
+)
 
 
 def sentence(notice: Notice) -> str:
     """What the notice says. Parameters that are missing from an old one stand as dashes."""
-    return _(SENTENCES[NoticeKind(notice.kind)]) % _Params(notice.params)
+    said = _(SENTENCES[NoticeKind(notice.kind)])
+    if notice.kind == NoticeKind.DISQUALIFIED and "until" in notice.params:
+        said = f"{said} {_(APPEAL_UNTIL if notice.params['until'] else APPEAL)}"
+    return said % _Params(notice.params)
 
 
 class _Params(dict):

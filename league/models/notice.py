@@ -24,6 +24,8 @@ class NoticeKind(models.TextChoices):
     OFFICIAL = "official", _("results are official")
     MESSAGE = "message", _("a word from the organisers")
     CANCELLED = "cancelled", _("a race is cancelled")
+    DISQUALIFIED = "disqualified", _("disqualified by the stewards")
+    RESTORED = "restored", _("put back by the stewards")
 
 
 # A result comes seconds after sending a car: whoever wants that by mail turns it on.
@@ -38,7 +40,7 @@ class Notice(models.Model):
     """
 
     racer = models.ForeignKey(Racer, models.CASCADE, related_name="notices", verbose_name=_("racer"), db_index=False)
-    kind = models.CharField(_("kind"), max_length=9, choices=NoticeKind.choices)
+    kind = models.CharField(_("kind"), max_length=12, choices=NoticeKind.choices)
     about = models.CharField(_("about"), max_length=160)
     params = models.JSONField(_("what it says"), default=dict, blank=True)
     path = models.CharField(_("leads to"), max_length=200, blank=True)

@@ -149,6 +149,7 @@ class StewardDecision(models.Model):
         verbose_name = _("steward's decision")
         verbose_name_plural = _("stewards' decisions")
         ordering = ["-at", "-pk"]
+        indexes = [models.Index(fields=["at"], name="decision_by_time")]
         constraints = [
             models.CheckConstraint(condition=~Q(reason=""), name="decision_has_a_reason"),
             models.CheckConstraint(condition=Q(decision__in=Decision.values), name="decision_known"),

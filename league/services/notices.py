@@ -19,7 +19,8 @@ from django.core import signing
 from django.core.mail import get_connection
 from django.core.mail.message import EmailMessage
 from django.db import IntegrityError, transaction
-from django.db.models import Exists, F, OuterRef, Q, QuerySet
+from django.db.models import CharField, Exists, F, OuterRef, Q, QuerySet
+from django.db.models.functions import Cast
 from django.urls import reverse
 from django.utils import translation
 from django.utils.translation import gettext as _
@@ -32,6 +33,7 @@ from races.services.gates import moment
 from ..models import (
     Announcement,
     ChampionshipPlace,
+    Decision,
     FinalePlace,
     Lead,
     Membership,
@@ -41,6 +43,7 @@ from ..models import (
     Racer,
     Round,
     Stage,
+    StewardDecision,
 )
 from ..models.notice import NOT_MAILED
 from ..models.season import WITH_FIELD
@@ -57,6 +60,7 @@ MAILS_A_TIME = 200
 MAIL_TRIES = 3
 BATCH = 500
 _STOPPING = "league.notices.stop"
+_DECIDED = {Decision.DISQUALIFIED: NoticeKind.DISQUALIFIED, Decision.RESTORED: NoticeKind.RESTORED}
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,8 @@ class _Told:
 
 def tell_what_happened(*, now: datetime) -> int:
     """Write every notice that is due at ``now``; returns how many are new."""
-    told = sum(step(now) for step in (_openings, _closings, _cancellations, _results, _leads, _outcomes, _officials))
+    steps = (_openings, _closings, _cancellations, _results, _leads, _outcomes, _officials, _decisions)
+    told = sum(step(now) for step in steps)
     Notice.objects.filter(at__lt=now - KEPT).delete()
     return told
 
@@ -357,6 +362,24 @@ def _officials(now: datetime) -> int:
     for race in _races(closes_at__gt=now - REACH, closes_at__lte=now, kind=Kind.COMMUNITY):
         if not Announcement.objects.filter(about=f"official:{race.slug}:").exists() and not cars_on_the_way(race):
             told += _official(race, "", now)
+    return told
+
+
+def _decisions(now: datetime) -> int:
+    """Whom stewards have disqualified or put back, and why."""
+    decided = StewardDecision.objects.filter(at__gt=now - OUTCOME_REACH, at__lte=now, decision__in=_DECIDED)
+    decided = decided.filter(racer__is_house=False, racer__is_active=True, round__race__imported_at=None)
+    same = Cast(OuterRef("pk"), CharField())
+    notice = Notice.objects.filter(kind__in=_DECIDED.values(), about=same, racer=OuterRef("racer"))
+    told = 0
+    new = decided.exclude(Exists(notice)).select_related("round__race", "round__season")
+    for one in new.order_by("at", "pk"):
+        kind, round_ = _DECIDED[Decision(one.decision)], one.round
+        params = {"race": round_.race.name, "text": one.reason}
+        if kind == NoticeKind.DISQUALIFIED and (round_.closed_at is None or round_.is_under_review(now)):
+            params["until"] = "" if round_.closed_at is None else moment(round_.settled_at)
+        what = _Told(kind, str(one.pk), [one.racer_id], round_.race.get_absolute_url(), params)
+        told += _tell(what, now)
     return told
 
 

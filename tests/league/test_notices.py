@@ -11,9 +11,10 @@ from django.core import mail, signing
 from django.db import IntegrityError, transaction
 from django.test import Client
 
+from faults import UserFault
 from league.models import Notice, NoticeKind, Racer, Stage
 from league.notices import sentence
-from league.services import close_due_rounds
+from league.services import close_due_rounds, disqualify, put_back
 from league.services.notices import (
     choice_of,
     choose_notices,
@@ -22,6 +23,7 @@ from league.services.notices import (
     stopping_token,
     tell_what_happened,
 )
+from races.services.gates import moment
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
@@ -169,6 +171,88 @@ class TestASeason:
         Racer.objects.filter(pk=long_ago.pk).update(last_login=now - timedelta(days=90))
         tell_what_happened(now=now)
         assert told(lately) == ["opens"] and told(long_ago) == []
+
+
+class TestADecisionOfStewards:
+    @pytest.fixture
+    def month(self):
+        """An official round, three racers and a steward."""
+        round_, three = a_round(a_season(), 1, Stage.OPEN), racers(3)
+        board(round_.race, three)
+        close_due_rounds(now=after(round_))
+        round_.refresh_from_db()
+        return round_, three, a_racer(is_staff=True)
+
+    def test_who_is_disqualified_reads_why_and_until_when_it_can_be_changed(self, month):
+        round_, (racer, other, _), steward = month
+        now = round_.closed_at + HOUR
+        disqualify(round=round_, racer=racer, by=steward, reason="Two accounts", now=now)
+        tell_what_happened(now=now)
+        notice = Notice.objects.get(kind="disqualified")
+        assert (notice.racer, notice.path) == (racer, round_.race.get_absolute_url())
+        assert sentence(notice) == (
+            f"You are disqualified from {round_.race.name} (Two accounts). If you think that this is wrong, tell "
+            f"the organisers: they can put you back until {moment(round_.settled_at)}."
+        )
+        assert "disqualified" not in told(other)
+
+    def test_each_decision_is_told_once_and_so_is_its_end(self, month):
+        round_, (racer, *_), steward = month
+        now = round_.closed_at + HOUR
+        for turn in range(2):
+            disqualify(round=round_, racer=racer, by=steward, reason=f"Reason {turn}", now=now)
+            tell_what_happened(now=now)
+            assert tell_what_happened(now=now) == 0
+            put_back(round=round_, racer=racer, by=steward, reason="Our mistake", now=now + HOUR)
+            assert tell_what_happened(now=now + HOUR) >= 1
+            assert tell_what_happened(now=now + 2 * HOUR) == 0
+        decisions = ["disqualified", "restored"]
+        assert [kind for kind in told(racer) if kind in decisions] == decisions * 2
+        said = [sentence(one) for one in Notice.objects.filter(kind="restored")]
+        assert said == [f"You are no longer disqualified from {round_.race.name} (Our mistake)."] * 2
+
+    def test_before_the_results_are_official_no_end_is_named(self):
+        round_, (racer,) = a_round(a_season(), 1, Stage.OPEN), racers(1)
+        board(round_.race, [racer])
+        now = round_.race.opens_at + HOUR
+        disqualify(round=round_, racer=racer, by=a_racer(is_staff=True), reason="Two accounts.", now=now)
+        tell_what_happened(now=now)
+        assert sentence(Notice.objects.get(kind="disqualified")).endswith("they can put you back.")
+
+    def test_what_is_told_after_the_window_promises_nothing(self, month):
+        round_, (racer, *_), steward = month
+        disqualify(round=round_, racer=racer, by=steward, reason="Two accounts.", now=round_.closed_at + HOUR)
+        tell_what_happened(now=round_.settled_at)
+        assert sentence(Notice.objects.get(kind="disqualified")).endswith("(Two accounts.).")
+
+    def test_it_goes_by_mail_to_a_confirmed_address_and_can_be_turned_off(self, month):
+        round_, (reader, off, silent), steward = month
+        for racer in (reader, off):
+            confirmed(racer)
+        choose_notices(racer=off, site_off=["disqualified"], mail_off=["disqualified"], language="en")
+        choose_notices(racer=reader, site_off=[], mail_off=["official"], language="ko")
+        now = round_.closed_at + HOUR
+        for racer in (reader, off, silent):
+            disqualify(round=round_, racer=racer, by=steward, reason="Two accounts", now=now)
+        tell_what_happened(now=now)
+        send_mails(now=now)
+        (sent,) = [one for one in mail.outbox if "Two accounts" in one.body]
+        assert sent.to == [reader.email] and "실격" in sent.subject and "disqualified" not in sent.body
+        assert told(off, "disqualified") == [] and told(silent, "disqualified") == ["disqualified"]
+
+    def test_thirty_days_later_nothing_is_told_any_more(self, month):
+        round_, (racer, *_), steward = month
+        now = round_.closed_at + HOUR
+        disqualify(round=round_, racer=racer, by=steward, reason="Two accounts", now=now)
+        tell_what_happened(now=now + timedelta(days=30))
+        assert told(racer, "disqualified") == []
+
+    def test_a_decision_that_is_taken_back_with_its_transaction_is_told_to_nobody(self, month):
+        round_, (racer, *_), steward = month
+        with pytest.raises(UserFault):
+            disqualify(round=round_, racer=racer, by=steward, reason=" ", now=round_.closed_at + HOUR)
+        tell_what_happened(now=round_.closed_at + HOUR)
+        assert told(racer, "disqualified") == []
 
 
 class TestMail:
