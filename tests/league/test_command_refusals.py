@@ -26,6 +26,7 @@ REFUSED_LINES = {
 }
 
 
+@pytest.mark.django_db  # a track that is none is looked for among the site's own
 @pytest.mark.parametrize("case", REFUSED_LINES)
 def test_a_refusal_is_told_as_json_with_a_code(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

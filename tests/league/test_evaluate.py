@@ -139,6 +139,7 @@ class TestEvaluate:
         assert json.loads(out)["error"]["fault"] == "platform"
         assert "Landlock is missing" in err and "sandbox_unavailable: " in err
 
+    @pytest.mark.django_db
     @pytest.mark.parametrize(
         ("arguments", "says"),
         [

@@ -18,20 +18,19 @@ from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.rivals import check_rivals
-from evaluation.simulator.camera.theme import OFFICIAL, THEMES
+from evaluation.simulator.camera.theme import THEMES
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import MAX_CARS
 from faults import PaddockError, UserFault, fault_from_dict
 from league.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from league.management.race_options import add_race_options, rules_of
+from league.management.tracks import TRACK_HELP, find_track
 from league.templatetags.paddock import lap_time
-from tracks.catalogue import CATALOGUE
 from tracks.geometry import TrackGeometry
-from tracks.npy import MAX_BYTES, read_npy
 
 
 class Command(JsonCommand):
-    """Needs neither database nor broker."""
+    """Needs no broker, and a database only for a track that is in it alone."""
 
     help = (
         "Time a model on a track without the site: the same reading, wall and simulator. "
@@ -42,9 +41,9 @@ class Command(JsonCommand):
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("package", type=Path, help="a car's archive (.tar.gz, .zip) or an .onnx file")
         parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
-        parser.add_argument("--track", required=True, help="a track of the catalogue by its address, or an .npy file")
+        parser.add_argument("--track", required=True, help=TRACK_HELP)
         parser.add_argument(
-            "--look", choices=sorted(THEMES), default=OFFICIAL.name, help="what cameras see of it; default: %(default)s"
+            "--look", choices=sorted(THEMES), help="what cameras see of it; default: the track's own, as on the site"
         )
         add_race_options(parser)
         parser.add_argument(
@@ -67,14 +66,15 @@ class Command(JsonCommand):
         try:
             rules = rules_of(options)
             check_rivals(rules, len(options["rival"]))
-            geometry = find_track(track).in_direction(rules.direction)
+            found = find_track(track)
+            geometry = found.geometry.in_direction(rules.direction)
             lay_course(geometry, rules)  # before anything takes long
             started = time.monotonic()
             cars = [_admit([package] if metadata is None else [package, metadata])]
             cars += [_admit(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
             first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict()) for car in cars]
-            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), options["look"])
+            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), options["look"] or found.look)
             outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
         except PaddockError as fault:
             if as_json:
@@ -175,23 +175,6 @@ def _car_report(car: EvaluationOutcome | CarOutcome, package: AdmittedPackage) -
 def _said(retired: dict[str, Any]) -> dict[str, Any]:
     """Why a car retired, with the sentence."""
     return {**retired, "message": str(fault_from_dict(retired))}
-
-
-def find_track(name: str) -> TrackGeometry:
-    """A catalogue track by its slug, or the track in an ``.npy`` file. Raises UserFault for a bad file, Refusal for
-    none."""
-    for track in CATALOGUE:
-        if track.slug == name:
-            return track.geometry()
-    path = Path(name)
-    if path.suffix != ".npy":
-        known = ", ".join(track.slug for track in CATALOGUE)
-        raise Refusal(UserFault("track_not_found", name=name, known=known))
-    try:
-        with path.open("rb") as file:
-            return read_npy(file.read(MAX_BYTES + 1), path.stem)
-    except OSError as error:
-        raise Refusal.unreadable(error, path) from error
 
 
 def _admit(paths: list[Path]) -> AdmittedPackage:

@@ -14,14 +14,14 @@ from evaluation.simulator.recording import MAX_BYTES, read_drives
 from evaluation.simulator.replay import compare, share_on_track
 from faults import PaddockError, UserFault
 from league.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
-from league.management.commands.evaluate import find_track
+from league.management.tracks import TRACK_HELP, find_track
 
 # Less of a recording than this on the named track, and it is another one's.
 ANOTHER_TRACK = 0.5
 
 
 class Command(JsonCommand):
-    """Needs neither database nor broker."""
+    """Needs no broker, and a database only for a track that is in it alone."""
 
     help = (
         "Drive the actions of a recorded sim-trace again, from each of its states, and compare with the recorded poses "
@@ -32,13 +32,13 @@ class Command(JsonCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("trace", type=Path, help="a sim-trace (CSV) of the official simulator")
-        parser.add_argument("--track", required=True, help="a track of the catalogue by its address, or an .npy file")
+        parser.add_argument("--track", required=True, help=TRACK_HELP)
         parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
     def handle(self, *, trace: Path, track: str, **options: Any) -> None:
         as_json = options["json"]
         try:
-            geometry = find_track(track)
+            geometry = find_track(track).geometry
             drives = read_drives(_read(trace))
             comparison = compare(drives)
         except PaddockError as fault:
