@@ -132,4 +132,4 @@ class WorkerNodeAdmin(ReadOnlyAdmin):
 
     @admin.display(description=_("sandbox"))
     def level(self, node: WorkerNode) -> str:
-        return f"{node.sandbox.get('level')} ({node.sandbox.get('name')})"
+        return f"{node.sandbox.get('level')} ({node.sandbox.get('name')})" if node.sandbox else "–"

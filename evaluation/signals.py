@@ -8,3 +8,6 @@ evaluation_ended = Signal()
 kwargs: ``evaluation`` (fresh from the database), ``result`` (a Result, or None unless it finished), ``now``.
 A receiver that raises undoes the end: the evaluation is then tried again.
 """
+
+model_deleted = Signal()
+"""Sent inside the transaction that takes a model out of its owner's garage. kwargs: ``model``, ``now``."""

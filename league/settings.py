@@ -163,6 +163,8 @@ CELERY_BEAT_SCHEDULE = {
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "videos": {"task": "races.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "old_videos": {"task": "races.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
@@ -198,6 +200,16 @@ TRAINING_PAUSED = env_bool("PADDOCK_TRAINING_PAUSED", False)
 TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
 TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 2, minimum=1)
 TRAINING_MINUTES_A_MONTH = env_int("PADDOCK_TRAINING_MINUTES_A_MONTH", 1440, minimum=0)
+
+# --- videos of runs ------------------------------------------------------------------------------------------------
+VIDEOS = env_bool(
+    "PADDOCK_VIDEOS",
+    find_spec("av") is not None,
+)
+VIDEO_SECONDS = env_int("PADDOCK_VIDEO_SECONDS", 600, minimum=1, maximum=600)
+VIDEOS_AT_ONCE = env_int("PADDOCK_VIDEOS_AT_ONCE", 3, minimum=1)
+VIDEOS_A_DAY = env_int("PADDOCK_VIDEOS_A_DAY", 20, minimum=0)
+VIDEO_DAYS = env_int("PADDOCK_VIDEO_DAYS", 30, minimum=1)
 
 # --- files ---------------------------------------------------------------------------------------------------------
 STORAGE = env_str("STORAGE", "local")

@@ -1,5 +1,5 @@
 from django.apps import AppConfig
-from django.db.models.signals import post_migrate
+from django.db.models.signals import post_delete, post_migrate
 from django.utils.translation import gettext_lazy as _
 
 
@@ -8,10 +8,14 @@ class RacesConfig(AppConfig):
     verbose_name = _("Races")
 
     def ready(self) -> None:
-        from evaluation.signals import evaluation_ended
+        from evaluation.signals import evaluation_ended, model_deleted
 
         from .board_triggers import installed_after_migrate
-        from .receivers import take_ended_evaluation
+        from .models import Video
+        from .receivers import take_deleted_model, take_ended_evaluation
+        from .services.videos.keep import take_files_along
 
         post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")
+        model_deleted.connect(take_deleted_model, dispatch_uid="races.take_deleted_model")
+        post_delete.connect(take_files_along, sender=Video, dispatch_uid="races.take_files_along")

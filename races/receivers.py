@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from evaluation.models import Evaluation, Result
+from evaluation.models import Evaluation, Result, TrainedModel
 
 from .services import record_ended_duel, record_ended_evaluation
+from .services.videos import remove_videos_of_model
 
 
 def take_ended_evaluation(
@@ -15,3 +16,8 @@ def take_ended_evaluation(
     """Write the standing, or what a duel gave, in the transaction that ends the evaluation."""
     record_ended_evaluation(evaluation=evaluation, result=result, now=now)
     record_ended_duel(evaluation=evaluation, result=result, now=now)
+
+
+def take_deleted_model(sender: object, *, model: TrainedModel, **kwargs: object) -> None:
+    """Who deletes a model wants no more films of it."""
+    remove_videos_of_model(model=model)

@@ -1,14 +1,53 @@
-"""The race room's periodic work."""
+"""The race room's periodic work, and Celery's side of videos: thin, because the table of videos is the truth.
+
+Videos have a queue and a worker of their own (``--queues videos``), so that an evaluation never waits for one.
+"""
 
 from __future__ import annotations
 
+import logging
+
 from celery import shared_task
+from django.conf import settings
 from django.utils import timezone
 
+from evaluation.services import note_worker
+from evaluation.stopping import shutdown_flag
+
 from .services import drive_all_on
+from .services.videos import purge_videos, ring_video_bell, run_next_video, sweep_videos
+
+logger = logging.getLogger(__name__)
 
 
 @shared_task
 def duels() -> int:
     """Draw the duels of races that have closed and drive on those under way. Returns how many heats were queued."""
     return drive_all_on(now=timezone.now())
+
+
+@shared_task(bind=True)
+def draw(self) -> bool:
+    """Draw one video; ring again if there was one. Where videos are switched off none is drawn."""
+    if not settings.VIDEOS:
+        return False
+    worker = self.request.hostname or "local"
+    note_worker(name=worker, now=timezone.now(), sandboxed=False)
+    sweep_videos(now=timezone.now(), ring=False)
+    with shutdown_flag() as told_to_stop:
+        drawn = not told_to_stop() and run_next_video(worker=worker, interrupted=told_to_stop)
+        if drawn and not told_to_stop():
+            ring_video_bell()
+    return drawn
+
+
+@shared_task
+def sweep() -> int:
+    """Requeue videos that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
+    return sweep_videos(now=timezone.now())
+
+
+@shared_task
+def purge() -> int:
+    """Delete videos that nobody watches any more. Beat sends it every few hours."""
+    return purge_videos(now=timezone.now())

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import boards, duels, evaluations, organising, races, racing
+from .views import boards, duels, evaluations, organising, races, racing, videos
 
 urlpatterns = [
     path("races/", races.races, name="races"),
@@ -34,4 +34,9 @@ urlpatterns = [
     path("evaluations/<str:public_id>/replay.json", evaluations.evaluation_replay, name="evaluation_replay"),
     path("evaluations/<str:public_id>/trace.csv", evaluations.evaluation_trace, name="evaluation_trace"),
     path("evaluations/<str:public_id>/metrics.json", evaluations.evaluation_metrics, name="evaluation_metrics"),
+    path("evaluations/<str:public_id>/video/", videos.evaluation_video, name="evaluation_video"),
+    path("videos/<str:public_id>/live/", videos.video_live, name="video_live"),
+    path("videos/<str:public_id>/stop/", videos.video_stop, name="video_stop"),
+    path("videos/<str:public_id>/film.mp4", videos.video_file, name="video_file"),
+    path("videos/<str:public_id>/still.jpg", videos.video_poster, name="video_poster"),
 ]

@@ -25,6 +25,7 @@ from ..models import Network, TrainedModel
 from ..packages.admit import AdmittedPackage, admit
 from ..packages.limits import DEFAULT_LIMITS, MEGABYTE
 from ..packages.read import UploadPart
+from ..signals import model_deleted
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -128,11 +129,14 @@ def stop_sharing_model(*, model: TrainedModel) -> None:
     model.refresh_from_db(fields=["shared_at"])
 
 
+@transaction.atomic
 def delete_model(*, model: TrainedModel, now: datetime) -> None:
     """Take a model out of its owner's garage, and end its sharing. Its evaluations and what they reached on boards
     stay, as do trainings that began with its weights."""
-    TrainedModel.objects.filter(pk=model.pk, deleted_at=None).update(deleted_at=now, shared_at=None)
+    deleted = TrainedModel.objects.filter(pk=model.pk, deleted_at=None).update(deleted_at=now, shared_at=None)
     model.refresh_from_db(fields=["deleted_at", "shared_at"])
+    if deleted:
+        model_deleted.send(sender=TrainedModel, model=model, now=now)
 
 
 def purge_garages(*, now: datetime) -> int:

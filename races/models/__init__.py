@@ -6,9 +6,12 @@ from .duel import Draw, Duel, DuelCar, DuelState
 from .entry import Entry
 from .race import ONE_LINE, Race, default_sensors, new_invitation
 from .submission import Submission
+from .video import UNDER_WAY, WHOLE, Video, VideoState
 
 __all__ = [
     "ONE_LINE",
+    "UNDER_WAY",
+    "WHOLE",
     "BoardCount",
     "Division",
     "Draw",
@@ -25,6 +28,8 @@ __all__ = [
     "RaceType",
     "RankingMethod",
     "Submission",
+    "Video",
+    "VideoState",
     "Visibility",
     "default_sensors",
     "new_invitation",

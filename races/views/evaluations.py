@@ -23,6 +23,7 @@ from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, 
 
 from .common import visible_evaluation
 from .latest import live_mark
+from .videos import video_context
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -160,7 +161,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,
             "map_size": map_size(shown.track),
         }
-        return context
+        return context | video_context(request, shown, rows)
     position = queue_position(shown)
     progress = shown.progress or {}
     cars = live_cars(shown)

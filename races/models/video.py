@@ -1,0 +1,141 @@
+"""Videos of finished runs. The table is the queue of those that are asked for."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.ids import new_public_id
+from evaluation.models import SHA256, reason_sentence
+from evaluation.simulator.rules import MAX_CARS
+from faults.reasons import REASONS
+
+WHOLE = 0  # the part that is the whole run
+
+
+class VideoState(models.TextChoices):
+    """The states of a video. READY and FAILED are final until somebody asks again."""
+
+    WAITING = "waiting", _("waiting")
+    DRAWING = "drawing", _("being drawn")
+    READY = "ready", _("ready")
+    FAILED = "failed", _("failed")
+
+
+UNDER_WAY = (VideoState.WAITING, VideoState.DRAWING)
+
+
+class Video(models.Model):
+    """One video of a finished run: of the whole run or one lap, following one car, with words in one language.
+
+    ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, else a
+    lap of that car. A worker claims a row by a guarded UPDATE that writes its lease; later writes name that lease.
+    ``fingerprint``: of all that the file shows (:meth:`races.filming.FilmedRun.fingerprint`); another one now, and the
+    file shows somebody's old name or colours. ``asks``: how often ``asked_by`` asked for it on the day of ``asked_at``.
+    """
+
+    public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
+    evaluation = models.ForeignKey(
+        "evaluation.Evaluation", models.CASCADE, related_name="videos", verbose_name=_("evaluation"), db_index=False
+    )
+    car = models.PositiveSmallIntegerField(_("car followed"), default=0)
+    part = models.PositiveSmallIntegerField(_("part"), default=WHOLE, help_text=_("0: the whole run, else a lap."))
+    language = models.CharField(_("language"), max_length=8)
+
+    state = models.CharField(_("state"), max_length=8, choices=VideoState.choices, default=VideoState.WAITING)
+    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
+    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
+    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
+    worker = models.CharField(_("worker"), max_length=128, blank=True)
+    progress = models.PositiveSmallIntegerField(_("progress"), default=0, help_text=_("Per cent."))
+    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
+    reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    operator_detail = models.TextField(_("for operators"), blank=True)
+
+    asked_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("asked by")
+    )
+    asked_at = models.DateTimeField(_("asked for"), default=timezone.now)
+    asks = models.PositiveSmallIntegerField(_("times asked for"), default=1)
+    started_at = models.DateTimeField(_("started"), null=True, blank=True)
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+    watched_at = models.DateTimeField(_("last watched"), null=True, blank=True)
+
+    fingerprint = models.CharField(_("fingerprint"), max_length=64, blank=True)
+    file = models.FileField(_("file"), upload_to="videos/", blank=True)
+    poster = models.FileField(_("still"), upload_to="videos/", blank=True)
+    sha256 = models.CharField(_("sha-256 of the file"), max_length=64, blank=True)
+    size = models.PositiveBigIntegerField(_("bytes"), default=0)
+    duration_ms = models.PositiveIntegerField(_("length"), default=0)
+    width = models.PositiveSmallIntegerField(_("width"), default=0)
+    height = models.PositiveSmallIntegerField(_("height"), default=0)
+
+    class Meta:
+        verbose_name = _("video")
+        verbose_name_plural = _("videos")
+        ordering = ["-asked_at", "-pk"]
+        indexes = [
+            models.Index(fields=["asked_at", "id"], condition=Q(state="waiting"), name="video_queue"),
+            models.Index(fields=["leased_until"], condition=Q(state="drawing"), name="video_leases"),
+            models.Index(fields=["watched_at"], condition=Q(state="ready"), name="video_by_watching"),
+            models.Index(fields=["asked_by", "-asked_at"], name="video_of_racer"),
+        ]
+        constraints = [
+            models.UniqueConstraint(fields=["evaluation", "car", "part", "language"], name="video_made_once"),
+            models.CheckConstraint(condition=Q(state__in=VideoState.values), name="video_state_known"),
+            models.CheckConstraint(condition=Q(car__lt=MAX_CARS), name="video_car_in_range"),
+            models.CheckConstraint(condition=Q(progress__lte=100), name="video_progress_in_range"),
+            models.CheckConstraint(condition=~Q(language=""), name="video_has_language"),
+            models.CheckConstraint(
+                condition=Q(state="drawing", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
+                | (~Q(state="drawing") & Q(lease__isnull=True, leased_until__isnull=True)),
+                name="video_lease_while_drawing",
+            ),
+            models.CheckConstraint(
+                condition=Q(state__in=["ready", "failed"], ended_at__isnull=False)
+                | Q(state__in=["waiting", "drawing"], ended_at__isnull=True),
+                name="video_ended_when_final",
+            ),
+            models.CheckConstraint(
+                condition=Q(state="failed") & ~Q(reason_code="") | ~Q(state="failed") & Q(reason_code=""),
+                name="video_failed_for_a_reason",
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="ready") & Q(file="", poster="", sha256="", size=0, duration_ms=0, watched_at=None)
+                | ~(Q(file="") | Q(poster=""))
+                & Q(
+                    state="ready",
+                    sha256__regex=SHA256,
+                    fingerprint__regex=SHA256,
+                    size__gt=0,
+                    duration_ms__gt=0,
+                    watched_at__isnull=False,
+                ),
+                name="video_ready_has_a_file",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return self.public_id
+
+    def get_absolute_url(self) -> str:
+        return f"{reverse('evaluation', args=[self.evaluation.public_id])}?video={self.public_id}#video"
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether it waits or is being drawn."""
+        return self.state in UNDER_WAY
+
+    @property
+    def reason(self) -> str:
+        """Why it failed, in the reader's language, or ``""``."""
+        return reason_sentence(self.reason_code, self.reason_params)
+
+    @property
+    def is_platform_fault(self) -> bool:
+        """Whether it failed through our fault."""
+        return self.state == VideoState.FAILED and REASONS[self.reason_code].fault == "platform"

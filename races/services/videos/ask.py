@@ -1,0 +1,118 @@
+"""Asking for a video of a run, and taking that back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.db import IntegrityError, transaction
+
+from evaluation.models import Evaluation
+from faults import UserFault
+from tracks.locks import hold
+
+from ...filming import FilmedRun, check_language
+from ...models import UNDER_WAY, Video, VideoState
+from ...selectors.videos import A_DAY, videos_at_once, videos_in_a_day
+from .bell import ring_video_bell
+from .files import NO_FILE, delete_files_on_commit
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The video, and whether this request put it into the queue (False: it was there already)."""
+
+    video: Video
+    queued: bool
+
+
+def ask_for_video(
+    *, evaluation: Evaluation, by: Racer, car: int = 0, part: str = "best", language: str, now: datetime
+) -> Asked:
+    """Put a video of a finished run into the queue, unless it is there, being drawn or ready: then that one is it.
+
+    ``car``: the number of the car that is followed; ``part``: "whole", "best" or the number of a lap of that car. One
+    that failed, or that shows somebody's old name or look, is made anew under the same id. That ``by`` may see the run
+    is the caller's word.
+
+    Raises UserFault ``video_run_not_finished``, ``car_number``, ``video_part``, ``video_no_best_lap``,
+    ``video_lap_unknown``, ``video_language``, ``video_too_long``, ``videos_off``, ``videos_at_once``, ``videos_a_day``.
+    """
+    run = FilmedRun.of(evaluation)
+    number = run.part(car, part)
+    of = {"evaluation": evaluation, "car": car, "part": number, "language": check_language(language)}
+    while True:
+        try:
+            return _ask(run, of, by, now)
+        except IntegrityError:  # somebody asked for the very same in this very moment: then theirs is it
+            if not Video.objects.filter(**of).exists():
+                raise
+
+
+@transaction.atomic
+def _ask(run: FilmedRun, of: dict, by: Racer, now: datetime) -> Asked:
+    hold(by)
+    video = Video.objects.filter(**of).first()
+    if video is not None:
+        video.evaluation = run.evaluation
+        if video.is_under_way or (video.state == VideoState.READY and run.is_current(video)):
+            return Asked(video, queued=False)
+    _refuse(run, of, by, now)
+    if video is None:
+        video = Video.objects.create(**of, asked_by_id=by.pk, asked_at=now)
+    elif not _ask_again(video, by, now):
+        return Asked(Video.objects.get(**of), queued=False)  # somebody else did in this very moment
+    ring_video_bell()
+    return Asked(video, queued=True)
+
+
+def _refuse(run: FilmedRun, of: dict, by: Racer, now: datetime) -> None:
+    if not settings.VIDEOS:
+        raise UserFault("videos_off")
+    seconds = run.length_ms(of["car"], of["part"]) / 1000
+    if seconds > settings.VIDEO_SECONDS:
+        raise UserFault("video_too_long", seconds=round(seconds), limit=settings.VIDEO_SECONDS)
+    if videos_at_once(by) >= settings.VIDEOS_AT_ONCE:
+        raise UserFault("videos_at_once", limit=settings.VIDEOS_AT_ONCE)
+    if videos_in_a_day(by, now) >= settings.VIDEOS_A_DAY:
+        raise UserFault("videos_a_day", limit=settings.VIDEOS_A_DAY)
+
+
+def _ask_again(video: Video, by: Racer, now: datetime) -> bool:
+    """Put a row whose video failed or is stale back into the queue; its old files go."""
+    again = video.asked_by_id == by.pk and video.asked_at > now - A_DAY
+    changed = Video.objects.filter(pk=video.pk, state=video.state, ended_at=video.ended_at).update(
+        state=VideoState.WAITING,
+        attempt=0,
+        progress=0,
+        reason_code="",
+        reason_params={},
+        asked_by=by.pk,
+        asked_at=now,
+        asks=video.asks + 1 if again else 1,
+        started_at=None,
+        ended_at=None,
+        **NO_FILE,
+    )
+    if changed:
+        delete_files_on_commit([video.file.name, video.poster.name])
+        video.refresh_from_db()
+    return bool(changed)
+
+
+@transaction.atomic
+def stop_video(*, video: Video, now: datetime) -> bool:
+    """Take a video that is not done out of the queue. False when it was done already.
+
+    A worker that draws it finds its lease gone at the next beat, ends and keeps nothing.
+    """
+    stopped = Video.objects.filter(pk=video.pk, state__in=UNDER_WAY).update(
+        state=VideoState.FAILED, lease=None, leased_until=None, ended_at=now, reason_code="video_stopped"
+    )
+    video.refresh_from_db()
+    return bool(stopped)

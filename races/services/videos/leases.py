@@ -1,0 +1,165 @@
+"""Claiming, holding and ending a video: guarded UPDATEs that name the lease (see evaluation.services.leases)."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import IO, TYPE_CHECKING
+
+from django.conf import settings
+from django.db import transaction
+from django.db.models import F, QuerySet, Value
+from django.db.models.functions import Concat
+
+from evaluation.services.leases import DETAIL_LIMIT
+from faults import PaddockError, PlatformFault
+
+from ...models import Video, VideoState
+from .bell import ring_video_bell
+from .files import delete_files, digest_of, names_of, store
+
+if TYPE_CHECKING:
+    from evaluation.film import FilmFacts
+
+logger = logging.getLogger(__name__)
+# Trying again helps nobody.
+_HOPELESS = ("video_encoder_missing",)
+
+
+@dataclass(frozen=True)
+class DrawnVideo:
+    """What a worker has drawn: the film in an open file, a JPEG, and the fingerprint of what both show."""
+
+    film: IO[bytes]
+    still: bytes
+    facts: FilmFacts
+    fingerprint: str
+
+
+def claim_next_video(*, worker: str, now: datetime) -> Video | None:
+    """Take the video that has waited longest under a new lease; None when nothing waits."""
+    while True:
+        waiting = Video.objects.filter(state=VideoState.WAITING).order_by("asked_at", "pk").only("attempt").first()
+        if waiting is None:
+            return None
+        lease = uuid.uuid4()
+        claimed = Video.objects.filter(pk=waiting.pk, state=VideoState.WAITING, attempt=waiting.attempt).update(
+            state=VideoState.DRAWING,
+            lease=lease,
+            leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
+            worker=worker[:128],
+            attempt=F("attempt") + 1,
+            started_at=now,
+            progress=0,
+        )
+        if claimed:
+            video = _held(waiting.pk, lease).first()
+            if video is not None:
+                return video
+
+
+def beat_video(*, video_id: int, lease: uuid.UUID, progress: int | None, now: datetime) -> bool:
+    """Prolong a lease, and write the progress in per cent unless it is None. False: the lease is gone, stop at once."""
+    changes: dict = {"leased_until": now + timedelta(seconds=settings.LEASE_SECONDS)}
+    if progress is not None:
+        changes["progress"] = progress
+    return bool(_held(video_id, lease).update(**changes))
+
+
+def finish_video(*, video_id: int, lease: uuid.UUID, drawn: DrawnVideo, now: datetime) -> bool:
+    """Store the files and write the row, once. False: the lease is gone, and nothing is kept.
+
+    The files are stored before the row is written, under names of this lease alone, and deleted again when it is not.
+    Raises PlatformFault("storage_failed").
+    """
+    video = _held(video_id, lease).first()
+    if video is None:
+        return False
+    film, still = names = store(video, drawn.film, drawn.still)
+    try:
+        finished = _held(video_id, lease).update(
+            state=VideoState.READY,
+            lease=None,
+            leased_until=None,
+            ended_at=now,
+            watched_at=now,
+            progress=100,
+            fingerprint=drawn.fingerprint,
+            file=film,
+            poster=still,
+            sha256=digest_of(drawn.film),
+            size=drawn.facts.size,
+            duration_ms=drawn.facts.duration_ms,
+            width=drawn.facts.width,
+            height=drawn.facts.height,
+        )
+    except BaseException:
+        delete_files(names)
+        raise
+    if not finished:
+        delete_files(names)
+    return bool(finished)
+
+
+def fail_video(*, video_id: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = "") -> bool:
+    """End an attempt that failed. False: the lease is gone.
+
+    A user's fault is final at once. After a platform's fault the video goes back to its place in the queue until
+    ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``video_gave_up``. ``detail`` is for operators.
+    """
+    video = _held(video_id, lease).first()
+    return video is not None and _fail(_held(video_id, lease), video, fault, now, detail)
+
+
+def release_video(*, video_id: int, lease: uuid.UUID, now: datetime) -> bool:
+    """Hand a video back because its worker is shutting down: it is drawn anew elsewhere. No attempt counts."""
+    with transaction.atomic():
+        released = _held(video_id, lease).update(
+            state=VideoState.WAITING,
+            lease=None,
+            leased_until=None,
+            started_at=None,
+            progress=0,
+            attempt=F("attempt") - 1,
+        )
+        if released:
+            ring_video_bell()
+    return bool(released)
+
+
+def sweep_videos(*, now: datetime, ring: bool = True) -> int:
+    """Put videos whose worker disappeared back into the queue, and ring for whatever waits. How many wait."""
+    for video in Video.objects.filter(state=VideoState.DRAWING, leased_until__lt=now).order_by("leased_until"):
+        mine = _held(video.pk, video.lease).filter(leased_until__lt=now)
+        if _fail(mine, video, PlatformFault("lease_expired"), now, f"worker {video.worker}"):
+            delete_files(names_of(video))  # left behind if the worker died between storing and writing
+    waiting = Video.objects.filter(state=VideoState.WAITING).count()
+    if waiting and ring:
+        ring_video_bell()
+    return waiting
+
+
+def _held(video_id: int, lease: uuid.UUID | None) -> QuerySet[Video]:
+    """The video while this lease is good: one row or none."""
+    return Video.objects.filter(pk=video_id, state=VideoState.DRAWING, lease=lease)
+
+
+@transaction.atomic
+def _fail(mine: QuerySet[Video], video: Video, fault: PaddockError, now: datetime, detail: str) -> bool:
+    """End the attempt of the row in ``mine`` (one or none); ``video`` is how it was read under the same lease."""
+    changes: dict = {"lease": None, "leased_until": None, "progress": 0}
+    ours = isinstance(fault, PlatformFault)
+    if ours or detail:
+        note = f"Attempt {video.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}".strip()
+        changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
+        logger.warning("Video %s, attempt %s: %s. %s", video, video.attempt, fault.code, detail)
+    final = not ours or fault.code in _HOPELESS
+    if not final and video.attempt < settings.EVALUATION_MAX_ATTEMPTS:
+        requeued = mine.update(state=VideoState.WAITING, started_at=None, **changes)
+        if requeued:
+            ring_video_bell()
+        return bool(requeued)
+    code, params = (fault.code, fault.params) if final else ("video_gave_up", {"attempts": video.attempt})
+    return bool(mine.update(state=VideoState.FAILED, ended_at=now, reason_code=code, reason_params=params, **changes))

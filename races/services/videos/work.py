@@ -1,0 +1,83 @@
+"""One turn of a worker that draws videos: claim one, draw it under a heartbeat, write down how it ended."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Callable
+from typing import IO, Any
+
+from django.conf import settings
+from django.utils import timezone
+
+from evaluation.models import Evaluation
+from evaluation.services.heart import Heart
+from evaluation.services.work import fault_of
+from faults import PlatformFault
+
+from ...filming import FilmedRun
+from ...models import Video
+from .leases import DrawnVideo, beat_video, claim_next_video, fail_video, finish_video, release_video
+
+logger = logging.getLogger(__name__)
+BEAT_S = 1.0
+ENCODER = "libx264"
+
+
+def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
+    """Draw the video that has waited longest, to its end. False: nothing waits.
+
+    ``interrupted`` turns true when the worker is told to shut down: the video is then handed back.
+    """
+    video = claim_next_video(worker=worker, now=timezone.now())
+    if video is None:
+        return False
+    ident: dict[str, Any] = {"video_id": video.pk, "lease": video.lease}
+
+    def keep_beating(progress: int | None) -> bool:
+        return beat_video(**ident, progress=progress, now=timezone.now())
+
+    with (
+        Heart(f"video {video}", keep_beating, every_s=BEAT_S) as heart,
+        # without a name: whatever ends this process, nothing is left on the disk
+        tempfile.TemporaryFile(dir=settings.FILE_UPLOAD_TEMP_DIR) as file,
+    ):
+        try:
+            drawn = _draw(video, file, heart.tell, lambda: heart.lost or interrupted())
+            ended = finish_video(**ident, drawn=drawn, now=timezone.now())
+            how = "is ready"
+        except Exception as error:
+            if not heart.lost and interrupted():
+                ended, how = release_video(**ident, now=timezone.now()), "was handed back"
+            else:
+                fault, detail = fault_of(PlatformFault("lease_expired") if heart.lost else error)
+                ended = fail_video(**ident, fault=fault, now=timezone.now(), detail=detail)
+                how = f"failed: {fault.code}"
+    logger.info("Video %s %s.", video, how if ended else "was stopped or given to somebody else")
+    return True
+
+
+def encoder_problem() -> str:
+    """Why this machine cannot encode videos; "" if it can. Loads PyAV."""
+    try:
+        import av
+
+        av.codec.Codec(ENCODER, "w")
+    except Exception as error:  # PyAV has errors of its own
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def _draw(video: Video, file: IO[bytes], tell: Callable[[int], None], should_stop: Callable[[], bool]) -> DrawnVideo:
+    """Draw what the video shows now. Raises what :func:`evaluation.film.film` does, and PlatformFault
+    ``video_encoder_missing``, ``storage_failed``."""
+    if problem := encoder_problem():
+        raise PlatformFault("video_encoder_missing", detail=problem)
+    from evaluation import film
+
+    related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
+    run = FilmedRun.of(Evaluation.objects.select_related(*related).get(pk=video.evaluation_id))
+    what = (video.car, video.part, video.language)
+    scene, fingerprint = run.scene(*what), run.fingerprint(*what)
+    facts = film.film(scene, file, on_progress=lambda share: tell(int(99 * share)), is_stopped=should_stop)
+    return DrawnVideo(file, film.poster(scene), facts, fingerprint)

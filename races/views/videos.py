@@ -1,0 +1,200 @@
+"""Videos of a run: ask for one, see how far it is, watch it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.contrib.auth.decorators import login_required
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import get_language
+from django.views.decorators.http import require_POST, require_safe
+
+from evaluation.files import as_download
+from evaluation.models import Evaluation
+from evaluation.ranges import stored_file_response
+from faults import PaddockError, PlatformFault
+from races.filming import FilmedRun, best_lap
+from races.models import WHOLE, Video, VideoState
+from races.selectors.videos import (
+    ShownVideo,
+    best_shown,
+    can_ask_for_video,
+    can_stop_video,
+    shown_video,
+    videos_of,
+    videos_visible_to,
+)
+from races.services.videos import ask_for_video, forget_lost_file, note_watched, stop_video
+
+from .common import fault_text, tell_fault, visible_evaluation
+
+if TYPE_CHECKING:
+    from races.cars import CarRow
+
+RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
+RACE = ("evaluation__submission__entry__race", "evaluation__duel__race")
+
+
+@login_required
+@require_POST
+def evaluation_video(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Ask for a video of a run: ``what`` is a car's number and a part of the run, such as ``0:best``."""
+    evaluation = visible_evaluation(request, public_id)
+    if not can_ask_for_video(request.user, evaluation):
+        raise Http404
+    car, _, part = request.POST.get("what", "").partition(":")
+    try:
+        asked = ask_for_video(
+            evaluation=evaluation,
+            by=request.user,
+            car=int(car[:4]) if car.isascii() and car.isdecimal() else 0,
+            part=part or "best",
+            language=page_language(),
+            now=timezone.now(),
+        )
+    except PaddockError as fault:
+        if request.htmx:
+            return _card(request, evaluation, None, fault)
+        tell_fault(request, fault)
+        return redirect(f"{evaluation.get_absolute_url()}#video")
+    return _card(request, evaluation, asked.video) if request.htmx else redirect(asked.video)
+
+
+@require_safe
+def video_live(request: HttpRequest, public_id: str) -> HttpResponse:
+    """What of the card changes while a video waits or is drawn; the whole card once it is done.
+
+    ``seen`` is what the reader has on screen: unchanged, the answer is empty (204).
+    """
+    video = visible_video(request, public_id)
+    shown = shown_video(video)
+    if shown.mark == request.GET.get("seen"):
+        response = HttpResponse(status=204)
+    elif video.is_under_way:
+        context = {"shown": shown, "can_stop_film": can_stop_video(request.user, video)}
+        response = render(request, "evaluation/parts/video_now.html", context)
+    else:
+        response = _card(request, visible_evaluation(request, video.evaluation.public_id), video)
+        response["HX-Retarget"] = "#video"
+        response["HX-Reswap"] = "outerHTML"
+    response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@login_required
+@require_POST
+def video_stop(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Stop a video that I asked for."""
+    video = visible_video(request, public_id)
+    if video.is_under_way:
+        if not can_stop_video(request.user, video):
+            raise Http404
+        stop_video(video=video, now=timezone.now())
+    if request.htmx:
+        return _card(request, visible_evaluation(request, video.evaluation.public_id), video)
+    return redirect(video)
+
+
+@require_safe
+def video_file(request: HttpRequest, public_id: str) -> HttpResponseBase:
+    """The film, whole or in parts; with ``download`` as a file that is named after the run."""
+    video = ready_video(request, public_id)
+    response = serve(request, video, still=False)
+    if "download" in request.GET:
+        response = as_download(response, file_name(video))
+    response["Cache-Control"] = "private, max-age=0, must-revalidate"
+    return response
+
+
+@require_safe
+def video_poster(request: HttpRequest, public_id: str) -> HttpResponseBase:
+    """A still of the film."""
+    response = serve(request, ready_video(request, public_id), still=True)
+    response["Cache-Control"] = "private, max-age=0, must-revalidate"
+    return response
+
+
+def visible_video(request: HttpRequest, public_id: str) -> Video:
+    """The video with its run, or 404 when there is none or the reader may not see it."""
+    videos = videos_visible_to(request.user).select_related(*RUN, *RACE, "asked_by")
+    return get_object_or_404(videos, public_id=public_id)
+
+
+def ready_video(request: HttpRequest, public_id: str) -> Video:
+    """The video, if it can be watched: 404 as well while it is not ready, and when it shows an old name or look."""
+    video = visible_video(request, public_id)
+    if shown_video(video).state != VideoState.READY:
+        raise Http404
+    return video
+
+
+def serve(request: HttpRequest, video: Video, *, still: bool) -> HttpResponseBase:
+    """The film or the still of a ready video. Raises Http404 where its file is lost (it can then be asked for anew) and
+    PlatformFault("storage_failed")."""
+    now = timezone.now()
+    file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
+    try:
+        size = file.size if still else video.size
+        response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind)
+    except FileNotFoundError:
+        forget_lost_file(video=video, now=now)
+        raise Http404 from None
+    except OSError as error:
+        raise PlatformFault("storage_failed") from error
+    if not still and request.method == "GET":
+        note_watched(video=video, now=now)
+    return response
+
+
+def file_name(video: Video) -> str:
+    """What a film is downloaded as."""
+    part = "run" if video.part == WHOLE else f"lap{video.part}"
+    car = f"-car{video.car}" if video.car else ""
+    return f"{video.evaluation.public_id}{car}-{part}.mp4"
+
+
+def page_language() -> str:
+    """The language of the page, as videos name it."""
+    language = (get_language() or settings.LANGUAGE_CODE).split("-")[0]
+    return language if language in dict(settings.LANGUAGES) else settings.LANGUAGE_CODE
+
+
+def video_context(request: HttpRequest, evaluation: Evaluation, cars: list[CarRow] | None = None) -> dict:
+    """What the card of a finished run's page shows. ``?video=`` chooses among those that there are."""
+    run = FilmedRun.of(evaluation, cars)
+    videos = videos_of(run)
+    chosen = request.GET.get("video")
+    shown = next((each for each in videos if each.video.public_id == chosen), None)
+    return _of_card(request, run, videos, shown or best_shown(videos, page_language(), request.user))
+
+
+def _card(
+    request: HttpRequest, evaluation: Evaluation, video: Video | None, fault: PaddockError | None = None
+) -> HttpResponse:
+    """The whole card, showing this video."""
+    run = FilmedRun.of(evaluation)
+    videos = videos_of(run)
+    shown = next((each for each in videos if video is not None and each.video.pk == video.pk), None)
+    if shown is None:
+        shown = best_shown(videos, page_language(), request.user)
+    context = _of_card(request, run, videos, shown) | {
+        "evaluation": evaluation,
+        "video_fault": fault and fault_text(fault),
+    }
+    return render(request, "evaluation/parts/video.html", context)
+
+
+def _of_card(request: HttpRequest, run: FilmedRun, videos: list[ShownVideo], shown: ShownVideo | None) -> dict:
+    others = [each for each in videos if each.state == VideoState.READY and each is not shown]
+    return {
+        "shown": shown,
+        "shown_car": run.car(shown.video.car) if shown and len(run.cars) > 1 else None,
+        "other_videos": [(each.video, run.car(each.video.car) if len(run.cars) > 1 else None) for each in others],
+        "can_stop_film": shown is not None and can_stop_video(request.user, shown.video),
+        "can_ask": settings.VIDEOS and can_ask_for_video(request.user, run.evaluation),
+        "film_cars": [(row, best_lap(row.result.laps)) for row in run.cars],
+        "video_limit_ms": settings.VIDEO_SECONDS * 1000,
+    }

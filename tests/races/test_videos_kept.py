@@ -1,0 +1,129 @@
+"""How long videos are kept, and that their files go with them, whatever takes them away."""
+
+from __future__ import annotations
+
+import os
+from datetime import timedelta
+
+import pytest
+from django.core.files.base import ContentFile
+from django.core.files.storage import default_storage
+
+from evaluation.models import Evaluation
+from evaluation.services import delete_model
+from races.models import Submission, Video, VideoState
+from races.services.videos import (
+    ask_for_video,
+    claim_next_video,
+    fail_video,
+    forget_lost_file,
+    note_watched,
+    purge_videos,
+    run_next_video,
+)
+from tests.factories import a_race
+from tests.films import a_driven_run
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def video(alice, now, films, commits) -> Video:
+    """A ready one."""
+    run = a_driven_run(a_race(now), alice, now)
+    made = ask_for_video(evaluation=run, by=alice, language="en", now=now).video
+    assert run_next_video(worker="w")
+    Video.objects.filter(pk=made.pk).update(watched_at=now)
+    made.refresh_from_db()
+    return made
+
+
+def files_are_there(video: Video) -> list[bool]:
+    return [default_storage.exists(name) for name in (video.file.name, video.poster.name)]
+
+
+def test_what_nobody_has_watched_for_so_long_goes_with_its_files(video, now, settings):
+    days = timedelta(days=settings.VIDEO_DAYS)
+    assert purge_videos(now=now + days) == 0
+    assert files_are_there(video) == [True, True]
+    assert purge_videos(now=now + days + timedelta(seconds=1)) == 1
+    assert files_are_there(video) == [False, False]
+    assert not Video.objects.exists()
+
+
+def test_what_is_watched_is_kept_and_written_down_once_an_hour(video, now, settings):
+    note_watched(video=video, now=now + timedelta(minutes=59))
+    video.refresh_from_db()
+    assert video.watched_at == now
+    later = now + timedelta(days=settings.VIDEO_DAYS)
+    note_watched(video=video, now=later)
+    assert purge_videos(now=later + timedelta(days=settings.VIDEO_DAYS)) == 0
+    assert Video.objects.get().watched_at == later
+
+
+def test_one_that_failed_is_forgotten_after_so_long_and_one_that_waits_is_not(video, now, alice, settings):
+    from faults import UserFault
+
+    run = video.evaluation
+    ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now)
+    failed = claim_next_video(worker="w", now=now)
+    fail_video(video_id=failed.pk, lease=failed.lease, fault=UserFault("video_no_steps"), now=now)
+    waiting = ask_for_video(evaluation=run, by=alice, part="3", language="en", now=now).video
+    purge_videos(now=now + timedelta(days=settings.VIDEO_DAYS, seconds=1))
+    assert list(Video.objects.all()) == [waiting]
+
+
+def test_a_deleted_model_is_in_no_film_any_more(video, now, alice):
+    other = a_driven_run(a_race(now), alice, now)
+    kept = ask_for_video(evaluation=other, by=alice, language="en", now=now).video
+    delete_model(model=video.evaluation.model, now=now)
+    assert list(Video.objects.all()) == [kept]
+    assert files_are_there(video) == [False, False]
+
+
+def test_nor_is_a_deleted_rival(video, now, bob):
+    from evaluation.models import EvaluationRival
+    from tests.factories import a_model
+
+    rival = a_model(bob)
+    EvaluationRival.objects.create(evaluation=video.evaluation, number=1, model=rival, metadata=rival.metadata)
+    delete_model(model=rival, now=now)
+    assert not Video.objects.exists()
+    assert files_are_there(video) == [False, False]
+
+
+def test_a_deleted_evaluation_takes_its_films_along(video):
+    Submission.objects.all().delete()
+    Evaluation.objects.get(pk=video.evaluation_id).delete()
+    assert not Video.objects.exists()
+    assert files_are_there(video) == [False, False]
+
+
+def test_a_deleted_racer_who_asked_for_the_film_of_another_takes_their_name_only(alice, bob, now, films, commits):
+    run = a_driven_run(a_race(now), alice, now)
+    video = ask_for_video(evaluation=run, by=bob, language="en", now=now).video
+    bob.delete()
+    video.refresh_from_db()
+    assert video.asked_by is None
+
+
+def test_a_file_that_is_lost_makes_the_video_one_to_be_asked_for_anew(video, now, alice):
+    video.file.storage.delete(video.file.name)
+    assert forget_lost_file(video=video, now=now)
+    assert not forget_lost_file(video=video, now=now)
+    assert default_storage.exists(video.poster.name) is False
+    video.refresh_from_db()
+    assert (video.state, video.reason_code) == (VideoState.FAILED, "video_file_lost")
+    assert ask_for_video(evaluation=video.evaluation, by=alice, language="en", now=now).queued
+
+
+def test_files_that_nobody_knows_are_removed_after_a_day(video, now):
+    orphan = default_storage.save("videos/left-behind.mp4", ContentFile(b"half a film"))
+    path = default_storage.path(orphan)
+    stamp = (now - timedelta(hours=23)).timestamp()
+    os.utime(path, (stamp, stamp))
+    purge_videos(now=now)
+    assert default_storage.exists(orphan)
+    purge_videos(now=now + timedelta(hours=2))
+    assert not default_storage.exists(orphan)
+    assert files_are_there(video) == [True, True]

@@ -1,0 +1,280 @@
+"""The queue of videos: claimed once, taken from workers that disappear, given up in the end, stored once."""
+
+from __future__ import annotations
+
+import io
+from datetime import timedelta
+
+import pytest
+from django.core.files.storage import default_storage
+from django.db import IntegrityError, transaction
+
+from evaluation import film
+from evaluation.film import FilmFacts
+from faults import PlatformFault, UserFault
+from races import tasks
+from races.models import Video, VideoState
+from races.services.videos import (
+    DrawnVideo,
+    ask_for_video,
+    beat_video,
+    claim_next_video,
+    fail_video,
+    finish_video,
+    release_video,
+    run_next_video,
+    stop_video,
+    sweep_videos,
+)
+from tests.factories import a_race
+from tests.films import a_driven_run
+
+pytestmark = pytest.mark.django_db
+LEASE = timedelta(seconds=30)
+
+
+@pytest.fixture
+def run(alice, now, films):
+    return a_driven_run(a_race(now), alice, now)
+
+
+@pytest.fixture
+def waiting(run, alice, now) -> Video:
+    return ask_for_video(evaluation=run, by=alice, language="en", now=now).video
+
+
+@pytest.fixture
+def claimed(waiting, now) -> Video:
+    return claim_next_video(worker="w1", now=now)
+
+
+def ident(video: Video) -> dict:
+    return {"video_id": video.pk, "lease": video.lease}
+
+
+def drawn(content: bytes = b"a film") -> DrawnVideo:
+    facts = FilmFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
+    return DrawnVideo(io.BytesIO(content), b"a still", facts, "0" * 64)
+
+
+def stored() -> set[str]:
+    try:
+        return {f"videos/{name}" for name in default_storage.listdir("videos")[1]}
+    except FileNotFoundError:
+        return set()
+
+
+def ours(video: Video) -> set[str]:
+    return {name for name in stored() if video.public_id in name}
+
+
+class TestAClaim:
+    def test_takes_the_one_that_waited_longest_once(self, run, alice, now):
+        first = ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now - timedelta(minutes=1)).video
+        second = ask_for_video(evaluation=run, by=alice, part="2", language="en", now=now).video
+        assert [claim_next_video(worker="w", now=now) for _ in range(3)] == [first, second, None]
+
+    def test_is_a_lease(self, claimed, now):
+        assert (claimed.state, claimed.attempt, claimed.worker) == (VideoState.DRAWING, 1, "w1")
+        assert claimed.leased_until == now + LEASE
+        later = now + timedelta(seconds=20)
+        assert beat_video(**ident(claimed), progress=40, now=later)
+        claimed.refresh_from_db()
+        assert (claimed.progress, claimed.leased_until) == (40, later + LEASE)
+
+    def test_that_is_lost_writes_nothing(self, claimed, now):
+        assert sweep_videos(now=now + LEASE + timedelta(seconds=1)) == 1
+        other = claim_next_video(worker="w2", now=now + LEASE)
+        assert other.attempt == 2
+        lost = ident(claimed)
+        assert not beat_video(**lost, progress=1, now=now)
+        assert not finish_video(**lost, drawn=drawn(), now=now)
+        assert not fail_video(**lost, fault=UserFault("video_no_steps"), now=now)
+        assert not release_video(**lost, now=now)
+        assert ours(claimed) == set()
+        assert finish_video(**ident(other), drawn=drawn(), now=now)
+        assert len(ours(claimed)) == 2
+
+
+class TestAnEnd:
+    def test_that_is_good_stores_film_and_still(self, claimed, now):
+        assert finish_video(**ident(claimed), drawn=drawn(b"a longer film"), now=now)
+        claimed.refresh_from_db()
+        assert (claimed.state, claimed.size, claimed.duration_ms) == (VideoState.READY, 13, 1000)
+        assert (claimed.watched_at, claimed.lease) == (now, None)
+        with claimed.file.open("rb") as file, claimed.poster.open("rb") as still:
+            assert (file.read(), still.read()) == (b"a longer film", b"a still")
+        assert ours(claimed) == {claimed.file.name, claimed.poster.name}
+
+    def test_after_a_fault_of_ours_is_another_try_and_in_the_end_a_code(self, claimed, now, settings):
+        for attempt in range(1, settings.EVALUATION_MAX_ATTEMPTS):
+            assert fail_video(**ident(claimed), fault=PlatformFault("storage_failed"), now=now, detail="disk")
+            claimed.refresh_from_db()
+            assert (claimed.state, claimed.attempt) == (VideoState.WAITING, attempt)
+            claimed = claim_next_video(worker="w", now=now)
+        assert fail_video(**ident(claimed), fault=PlatformFault("storage_failed"), now=now)
+        claimed.refresh_from_db()
+        assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_gave_up")
+        assert claimed.is_platform_fault
+        assert claimed.operator_detail.startswith("Attempt 1: storage_failed. disk\n")
+
+    @pytest.mark.parametrize(
+        "fault", [UserFault("video_no_steps"), PlatformFault("video_encoder_missing", detail="no libx264")]
+    )
+    def test_that_no_other_try_would_change_is_final_at_once(self, claimed, now, fault):
+        assert fail_video(**ident(claimed), fault=fault, now=now)
+        claimed.refresh_from_db()
+        assert (claimed.state, claimed.reason_code, claimed.ended_at) == (VideoState.FAILED, fault.code, now)
+
+    def test_of_a_worker_that_shuts_down_costs_no_attempt(self, claimed, now):
+        assert release_video(**ident(claimed), now=now)
+        claimed.refresh_from_db()
+        assert (claimed.state, claimed.attempt, claimed.progress) == (VideoState.WAITING, 0, 0)
+
+    def test_by_who_asked_for_it_is_for_good(self, claimed, now):
+        assert stop_video(video=claimed, now=now)
+        assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_stopped")
+        assert not stop_video(video=claimed, now=now)
+        assert claim_next_video(worker="w", now=now) is None
+
+    def test_of_a_worker_between_storing_and_writing_leaves_no_file(self, claimed, now, monkeypatch):
+        from races.services.videos import leases
+
+        class Killed(BaseException):
+            pass
+
+        def store_and_die(*args):
+            real(*args)
+            raise Killed
+
+        real = leases.store
+        monkeypatch.setattr(leases, "store", store_and_die)
+        with pytest.raises(Killed):
+            finish_video(**ident(claimed), drawn=drawn(), now=now)
+        assert len(ours(claimed)) == 2
+        sweep_videos(now=now + LEASE + timedelta(seconds=1))
+        assert ours(claimed) == set()
+
+    def test_where_the_storage_takes_the_film_only_keeps_neither(self, claimed, now, monkeypatch):
+        real = default_storage._wrapped.save if hasattr(default_storage, "_wrapped") else default_storage.save
+
+        def full(name, content, **more):
+            if name.endswith(".jpg"):
+                raise OSError("No space left on device")
+            return real(name, content, **more)
+
+        monkeypatch.setattr(type(default_storage._wrapped), "save", lambda self, *args, **more: full(*args, **more))
+        with pytest.raises(PlatformFault) as refused:
+            finish_video(**ident(claimed), drawn=drawn(), now=now)
+        assert refused.value.code == "storage_failed"
+        assert ours(claimed) == set()
+
+
+class TestTheDatabaseRefuses:
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"state": "lost"},
+            {"state": "drawing"},
+            {"state": "ready"},
+            {"state": "failed"},
+            {"state": "failed", "reason_code": "video_stopped"},
+            {"file": "videos/x.mp4"},
+            {"progress": 101},
+            {"car": 4},
+            {"language": ""},
+        ],
+    )
+    def test_a_row_that_contradicts_itself(self, waiting, changes):
+        with pytest.raises(IntegrityError), transaction.atomic():
+            Video.objects.filter(pk=waiting.pk).update(**changes)
+
+    def test_a_ready_one_without_its_file(self, claimed, now):
+        finish_video(**ident(claimed), drawn=drawn(), now=now)
+        for column in ("file", "poster", "sha256", "fingerprint"):
+            with pytest.raises(IntegrityError), transaction.atomic():
+                Video.objects.filter(pk=claimed.pk).update(**{column: ""})
+
+
+class TestAWorker:
+    def test_draws_what_the_row_says(self, waiting, monkeypatch):
+        scenes = []
+
+        def look(scene, out, *, on_progress, is_stopped):
+            scenes.append(scene)
+            on_progress(0.5)
+            assert not is_stopped()
+            out.write(b"film")
+            return FilmFacts(frames=1, duration_ms=1, width=2, height=2, size=4)
+
+        monkeypatch.setattr(film, "film", look)
+        assert run_next_video(worker="w")
+        (scene,) = scenes
+        assert (scene.followed, scene.lap, scene.order) == (0, 2, [0])
+        assert (scene.title, scene.subtitle) == (waiting.evaluation.submission.entry.race.name, "Paddock Oval")
+        (car,) = scene.cars
+        assert (car.name, car.shell, car.number) == ("alice", "paddock", 0)
+        assert car.trace.startswith(b"episode,steps") and len(car.laps) == 3
+        assert not run_next_video(worker="w")
+
+    def test_writes_the_words_in_the_language_asked_for(self, run, alice, now, monkeypatch):
+        scenes = []
+        monkeypatch.setattr(film, "film", lambda scene, out, **more: scenes.append(scene))
+        ask_for_video(evaluation=run, by=alice, language="ko", now=now)
+        run_next_video(worker="w")
+        assert scenes[0].words.lap == "랩"
+
+    def test_hands_back_what_it_draws_when_it_is_told_to_stop(self, waiting, monkeypatch):
+        told = []
+
+        def drawing(scene, out, *, on_progress, is_stopped):
+            told.append(True)
+            assert is_stopped()
+            raise film.Stopped
+
+        monkeypatch.setattr(film, "film", drawing)
+        assert run_next_video(worker="w", interrupted=lambda: bool(told))
+        waiting.refresh_from_db()
+        assert (waiting.state, waiting.attempt) == (VideoState.WAITING, 0)
+
+    def test_writes_down_what_went_wrong_for_operators_only(self, waiting, monkeypatch, settings):
+        settings.EVALUATION_MAX_ATTEMPTS = 1
+
+        def drawing(scene, out, *, on_progress, is_stopped):
+            raise ZeroDivisionError("a bug")
+
+        monkeypatch.setattr(film, "film", drawing)
+        assert run_next_video(worker="w")
+        waiting.refresh_from_db()
+        assert (waiting.state, waiting.reason_code) == (VideoState.FAILED, "video_gave_up")
+        assert "ZeroDivisionError" in waiting.operator_detail and "bug" not in waiting.reason
+
+    def test_without_an_encoder_says_so(self, waiting, monkeypatch):
+        from races.services.videos import work
+
+        monkeypatch.setattr(work, "ENCODER", "no-such-encoder")
+        assert run_next_video(worker="w")
+        waiting.refresh_from_db()
+        assert waiting.reason_code == "video_encoder_missing"
+        assert "no-such-encoder" in waiting.reason
+
+    def test_draws_one_and_rings_for_the_next(self, run, alice, now, films, commits):
+        for part in ("1", "2"):
+            ask_for_video(evaluation=run, by=alice, part=part, language="en", now=now)
+        films.clear()
+        assert tasks.draw.apply().get()
+        assert len(films) == 1
+        assert tasks.draw.apply().get()
+        assert not tasks.draw.apply().get()
+        assert set(Video.objects.values_list("state", flat=True)) == {"ready"}
+
+    def test_draws_nothing_where_videos_are_switched_off(self, waiting, settings):
+        settings.VIDEOS = False
+        assert not tasks.draw.apply().get()
+        waiting.refresh_from_db()
+        assert waiting.state == VideoState.WAITING
+
+    def test_is_woken_again_by_the_sweep_while_something_waits(self, waiting, films, commits):
+        films.clear()
+        assert tasks.sweep.apply().get() == 1
+        assert len(films) == 1
