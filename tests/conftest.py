@@ -137,6 +137,21 @@ def bell(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
 
 
 @pytest.fixture
+def films(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
+    """Every ring of the bell for videos, instead of a broker; and films of a few bytes, for tests that are not about
+    what is drawn."""
+    from evaluation import film
+    from races import tasks
+    from tests.films import a_film
+
+    rings: list[dict] = []
+    monkeypatch.setattr(tasks.draw, "apply_async", lambda **options: rings.append(options))
+    monkeypatch.setattr(film, "film", a_film)
+    monkeypatch.setattr(film, "poster", lambda scene: b"a still")
+    return rings
+
+
+@pytest.fixture
 def alice(db: None):
     """A racer with an alias and nothing else. Bob and Charlie are two more."""
     return _racer("alice")
