@@ -334,6 +334,7 @@ SPECTACULAR_SETTINGS = {
         "EvaluationState": "evaluation.models.State",
         "RaceState": "races.models.RaceState",
         "TrainingState": "training.models.JobState",
+        "VideoState": "races.api.videos.STATES",
     },
     "POSTPROCESSING_HOOKS": [
         "drf_spectacular.hooks.postprocess_schema_enums",

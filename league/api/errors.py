@@ -41,7 +41,8 @@ _NOT_NOW = (
     "entry_withdrawn car_already_submitted submission_running submissions_used_up submission_not_failed "
     "duels_before_closing duels_wait_for_qualifying duels_drawn "
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
-    "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs"
+    "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs "
+    "video_run_not_finished videos_off videos_at_once videos_a_day"
 )
 STATUS_OF: dict[str, int] = {
     **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),

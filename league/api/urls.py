@@ -6,7 +6,7 @@ from django.urls import include, path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
-from races.api import boards, duels, entries, evaluations, races
+from races.api import boards, duels, entries, evaluations, races, videos
 from tracks import api as tracks
 
 from . import reference, seasons, views
@@ -41,6 +41,10 @@ version_1 = [
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
     path("evaluations/<slug:public_id>/course/", evaluations.CourseView.as_view(), name="api-course"),
     path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),
+    path("evaluations/<slug:public_id>/videos/", videos.VideosView.as_view(), name="api-videos"),
+    path("videos/<slug:public_id>/", videos.VideoView.as_view(), name="api-video"),
+    path("videos/<slug:public_id>/stop/", videos.VideoStopView.as_view(), name="api-video-stop"),
+    path("videos/<slug:public_id>/file/", videos.VideoFileView.as_view(), name="api-video-file"),
 ]
 
 urlpatterns = [

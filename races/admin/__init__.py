@@ -3,5 +3,6 @@
 from .duels import DrawAdmin, DuelAdmin
 from .race import RaceAdmin
 from .results import EntryAdmin, SubmissionAdmin
+from .videos import VideoAdmin
 
-__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "RaceAdmin", "SubmissionAdmin"]
+__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "RaceAdmin", "SubmissionAdmin", "VideoAdmin"]

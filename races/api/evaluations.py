@@ -138,7 +138,7 @@ class CarResultSerializer(serializers.Serializer):
     )
 
     def get_retired(self, result: CarResult) -> ReasonSerializer(allow_null=True):
-        return _reason(result.retired_code, result.retired, result.retired_params)
+        return reason_of(result.retired_code, result.retired, result.retired_params)
 
 
 class RivalResultSerializer(CarResultSerializer):
@@ -221,7 +221,7 @@ class EvaluationSerializer(serializers.Serializer):
         return ProgressSerializer(evaluation.progress).data
 
     def get_reason(self, evaluation: Evaluation) -> ReasonSerializer(allow_null=True):
-        return _reason(evaluation.reason_code, evaluation.reason, evaluation.reason_params)
+        return reason_of(evaluation.reason_code, evaluation.reason, evaluation.reason_params)
 
     def get_result(self, evaluation: Evaluation) -> ResultSerializer(allow_null=True):
         result = getattr(evaluation, "result", None)
@@ -381,7 +381,7 @@ def _car(request: Request, public_id: str) -> tuple[CarResult, str]:
     return rival, f"-car{rival.number}"
 
 
-def _reason(code: str, sentence: str, params: dict[str, Any]) -> dict[str, Any] | None:
+def reason_of(code: str, sentence: str, params: dict[str, Any]) -> dict[str, Any] | None:
     """A reason as the API tells it; None for none."""
     if not code:
         return None

@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
-from django.shortcuts import get_object_or_404, redirect, render
+from django.shortcuts import redirect, render
 from django.utils import timezone
-from django.utils.translation import get_language
 from django.views.decorators.http import require_POST, require_safe
 
-from evaluation.files import as_download
 from evaluation.models import Evaluation
-from evaluation.ranges import stored_file_response
-from faults import PaddockError, PlatformFault
+from faults import PaddockError
 from races.filming import FilmedRun, best_lap
-from races.models import WHOLE, Video, VideoState
+from races.films import film_response, page_language, ready_video, visible_video
+from races.models import Video, VideoState
 from races.selectors.videos import (
     ShownVideo,
     best_shown,
@@ -25,17 +23,13 @@ from races.selectors.videos import (
     can_stop_video,
     shown_video,
     videos_of,
-    videos_visible_to,
 )
-from races.services.videos import ask_for_video, forget_lost_file, note_watched, stop_video
+from races.services.videos import ask_for_video, stop_video
 
 from .common import fault_text, tell_fault, visible_evaluation
 
 if TYPE_CHECKING:
     from races.cars import CarRow
-
-RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
-RACE = ("evaluation__submission__entry__race", "evaluation__duel__race")
 
 
 @login_required
@@ -69,7 +63,7 @@ def video_live(request: HttpRequest, public_id: str) -> HttpResponse:
 
     ``seen`` is what the reader has on screen: unchanged, the answer is empty (204).
     """
-    video = visible_video(request, public_id)
+    video = visible_video(request.user, public_id)
     shown = shown_video(video)
     if shown.mark == request.GET.get("seen"):
         response = HttpResponse(status=204)
@@ -88,7 +82,7 @@ def video_live(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_POST
 def video_stop(request: HttpRequest, public_id: str) -> HttpResponse:
     """Stop a video that I asked for."""
-    video = visible_video(request, public_id)
+    video = visible_video(request.user, public_id)
     if video.is_under_way:
         if not can_stop_video(request.user, video):
             raise Http404
@@ -101,65 +95,14 @@ def video_stop(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def video_file(request: HttpRequest, public_id: str) -> HttpResponseBase:
     """The film, whole or in parts; with ``download`` as a file that is named after the run."""
-    video = ready_video(request, public_id)
-    response = serve(request, video, still=False)
-    if "download" in request.GET:
-        response = as_download(response, file_name(video))
-    response["Cache-Control"] = "private, max-age=0, must-revalidate"
-    return response
+    video = ready_video(request.user, public_id)
+    return film_response(request, video, download="download" in request.GET)
 
 
 @require_safe
 def video_poster(request: HttpRequest, public_id: str) -> HttpResponseBase:
     """A still of the film."""
-    response = serve(request, ready_video(request, public_id), still=True)
-    response["Cache-Control"] = "private, max-age=0, must-revalidate"
-    return response
-
-
-def visible_video(request: HttpRequest, public_id: str) -> Video:
-    """The video with its run, or 404 when there is none or the reader may not see it."""
-    videos = videos_visible_to(request.user).select_related(*RUN, *RACE, "asked_by")
-    return get_object_or_404(videos, public_id=public_id)
-
-
-def ready_video(request: HttpRequest, public_id: str) -> Video:
-    """The video, if it can be watched: 404 as well while it is not ready, and when it shows an old name or look."""
-    video = visible_video(request, public_id)
-    if shown_video(video).state != VideoState.READY:
-        raise Http404
-    return video
-
-
-def serve(request: HttpRequest, video: Video, *, still: bool) -> HttpResponseBase:
-    """The film or the still of a ready video. Raises Http404 where its file is lost (it can then be asked for anew) and
-    PlatformFault("storage_failed")."""
-    now = timezone.now()
-    file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
-    try:
-        size = file.size if still else video.size
-        response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind)
-    except FileNotFoundError:
-        forget_lost_file(video=video, now=now)
-        raise Http404 from None
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
-    if not still and request.method == "GET":
-        note_watched(video=video, now=now)
-    return response
-
-
-def file_name(video: Video) -> str:
-    """What a film is downloaded as."""
-    part = "run" if video.part == WHOLE else f"lap{video.part}"
-    car = f"-car{video.car}" if video.car else ""
-    return f"{video.evaluation.public_id}{car}-{part}.mp4"
-
-
-def page_language() -> str:
-    """The language of the page, as videos name it."""
-    language = (get_language() or settings.LANGUAGE_CODE).split("-")[0]
-    return language if language in dict(settings.LANGUAGES) else settings.LANGUAGE_CODE
+    return film_response(request, ready_video(request.user, public_id), still=True)
 
 
 def video_context(request: HttpRequest, evaluation: Evaluation, cars: list[CarRow] | None = None) -> dict:

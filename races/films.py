@@ -1,0 +1,81 @@
+"""A video on its way to whoever watches it: who may, and the answer with its bytes. For pages and the API."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.conf import settings
+from django.http import Http404, HttpRequest, HttpResponseBase
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from django.utils.translation import get_language
+
+from evaluation.files import as_download
+from evaluation.ranges import stored_file_response
+from faults import PlatformFault
+
+from .models import WHOLE, Video, VideoState
+from .selectors.videos import shown_video, videos_visible_to
+from .services.videos import forget_lost_file, note_watched
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+_RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
+_RACE = ("evaluation__submission__entry__race", "evaluation__duel__race")
+
+
+def visible_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
+    """The video with its run. Raises Http404 when there is none, or the racer may not see it."""
+    videos = videos_visible_to(racer).select_related(*_RUN, *_RACE, "asked_by")
+    return get_object_or_404(videos, public_id=public_id)
+
+
+def ready_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
+    """The video, if it can be watched. Raises Http404 as well while it is not ready, and when it shows a name or a look
+    of before."""
+    video = visible_video(racer, public_id)
+    if shown_video(video).state != VideoState.READY:
+        raise Http404
+    return video
+
+
+def film_response(
+    request: HttpRequest, video: Video, *, still: bool = False, download: bool = False
+) -> HttpResponseBase:
+    """The film of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as a file to keep.
+
+    Browsers keep it, and ask each time whether it may still be shown. Raises Http404 where the file is lost (the video
+    can then be asked for anew) and PlatformFault("storage_failed").
+    """
+    now = timezone.now()
+    file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
+    try:
+        size = file.size if still else video.size
+        response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind)
+    except FileNotFoundError:
+        forget_lost_file(video=video, now=now)
+        raise Http404 from None
+    except OSError as error:
+        raise PlatformFault("storage_failed") from error
+    if not still and request.method == "GET":
+        note_watched(video=video, now=now)
+    if download:
+        response = as_download(response, file_name(video))
+    response["Cache-Control"] = "private, max-age=0, must-revalidate"
+    return response
+
+
+def file_name(video: Video) -> str:
+    """What a film is downloaded as: its run, the car unless it is the run's own, the part."""
+    part = "run" if video.part == WHOLE else f"lap{video.part}"
+    car = f"-car{video.car}" if video.car else ""
+    return f"{video.evaluation.public_id}{car}-{part}.mp4"
+
+
+def page_language() -> str:
+    """The language of the request, as videos name it."""
+    language = (get_language() or settings.LANGUAGE_CODE).split("-")[0]
+    return language if language in dict(settings.LANGUAGES) else settings.LANGUAGE_CODE
