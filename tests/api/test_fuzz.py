@@ -24,6 +24,7 @@ from league.services import create_season, schedule_round
 from league.wsgi import application
 from races.models import Visibility
 from races.services import accept_invitation
+from races.services.videos import ask_for_video, run_next_video
 from tests.factories import a_race, a_racer, drive, laps
 
 SCHEMA = schemathesis.openapi.from_dict(SchemaGenerator().get_schema(request=None, public=True))
@@ -45,7 +46,7 @@ def one_connection():
 
 
 @pytest.fixture
-def known(alice, monkeypatch) -> dict[str, str]:
+def known(alice, films, monkeypatch) -> dict[str, str]:
     """What addresses may name, so that requests also get past the first 404; and a token that sees all of it."""
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "100000/hour", "write": "100000/hour"})
     now = timezone.now()
@@ -55,12 +56,15 @@ def known(alice, monkeypatch) -> dict[str, str]:
     times = {"opens_at": now + timedelta(days=1), "closes_at": now + timedelta(days=9)}
     schedule_round(season=season, number=1, division="open", now=now, name="Month", track=race.track, **times)
     submission = drive(race, alice, laps(10_000, 10_000, 10_000), now)
+    asked = ask_for_video(evaluation=submission.evaluation, by=alice, part="1", language="en", now=now)
+    run_next_video(worker="w")
     return {
         "slug": "fuzzed",
         "alias": "guest",
         "token": race.invitation,
         "public_id": submission.evaluation.public_id,
         "model": submission.evaluation.model.public_id,
+        "video": asked.video.public_id,
         "header": f"Token {AuthToken.objects.create(user=alice)[1]}",
     }
 
@@ -84,7 +88,8 @@ def test_no_request_crashes_or_is_answered_in_an_undescribed_way(label, known):
         case.validate_response(case.call(headers=headers), checks=CHECKS)
         if case.path_parameters:
             for name in case.path_parameters:
-                case.path_parameters[name] = known["model" if "/models/" in label else name]
+                kind = next((kind for kind in ("model", "video") if f"/{kind}s/{{" in label), name)
+                case.path_parameters[name] = known[kind]
             if "/tracks/" in label:
                 case.path_parameters["slug"] = "oval"
             case.validate_response(case.call(headers=headers), checks=CHECKS)
