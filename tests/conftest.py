@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from django.db import connection
 
-from tests import database, postgres
+from tests import database, kept, postgres
 
 PACK = 20
 
@@ -43,6 +43,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             quick_ones[file] += 1
     if hasattr(config, "workerinput"):
         items.sort(key=_is_quick)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    kept.before(item)
 
 
 def _is_quick(item: pytest.Item) -> bool:
@@ -79,6 +84,21 @@ def django_db_setup(django_db_setup: None, migrated: Path | None) -> Iterator[No
     if migrated is not None and not migrated.exists() and made == Path(connection.creation._get_test_db_name()):
         database.keep(made, migrated)
     yield
+
+
+@pytest.fixture(scope="session")
+def keep(request: pytest.FixtureRequest, django_db_setup: None, django_db_blocker) -> Iterator[Callable]:
+    """For a fixture of the session: ``keep(request, make)`` has rows made once for tests that follow each other."""
+    made = request.session.stash[kept.MADE] = {}
+
+    def keep(request: pytest.FixtureRequest, make: Callable[[], object]) -> kept.Kept:
+        one = made[request.fixturename] = kept.Kept(make, django_db_blocker.unblock)
+        one.have()
+        return one
+
+    yield keep
+    for one in made.values():
+        one.drop()
 
 
 @pytest.fixture(scope="session")
@@ -120,7 +140,7 @@ def again_on_postgresql(postgresql: Path) -> Callable[..., None]:
     return partial(postgres.again, postgresql)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def now() -> datetime:
     """A fixed moment, so that no test depends on the clock."""
     return datetime(2026, 11, 15, 12, 0, tzinfo=UTC)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from collections.abc import Callable
 from datetime import UTC, date, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +26,7 @@ from races.selectors import racing_now
 from races.sensors import OFFERABLE
 from races.services import create_community_race
 from tests.factories import a_racer, a_track
+from tests.kept import Kept
 from tests.rows import model_row
 from tracks.models import Track
 
@@ -34,6 +36,17 @@ pytestmark = pytest.mark.django_db
 def everything() -> dict[str, list[dict]]:
     models = (Season, Round, Race, Racer, Track, Entry, TrainedModel, Evaluation)
     return {model.__name__: list(model.objects.order_by("pk").values()) for model in models}
+
+
+@pytest.fixture(scope="session")
+def kept_season(request: pytest.FixtureRequest, keep: Callable, now: datetime) -> Kept:
+    return keep(request, lambda: open_demo_season(now=now))
+
+
+@pytest.fixture
+def season(kept_season: Kept, db: None) -> Season:
+    """The season as a first start opens it."""
+    return kept_season.copy()
 
 
 @pytest.fixture
@@ -64,8 +77,7 @@ def model_hash(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def test_it_opens_twelve_months_from_this_month_on(now):
-    season = open_demo_season(now=now)
+def test_it_opens_twelve_months_from_this_month_on(season, now):
     assert (season.slug, season.name) == ("2026-27", "Season 2026-27")
     assert (season.starts_on, season.ends_on) == (date(2026, 11, 1), date(2027, 11, 20))
     for stage in (Stage.OPEN, Stage.PRO):
@@ -87,8 +99,7 @@ def test_a_season_of_one_calendar_year_is_named_by_it():
     assert (season.slug, season.ends_on) == ("2027", date(2028, 1, 20))
 
 
-def test_each_month_has_a_finale_and_the_season_a_championship(now):
-    season = open_demo_season(now=now)
+def test_each_month_has_a_finale_and_the_season_a_championship(season):
     finales = list(season.rounds.filter(stage=Stage.FINALE).select_related("race").order_by("number"))
     pros = list(season.rounds.filter(stage=Stage.PRO).select_related("race").order_by("number"))
     assert [finale.name for finale in finales] == [pro.name for pro in pros] and finales[0].name == "November"
@@ -99,8 +110,7 @@ def test_each_month_has_a_finale_and_the_season_a_championship(now):
     assert last.opens_at > finales[-1].race.closes_at and last.closes_at.date() <= season.ends_on
 
 
-def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_every_sensor(now):
-    season = open_demo_season(now=now)
+def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_every_sensor(season):
 
     def races(stage: str) -> list[Race]:
         return [one.race for one in season.rounds.filter(stage=stage).select_related("race").order_by("number")]
@@ -117,8 +127,7 @@ def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_ever
     assert (last.opponents, last.duel_format) == ("models", "bracket")
 
 
-def test_a_finale_is_no_less_a_race_of_the_league_for_house_cars(now, stable):
-    season = open_demo_season(now=now)
+def test_a_finale_is_no_less_a_race_of_the_league_for_house_cars(season, stable):
     finale = season.rounds.get(number=1, stage=Stage.FINALE).race
     enter_house_cars(now=finale.opens_at, folder=stable)
     assert {entry.racer.alias for entry in finale.entries.filter(is_baseline=True)} == {"Steady", "Quick"}
@@ -136,8 +145,7 @@ def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
         timezone.get_default_timezone.cache_clear()
 
 
-def test_the_community_races_are_open_now_and_rank_in_every_way(now):
-    open_demo_season(now=now)
+def test_the_community_races_are_open_now_and_rank_in_every_way(season, now):
     races = Race.objects.filter(kind=Kind.COMMUNITY)
     assert {race.ranking_method for race in races} == {"average", "best", "total"}
     assert all(race.state_at(now) == RaceState.OPEN and race.organiser.is_house for race in races)
@@ -152,8 +160,7 @@ def test_the_community_races_are_open_now_and_rank_in_every_way(now):
     assert organiser.is_house and not organiser.has_usable_password()
 
 
-def test_doing_it_again_changes_nothing(now):
-    open_demo_season(now=now)
+def test_doing_it_again_changes_nothing(season, now):
     before = everything()
     open_demo_season(now=now + timedelta(days=100))
     assert everything() == before
@@ -165,8 +172,7 @@ def test_an_operator_s_own_season_is_left_alone(now):
     assert not Race.objects.exists()
 
 
-def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(now, stable):
-    open_demo_season(now=now)
+def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(season, now, stable):
     report = enter_house_cars(now=now, folder=stable)
     races = set(racing_now(now))
     assert len(races) == 8 and {race.division for race in races} == {"open", "pro", ""}
@@ -179,8 +185,7 @@ def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(now, st
     assert Evaluation.objects.filter(state="queued", priority__lt=0).count() == 16
 
 
-def test_sending_the_house_cars_again_sends_none_until_another_race_opens(now, stable):
-    open_demo_season(now=now)
+def test_sending_the_house_cars_again_sends_none_until_another_race_opens(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     before = everything()
     assert enter_house_cars(now=now, folder=stable).submitted == 0
@@ -198,8 +203,7 @@ def test_house_cars_stay_out_of_racers_own_races(now, stable):
     assert enter_house_cars(now=now, folder=stable).submitted == 0
 
 
-def test_a_house_racer_that_an_admin_deactivated_stays_at_home(now, stable):
-    open_demo_season(now=now)
+def test_a_house_racer_that_an_admin_deactivated_stays_at_home(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     Racer.objects.filter(alias="Quick").update(is_active=False)
     assert enter_house_cars(now=now + timedelta(days=30), folder=stable).submitted == 2
@@ -216,8 +220,7 @@ def test_a_racer_who_has_a_house_car_s_name_keeps_it(now, stable):
     }
 
 
-def test_without_house_cars_the_season_opens_all_the_same(now, tmp_path, caplog):
-    open_demo_season(now=now)
+def test_without_house_cars_the_season_opens_all_the_same(season, now, tmp_path, caplog):
     with caplog.at_level("INFO"):
         assert enter_house_cars(now=now, folder=tmp_path).submitted == 0
         assert enter_house_cars(now=now, folder=tmp_path / "none").cars == 0
@@ -225,8 +228,7 @@ def test_without_house_cars_the_season_opens_all_the_same(now, tmp_path, caplog)
     assert not Entry.objects.exists()
 
 
-def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(now, stable, monkeypatch, caplog):
-    open_demo_season(now=now)
+def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(season, now, stable, monkeypatch, caplog):
     (stable / "broken.onnx").write_bytes(b"broken")
     (stable / "broken.json").write_text("{")
     shutil.copy(stable / "steady.onnx", stable / "lonely.onnx")
@@ -251,8 +253,7 @@ def test_the_committed_house_cars_can_be_read():
     assert len({car.display_name for car in cars}) == len(cars)
 
 
-def test_the_pro_race_is_refused_to_everybody_at_first(now, alice):
-    open_demo_season(now=now)
+def test_the_pro_race_is_refused_to_everybody_at_first(season, now, alice):
     pro = Race.objects.get(slug="2026-11-pro")
     with pytest.raises(Exception, match="pro division"):
         check_division(pro, alice, now)

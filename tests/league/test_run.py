@@ -14,7 +14,6 @@ import urllib.error
 import urllib.request
 from contextlib import closing
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -25,7 +24,6 @@ from tests.shared import CHECKOUT
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("run")]
 READY = re.compile(r"Paddock is ready: (http://\S+)")
-needs_training = pytest.mark.skipif(find_spec("torch") is None, reason="training is not installed: make training")
 
 
 def environment(data: Path) -> dict[str, str]:
@@ -173,12 +171,18 @@ def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_
     assert "is the same" in again.stdout
 
 
-def test_a_second_start_keeps_all_data_and_sigterm_stops_it(data):
+def test_a_second_start_keeps_all_data_refuses_a_second_run_on_them_and_sigterm_stops_it(data):
     secret = (data / "secret-key").read_text()
     seasons = rows(data, "select * from league_season")
     races = rows(data, "select id, slug, invitation from races_race")
     with Run(data) as run:
         run.ready()
+        second = manage(data, "run", "--port", str(free_port()))
+        assert second.returncode == 1
+        assert f"already running on {data} (process {run.process.pid})" in second.stderr
+        assert "Traceback" not in second.stderr
+        assert run.answer() == 200
+        assert "bundled Valkey answers" in manage(data, "doctor").stdout
         assert run.stop(signal.SIGTERM) == 143
     assert (data / "secret-key").read_text() == secret
     assert rows(data, "select * from league_season") == seasons
@@ -200,19 +204,22 @@ def test_sigkill_takes_everything_along_and_the_next_start_works(data):
     with Run(data) as run:
         assert run.ready().answer() == 200
         assert "bundled Valkey answers" in manage(data, "doctor").stdout
-        assert run.stop(signal.SIGINT) == 130
+        one_dies(run, "broker", "valkey-server")
 
 
-def test_a_second_run_on_the_same_data_says_so_and_harms_nothing(data):
+def test_a_program_that_dies_stops_the_others_and_is_named(data):
+    """The broker, which the others need to the end, dies in the test above."""
     with Run(data) as run:
-        run.ready()
-        second = manage(data, "run", "--port", str(free_port()))
-        assert second.returncode == 1
-        assert f"already running on {data} (process {run.process.pid})" in second.stderr
-        assert "Traceback" not in second.stderr
-        assert run.answer() == 200
-        assert "bundled Valkey answers" in manage(data, "doctor").stdout
-        assert run.stop(signal.SIGINT) == 130
+        one_dies(run.ready(), "worker", "--without-mingle (end)")  # a trainer's command goes on
+
+
+def one_dies(run: Run, name: str, words: str) -> None:
+    """Kill one program of a run: all others end, and the run says which it was."""
+    family = run.family()
+    os.kill(run.pid_of(words), signal.SIGKILL)
+    assert run.process.wait(30) == 1
+    wait_for(lambda: not any(is_running(pid) for pid in family), 5, run.log)
+    assert f"{name} ended by itself (signal 9), so everything was stopped." in run.said
 
 
 def test_a_port_in_use_is_refused_before_anything_starts(tmp_path):
@@ -225,21 +232,3 @@ def test_a_port_in_use_is_refused_before_anything_starts(tmp_path):
     assert f"cannot listen on 127.0.0.1 port {port}" in refused.stderr
     assert f"PORT={port + 1}" in refused.stderr
     assert not (tmp_path / "data" / "paddock.sqlite3").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("broker", "valkey-server"),
-        ("worker", "--without-mingle (end)"),  # a trainer's command goes on
-        pytest.param("trainer", "--queues training", marks=needs_training),
-    ],
-)
-def test_a_program_that_dies_stops_the_others_and_is_named(data, name, words):
-    with Run(data) as run:
-        run.ready()
-        family = run.family()
-        os.kill(run.pid_of(words), signal.SIGKILL)
-        assert run.process.wait(30) == 1
-        wait_for(lambda: not any(is_running(pid) for pid in family), 5, run.log)
-    assert f"{name} ended by itself (signal 9), so everything was stopped." in run.said

@@ -26,6 +26,7 @@ from league.models import Racer
 from races.models import Race, RankingMethod, Submission, Visibility
 from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, lap, laps, start
+from tests.kept import Kept
 from tests.shared import CHECKOUT
 from tracks.models import Track
 
@@ -74,8 +75,17 @@ class World:
         return Evaluation.objects.get(submission=getattr(self, name))
 
 
+@pytest.fixture(scope="session")
+def kept_world(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _make_world)
+
+
 @pytest.fixture
-def world(db: None) -> World:
+def world(kept_world: Kept, db: None) -> World:
+    return kept_world.copy()
+
+
+def _make_world() -> World:
     now = timezone.now()
     alice, bob = a_racer("alice", country="KR"), a_racer("bob", country="DE")
     house = a_racer("house-steady", is_house=True)
