@@ -112,15 +112,20 @@ class CourseForm(forms.Form):
 class Preview:
     """What a form's course looks like. ``race``: unsaved, None without a track; ``problems``: why it cannot be driven
     so, a sentence each; ``boxes``: where they stand, in the order driven; as long as there are problems those in fixed
-    places only, in the order typed, the wrong ones marked."""
+    places only, in the order typed, the wrong ones marked; ``hint``: what is still to be filled in, which is no problem
+    before the form is sent."""
 
     race: Race | None
     problems: list[str]
     boxes: tuple[BoxMark, ...]
+    hint: str = ""
 
 
-def preview(form: CourseForm) -> Preview:
-    """The course that a form says now: of what was typed if it is bound, else of its initial values."""
+def preview(form: CourseForm, *, submitted: bool) -> Preview:
+    """The course that a form says now: of what was typed if it is bound, else of its initial values.
+
+    ``submitted``: whether the form was sent to be saved. Before that, boxes that nobody has placed yet are no problem.
+    """
     if form.is_bound:
         form.is_valid()
         values = {name: form.cleaned_data[name] for name in _DRAWN_BY if name in form.cleaned_data}
@@ -141,6 +146,9 @@ def preview(form: CourseForm) -> Preview:
         except ValidationError as error:
             problems = error.error_dict
     own = {name: form.errors[name].as_data()[0] for name in COURSE_FIELDS if form.is_bound and name in form.errors}
+    if not own and not submitted and _waits_for_boxes(form, problems):
+        hint = _("No boxes yet. Place 1 to %(most)s on the track, or have their places drawn from the seed.")
+        return Preview(race, [], (), hint % {"most": MAX_BOXES})
     sentences = _sentences(own or problems)
     if not sentences:
         return Preview(race, [], box_marks(race, numbered=True))
@@ -149,6 +157,13 @@ def preview(form: CourseForm) -> Preview:
     typed = form["boxes"].value() if form.is_bound else values["boxes"]
     boxes, all_of_them = typed_boxes(race, form.fields["boxes"].each(typed))
     return Preview(race, list(dict.fromkeys([*sentences, *all_of_them])), boxes)
+
+
+def _waits_for_boxes(form: CourseForm, problems: dict[str, Any]) -> bool:
+    """Whether all that is wrong is that no box was placed, and nothing was typed that says so."""
+    errors = [error for each in problems.values() for error in (each if isinstance(each, list) else [each])]
+    typed = form["random_boxes"].value() if form["box_choice"].value() == DRAWN else None
+    return [error.code for error in errors] == ["race_needs_boxes"] and typed in (None, "")
 
 
 def _meant(form: CourseForm, name: str, value: Any) -> Any:

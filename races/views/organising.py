@@ -43,7 +43,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
         else:
             messages.success(request, _("The race is made."))
             return redirect("race_edit" if race.visibility == "invitation" else "race", race.slug)
-    context = {"form": form, "course": preview(form)}
+    context = {"form": form, "course": preview(form, submitted=form.is_bound)}
     return render(request, "races/form.html", context, status=422 if form.errors else 200)
 
 
@@ -51,7 +51,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
 @require_POST
 def race_course(request: HttpRequest) -> HttpResponse:
     """The course that a form says, not saved: a map with its boxes, or why it cannot be so."""
-    return render(request, "races/parts/course.html", {"course": preview(CourseForm(request.POST))})
+    return render(request, "races/parts/course.html", {"course": preview(CourseForm(request.POST), submitted=False)})
 
 
 @login_required
@@ -74,7 +74,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     state = race.state_at(now)
     context = {
         "form": form,
-        "course": preview(form),
+        "course": preview(form, submitted=form.is_bound),
         "race": race,
         "invitation_url": request.build_absolute_uri(_invitation_path(race)),
         "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),

@@ -160,10 +160,50 @@ def test_a_wrong_course_is_told_by_form_and_preview_alike(world: World, changes:
     fields = response.context["form"].errors.as_data()
     codes = {error.code: str(error.messages[0]) for errors in fields.values() for error in errors}
     assert set(codes) == {code} and "__all__" not in fields
+    assert codes[code] in response.context["course"].problems
     preview = client.post("/races/course/", course_form(**changes))
     assert preview.status_code == 200
-    assert codes[code] in preview.context["course"].problems
+    if code != "race_needs_boxes":  # what is still to be filled in is no problem before the form is sent
+        assert codes[code] in preview.context["course"].problems
     assert "track-road" in preview.content.decode()
+
+
+NO_BOXES = {"boxes-1-percent": "", "boxes-2-percent": ""}
+
+
+@pytest.mark.parametrize("changes", [NO_BOXES, {"box_choice": "drawn", "random_boxes": ""}, {"box_choice": ""}])
+def test_boxes_that_are_still_to_be_placed_are_a_hint_until_the_form_is_sent(
+    world: World, changes: dict[str, str]
+) -> None:
+    client = world.client("newcomer")
+    course = client.post("/races/course/", course_form(**(NO_BOXES | changes)))
+    assert course.context["course"].problems == [] and 'class="bad"' not in course.content.decode()
+    assert "No boxes yet." in course.content.decode() and "track-road" in course.content.decode()
+    sent = client.post("/races/new/", course_form(**(NO_BOXES | changes)))
+    assert sent.status_code == 422
+    assert '<p class="bad">Object avoidance needs boxes' in sent.content.decode()
+    assert "No boxes yet." not in sent.content.decode()
+
+
+def test_no_boxes_that_were_asked_for_are_a_problem_at_once(world: World) -> None:
+    course = world.client("newcomer").post("/races/course/", course_form(box_choice="drawn", random_boxes="0"))
+    assert course.context["course"].problems and course.context["course"].hint == ""
+
+
+def test_a_wrong_box_beside_empty_rows_is_a_problem_at_once(world: World) -> None:
+    data = course_form(**{"boxes-1-percent": "2", "boxes-2-percent": ""})
+    course = world.client("newcomer").post("/races/course/", data).context["course"]
+    assert course.problems and course.hint == ""
+
+
+@pytest.mark.parametrize("step", ["table", "validate"])
+def test_the_wizard_of_trainings_says_it_the_same_way(world: World, step: str) -> None:
+    sent = {"do": step, "track": "oval", "race_type": "object_avoidance", "box_choice": "fixed"}
+    page = world.client("alice").post("/train/new/", sent)
+    assert page.status_code == 200 and page.context["course"].hint
+    del sent["do"]
+    page = world.client("alice").post("/train/new/", sent)
+    assert page.status_code == 422 and page.context["course"].problems and not page.context["course"].hint
 
 
 @pytest.mark.parametrize(
@@ -176,7 +216,6 @@ def test_a_wrong_course_is_told_by_form_and_preview_alike(world: World, changes:
         ({"boxes-2-percent": "25", "boxes-3-percent": "75", "boxes-3-lane": "inner"}, [1, 3], [2]),
         ({"boxes-1-percent": "x", "boxes-3-percent": "99", "boxes-3-lane": "inner"}, [2], [3]),
         ({"boxes-1-percent": "120"}, [2], []),
-        ({"boxes-1-percent": "", "boxes-2-percent": ""}, [], []),
         ({"box_choice": "drawn", "random_boxes": "10", "box_distance_m": "9"}, [], []),
     ],
 )

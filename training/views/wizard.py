@@ -70,7 +70,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         form = TrainingForm(owner=owner, now=now, initial=initial)
     context = {
         "form": form,
-        "course": preview(form),
+        "course": preview(form, submitted=status != 200),
         "vehicles": {vehicle.public_id: vehicle for vehicle in vehicles_of(owner)},
         "examples": EXAMPLES,
         "usage": usage_of(owner, now),
