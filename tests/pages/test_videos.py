@@ -1,0 +1,238 @@
+"""The card of a run's page that offers, follows and shows its videos."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from django.utils import timezone
+
+from races.models import Video
+from races.services.videos import ask_for_video, claim_next_video, fail_video, run_next_video
+from tests.duels import a_duel_race, driving, end, qualify
+from tests.films import a_driven_run
+from tests.pages.conftest import World
+
+HTMX = {"HTTP_HX_REQUEST": "true"}
+
+
+@pytest.fixture
+def run(world: World, films):
+    """Alice's on the board of the public race."""
+    return world.evaluation("finished")
+
+
+def page_of(world: World, viewer: str, run, query: str = "") -> str:
+    return world.client(viewer).get(f"/evaluations/{run.public_id}/{query}").content.decode()
+
+
+def ask(world: World, run, viewer: str = "newcomer", what: str = "0:best", **more):
+    return world.client(viewer).post(f"/evaluations/{run.public_id}/video/", {"what": what}, **more)
+
+
+class _Options(HTMLParser):
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.values: list[str] = []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "option" and ":" in (dict(attrs).get("value") or ""):
+            self.values.append(dict(attrs)["value"])
+
+
+def test_who_is_logged_in_is_offered_the_best_lap_first_then_the_run_and_the_other_laps(world, run):
+    assert _Options(page_of(world, "newcomer", run)).values == ["0:1", "0:whole", "0:2", "0:3"]
+    html = page_of(world, "newcomer", run)
+    assert "Best lap (1) · 0:10.000" in html and "Make a video" in html
+
+
+def test_a_guest_is_offered_nothing_and_watches_what_is_ready(world, run):
+    assert 'id="video"' not in page_of(world, "anonymous", run)
+    ask(world, run)
+    assert "Next in line." in page_of(world, "anonymous", run)
+    run_next_video(worker="w")
+    html = page_of(world, "anonymous", run)
+    video = Video.objects.get()
+    assert f'src="/videos/{video.public_id}/film.mp4"' in html and 'preload="metadata"' in html
+    assert re.search(r"Download \(MP4, \d+\s*bytes\)", html)
+    assert "Make a video" not in html
+
+
+def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
+    client = world.client("newcomer")
+    response = client.post(f"/evaluations/{run.public_id}/video/", {"what": "0:2"})
+    video = Video.objects.get()
+    assert (response.status_code, response["Location"]) == (302, video.get_absolute_url())
+    path = response["Location"].partition("#")[0]
+    html = client.get(path).content.decode()
+    assert "Next in line." in html and 'http-equiv="refresh"' in html
+    claim = claim_next_video(worker="w", now=timezone.now())
+    Video.objects.update(progress=40)
+    html = client.get(path).content.decode()
+    assert "Being drawn" in html and 'value="40"' in html and 'http-equiv="refresh"' in html
+    Video.objects.filter(pk=claim.pk).update(state="waiting", lease=None, leased_until=None, started_at=None)
+    run_next_video(worker="w")
+    html = client.get(path).content.decode()
+    assert "<video" in html and 'http-equiv="refresh"' not in html
+
+
+def test_with_scripts_the_card_follows_it(world, run):
+    card = ask(world, run, **HTMX).content.decode()
+    assert card.startswith('<section class="card" id="video">')
+    client = world.client("newcomer")
+    address = re.search(r'hx-get="(/videos/\w+/live/\?seen=[^"]+)"', card)[1].replace("&amp;", "&")
+    assert client.get(address).status_code == 204
+    claim = claim_next_video(worker="w", now=timezone.now())
+    Video.objects.update(progress=7)
+    part = client.get(address)
+    assert "7 %" in part.content.decode() and "no-store" in part["Cache-Control"]
+    Video.objects.filter(pk=claim.pk).update(state="waiting", lease=None, leased_until=None, started_at=None)
+    run_next_video(worker="w")
+    done = client.get(address)
+    assert (done["HX-Retarget"], done["HX-Reswap"]) == ("#video", "outerHTML")
+    assert "<video" in done.content.decode()
+
+
+def test_only_who_asked_and_admins_see_a_button_that_stops_it(world, run):
+    ask(world, run)
+    video = Video.objects.get()
+    for viewer, sees in (("newcomer", True), ("admin", True), ("bob", False), ("alice", False), ("anonymous", False)):
+        assert (f'action="/videos/{video.public_id}/stop/"' in page_of(world, viewer, run)) == sees, viewer
+    assert world.client("bob").post(f"/videos/{video.public_id}/stop/").status_code == 404
+    assert world.client("anonymous").post(f"/videos/{video.public_id}/stop/").status_code == 302
+    video.refresh_from_db()
+    assert video.is_under_way
+    assert world.client("newcomer").post(f"/videos/{video.public_id}/stop/").status_code == 302
+    html = page_of(world, "newcomer", run, f"?video={video.public_id}")
+    assert 'data-code="video_stopped"' in html and "Make a video" in html
+
+
+def test_a_refusal_is_told_with_its_code(world, run, settings):
+    settings.VIDEOS_AT_ONCE = 1
+    ask(world, run)
+    assert 'data-code="videos_at_once"' in ask(world, run, what="0:2", **HTMX).content.decode()
+    followed = world.client("newcomer").post(f"/evaluations/{run.public_id}/video/", {"what": "0:99"}, follow=True)
+    assert 'data-code="video_lap_unknown"' in followed.content.decode()
+    for nonsense in ("", ":", "x:y", "²:1", "0:²", "9999999:1", "0:" + "9" * 999):
+        assert ask(world, run, viewer="alice", what=nonsense, **HTMX).status_code == 200
+
+
+def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
+    from faults import PlatformFault
+
+    ask(world, run)
+    claim = claim_next_video(worker="w", now=timezone.now())
+    fault = PlatformFault("video_encoder_missing", detail="libx264")
+    fail_video(video_id=claim.pk, lease=claim.lease, fault=fault, now=timezone.now())
+    html = page_of(world, "newcomer", run, f"?video={claim.public_id}")
+    assert 'data-code="video_encoder_missing"' in html and "Make a video" in html
+    assert Video.objects.get(state="failed") == claim
+    ask(world, run)
+    assert Video.objects.get().state == "waiting"
+
+
+def test_another_look_offers_the_video_anew_and_hides_the_old_one(world, run):
+    ask(world, run)
+    run_next_video(worker="w")
+    video = Video.objects.get()
+    client = world.client("newcomer")
+    film = f"/videos/{video.public_id}/film.mp4"
+    assert client.get(film).status_code == 200
+    type(run.model).objects.filter(pk=run.model_id).update(colour="#ff0000")
+    assert client.get(film).status_code == 404
+    assert client.get(f"/videos/{video.public_id}/still.jpg").status_code == 404
+    html = page_of(world, "newcomer", run, f"?video={video.public_id}")
+    assert "<video" not in html and "Make it again" in html
+
+
+def test_a_duel_offers_the_laps_of_each_car_and_names_the_one_that_is_followed(world, films):
+    race = a_duel_race(world.now)
+    qualify(race, [world.alice, world.bob], world.now)
+    from races.services import draw_duels, drive_on
+
+    draw_duels(race=race, now=race.closes_at)
+    drive_on(race=race, now=race.closes_at)
+    duel = driving(race)[0]
+    end(duel, world.now)
+    duel.evaluation.refresh_from_db()
+    html = page_of(world, "newcomer", duel.evaluation)
+    values = _Options(html).values
+    assert {value.partition(":")[0] for value in values} == {"0", "1"}
+    assert 'optgroup label="alice"' in html and 'optgroup label="bob"' in html
+    ask(world, duel.evaluation, what="1:best")
+    assert Video.objects.get().car == 1
+    run_next_video(worker="w")
+    assert re.search(r'id="video">.*?Lap 1 · <span class="name">', page_of(world, "newcomer", duel.evaluation), re.S)
+
+
+def test_players_get_the_part_they_ask_for(world, run):
+    ask(world, run)
+    run_next_video(worker="w")
+    film = f"/videos/{Video.objects.get().public_id}/film.mp4"
+    client = world.client("anonymous")
+    whole = client.get(film)
+    assert (whole.status_code, whole["Accept-Ranges"]) == (200, "bytes")
+    content = whole.getvalue()
+    part = client.get(film, headers={"range": "bytes=0-1"})
+    assert (part.status_code, part.getvalue()) == (206, content[:2])
+    assert client.get(film, headers={"range": "bytes=999999-"}).status_code == 416
+    head = client.head(film)
+    assert (head.status_code, head["Content-Length"], head.content) == (200, str(len(content)), b"")
+    assert client.get(film, headers={"if-none-match": whole["ETag"]}).status_code == 304
+    still = client.get(f"/videos/{Video.objects.get().public_id}/still.jpg")
+    assert (still["Content-Type"], still.getvalue()) == ("image/jpeg", b"a still")
+    assert "attachment" in client.get(f"{film}?download")["Content-Disposition"]
+
+
+def test_a_file_that_is_lost_is_a_page_that_is_not_found_and_a_video_to_ask_for_again(world, run):
+    ask(world, run)
+    run_next_video(worker="w")
+    video = Video.objects.get()
+    video.file.storage.delete(video.file.name)
+    assert world.client("anonymous").get(f"/videos/{video.public_id}/film.mp4").status_code == 404
+    assert 'data-code="video_file_lost"' in page_of(world, "newcomer", run, f"?video={video.public_id}")
+
+
+def test_a_run_that_few_see_has_videos_that_few_see(world, films):
+    run = world.evaluation("other")
+    ask(world, run, viewer="alice")
+    run_next_video(worker="w")
+    public_id = Video.objects.get().public_id
+    paths = [f"/videos/{public_id}/{name}" for name in ("film.mp4", "still.jpg", "live/")]
+    for viewer in ("anonymous", "newcomer", "bob", "alice", "admin"):
+        for path in paths:
+            expected = 200 if viewer in ("alice", "admin") else 404
+            assert world.client(viewer).get(path).status_code == expected, (viewer, path)
+    assert ask(world, run, viewer="bob").status_code == 404
+    assert ask(world, run, viewer="anonymous").status_code == 302
+
+
+def test_videos_of_other_parts_and_languages_are_linked(world, run):
+    for part, language in (("1", "en"), ("2", "ko"), ("whole", "en")):
+        ask_for_video(evaluation=run, by=world.newcomer, part=part, language=language, now=timezone.now())
+        run_next_video(worker="w")
+    html = page_of(world, "bob", run)
+    assert html.count("<video") == 1
+    others = re.findall(r'href="[^"]*\?video=(\w+)#video" hreflang="(\w\w)"', html)
+    assert len(others) == 2 and "(ko)" in html
+    shown = page_of(world, "bob", run, f"?video={others[0][0]}")
+    assert f'src="/videos/{others[0][0]}/film.mp4"' in shown
+
+
+def test_where_videos_are_switched_off_none_is_offered_and_those_there_are_shown(world, run, settings):
+    ask(world, run)
+    run_next_video(worker="w")
+    settings.VIDEOS = False
+    html = page_of(world, "newcomer", run)
+    assert "<video" in html and "Make a video" not in html
+    assert 'id="video"' not in page_of(world, "alice", world.evaluation("other"))
+
+
+def test_the_name_of_a_racer_is_no_part_of_the_page_s_code(world, films):
+    from tests.factories import a_race
+
+    run = a_driven_run(a_race(world.now, name="<b>Race</b>"), world.alice, world.now)
+    ask(world, run)
+    assert "<b>Race" not in page_of(world, "newcomer", run)
