@@ -37,6 +37,7 @@ REASONS = table(
         "webhook_address": _("A webhook is an http or https address without a name and password in it."),
         "webhook_private": _("%(host)s leads into a private network or to this machine. Use a public address."),
         "webhook_limit": _("You have %(limit)s webhooks, as many as you may have. Remove one first."),
+        "webhook_test_limit": _("You have sent %(limit)s test deliveries within an hour. Wait before you send another."),
         # results that become official
         "round_not_over": _("The race goes on until %(closes)s. Its results become official after that."),
         "round_still_driving": _(

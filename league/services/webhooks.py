@@ -14,10 +14,12 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from django.conf import settings
+from django.core.cache import cache
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 
 from evaluation.models import Evaluation, State
+from evaluation.services.bell import send
 from faults import UserFault
 from races.models import Kind, Race
 
@@ -33,6 +35,9 @@ LEASE = timedelta(minutes=5)
 AT_A_TIME = 20
 OPENED, CLOSED, OFFICIAL, RESULT = "race.opened", "race.closed", "race.official", "race.result"
 EVENTS = (OPENED, CLOSED, OFFICIAL, RESULT)
+# asked for by the owner and tried once: whoever watches asks again
+TEST = "webhook.test"
+TESTS_AN_HOUR, AN_HOUR_S = 10, 3600
 # what went wrong on the way, the first that fits; the page has a sentence for each
 _ERRORS = (
     (socket.gaierror, "no_such_name"),
@@ -55,6 +60,21 @@ def add_webhook(*, owner: Racer, url: str, race: Race | None = None) -> Webhook:
     hook = Webhook(owner=owner, url=url, race=race)
     hook.save(force_insert=True)
     return hook
+
+
+def send_test(*, webhook: Webhook, now: datetime) -> WebhookDelivery:
+    """Queue a test delivery, signed as every other and sent by the same task, which is rung for at once.
+
+    Raises UserFault("webhook_test_limit") after ten of the owner within an hour, whichever webhooks they were for.
+    """
+    _count_test(webhook.owner_id)
+    with transaction.atomic():
+        body = json.dumps({"event": TEST, "race": None, "data": {"url": webhook.url}}, separators=(",", ":"))
+        queued = WebhookDelivery.objects.create(
+            webhook=webhook, event=TEST, about=f"{now:%Y%m%d%H%M%S%f}", at=now, next_at=now, body=body
+        )
+        transaction.on_commit(_ring, robust=True)
+    return queued
 
 
 def queue_deliveries(*, now: datetime) -> int:
@@ -111,11 +131,31 @@ def _deliver(delivery: WebhookDelivery, now: datetime) -> bool:
     if status is not None and 200 <= status < 300:
         delivery.state = "sent"
     else:
-        delivery.state = "failed" if delivery.tries >= TRIES else "due"
+        given_up = delivery.tries >= TRIES or delivery.event == TEST
+        delivery.state = "failed" if given_up else "due"
         delivery.next_at = now + timedelta(minutes=4 ** (delivery.tries - 1))
     delivery.status, delivery.error = status, error
     delivery.save(update_fields=["state", "next_at", "status", "error"])
     return True
+
+
+def _count_test(owner: int) -> None:
+    """Kept beside the rows, which go with a webhook that is removed."""
+    key = f"webhook-tests-{owner}"
+    cache.add(key, 0, AN_HOUR_S)
+    try:
+        sent = cache.incr(key)
+    except ValueError:  # its hour ended between the two
+        sent = 1
+    if sent > TESTS_AN_HOUR:
+        raise UserFault("webhook_test_limit", limit=TESTS_AN_HOUR)
+
+
+def _ring() -> None:
+    """A broker that is away is logged; the periodic task takes what is due within a minute all the same."""
+    from ..tasks import webhooks
+
+    send(webhooks, 1)
 
 
 def _races_of(hook: Webhook) -> QuerySet[Race]:

@@ -1,4 +1,4 @@
-"""Webhooks of an organiser: add, look at the last deliveries, remove."""
+"""Webhooks of an organiser: add, try, look at the last deliveries, remove."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
@@ -16,8 +17,9 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from faults import UserFault
 from league.models import Webhook, WebhookDelivery
-from league.services.webhooks import EVENTS, PER_RACER, add_webhook
+from league.services.webhooks import EVENTS, PER_RACER, TEST, add_webhook, send_test
 from races.models import Race
+from races.views.common import tell_fault
 from tracks.forms import add_fault
 
 SHOWN = 20
@@ -64,11 +66,12 @@ def webhooks(request: HttpRequest) -> HttpResponse:
         else:
             messages.success(request, _("The webhook is made."))
             return redirect("webhooks")
-    deliveries = WebhookDelivery.objects.filter(webhook__owner=request.user).select_related("webhook")
+    deliveries = WebhookDelivery.objects.filter(webhook__owner=request.user).select_related("webhook")[:SHOWN]
     context = {
         "form": form,
         "hooks": Webhook.objects.filter(owner=request.user).select_related("race"),
-        "deliveries": [(one, urlsplit(one.webhook.url).hostname, _answer(one)) for one in deliveries[:SHOWN]],
+        "deliveries": [(one, urlsplit(one.webhook.url).hostname, _answer(one)) for one in deliveries],
+        "test_waits": any(one.event == TEST and one.state == "due" for one in deliveries),
         "events": EVENTS,
         "limit": PER_RACER,
     }
@@ -81,6 +84,20 @@ def _answer(delivery: WebhookDelivery) -> str:
         return str(FAILED_FOR.get(delivery.error, delivery.error))
     moved = 300 <= delivery.status < 400
     return f"{delivery.status} · {_('redirects are not followed')}" if moved else str(delivery.status)
+
+
+@login_required
+@require_POST
+def webhook_test(request: HttpRequest, pk: int) -> HttpResponse:
+    """Send a test delivery to one of the racer's webhooks: queued here, sent by the task that sends all of them."""
+    hook = get_object_or_404(Webhook, pk=pk, owner=request.user)
+    try:
+        send_test(webhook=hook, now=timezone.now())
+    except UserFault as fault:
+        tell_fault(request, fault)
+    else:
+        messages.success(request, _("The test is on its way; its answer appears below."))
+    return redirect("webhooks")
 
 
 @login_required

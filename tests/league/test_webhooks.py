@@ -10,14 +10,25 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from threading import Thread
 
 import pytest
+from django.core.cache import cache
 from django.db import IntegrityError, transaction
 from django.test import Client
+from django.utils import timezone
 
 from faults import UserFault
-from league import outgoing
+from league import outgoing, tasks
 from league.models import Stage, Webhook, WebhookDelivery
 from league.services import close_round
-from league.services.webhooks import PER_RACER, TRIES, add_webhook, deliver_due, queue_deliveries, signature
+from league.services.webhooks import (
+    PER_RACER,
+    TESTS_AN_HOUR,
+    TRIES,
+    add_webhook,
+    deliver_due,
+    queue_deliveries,
+    send_test,
+    signature,
+)
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import HOUR, a_round, a_season, after
 
@@ -195,6 +206,81 @@ class TestDeliveries:
             WebhookDelivery.objects.create(**same)
 
 
+class TestATest:
+    """A delivery that the owner asks for."""
+
+    @pytest.fixture(autouse=True)
+    def counted_from_nothing(self):
+        cache.clear()
+
+    def test_it_goes_out_with_the_next_deliveries_signed_like_all(self, hook, now, listener):
+        delivery = send_test(webhook=hook, now=now)
+        assert not listener.heard, "asking sends nothing by itself"
+        assert deliver_due(now=now) == 1 and deliver_due(now=now + HOUR) == 0
+        ((headers, body),) = listener.heard
+        assert headers["X-Paddock-Event"] == "webhook.test" == json.loads(body)["event"]
+        assert headers["X-Paddock-Signature"] == signature(hook.secret, body)
+        assert json.loads(body)["race"] is None
+        delivery.refresh_from_db()
+        assert (delivery.state, delivery.status) == ("sent", 204)
+
+    def test_it_is_tried_once_and_the_answer_kept(self, hook, now, listener):
+        listener.status = 500
+        delivery = send_test(webhook=hook, now=now)
+        deliver_due(now=now)
+        assert deliver_due(now=now + timedelta(days=1)) == 0 and len(listener.heard) == 1
+        delivery.refresh_from_db()
+        assert (delivery.state, delivery.status, delivery.tries) == ("failed", 500, 1)
+
+    def test_it_leads_home_no_more_than_any_other(self, hook, now, listener, settings):
+        settings.WEBHOOKS_PRIVATE = False
+        delivery = send_test(webhook=hook, now=now)
+        deliver_due(now=now)
+        delivery.refresh_from_db()
+        assert (delivery.state, delivery.error) == ("failed", "webhook_private") and not listener.heard
+
+    def test_the_task_is_rung_for_once_the_row_stands(self, hook, now, monkeypatch, django_capture_on_commit_callbacks):
+        rings = []
+        monkeypatch.setattr(tasks.webhooks, "apply_async", lambda **options: rings.append(options))
+        with django_capture_on_commit_callbacks(execute=True):
+            send_test(webhook=hook, now=now)
+            assert not rings
+        assert len(rings) == 1
+
+    def test_a_broker_that_is_away_leaves_it_to_the_periodic_task(
+        self, hook, now, monkeypatch, listener, django_capture_on_commit_callbacks
+    ):
+        def away(**options):
+            raise ConnectionError("no broker")
+
+        monkeypatch.setattr(tasks.webhooks, "apply_async", away)
+        with django_capture_on_commit_callbacks(execute=True):
+            send_test(webhook=hook, now=now)
+        assert not listener.heard
+        deliver_due(now=now)
+        assert len(listener.heard) == 1
+
+    def test_ten_an_hour_for_all_webhooks_of_a_racer_also_for_those_that_are_gone(self, hook, alice, bob, now):
+        for minute in range(TESTS_AN_HOUR // 2):
+            send_test(webhook=hook, now=now + timedelta(minutes=minute))
+        hook.delete()
+        other = add_webhook(owner=alice, url="https://example.org/")
+        for minute in range(TESTS_AN_HOUR // 2):
+            send_test(webhook=other, now=now + timedelta(minutes=minute))
+        with pytest.raises(UserFault) as refused:
+            send_test(webhook=other, now=now + HOUR)
+        assert refused.value.code == "webhook_test_limit"
+        assert WebhookDelivery.objects.count() == TESTS_AN_HOUR // 2
+        send_test(webhook=add_webhook(owner=bob, url="https://example.org/"), now=now)
+
+    def test_the_count_ends_after_an_hour(self, alice, now, monkeypatch):
+        hook = add_webhook(owner=alice, url="https://example.org/")
+        kept = []
+        monkeypatch.setattr(cache, "add", lambda key, value, seconds: kept.append(seconds))
+        send_test(webhook=hook, now=now)  # nothing is kept: its hour is over
+        assert kept == [3600]
+
+
 class TestThePage:
     @pytest.fixture
     def client(self, alice) -> Client:
@@ -220,6 +306,27 @@ class TestThePage:
             add_webhook(owner=alice, url="https://example.org/")
         page = client.post("/settings/webhooks/", {"url": "https://example.org/"})
         assert page.status_code == 422 and 'data-code="webhook_limit"' in page.content.decode()
+
+    def test_the_owner_sends_a_test_and_sees_its_answer(self, client, hook, listener, settings):
+        cache.clear()
+        page = client.get("/settings/webhooks/").content.decode()
+        assert f'action="/settings/webhooks/{hook.pk}/test/"' in page
+        waiting = client.post(f"/settings/webhooks/{hook.pk}/test/", follow=True).content.decode()
+        assert "The test is on its way" in waiting and 'hx-trigger="every 2s"' in waiting
+        deliver_due(now=timezone.now())
+        answered = client.get("/settings/webhooks/").content.decode()
+        assert "webhook.test" in answered and "204" in answered and "hx-trigger" not in answered
+        for _ in range(TESTS_AN_HOUR):
+            last = client.post(f"/settings/webhooks/{hook.pk}/test/", follow=True)
+        assert 'data-code="webhook_test_limit"' in last.content.decode()
+        assert WebhookDelivery.objects.count() == TESTS_AN_HOUR
+        assert client.get(f"/settings/webhooks/{hook.pk}/test/").status_code == 405
+
+    def test_nobody_tests_the_hooks_of_others(self, client, bob):
+        hook = add_webhook(owner=bob, url="https://example.org/")
+        assert client.post(f"/settings/webhooks/{hook.pk}/test/").status_code == 404
+        assert Client().post(f"/settings/webhooks/{hook.pk}/test/").status_code == 302
+        assert not WebhookDelivery.objects.exists()
 
     def test_nobody_sees_or_removes_the_hooks_of_others(self, client, bob):
         hook = add_webhook(owner=bob, url="https://example.org/")
