@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -34,10 +35,11 @@ PAGES = (
 
 
 def measure(
-    sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED, load_s: float = 5.0
+    sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED, load_s: float = 5.0, turns: int = load.TURNS
 ) -> dict[str, Any]:
     """Milliseconds of the processor (least of ``runs``) of each look at each size, the last by the first; the most
-    queries of each look; the seconds of a close; requests a second of the longest board's page, ``load_s`` at a time.
+    queries of each look; the seconds of a close; requests a second of the longest board's page, ``load_s`` at a time,
+    the best of ``turns``.
 
     Django is set up on an empty database.
     """
@@ -54,7 +56,7 @@ def measure(
     curve = {name: _least(calls, runs) for name, calls in looks.items()}
     queries = {name: max(_queries(ready()) for ready in calls.values()) for name, calls in looks.items()}
     curve["recorded result"] = _least({size: _result(race) for size, race in races.items()}, runs)
-    pages = load.measure({size: races[size] for size in (sizes[0], sizes[-1])}, load_s) if load_s else None
+    pages = load.measure({size: races[size] for size in (sizes[0], sizes[-1])}, load_s, turns) if load_s else None
     return {
         "database": connection.vendor,
         "sizes": list(sizes),
@@ -181,16 +183,20 @@ def _track() -> Any:
 
 @contextmanager
 def database(on_postgres: bool) -> Iterator[None]:
-    """An empty database of its own, migrated."""
+    """An empty database of its own, migrated. ``BENCH_DATABASE`` names one to begin with a copy of, where migrating
+    takes longer than what is measured: a SQLite file, for a server the data folder that tests/postgres.py keeps."""
+    ready = os.environ.get("BENCH_DATABASE")
     with tempfile.TemporaryDirectory(prefix="paddock-bench-") as folder:
         os.environ |= {"PADDOCK_DATA": folder, "DJANGO_SETTINGS_MODULE": "league.settings"}
         os.environ["PADDOCK_HOSTS"] = "testserver,127.0.0.1"
         os.environ.pop("DATABASE_URL", None)
         server: Any = nullcontext()
         if on_postgres:
-            from tests.postgres import postgres
+            from tests.postgres import MIGRATED, postgres
 
-            server = postgres()
+            server = postgres(copy_of=Path(ready), name=MIGRATED) if ready else postgres()
+        elif ready:
+            shutil.copy(ready, Path(folder) / "paddock.sqlite3")
         with server as url:
             if url:
                 os.environ["DATABASE_URL"] = url
@@ -265,12 +271,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--closed", type=int, default=CLOSED, help="entries of the month that is closed")
     parser.add_argument("--load", type=int, default=5, help="whole seconds of load at a time; 0: none, without wrk")
+    parser.add_argument("--turns", type=int, default=load.TURNS, help="how often that load is measured")
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server that is started for it")
     options = parser.parse_args(arguments)
     if options.load and not load.is_there():
         parser.error(load.MISSING)
     with database(options.postgres):
-        figures = measure(options.sizes, options.runs, options.closed, options.load)
+        figures = measure(options.sizes, options.runs, options.closed, options.load, options.turns)
     print(json.dumps(figures, indent=2) if options.json else table(figures))
     for miss in misses(figures):
         print(f"missed: {miss}", file=sys.stderr)

@@ -37,8 +37,8 @@ def is_there() -> bool:
     return shutil.which("wrk") is not None
 
 
-def measure(races: Mapping[int, Any], seconds: int) -> dict[str, dict[str, float]]:
-    """Best of some turns for the board page and the API's page of each race, and for the bare view: ``per_second`` on
+def measure(races: Mapping[int, Any], seconds: int, turns: int = TURNS) -> dict[str, dict[str, float]]:
+    """Best of ``turns`` for the board page and the API's page of each race, and for the bare view: ``per_second`` on
     the clock, ``per_processor_second`` of the server. ``races``: by how many entries they have. The database is the one
     that Django is set up on.
 
@@ -52,7 +52,7 @@ def measure(races: Mapping[int, Any], seconds: int) -> dict[str, dict[str, float
             targets[f"page of {size:,}"] = (f"{site}{race.get_absolute_url()}", site_pid)
             targets[f"API of {size:,}"] = (f"{site}/api/v1/races/{race.slug}/board/", site_pid)
         found: dict[str, dict[str, float]] = {name: {} for name in targets}
-        for turn in range(TURNS + 1):
+        for turn in range(turns + 1):
             for name, (address, pid) in targets.items():
                 figures = _wrk(address, pid, seconds if turn else 1)
                 if turn:  # the first warms up

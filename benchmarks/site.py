@@ -7,6 +7,7 @@ import http.cookiejar
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import sqlite3
@@ -41,12 +42,15 @@ class SiteError(Exception):
 def measure(cars: Sequence[Car], track: str, *, laps: int, runs: int) -> dict[str, Any]:
     """Start a site on an empty data folder, race each car ``runs`` times, stop it. Medians in seconds, in all and by
     car: ``total_s`` and its parts (the upload with conversion and gate; entering; submitting; waiting in the queue;
-    the evaluation; from its end to the ranked row as read over HTTP).
+    the evaluation; from its end to the ranked row as read over HTTP). ``BENCH_SITE`` in the environment: a data folder
+    to begin with a copy of.
 
     Raises SiteError with the last lines of the site's log.
     """
     with tempfile.TemporaryDirectory(prefix="paddock-bench-") as folder:
         data = Path(folder)
+        if ready := os.environ.get("BENCH_SITE"):
+            shutil.copytree(ready, data / "state")
         with _running_site(data) as url:
             _wait_until_idle(data)
             racer = _Racer(url)

@@ -14,6 +14,8 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 
 import django
+from django.db import connection
+from django.db.models import Model
 
 from tests.shared import CHECKOUT
 
@@ -44,6 +46,16 @@ def copy(source: Path, target: Path) -> None:
         unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def insert(target: Path, row: Model) -> None:
+    """Put a row, as it is, into a SQLite database that is not the tests' own."""
+    fields = [field for field in row._meta.concrete_fields if row.pk is not None or not field.primary_key]
+    values = [field.get_db_prep_save(field.pre_save(row, add=True), connection) for field in fields]
+    names, marks = ", ".join(field.column for field in fields), ", ".join("?" * len(fields))
+    with closing(sqlite3.connect(target)) as database:
+        database.execute(f"INSERT INTO {row._meta.db_table} ({names}) VALUES ({marks})", values)
+        database.commit()
 
 
 def keep(source: Path, target: Path) -> None:

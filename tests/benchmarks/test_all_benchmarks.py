@@ -14,7 +14,10 @@ from tests.shared import CHECKOUT
 
 
 @pytest.mark.slow
-def test_the_parts_that_are_asked_for_come_as_one_object_and_one_that_cannot_be_measured_says_why(monkeypatch, capsys):
+def test_the_parts_that_are_asked_for_come_as_one_object_and_one_that_cannot_be_measured_says_why(
+    monkeypatch, capsys, tmp_path, new_data
+):
+    monkeypatch.setenv("BENCH_DATABASE", str(new_data(tmp_path / "data") / "paddock.sqlite3"))
     monkeypatch.setitem(everything.PARTS, "season", ("season", (), ("--results", "300,900")))
     monkeypatch.setitem(everything.PARTS, "board", ("board", (), ("--sizes", "many")))
     assert everything.main(["--quick", "--parts", "season", "board"]) == 1

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from benchmarks import board, curves, load
+from tests import postgres
 from tests.benchmarks.running import run
-from tests.postgres import is_installed
 
 SMALLEST = ("--json", "--sizes", "120,400", "--runs", "1", "--closed", "100")
 NAMES = {*board.PAGES, "recorded result"}
@@ -31,9 +33,11 @@ def check(figures: dict, database: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def measured() -> dict:
+def measured(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path], Path]) -> dict:
     """What one run on SQLite finds, with a second of load where there is something to make it with."""
-    return json.loads(run("benchmarks.board", *SMALLEST, "--load", "1" if load.is_there() else "0", may_miss=True))
+    ready = new_data(tmp_path_factory.mktemp("board") / "data") / "paddock.sqlite3"
+    loaded = ("--load", "1" if load.is_there() else "0", "--turns", "1")
+    return json.loads(run("benchmarks.board", *SMALLEST, *loaded, may_miss=True, BENCH_DATABASE=ready))
 
 
 @pytest.mark.slow
@@ -54,9 +58,10 @@ def test_requests_a_second_stand_beside_those_of_a_bare_view(measured) -> None:
 
 @pytest.mark.slow
 @pytest.mark.postgres
-@pytest.mark.skipif(not is_installed(), reason="PostgreSQL is not installed")
-def test_the_same_on_a_server_of_its_own() -> None:
-    check(json.loads(run("benchmarks.board", "--postgres", *SMALLEST, "--load", "0", may_miss=True)), "postgresql")
+def test_the_same_on_a_server_of_its_own(postgresql: Path) -> None:
+    ready = postgres.migrated(postgresql)
+    arguments = ("--postgres", *SMALLEST, "--load", "0")
+    check(json.loads(run("benchmarks.board", *arguments, may_miss=True, BENCH_DATABASE=ready)), "postgresql")
 
 
 def test_without_wrk_nothing_is_measured_in_vain(monkeypatch, capsys) -> None:
