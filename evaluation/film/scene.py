@@ -40,7 +40,10 @@ class Words:
     off_tracks: str = "Off tracks"
     crashes: str = "Crashes"
     resets: str = "Resets"
-    place: str = "Place"
+    off_track: str = "off track"
+    crashed: str = "crashed"
+    stood_still: str = "stood still"
+    reversed: str = "drove backwards"
 
     @classmethod
     def translated(cls, language: str) -> Words:
@@ -58,7 +61,10 @@ class Words:
                 off_tracks=_("Off tracks"),
                 crashes=_("Crashes"),
                 resets=_("Resets"),
-                place=_("Place"),
+                off_track=_("off track"),
+                crashed=_("crashed"),
+                stood_still=_("stood still"),
+                reversed=_("drove backwards"),
             )
 
 

@@ -1,0 +1,140 @@
+"""The card at the end: what came of the run, or of the lap that was shown."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from . import palette, shapes
+from .brush import Sticker, disc, fill, rounded
+from .lettering import figures, shortened, write
+from .panel import car_picture
+from .scene import Words
+from .take import Actor, Take
+from .timing import SECTORS, Lap, written
+
+_WIDTH, _PAD, _ROW = 620, 28, 34
+_MOST_ROWS = 8
+_HEAD, _FOOT = 104, 92
+
+
+class Figure(NamedTuple):
+    """A large time at the foot of the card."""
+
+    label: str
+    value: str
+    colour: palette.Colour
+
+
+def result_card(take: Take, words: Words) -> Sticker:
+    """The card as it is laid over the last picture."""
+    unit = take.form.height / 720.0
+    several = len(take.actors) > 1 and take.scene.lap is None
+    rows = _in_order(take) if several else _laps(take)
+    shown = rows[:_MOST_ROWS]
+    high = _HEAD + _ROW * len(shown) + (_ROW if len(rows) > len(shown) else 0) + _FOOT
+    card = Sticker.card(round(_WIDTH * unit), round(high * unit), 14 * unit, palette.SURFACE, palette.LINE_STRONG)
+    pixels = card.pixels
+    _head(pixels, take, unit)
+    for number, row in enumerate(shown):
+        y = (_HEAD + number * _ROW) * unit
+        if several:
+            _car_row(pixels, number + 1, row, y, unit, words)
+        else:
+            _lap_row(pixels, row, take.hero, y, unit, words)
+    if len(rows) > len(shown):
+        y = (_HEAD + len(shown) * _ROW + 4) * unit
+        text = f"+ {len(rows) - len(shown)}"
+        write(pixels, text, _PAD * unit, y, 16 * unit, palette.MUTED, palette.SURFACE)
+    _foot(pixels, _figures(take, words), (high - _FOOT) * unit, unit)
+    return card
+
+
+def _in_order(take: Take) -> list[Actor]:
+    """The cars, winner first."""
+    places = {number: place for place, number in enumerate(take.scene.order)}
+    return sorted(take.actors, key=lambda actor: places.get(actor.car.number, len(places)))
+
+
+def _laps(take: Take) -> list[Lap]:
+    return [lap for lap in take.hero.timing.laps if take.scene.lap in (None, lap.number)]
+
+
+def _head(pixels: np.ndarray, take: Take, unit: float) -> None:
+    scale = 56 * unit / 56
+    left = pixels.shape[1] - (_PAD + 120) * unit
+    car_picture(pixels, shapes.side(take.hero.car.shell), take.hero.colour, left, 22 * unit, scale)
+    room = round(left - (_PAD + 16) * unit)
+    on = palette.SURFACE
+    name = shortened(take.hero.car.name, 26 * unit, True, room)
+    write(pixels, name, _PAD * unit, 20 * unit, 26 * unit, palette.TEXT, on, bold=True)
+    title = shortened(take.scene.title, 15 * unit, False, room)
+    write(pixels, title, _PAD * unit, 57 * unit, 15 * unit, palette.MUTED, on)
+    _rule(pixels, 92 * unit, unit)
+
+
+def _rule(pixels: np.ndarray, y: float, unit: float) -> None:
+    pixels[round(y) : round(y) + max(1, round(unit)), round(_PAD * unit) : -round(_PAD * unit)] = palette.LINE
+
+
+def _lap_row(pixels: np.ndarray, lap: Lap, hero: Actor, y: float, unit: float, words: Words) -> None:
+    on = palette.SURFACE
+    best = min((one.time_ms for one in hero.timing.laps if one.complete), default=None)
+    colour = palette.SECTORS["green"] if lap.complete and lap.time_ms == best else palette.TEXT
+    if not lap.complete:
+        colour = palette.MUTED
+    text = f"{words.lap} {lap.number}"
+    write(pixels, text, _PAD * unit, y + 6 * unit, 17 * unit, palette.SOFT, on)
+    figures(pixels, written(lap.time_ms), 236 * unit, y + 5 * unit, 19 * unit, colour, on, bold=True, align="right")
+    colours = hero.timing.final(lap)
+    for number in range(SECTORS):
+        x = (270 + number * 58) * unit
+        paint = palette.SECTORS.get(colours[number]) if number < len(colours) else None
+        fill(pixels, [rounded(52 * unit, 7 * unit, 3.5 * unit, x, y + 15 * unit)], paint or palette.LINE)
+    told = [(words.off_tracks, lap.off_tracks), (words.crashes, lap.crashes), (words.resets, lap.resets)]
+    text = next((f"{word} {count}" for word, count in told if count), "")
+    write(pixels, text, pixels.shape[1] - _PAD * unit, y + 7 * unit, 15 * unit, palette.MUTED, on, align="right")
+
+
+def _car_row(pixels: np.ndarray, place: int, actor: Actor, y: float, unit: float, words: Words) -> None:
+    on = palette.SURFACE
+    complete = [lap.time_ms for lap in actor.timing.laps if lap.complete]
+    figures(pixels, str(place), _PAD * unit, y + 5 * unit, 19 * unit, palette.MUTED, on, bold=True)
+    disc(pixels, (_PAD + 36) * unit, y + 17 * unit, 7 * unit, actor.colour)
+    name = shortened(actor.car.name, 18 * unit, True, round(250 * unit))
+    write(pixels, name, (_PAD + 54) * unit, y + 6 * unit, 18 * unit, palette.TEXT, on, bold=True)
+    best, total = min(complete, default=None), sum(lap.time_ms for lap in actor.timing.laps)
+    for value, x, colour in ((best, 450, palette.SECTORS["green"]), (total or None, _WIDTH - _PAD, palette.TEXT)):
+        figures(pixels, written(value), x * unit, y + 5 * unit, 18 * unit, colour, on, bold=True, align="right")
+
+
+def _figures(take: Take, words: Words) -> list[Figure]:
+    """What the foot tells of the followed car."""
+    hero = take.hero
+    laps = _laps(take)
+    if take.scene.lap is not None:
+        (lap,) = laps
+        names = [f"S{number + 1}" for number in range(len(lap.sector_ms))]
+        colours = hero.timing.final(lap)
+        return [
+            Figure(name, f"{time / 1000.0:.3f}", palette.SECTORS.get(colour, palette.TEXT))
+            for name, time, colour in zip(names, lap.sector_ms, colours, strict=True)
+        ]
+    complete = [lap.time_ms for lap in laps if lap.complete]
+    total = sum(lap.time_ms for lap in laps)
+    return [
+        Figure(words.best, written(min(complete, default=None)), palette.SECTORS["green"]),
+        Figure(words.average, written(sum(complete) // len(complete) if complete else None), palette.TEXT),
+        Figure(words.total, written(total if laps else None), palette.TEXT),
+    ]
+
+
+def _foot(pixels: np.ndarray, entries: list[Figure], y: float, unit: float) -> None:
+    _rule(pixels, y + 6 * unit, unit)
+    width = (pixels.shape[1] - 2 * _PAD * unit) / SECTORS
+    for number, figure in enumerate(entries):
+        x = _PAD * unit + number * width
+        label = figure.label.upper()
+        write(pixels, label, x, y + 17 * unit, 13 * unit, palette.MUTED, palette.SURFACE, bold=True)
+        figures(pixels, figure.value, x, y + 36 * unit, 30 * unit, figure.colour, palette.SURFACE, bold=True)

@@ -1,0 +1,187 @@
+"""Text in the picture: Pillow's own typeface, and whatever the system has for letters that are not in it."""
+
+from __future__ import annotations
+
+import subprocess
+import unicodedata
+from functools import cache, lru_cache
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from .palette import Colour
+
+_ABSENT = "\uffff"
+_PLAIN = str.maketrans({"–": "-", "—": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "...", "×": "x"})
+_MOST_LETTERS = 200  # of one text; a longer one has no room in any picture
+_PATIENCE_S = 5.0
+_HEIGHT, _BASE = 1.4, 1.05  # of a line and of its baseline from above, in sizes
+
+
+@cache
+def _own(size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.load_default(size)
+
+
+@cache
+def _other(file: str, index: int, size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(file, size, index=index)
+
+
+def _has(font: ImageFont.FreeTypeFont, letter: str) -> bool:
+    """Whether the font has a glyph for the letter, and not only the box that stands for a missing one."""
+    if letter == " ":
+        return True
+    mask, absent = font.getmask(letter), font.getmask(_ABSENT)
+    return mask.size != (0, 0) and (mask.size != absent.size or bytes(mask) != bytes(absent))
+
+
+_found: list[tuple[str, int]] = []  # system fonts that were of use before are asked first
+
+
+@cache
+def _font_for(letter: str) -> tuple[str, int] | None:
+    """(file, index) of the typeface for a letter: ("", 0) for Pillow's own, a system font, or None for no font."""
+    if _has(_own(20), letter):
+        return "", 0
+    for known in _found:
+        if _has(_other(*known, 20), letter):
+            return known
+    try:
+        answer = subprocess.run(
+            ["fc-match", "-f", "%{file}\n%{index}", f"sans:charset={ord(letter):x}"],
+            capture_output=True,
+            timeout=_PATIENCE_S,
+            check=True,
+            text=True,
+        )
+        file, index = answer.stdout.split("\n")[:2]
+        font = (file, int(index))
+        fits = _has(_other(*font, 20), letter)
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return None  # no fontconfig, no such font, or a font of pictures
+    if fits:
+        _found.append(font)
+    return font if fits else None
+
+
+def drawable(text: str) -> str:
+    """The text without letters that no font here has: accents are taken off first, dashes become plain ones."""
+    letters: list[str] = []
+    for letter in " ".join(str(text).split())[:_MOST_LETTERS]:
+        if unicodedata.category(letter)[0] == "C":
+            continue
+        for way in (letter, letter.translate(_PLAIN), unicodedata.normalize("NFKD", letter)):
+            plain = "".join(one for one in way if not unicodedata.combining(one) or one == letter)
+            if plain and all(_font_for(one) is not None for one in plain):
+                letters.append(plain)
+                break
+    return "".join(letters).strip()
+
+
+def is_drawable(text: str) -> bool:
+    """Whether fonts here have every letter of the text."""
+    return all(letter.isspace() or _font_for(letter) is not None for letter in text)
+
+
+@lru_cache(maxsize=1024)
+def mask(text: str, size: float, bold: bool = False) -> np.ndarray:
+    """How much of each pixel the text covers, uint8 (h, w); of all texts of a size h and the baseline are the same."""
+    pen = round(size * 0.022, 2) if bold else 0.0
+    parts: list[tuple[ImageFont.FreeTypeFont, str]] = []
+    for letter in drawable(text):
+        name, index = _font_for(letter) or ("", 0)
+        font = _other(name, index, size) if name else _own(size)
+        if parts and parts[-1][0] is font:
+            parts[-1] = (font, parts[-1][1] + letter)
+        else:
+            parts.append((font, letter))
+    width = sum(font.getlength(run) for font, run in parts)
+    picture = Image.new("L", (max(1, int(np.ceil(width + 2 * pen)) + 1), max(1, round(_HEIGHT * size))))
+    draw = ImageDraw.Draw(picture)
+    x = pen
+    for font, run in parts:
+        draw.text((x, _BASE * size), run, fill=255, font=font, anchor="ls", stroke_width=pen, stroke_fill=255)
+        x += font.getlength(run)
+    found = np.asarray(picture)
+    found.flags.writeable = False
+    return found
+
+
+@lru_cache(maxsize=1024)
+def shortened(text: str, size: float, bold: bool, width: int) -> str:
+    """The text, or as much of its beginning as ``width`` px hold, with three dots."""
+    text = drawable(text)
+    if mask(text, size, bold).shape[1] <= width:
+        return text
+    low, high = 0, len(text)
+    while low < high:
+        middle = (low + high + 1) // 2
+        if mask(f"{text[:middle].rstrip()}...", size, bold).shape[1] <= width:
+            low = middle
+        else:
+            high = middle - 1
+    return f"{text[:low].rstrip()}..."
+
+
+@lru_cache(maxsize=2048)
+def _patch(text: str, size: float, bold: bool, colour: Colour, on: Colour) -> np.ndarray:
+    cover = mask(text, size, bold)[:, :, None].astype(np.float32) / 255.0
+    return np.rint(np.array(on, np.float32) * (1.0 - cover) + np.array(colour, np.float32) * cover).astype(np.uint8)
+
+
+def write(
+    picture: np.ndarray,
+    text: str,
+    x: float,
+    y: float,
+    size: float,
+    colour: Colour,
+    on: Colour,
+    *,
+    bold: bool = False,
+    align: str = "left",
+) -> int:
+    """Write a text on a plain ground of the colour ``on``, its line's upper edge at ``y`` and its left end, its right
+    end or its middle at ``x`` (``align``). Returns its width in px. What lies outside the picture is left out."""
+    patch = _patch(text, size, bold, colour, on)
+    left = round(x) - {"left": 0, "right": patch.shape[1], "middle": patch.shape[1] // 2}[align]
+    put(picture, patch, left, round(y))
+    return patch.shape[1]
+
+
+def figures(
+    picture: np.ndarray,
+    text: str,
+    x: float,
+    y: float,
+    size: float,
+    colour: Colour,
+    on: Colour,
+    *,
+    bold: bool = False,
+    align: str = "left",
+) -> int:
+    """As :func:`write`, for what changes in every frame: a few glyphs that are kept. Digits are equally wide."""
+    widths = [advance(letter, size) for letter in text]
+    total = sum(widths)
+    at = x - {"left": 0.0, "right": total, "middle": total / 2}[align]
+    for letter, width in zip(text, widths, strict=True):
+        put(picture, _patch(letter, size, bold, colour, on), round(at), round(y))
+        at += width
+    return round(total)
+
+
+@lru_cache(maxsize=256)
+def advance(letter: str, size: float) -> float:
+    """How far a glyph moves the pen."""
+    return _own(size).getlength(letter)
+
+
+def put(picture: np.ndarray, patch: np.ndarray, left: int, top: int) -> None:
+    """Copy ``patch`` into the picture, as far as it lies in it."""
+    height, width = picture.shape[:2]
+    x0, y0 = max(left, 0), max(top, 0)
+    x1, y1 = min(left + patch.shape[1], width), min(top + patch.shape[0], height)
+    if x0 < x1 and y0 < y1:
+        picture[y0:y1, x0:x1] = patch[y0 - top : y1 - top, x0 - left : x1 - left]

@@ -1,0 +1,151 @@
+"""What a timing screen says at a moment of the run: lap, clock, sectors with their colours, last and best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .motion import Steps
+
+SECTORS = 3
+PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
+FLASH_MS = 2600  # so long a lap time is shown when the line was crossed
+
+
+class Lap(NamedTuple):
+    """A lap in whole ms since the start of the run."""
+
+    number: int
+    start_ms: int
+    time_ms: int
+    complete: bool
+    sector_ms: tuple[int, ...]
+    off_tracks: int = 0
+    crashes: int = 0
+    resets: int = 0
+
+    @property
+    def end_ms(self) -> int:
+        """When it ended."""
+        return self.start_ms + self.time_ms
+
+
+class Clock(NamedTuple):
+    """The screen at a moment. ``sectors``: the colour of each one driven of the lap that runs; ``flash``: the lap that
+    was completed just now."""
+
+    lap: int
+    laps: int
+    lap_ms: int
+    last_ms: int | None
+    best_ms: int | None
+    sectors: tuple[str, ...]
+    flash: Lap | None = None
+    flash_age_ms: int = 0
+
+
+def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[Lap]:
+    """Laps from their dicts, those without figures left out."""
+    laps = []
+    for one in dicts:
+        try:
+            sectors = tuple(int(time) for time in one.get("sector_ms") or () if time is not None)[:SECTORS]
+            times = (int(one[name]) for name in ("number", "start_ms", "time_ms"))
+            counts = (int(one.get(name) or 0) for name in ("off_tracks", "crashes", "resets"))
+            laps.append(Lap(*times, bool(one["complete"]), sectors, *counts))
+        except (KeyError, TypeError, ValueError):
+            continue
+    return laps
+
+
+def colour_of(time: int, own: int | None, fastest: int | None) -> str:
+    """Purple: as fast as anybody in the race; green: as fast as the run's own best; yellow: slower."""
+    if fastest is not None and time <= fastest:
+        return PURPLE
+    return GREEN if own is None or time <= own else YELLOW
+
+
+class Timing:
+    """All that can be said about one car's laps."""
+
+    def __init__(self, laps: Sequence[Lap], fastest_ms: Sequence[int | None] = ()) -> None:
+        self.laps = list(laps)
+        self._fastest = (*fastest_ms, *(None,) * SECTORS)[:SECTORS]
+        self._colours = [self._live(index) for index in range(len(self.laps))]
+
+    def _live(self, index: int) -> tuple[str, ...]:
+        """Colours of a lap's sectors as they were when it was driven: held against the complete laps before it."""
+        before = [lap for lap in self.laps[:index] if lap.complete and len(lap.sector_ms) == SECTORS]
+        own = [min((lap.sector_ms[k] for lap in before), default=None) for k in range(SECTORS)]
+        lap = self.laps[index]
+        return tuple(colour_of(time, own[k], self._fastest[k]) for k, time in enumerate(lap.sector_ms))
+
+    def live(self, lap: Lap) -> tuple[str, ...]:
+        """Colours of a lap's sectors as they were when it was driven."""
+        return self._colours[self.laps.index(lap)]
+
+    def final(self, lap: Lap) -> tuple[str, ...]:
+        """Colours of a lap's sectors among all laps of the run, as the run's page shows them; none for a lap that was
+        not finished."""
+        timed = [one for one in self.laps if one.complete and len(one.sector_ms) == SECTORS]
+        if lap not in timed:
+            return ("",) * len(lap.sector_ms)
+        own = [min(one.sector_ms[k] for one in timed) for k in range(SECTORS)]
+        return tuple(colour_of(time, own[k], self._fastest[k]) for k, time in enumerate(lap.sector_ms))
+
+    def at(self, moment: float) -> Clock:
+        """The screen ``moment`` ms after the start of the run."""
+        if not self.laps:
+            return Clock(1, 0, max(round(moment), 0), None, None, ())
+        index = max((i for i, lap in enumerate(self.laps) if lap.start_ms <= moment), default=0)
+        lap = self.laps[index]
+        clock = min(max(round(moment - lap.start_ms), 0), lap.time_ms)
+        ended = [one for one in self.laps if one.complete and one.end_ms <= moment]
+        driven = 0
+        for count in range(1, len(lap.sector_ms) + 1):
+            # whole milliseconds of three sectors may miss those of the lap by one
+            driven = count if sum(lap.sector_ms[:count]) <= clock + 1 else driven
+        flash = ended[-1] if ended and moment - ended[-1].end_ms < FLASH_MS else None
+        return Clock(
+            lap.number,
+            len(self.laps),
+            clock,
+            ended[-1].time_ms if ended else None,
+            min((one.time_ms for one in ended), default=None),
+            self._colours[index][:driven],
+            flash,
+            round(moment - flash.end_ms) if flash else 0,
+        )
+
+    def was_best(self, lap: Lap) -> int | None:
+        """The best complete lap before ``lap``, in ms."""
+        return min((one.time_ms for one in self.laps if one.complete and one.end_ms < lap.end_ms), default=None)
+
+
+def standings(steps: Sequence[Steps], moment: float) -> list[tuple[int, float]]:
+    """(index of the car, seconds behind the leader) in the order of progress. Cars that have driven equally far stand
+    in the order in which they got there."""
+    rows = []
+    for index, car in enumerate(steps):
+        now = min(moment, float(car.t[-1])) if len(car) else 0.0
+        done = float(np.interp(now, car.t, car.done)) if len(car) else 0.0
+        reached = float(car.t[np.searchsorted(car.done, done - 1e-9)]) if len(car) and done > 0 else math.inf
+        rows.append((-done, reached, index, now))
+    rows.sort()
+    leader = steps[rows[0][2]]
+    result = []
+    for minus_done, _, index, now in rows:
+        behind = now - float(np.interp(-minus_done, leader.done, leader.t)) if len(leader) else 0.0
+        result.append((index, max(behind, 0.0) / 1000.0))
+    return result
+
+
+def written(milliseconds: float | None) -> str:
+    """A time as ``m:ss.mmm``; a dash for none."""
+    if milliseconds is None:
+        return "-"
+    minutes, rest = divmod(round(milliseconds), 60_000)
+    return f"{minutes}:{rest // 1000:02d}.{rest % 1000:03d}"
