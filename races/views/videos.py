@@ -15,7 +15,7 @@ from evaluation.models import Evaluation
 from faults import PaddockError
 from races.filming import FilmedRun, best_lap
 from races.films import film_response, page_language, ready_video, visible_video
-from races.models import Video, VideoState
+from races.models import WHOLE, Video, VideoState
 from races.selectors.videos import (
     ShownVideo,
     best_shown,
@@ -139,5 +139,24 @@ def _of_card(request: HttpRequest, run: FilmedRun, videos: list[ShownVideo], sho
         "can_stop_film": shown is not None and can_stop_video(request.user, shown.video),
         "can_ask": settings.VIDEOS and can_ask_for_video(request.user, run.evaluation),
         "film_cars": [(row, best_lap(row.result.laps)) for row in run.cars],
+        "preselected": _preselected(request, run, videos, shown),
         "video_limit_ms": settings.VIDEO_SECONDS * 1000,
     }
+
+
+def _preselected(
+    request: HttpRequest, run: FilmedRun, videos: list[ShownVideo], shown: ShownVideo | None
+) -> tuple[int, int]:
+    """The car and the part that the form offers first: what failed or is stale, else the first that there is no video
+    of: the best lap of the reader's car (or of the winner's), the whole run, the other laps."""
+    if shown is not None and shown.state in ("failed", "stale"):
+        return shown.video.car, shown.video.part
+    row = next((row for row in run.cars if row.racer == request.user), run.cars[0])
+    best = best_lap(row.result.laps)
+    made = {
+        (each.video.car, each.video.part)
+        for each in videos
+        if each.video.language == page_language() and each.state not in ("failed", "stale")
+    }
+    parts = [*([best] if best else []), WHOLE, *(lap["number"] for lap in row.result.laps)]
+    return next(((row.number, part) for part in parts if (row.number, part) not in made), (row.number, parts[0]))

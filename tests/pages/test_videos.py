@@ -57,7 +57,7 @@ def test_a_guest_is_offered_nothing_and_watches_what_is_ready(world, run):
     video = Video.objects.get()
     assert f'src="/videos/{video.public_id}/film.mp4"' in html and 'preload="metadata"' in html
     assert re.search(r"Download \(MP4, \d+\s*bytes\)", html)
-    assert "Make a video" not in html
+    assert "film-ask" not in html
 
 
 def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
@@ -106,7 +106,7 @@ def test_only_who_asked_and_admins_see_a_button_that_stops_it(world, run):
     assert video.is_under_way
     assert world.client("newcomer").post(f"/videos/{video.public_id}/stop/").status_code == 302
     html = page_of(world, "newcomer", run, f"?video={video.public_id}")
-    assert 'data-code="video_stopped"' in html and "Make a video" in html
+    assert 'data-code="video_stopped"' in html and "Make it again" in html
 
 
 def test_a_refusal_is_told_with_its_code(world, run, settings):
@@ -127,7 +127,7 @@ def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
     fault = PlatformFault("video_encoder_missing", detail="libx264")
     fail_video(video_id=claim.pk, lease=claim.lease, fault=fault, now=timezone.now())
     html = page_of(world, "newcomer", run, f"?video={claim.public_id}")
-    assert 'data-code="video_encoder_missing"' in html and "Make a video" in html
+    assert 'data-code="video_encoder_missing"' in html and "Make it again" in html
     assert Video.objects.get(state="failed") == claim
     ask(world, run)
     assert Video.objects.get().state == "waiting"
@@ -226,7 +226,7 @@ def test_where_videos_are_switched_off_none_is_offered_and_those_there_are_shown
     run_next_video(worker="w")
     settings.VIDEOS = False
     html = page_of(world, "newcomer", run)
-    assert "<video" in html and "Make a video" not in html
+    assert "<video" in html and "film-ask" not in html
     assert 'id="video"' not in page_of(world, "alice", world.evaluation("other"))
 
 
