@@ -25,6 +25,7 @@ SECTIONS = {
     "The league": reasons.league.REASONS,
     "Several cars in a race": reasons.rivals.REASONS,
     "Duels": reasons.duels.REASONS,
+    "Videos": reasons.videos.REASONS,
     "Vehicles": reasons.vehicles.REASONS,
     "Reward functions": reasons.training.REASONS,
     "Trainings": reasons.jobs.REASONS,
