@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from allauth.account import admin as account_admin
 from allauth.account.models import EmailAddress, EmailConfirmation
 from django.contrib import admin
@@ -10,16 +12,19 @@ from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.db.models import QuerySet
-from django.forms import BaseInlineFormSet, ModelForm
+from django.forms import BaseInlineFormSet, CharField, HiddenInput, ModelForm
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
+from races.errors import problem
+
 from .models import Membership, Racer, Round, Season
 from .models.season import usual_stage
 from .services import put_in_division
 from .services.fields import give_fields
+from .services.seasons import edition_of
 
 # E-mail addresses are shown with their racer and nowhere else.
 for model in (EmailAddress, EmailConfirmation):
@@ -166,10 +171,36 @@ class RoundInline(admin.TabularInline):
     ordering = ("number", "race__division")
 
 
+class SeasonForm(ModelForm):
+    """A season's settings, held against what stood there when the form was opened."""
+
+    edition = CharField(required=False, widget=HiddenInput)
+
+    class Meta:
+        model = Season
+        fields = "__all__"
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if self.instance.pk:
+            self.initial["edition"] = edition_of(self.instance)
+
+    def _post_clean(self) -> None:
+        super()._post_clean()
+        if not self.instance.pk:
+            return
+        # held until the admin site's transaction ends: a second form waits, and sees what the first one changed
+        stored = Season.objects.select_for_update().get(pk=self.instance.pk)
+        edition = self.cleaned_data.get("edition")
+        if edition and edition != edition_of(stored):
+            self.add_error(None, problem("season_changed_meanwhile"))
+
+
 @admin.register(Season)
 class SeasonAdmin(admin.ModelAdmin):
     """Seasons and their rounds. What official results were worked out from is not changed after the fact."""
 
+    form = SeasonForm
     list_display = ("name", "slug", "starts_on", "ends_on", "round_count")
     list_filter = ("starts_on",)
     search_fields = ("name", "slug")

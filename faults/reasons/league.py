@@ -20,6 +20,10 @@ REASONS = table(
         "season_without_races": _(
             "No month that is still to come has an open race. Choose a track for one, or a later year."
         ),
+        "season_changed_meanwhile": _(
+            "Somebody else has changed the season or its rounds since you opened it. Nothing was saved: open it again "
+            "and change what stands there now."
+        ),
         "season_exists": _("The address %(season)s is taken already. Choose another one."),
         # the rounds of a season
         "rounds_overlap": _(
@@ -37,7 +41,9 @@ REASONS = table(
         "webhook_address": _("A webhook is an http or https address without a name and password in it."),
         "webhook_private": _("%(host)s leads into a private network or to this machine. Use a public address."),
         "webhook_limit": _("You have %(limit)s webhooks, as many as you may have. Remove one first."),
-        "webhook_test_limit": _("You have sent %(limit)s test deliveries within an hour. Wait before you send another."),
+        "webhook_test_limit": _(
+            "You have sent %(limit)s test deliveries within an hour. Wait before you send another."
+        ),
         # results that become official
         "round_not_over": _("The race goes on until %(closes)s. Its results become official after that."),
         "round_still_driving": _(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from datetime import date, datetime
 from typing import Any
 
@@ -28,6 +29,16 @@ def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **set
     season.full_clean()
     season.save(force_insert=True)
     return season
+
+
+def edition_of(season: Season) -> str:
+    """What stands in a season's settings and in the list of its rounds, in 16 characters: another after every change,
+    and once its first round is official, from when on some settings stay as they are."""
+    settings = [field.value_to_string(season) for field in Season._meta.concrete_fields if not field.primary_key]
+    rounds = season.rounds.order_by("pk").values_list("pk", "number", "stage", "name", "race", "closed_at")
+    listed = [row[:-1] for row in rounds]
+    official = any(row[-1] is not None for row in rounds)
+    return hashlib.sha256(repr((settings, listed, official)).encode()).hexdigest()[:16]
 
 
 @transaction.atomic

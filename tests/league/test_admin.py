@@ -227,6 +227,71 @@ class TestASeasonThatHasResults:
         assert not Membership.objects.filter(racer=alice).exists()
 
 
+class TestTwoAdminsAtASeason:
+    """The second to save is told, and overwrites nothing."""
+
+    @pytest.fixture
+    def round_(self):
+        return a_round(a_season(), 1, Stage.OPEN)
+
+    def opened(self, boss, season: Season) -> dict[str, str]:
+        """What a browser that opened the form would send."""
+        page = boss.get(reverse("admin:league_season_change", args=[season.pk]))
+        forms = [page.context["adminform"].form, *page.context["inline_admin_formsets"][0].formset.forms]
+        forms.append(page.context["inline_admin_formsets"][0].formset.management_form)
+        sent = {field.html_name: field.value() for form in forms for field in form}
+        return {name: "" if value is None else str(value) for name, value in sent.items() if value is not False}
+
+    def save(self, boss, season: Season, data: dict[str, str]) -> list[str]:
+        """The codes that the form is refused with, none when it was saved."""
+        answer = boss.post(reverse("admin:league_season_change", args=[season.pk]), data)
+        if answer.status_code == 302:
+            return []
+        form = answer.context["adminform"].form
+        assert form.errors, answer.context["errors"]
+        return [error.code for errors in form.errors.as_data().values() for error in errors]
+
+    def test_the_second_one_is_refused_and_the_first_change_stands(self, boss, round_):
+        season = round_.season
+        first, second = self.opened(boss, season), self.opened(boss, season)
+        assert self.save(boss, season, first | {"prizes": "A mug"}) == []
+        assert self.save(boss, season, second | {"name": "Another"}) == ["season_changed_meanwhile"]
+        season.refresh_from_db()
+        assert (season.prizes, season.name) == ("A mug", "2027")
+        assert self.save(boss, season, self.opened(boss, season) | {"name": "Another"}) == []
+        season.refresh_from_db()
+        assert (season.prizes, season.name) == ("A mug", "Another")
+
+    def test_a_round_that_was_added_moved_or_made_official_counts_as_a_change(self, boss, round_):
+        season = round_.season
+        other = a_round(season, 2, Stage.OPEN)
+        seen = self.opened(boss, season)
+        Round.objects.filter(pk=other.pk).update(number=3)
+        assert self.save(boss, season, seen) == ["season_changed_meanwhile"]
+        seen = self.opened(boss, season)
+        a_round(season, 4, Stage.OPEN)
+        assert self.save(boss, season, seen) == ["season_changed_meanwhile"]
+        seen = self.opened(boss, season) | {"points": "[100]"}
+        Round.objects.filter(pk=round_.pk).update(closed_at=round_.race.closes_at)
+        assert self.save(boss, season, seen) == ["season_changed_meanwhile"]
+        season.refresh_from_db()
+        assert season.points == [10, 6, 3, 1]
+
+    def test_what_follows_from_a_race_is_no_change(self, boss, round_):
+        """An hour later more cars have been sent, and another round has become official."""
+        season = round_.season
+        Round.objects.filter(pk=round_.pk).update(closed_at=round_.race.closes_at)
+        other = a_round(season, 2, Stage.OPEN)
+        seen = self.opened(boss, season)
+        board(other.race, racers(3))
+        Round.objects.filter(pk=other.pk).update(closed_at=other.race.closes_at)
+        assert self.save(boss, season, seen | {"prizes": "A mug"}) == []
+
+    def test_a_form_that_was_not_changed_is_saved_again_and_again(self, boss, round_):
+        for _ in range(2):
+            assert self.save(boss, round_.season, self.opened(boss, round_.season)) == []
+
+
 def test_a_season_that_ends_before_it_starts_gives_a_readable_error(boss):
     data = {"slug": "x", "name": "X", "starts_on": "2026-02-01", "ends_on": "2026-01-01"}
     data |= {"rounds-TOTAL_FORMS": "0", "rounds-INITIAL_FORMS": "0"}

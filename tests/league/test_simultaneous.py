@@ -9,6 +9,7 @@ from datetime import timedelta
 
 import pytest
 from django.core.exceptions import ValidationError
+from django.test import Client
 
 from faults import PaddockError
 from league.models import Membership, Racer, Round, RoundPoints
@@ -79,6 +80,23 @@ def test_two_who_change_the_same_field_of_what_they_saw_change_it_once(season):
     answers = at_once([lambda name=name: edit_race(race=race, now=NOW, edition=seen, name=name) for name in names])
     assert sorted(str(one) for one in answers if not isinstance(one, Race)) == ["race_changed_meanwhile"] * 3, answers
     assert Race.objects.get(pk=race.pk).name in names
+
+
+def test_two_who_save_the_form_of_a_season_that_both_had_open_save_it_once(season, steward):
+    address = f"/admin/league/season/{season.pk}/change/"
+    clients = [Client() for _ in range(3)]
+    for client in clients:
+        client.force_login(steward, backend="django.contrib.auth.backends.ModelBackend")
+    form = clients[0].get(address).context["adminform"].form
+    usual = {field.html_name: "" if field.value() is None else str(field.value()) for field in form}
+    usual |= {"points": "[10, 6, 3, 1]", "rounds-TOTAL_FORMS": "0", "rounds-INITIAL_FORMS": "0"}
+    answers = at_once(
+        [
+            lambda client=client, number=number: client.post(address, usual | {"name": f"Name {number}"}).status_code
+            for number, client in enumerate(clients)
+        ]
+    )
+    assert sorted(answers) == [200, 200, 302], answers
 
 
 def test_who_changes_another_field_without_having_looked_loses_nobody_s_change(season):
