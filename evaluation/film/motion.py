@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
@@ -24,6 +25,7 @@ _LONGEST_FIELD = 1000
 
 _AHEAD_S = 0.35  # the picture's middle is where the car will be so much later ...
 _SMOOTH_S = 0.42  # ... its way smoothed by this much, in seconds of standard deviation
+_BESIDE = (0.27, 0.2)  # of the picture's width and height; the car is hardly farther from the middle
 _GLIDE_M = 1.6  # over a reset that is no longer than this the picture glides; the car never does
 
 
@@ -82,7 +84,7 @@ def read_steps(trace: bytes) -> Steps:
     return Steps(t, x, y, yaw, steering, _speeds(t, apart, cut), done, wait, status, piece)
 
 
-def _rows(trace: bytes):
+def _rows(trace: bytes) -> Iterator[dict[str, str]]:
     """The rows of the file as dicts, as far as it is CSV."""
     lines = io.StringIO(trace.decode(errors="replace").replace("\0", ""))
     reader = csv.DictReader((line[: 20 * _LONGEST_FIELD] for line in lines), restkey="rest")
@@ -132,12 +134,9 @@ def drive_of(steps: Steps, times: np.ndarray) -> Drive:
     """The car at the moments ``times`` (ms, ascending): smooth between rows, never between two pieces of its way."""
     row = np.clip(np.searchsorted(steps.t, times, side="right") - 1, 0, len(steps) - 1)
     columns = {name: np.empty(len(times)) for name in ("x", "y", "yaw", "steer", "speed")}
-    for piece in np.unique(steps.piece):
-        rows = np.flatnonzero(steps.piece == piece)
-        frames = np.flatnonzero(steps.piece[row] == piece)
-        if not len(frames):
-            continue
-        at = np.clip(times[frames], steps.t[rows[0]], steps.t[rows[-1]])
+    for piece, frames in _runs(steps.piece[row]):
+        rows = slice(*np.searchsorted(steps.piece, (piece, piece + 1)).tolist())
+        at = np.clip(times[frames], steps.t[rows][0], steps.t[rows][-1])
         for name, column in columns.items():
             column[frames] = _between(steps.t[rows], getattr(steps, name)[rows], at, smooth=name in ("x", "y", "yaw"))
     standing = steps.status[row] == PAUSE
@@ -146,8 +145,16 @@ def drive_of(steps: Steps, times: np.ndarray) -> Drive:
     columns["steer"][standing] = 0.0
     gone = times > steps.t[-1]
     columns["speed"][gone] = 0.0
+    columns["steer"][gone] = 0.0
     done = np.interp(times, steps.t, steps.done)
     return Drive(**columns, done=done, wait=wait, standing=standing, gone=gone, fault=_faults(steps)[row], row=row)
+
+
+def _runs(numbers: np.ndarray) -> Iterator[tuple[int, slice]]:
+    """(number, where it stands) for every number of an ascending array."""
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(numbers)) + 1, [len(numbers)])).tolist()
+    for start, end in pairwise(starts):
+        yield int(numbers[start]), slice(start, end)
 
 
 def _between(t: np.ndarray, values: np.ndarray, at: np.ndarray, *, smooth: bool) -> np.ndarray:
@@ -190,9 +197,10 @@ class Eye:
     zoom: np.ndarray
 
 
-def follow(steps: Steps, times: np.ndarray, fps: float) -> Eye:
+def follow(steps: Steps, times: np.ndarray, fps: float, view_m: tuple[float, float]) -> Eye:
     """The picture's way: the car's own, a little ahead and smoothed. Nothing in it lags, for the way is known to its
-    end. Over a short reset it glides, over a long one it is cut."""
+    end. Over a short reset it glides, over a long one it is cut. ``view_m``: width and height of what is seen, of which
+    the car is kept away from the edges."""
     frame_ms = 1000.0 / fps
     path = np.arange(times[0] - 3000.0, times[-1] + 3000.0, frame_ms)
     drive = drive_of(steps, path)
@@ -201,14 +209,18 @@ def follow(steps: Steps, times: np.ndarray, fps: float) -> Eye:
     sigma = _SMOOTH_S * fps
     ahead = round(_AHEAD_S * fps)
     x, y, zoom = np.empty_like(path), np.empty_like(path), np.empty_like(path)
-    for number in range(int(scene[-1]) + 1):
-        part = np.flatnonzero(scene == number)
-        later = np.minimum(np.arange(len(part)) + ahead, len(part) - 1)
+    for _, part in _runs(scene):
+        count = part.stop - part.start
+        later = np.minimum(np.arange(count) + ahead, count - 1)
         for column, out, width in (
             (drive.x[part][later], x, sigma),
             (drive.y[part][later], y, sigma),
             (1.06 - 0.14 * np.clip(drive.speed[part] / TOP_SPEED_MPS, 0.0, 1.0), zoom, 2.5 * sigma),
         ):
             out[part] = gaussian_filter1d(column, width, mode="nearest")
+        for out, column, most in ((x, drive.x, _BESIDE[0] * view_m[0]), (y, drive.y, _BESIDE[1] * view_m[1])):
+            # Where the car itself is put elsewhere the picture still glides: what it is away from is smoothed too.
+            near = gaussian_filter1d(column[part], 0.25 * sigma, mode="nearest")
+            out[part] = near + most * np.tanh((out[part] - near) / most)
     at = np.clip(np.round((times - path[0]) / frame_ms).astype(int), 0, len(path) - 1)
     return Eye(x[at], y[at], zoom[at])

@@ -9,13 +9,12 @@ import numpy as np
 
 from . import palette, shapes
 from .brush import Sticker, disc, fill, fixed, rounded, stroke
-from .lettering import figures, is_drawable, shortened, write
+from .lettering import figures, shortened, write
 from .palette import Colour, mixed
-from .scene import Words
+from .scene import BAR, Words
 from .take import Take
 from .timing import SECTORS, Clock, standings, written
 
-BAR = 92  # px of 720 lines
 MARGIN = 20
 _STEER_DEG = 30.0
 _MAP_W, _MAP_H = 250, 168
@@ -25,19 +24,13 @@ _FINER = 4
 _ORDER_EVERY_MS = 200.0  # gaps that change in every frame cannot be read
 
 
-def words_of(take: Take) -> Words:
-    """The scene's words; English ones where fonts here lack letters of them."""
-    words = take.scene.words
-    return words if is_drawable("".join(vars(words).values())) else Words()
-
-
 class Panel:
     """Paints everything that is not road onto a frame."""
 
     def __init__(self, take: Take) -> None:
         self._take = take
         self._unit = unit = take.form.height / 720.0
-        self._words = words_of(take)
+        self._words = take.words
         self.height = round(BAR * unit)
         self._bar = np.empty((self.height, take.form.width, 3), np.uint8)
         self._wide = take.form.width / 1280.0
@@ -57,12 +50,12 @@ class Panel:
         self._update(clock, float(hero.drive.speed[frame]), math.degrees(float(hero.drive.steer[frame])))
         top = take.form.height - self.height
         picture[top:] = self._bar
-        self._progress(picture, top, frame)
+        self._progress(picture, top, float(hero.drive.done[frame]) - (clock.lap - 1))
         if len(take.actors) > 1:
             self._rows(moment)
         self._title.put(picture, margin, margin)
         self._map.paint(picture, take.form.width - self._map.width - margin, margin, frame)
-        if clock.flash is not None:
+        if clock.flash is not None and frame < take.driven:  # not under the card
             self._flash(picture, clock, top)
 
     def _x(self, x: float) -> float:
@@ -95,7 +88,7 @@ class Panel:
 
     def _field(self, name: str, value: object, x: float, y: float, width: float, height: float) -> bool:
         """Whether a field of the bar shows something else than it should; then it is wiped."""
-        if self._before.get(name) == value:
+        if name in self._before and self._before[name] == value:
             return False
         self._before[name] = value
         self._bar[round(y) : round(y + height), round(x) : round(x + width)] = palette.SURFACE
@@ -163,12 +156,10 @@ class Panel:
         )
         disc(bar, hand, y + high / 2, 6 * unit, palette.TEXT)
 
-    def _progress(self, picture: np.ndarray, top: int, frame: int) -> None:
+    def _progress(self, picture: np.ndarray, top: int, share: float) -> None:
         """Along the bar's upper edge: how much of the lap is driven."""
-        done = float(self._take.hero.drive.done[frame])
-        share = done - math.floor(done) if not self._take.hero.drive.gone[frame] else 1.0
         thick = max(2, round(3 * self._unit))
-        picture[top : top + thick, : round(share * self._take.form.width)] = palette.ACCENT
+        picture[top : top + thick, : round(min(max(share, 0.0), 1.0) * self._take.form.width)] = palette.ACCENT
 
     def _head(self) -> Sticker:
         """The card with the title, and room for the order of a duel."""

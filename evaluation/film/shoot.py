@@ -85,14 +85,14 @@ class Painter:
         import numpy as np
 
         from .card import result_card
-        from .panel import Panel, words_of
+        from .panel import Panel
         from .view import View
 
         self._take = take
         self._picture = np.empty((take.form.height, take.form.width, 3), np.uint8)
         self._panel = Panel(take)
         self._view = View(take, take.form.width, take.form.height - self._panel.height)
-        self._card = result_card(take, words_of(take))
+        self._card = result_card(take, take.words)
         self._last: np.ndarray | None = None
 
     def frame(self, number: int) -> np.ndarray:

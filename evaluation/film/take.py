@@ -8,9 +8,10 @@ import numpy as np
 
 from faults import UserFault
 
+from .lettering import is_drawable
 from .motion import Drive, Eye, Steps, drive_of, follow, poses_at, read_steps
 from .palette import Colour, bgr
-from .scene import CARD_MS, MAX_SECONDS, FilmedCar, Form, Scene
+from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, FilmedCar, Form, Scene, Words
 from .timing import Timing, laps_of
 
 
@@ -28,7 +29,8 @@ class Actor:
 @dataclass(frozen=True)
 class Take:
     """``times``: ms since the start of the run, one a frame, and the moment of the end, over which the card is laid.
-    ``actors``: as in the scene, the followed one is ``hero``. ``bots``: (n, 3) each. ``boxes``: x, y, yaw each."""
+    ``actors``: as in the scene, the followed one is ``hero``. ``bots``: (n, 3) each. ``boxes``: x, y, yaw each.
+    ``words``: the scene's, or English ones where fonts here lack letters of them."""
 
     scene: Scene
     form: Form
@@ -39,6 +41,7 @@ class Take:
     boxes: list[tuple[float, float, float]]
     eye: Eye
     card_frames: int
+    words: Words
 
     @property
     def frames(self) -> int:
@@ -91,6 +94,13 @@ def prepare(scene: Scene, form: Form) -> Take:
         next(actor for actor in actors if actor.car.number == scene.followed),
         [bot for bot in bots if len(bot)],
         [(float(box["x"]), float(box["y"]), float(box["yaw"])) for box in scene.course.get("boxes") or ()],
-        follow(hero_steps, times, form.fps),
+        follow(hero_steps, times, form.fps, _view_m(form)),
         round(CARD_MS * form.fps / 1000.0),
+        scene.words if is_drawable("".join(vars(scene.words).values())) else Words(),
     )
+
+
+def _view_m(form: Form) -> tuple[float, float]:
+    """How many metres of the ground the picture shows, across and up."""
+    scale = PX_PER_M * form.height / 720.0
+    return form.width / scale, (form.height - BAR * form.height / 720.0) / scale

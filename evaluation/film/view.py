@@ -17,9 +17,9 @@ from .ground import Ground
 from .lettering import mask, shortened
 from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED, Drive
 from .palette import Colour, mixed
+from .scene import PX_PER_M
 from .take import Actor, Take
 
-PX_PER_M = 330.0  # of a picture of 720 lines, at usual zoom; the car is then 109 px long
 TAIL_S = 1.6
 _TAIL_HALF_M = 0.016
 _TAIL_STEP = 5  # frames of one colour
@@ -240,7 +240,7 @@ class View:
         if self._named:
             texts.append((actor.car.name, actor.colour, palette.TEXT))
         if drive.standing[frame]:
-            words = self._take.scene.words
+            words = self._take.words
             why = {
                 CRASHED: words.crashed,
                 OFF_TRACK: words.off_track,
