@@ -14,7 +14,7 @@ from django.utils import timezone
 from drf_spectacular.generators import SchemaGenerator
 from rest_framework.test import APIClient
 
-from races.models import Race, Visibility
+from races.models import Race, Video, Visibility
 from races.services import accept_invitation
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.training.jobs import a_training
@@ -48,10 +48,11 @@ def places(alice, trainings_taken_on) -> Callable[[str], str]:
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
     evaluation = drive(race, alice, laps(10_000, 10_000, 10_000), now).evaluation
     training = a_training(alice, a_track(), now)
+    video = Video.objects.create(evaluation=evaluation, asked_by=alice, language="en")
     names = {"slug": "tried", "alias": "guest", "token": race.invitation}
 
     def fill(path: str) -> str:
-        owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training}
+        owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training, "videos": video}
         room = path.removeprefix("/api/v1/").split("/")[0]
         return path.format(**names, public_id=getattr(owned.get(room), "public_id", ""))
 
