@@ -1,0 +1,90 @@
+"""Workers that draw videos and crash at random: ``python -m tests.races.film_storm WORKERS``.
+
+They draw until no video waits or is being drawn. Now and then one is killed, and another takes its place. All are forks
+of one process, which waits for them and prints how each ended.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+from itertools import count
+from time import sleep
+
+import django
+
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+django.setup()
+
+from django.conf import settings  # noqa: E402
+from django.utils import timezone  # noqa: E402
+
+from evaluation import film  # noqa: E402
+from races.models import UNDER_WAY, Video  # noqa: E402
+from races.services import videos  # noqa: E402
+from races.services.videos import bell, leases, work  # noqa: E402
+from tests.films import a_film  # noqa: E402
+
+LEASE_S = 0.5
+CRASH = 0.12
+luck = random.Random()
+
+
+def perhaps_die(where: str) -> None:
+    if luck.random() < CRASH:
+        print(f"crash {where}", flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def draw(scene, out, *, on_progress, is_stopped):
+    on_progress(0.5)
+    perhaps_die("drawing")
+    sleep(luck.random() * 0.02)
+    return a_film(scene, out)
+
+
+def store(*args, real=leases.store):
+    names = real(*args)
+    perhaps_die("stored")
+    return names
+
+
+def worker() -> None:
+    while Video.objects.filter(state__in=UNDER_WAY).exists():
+        videos.sweep_videos(now=timezone.now(), ring=False)
+        if not videos.run_next_video(worker=f"w{os.getpid()}"):
+            sleep(0.05)
+
+
+def start(seed: int) -> None:
+    """Fork a worker with luck of its own."""
+    if os.fork():
+        return
+    luck.seed(seed)
+    worker()
+    os._exit(0)
+
+
+def main(workers: int) -> None:
+    settings.LEASE_SECONDS = LEASE_S
+    settings.EVALUATION_MAX_ATTEMPTS = 1000
+    film.film, film.poster = draw, lambda scene: b"a still"
+    leases.store, bell._ring = store, lambda: None
+    work.encoder_problem = str  # each fork would load PyAV
+    seeds = count(1)
+    for _ in range(workers):
+        start(next(seeds))
+    while workers:
+        _, status = os.wait()
+        code = os.waitstatus_to_exitcode(status)
+        print(f"exit {code}", flush=True)
+        if code == -signal.SIGKILL:
+            start(next(seeds))
+        else:
+            workers -= 1
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
