@@ -94,30 +94,35 @@ class Painter:
         self._view = View(take, take.form.width, take.form.height - self._panel.height)
         self._card = result_card(take, take.words)
         self._last: np.ndarray | None = None
+        self._ended = -1  # the last frame of the end that the picture shows
 
     def frame(self, number: int) -> np.ndarray:
         """Frame ``number``, BGR (height, width, 3); overwritten by the next call."""
         driven = self._take.driven
         if number < driven:
-            self._view.paint(self._picture, number)
-            self._panel.paint(self._picture, number)
+            self._ended = -1
+            self._paint(number)
         else:
             self._end(number - driven)
         return self._picture
+
+    def _paint(self, number: int) -> None:
+        self._view.paint(self._picture, number)
+        self._panel.paint(self._picture, number)
 
     def _end(self, number: int) -> None:
         """The card comes in over the last picture, which darkens."""
         import numpy as np
 
         if self._last is None:
-            end = self._take.driven
-            self._view.paint(self._picture, end)
-            self._panel.paint(self._picture, end)
+            self._paint(self._take.driven)
             self._last = self._picture.copy()
         whole = max(1, round(_CARD_IN_S * self._take.form.fps))
-        if number > whole:
+        number = min(number, whole - 1)
+        if number == self._ended:
             return  # it stands; the picture is as it was
-        share = min((number + 1) / whole, 1.0)
+        self._ended = number
+        share = (number + 1) / whole
         share = share * share * (3.0 - 2.0 * share)
         np.copyto(self._picture, (self._last * (1.0 - (1.0 - _DIM) * share)).astype(np.uint8))
         height, width = self._card.cover.shape

@@ -1,0 +1,282 @@
+"""The video itself, decoded again: its format, what is seen in it, and what is left when it cannot be made."""
+
+from __future__ import annotations
+
+import io
+import struct
+
+import av
+import numpy as np
+import pytest
+
+from evaluation.film import FULL, Scene, Stopped, Words, film, poster
+from evaluation.film.scene import CARD_MS
+from evaluation.film.shoot import Painter
+from evaluation.film.take import prepare
+from evaluation.looks import DEFAULT_COLOUR
+from faults import UserFault
+from tests.evaluation.film.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
+
+CARD_FRAMES = CARD_MS * 30 // 1000
+
+
+def still(what, frame: int = 30, form=SMALL) -> np.ndarray:
+    """Frame number ``frame`` of a scene, RGB."""
+    return Painter(prepare(what, form)).frame(frame)[:, :, ::-1].copy()
+
+
+def count(picture: np.ndarray, colour: str, tolerance: int = 6) -> int:
+    """Pixels of a colour above the bar, left of the small map."""
+    rows, columns = picture.shape[:2]
+    wanted = np.array(tuple(bytes.fromhex(colour[1:])), int)
+    seen = picture[: round(rows * 0.86), : round(columns * 0.78)].astype(int)
+    return int((np.abs(seen - wanted).max(axis=2) <= tolerance).sum())
+
+
+def boxes_of(data: bytes) -> list[str]:
+    """The names of the outermost boxes of an MP4, in order."""
+    names, at = [], 0
+    while at < len(data):
+        size, name = struct.unpack(">I4s", data[at : at + 8])
+        names.append(name.decode())
+        at += size
+    return names
+
+
+def refused(what) -> str:
+    with pytest.raises(UserFault) as caught:
+        film(what, io.BytesIO(), form=SMALL)
+    assert str(caught.value)
+    return caught.value.code
+
+
+class TestTheFile:
+    def test_it_is_h264_in_mp4_that_plays_before_it_is_loaded_and_can_be_sought(self, tmp_path):
+        path = tmp_path / "run.mp4"
+        facts = film(scene(), path)
+        names = boxes_of(path.read_bytes())
+        assert names.index("moov") < names.index("mdat")
+        with av.open(str(path)) as file:
+            (stream,) = file.streams
+            assert (stream.codec_context.name, stream.pix_fmt) == ("h264", "yuv420p")
+            assert (stream.width, stream.height, stream.average_rate) == (1280, 720, 30)
+            keys = [
+                packet.pts * stream.time_base for packet in file.demux(stream) if packet.size and packet.is_keyframe
+            ]
+            assert keys == [0, 2, 4]
+        assert (facts.width, facts.height) == FULL[:2]
+        assert facts.frames == 60 + CARD_FRAMES
+        assert facts.duration_ms == 2000 + CARD_MS
+        assert facts.size == path.stat().st_size
+        assert [entry.name for entry in tmp_path.iterdir()] == ["run.mp4"]
+
+    def test_every_frame_comes_out_again_at_its_time(self):
+        out = io.BytesIO()
+        facts = film(scene(), out, form=SMALL)
+        out.seek(0)
+        with av.open(out) as file:
+            times = [frame.time for frame in file.decode(video=0)]
+        assert times == pytest.approx([number / 30 for number in range(facts.frames)])
+
+    def test_colours_survive(self):
+        out = io.BytesIO()
+        what = scene(car(colour="#22c55e"))
+        film(what, out, form=SMALL)
+        out.seek(0)
+        with av.open(out) as file:
+            frame = [frame for frame, _ in zip(file.decode(video=0), range(31), strict=False)][30]
+        decoded = frame.to_ndarray(format="rgb24").astype(int)
+        painted = still(what).astype(int)
+        assert np.abs(decoded - painted).mean() < 3
+        assert count(decoded.astype(np.uint8), "#22c55e", 24) > 300
+
+    def test_the_same_run_makes_the_same_bytes(self):
+        files = []
+        for _ in range(2):
+            out = io.BytesIO()
+            film(scene(car(), car(driven(2.0, 1.5), 1)), out, form=SMALL)
+            files.append(out.getvalue())
+        assert files[0] == files[1]
+
+    def test_a_poster_is_the_picture_in_the_middle(self):
+        from PIL import Image
+
+        with Image.open(io.BytesIO(poster(scene(), form=SMALL))) as picture:
+            assert (picture.format, picture.size) == ("JPEG", (640, 360))
+            shown = np.asarray(picture).astype(int)
+        assert np.abs(shown - still(scene(), 30)).mean() < 4
+
+
+class TestThePicture:
+    def test_the_car_is_near_the_middle_in_its_colour(self):
+        picture = still(scene(car(colour="#d946ef")))
+        rows, columns = np.nonzero((np.abs(picture[:300, :480].astype(int) - (0xD9, 0x46, 0xEF)) < 6).all(axis=2))
+        assert len(rows) > 500
+        assert abs(np.median(columns) - 320) < 0.3 * 640
+        assert abs(np.median(rows) - 157) < 0.25 * 314
+
+    def test_another_colour_and_another_shell_look_different(self):
+        red, green = (still(scene(car(colour=colour))) for colour in ("#ef4444", "#22c55e"))
+        assert count(red, "#ef4444") > 500 > count(green, "#ef4444")
+        van, kart = (still(scene(car(colour="#ef4444", shell=shell))) for shell in ("van", "kart"))
+        assert count(van, "#ef4444") > 1.5 * count(kart, "#ef4444")
+
+    def test_what_is_no_colour_or_no_shell_is_the_usual_one(self):
+        usual = still(scene(car(shell="paddock", colour=DEFAULT_COLOUR)))
+        for shell, colour in (("zeppelin", "red"), ("", "#12"), ("paddock", "#gggggg"), ("paddock", "")):
+            assert (still(scene(car(shell=shell, colour=colour))) == usual).all()
+
+    def test_a_duel_shows_both_cars_and_their_order(self):
+        rival = car(driven(2.0, 1.6), 1, colour="#22c55e", name="Rival")
+        alone, duel = still(scene(car(colour="#ef4444"))), still(scene(car(colour="#ef4444"), rival))
+        assert count(duel, "#22c55e") > 300 > count(alone, "#22c55e")
+        assert count(duel, "#ef4444") > 500
+
+    def test_the_followed_car_is_the_one_in_the_middle(self):
+        far = car(driven(2.0, 1.0, 8.0), 1, colour="#22c55e")
+        first, second = (still(scene(car(colour="#ef4444"), far, followed=number)) for number in (0, 1))
+        assert count(first, "#ef4444") > 500 > 300 > count(first, "#22c55e")
+        assert count(second, "#22c55e") > 500 > 300 > count(second, "#ef4444")
+
+    def test_boxes_and_bots_are_seen(self):
+        plain = still(scene())
+        x, y, yaw = OVAL.point_at(2.6, 0.2)
+        box = still(scene(course={"boxes": [{"fraction": 0.1, "lane": "inner", "x": x, "y": y, "yaw": yaw}]}))
+        assert count(box, "#d99a3d") > 500 > count(plain, "#d99a3d")
+        bot = still(scene(course={"bots": [[[x, y, yaw]] * 31]}))
+        assert count(bot, "#27445f") > 300 > count(plain, "#27445f")
+
+    def test_a_reset_is_a_cut(self):
+        rows = with_reset(driven(3.0, 1.0), 30, 2.5, 1.0)
+        take = prepare(scene(car(rows)), SMALL)
+        drive = take.hero.drive
+        apart = np.hypot(np.diff(drive.x), np.diff(drive.y))
+        assert (apart > 0.05).sum() == 1 and apart.max() == pytest.approx(2.5, abs=0.1)
+        eye = np.hypot(np.diff(take.eye.x), np.diff(take.eye.y))
+        assert (eye > 0.3).sum() == 1
+        assert drive.standing.sum() == pytest.approx(30, abs=2)
+
+    def test_over_a_short_reset_the_picture_glides_and_the_car_does_not(self):
+        take = prepare(scene(car(with_reset(driven(3.0, 1.0), 30, 1.0, 1.0))), SMALL)
+        assert np.hypot(np.diff(take.hero.drive.x), np.diff(take.hero.drive.y)).max() > 0.9
+        assert np.hypot(np.diff(take.eye.x), np.diff(take.eye.y)).max() < 0.2
+
+    def test_a_car_that_stands_after_a_reset_has_a_ring(self):
+        what = scene(car(with_reset(driven(3.0, 1.0), 15, 1.0, 2.0), colour="#22c55e"))
+        assert count(still(what, 60), "#ff3b55") > count(still(what, 15), "#ff3b55") + 100
+
+    def test_even_the_fastest_car_stays_in_the_picture(self):
+        take = prepare(scene(car(driven(8.0, 4.0))), FULL)
+        away = np.abs((take.hero.drive.x - take.eye.x, take.hero.drive.y - take.eye.y)).max(axis=1)
+        assert away[0] * 330 < 0.4 * 1280 and away[1] * 330 < 0.35 * 628
+
+    def test_every_lettering_comes_out(self):
+        for name in ("x" * 64, "한국어 이름", "Ωé☃🚗", "\x00\u202e\n", "", "אב"):
+            assert still(scene(car(name=name), car(None, 1, name=name), title=name, words=Words.translated("ko"))).any()
+
+    def test_the_card_at_the_end_has_the_result(self):
+        what = scene(car(laps=[lap(1, 0, 1000), lap(2, 1000, 999, off_tracks=2)]))
+        painter = Painter(prepare(what, SMALL))
+        driven, coming, there, last = (painter.frame(number).copy().astype(int) for number in (59, 62, 75, 134))
+        assert (there == last).all()
+        assert np.abs(coming - driven).mean() > 2 and np.abs(coming - there).mean() > 2
+        assert last[:20].mean() < 0.6 * driven[:20].mean()
+        assert count(last[:, :, ::-1], "#34d17f") > count(driven[:, :, ::-1], "#34d17f")  # the best lap in green
+
+
+class TestTheParts:
+    def test_a_lap_lasts_as_long_as_it_took(self):
+        two = [lap(1, 0, 1200), lap(2, 1200, 800)]
+        facts = film(scene(car(laps=two), lap=2), io.BytesIO(), form=SMALL)
+        assert facts.frames == 24 + CARD_FRAMES
+        take = prepare(scene(car(laps=two), lap=2), SMALL)
+        assert take.times[0] == 1200 and take.times[-1] == 2000
+
+    def test_the_run_lasts_until_the_last_car_is_done(self):
+        take = prepare(scene(car(), car(driven(3.0), 1)), SMALL)
+        assert take.times[-1] == pytest.approx(3000)
+        assert take.hero.drive.gone[-1] and not take.actors[1].drive.gone[-1]
+
+    def test_a_lap_that_does_not_exist_is_refused(self):
+        with pytest.raises(UserFault) as caught:
+            scene(car(), lap=2)
+        assert caught.value.code == "video_lap_unknown"
+        assert "1 laps" in str(caught.value) and "lap 2" in str(caught.value)
+
+    @pytest.mark.parametrize("cars", [(), tuple(car(number=n) for n in range(5)), (car(), car()), (car(number=1),)])
+    def test_no_car_too_many_two_of_one_number_and_none_to_follow_are_refused(self, cars):
+        with pytest.raises(UserFault) as caught:
+            Scene(OVAL, "A race", "Oval", cars)
+        assert caught.value.code == "video_no_car"
+
+    def test_more_than_a_video_holds_is_refused_but_for_a_lap(self):
+        laps = [lap(1, 0, 2000), lap(2, 2000, 700_000)]
+        rows = driven(2.0)
+        rows.append(rows[-1]._replace(tstamp=702.0))
+        assert refused(scene(car(rows, laps=laps))) == "video_too_long"
+        assert refused(scene(car(rows, laps=laps), lap=2)) == "video_too_long"
+        assert film(scene(car(rows, laps=laps), lap=1), io.BytesIO(), form=SMALL).frames == 60 + CARD_FRAMES
+
+
+class TestWhatCannotBeFilmed:
+    @pytest.mark.parametrize(
+        "trace",
+        [
+            b"",
+            b"X,Y\n1,2\n",
+            b"\xff\x00\n\n,,",
+            car(driven(2.0)[:1]).trace,
+            car(driven(1.0)).trace.replace(b"0.", b"nan"),
+        ],
+    )
+    def test_a_trace_without_two_rows_is_refused(self, trace):
+        broken = car()
+        object.__setattr__(broken, "trace", trace)
+        assert refused(scene(broken)) == "video_no_steps"
+
+    def test_rivals_without_a_trace_and_rows_that_cannot_be_read_are_left_out(self):
+        rows = driven(1.0)
+        rows[5] = rows[5]._replace(X=float("nan"))
+        rows[7] = rows[7]._replace(Y=1e30)
+        rows[9] = rows[9]._replace(tstamp=0.0)
+        silent = car(None, 1)
+        object.__setattr__(silent, "trace", b"")
+        facts = film(scene(car(rows), silent), io.BytesIO(), form=SMALL)
+        assert facts.frames == 30 + CARD_FRAMES
+
+    def test_laps_and_courses_of_nonsense_are_left_out(self):
+        laps = [{"number": 1}, {}, lap(1, 0, 2000)]
+        course = {"bots": [[], [[float("nan")] * 3], [[1.0]]]}
+        assert still(scene(car(laps=laps), course=course)).any()
+
+    def test_four_cars_six_bots_and_boxes_are_no_trouble(self):
+        cars = [car(driven(1.0, 1.0 + 0.3 * number), number, name="x" * 64) for number in range(4)]
+        poses = [[list(OVAL.point_at(metres)) for _ in range(16)] for metres in range(6)]
+        boxes = [{"x": x, "y": y, "yaw": yaw} for x, y, yaw in (OVAL.point_at(2.0 * k, 0.2) for k in range(8))]
+        facts = film(scene(*cars, course={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
+        assert facts.frames == 30 + CARD_FRAMES
+
+    def test_when_it_is_stopped_nothing_is_left(self, tmp_path):
+        path = tmp_path / "run.mp4"
+        path.write_bytes(b"the one before")
+        asked = iter(range(1000))
+        with pytest.raises(Stopped):
+            film(scene(), path, is_stopped=lambda: next(asked) == 20, form=SMALL)
+        assert [(entry.name, entry.read_bytes()) for entry in tmp_path.iterdir()] == [("run.mp4", b"the one before")]
+
+    def test_what_a_listener_raises_goes_through_and_nothing_is_left(self, tmp_path):
+        def fail(share: float) -> None:
+            raise RuntimeError("heard enough")
+
+        with pytest.raises(RuntimeError, match="heard enough"):
+            film(scene(), tmp_path / "run.mp4", on_progress=fail, form=SMALL)
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_folder_that_does_not_exist_is_an_error_of_the_system(self, tmp_path):
+        with pytest.raises(FileNotFoundError):
+            film(scene(), tmp_path / "nowhere" / "run.mp4", form=SMALL)
+
+    def test_progress_grows_to_one(self):
+        shares = []
+        film(scene(), io.BytesIO(), on_progress=shares.append, form=SMALL)
+        assert shares == sorted(shares) and shares[-1] == 1.0
