@@ -24,6 +24,7 @@ from evaluation.simulator.rules import MAX_CARS
 from faults import PaddockError, UserFault, fault_from_dict
 from league.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from league.management.race_options import add_race_options, rules_of
+from league.management.run_video import write_video
 from league.management.tracks import TRACK_HELP, find_track
 from league.templatetags.paddock import lap_time
 from tracks.geometry import TrackGeometry
@@ -59,6 +60,9 @@ class Command(JsonCommand):
             metavar="FILE",
             help="write the run's sim-trace (CSV) there, those of rivals beside it (FILE-car1 and so on)",
         )
+        parser.add_argument(
+            "--video", type=Path, metavar="FILE", help="write a video of the run there (MP4), with all of its cars"
+        )
         parser.add_argument("--json", action="store_true", help="print the field's metrics JSON and what we measured")
 
     def handle(self, *, package: Path, metadata: Path | None, track: str, **options: Any) -> None:
@@ -93,6 +97,8 @@ class Command(JsonCommand):
             self._table(outcome, geometry, admission_s)
         if options["trace"] is not None:  # last: where it cannot be written, the figures have been told
             _write_traces(options["trace"], outcome)
+        if options["video"] is not None:
+            write_video(options["video"], geometry, outcome, [str(package), *options["rival"]])
 
     def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
         self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")

@@ -106,6 +106,15 @@ class TestTheFile:
             shown = np.asarray(picture).astype(int)
         assert np.abs(shown - still(scene(), 30)).mean() < 4
 
+    def test_on_a_poster_the_car_drives(self):
+        from PIL import Image
+
+        what = scene(car(with_reset(driven(3.0, 1.0), 10, 1.0, 3.0)))
+        with Image.open(io.BytesIO(poster(what, form=SMALL))) as picture:
+            shown = np.asarray(picture)
+        middle = still(what, prepare(what, SMALL).driven // 2)
+        assert count(middle, "#ff3b55", 40) > 100 > count(shown, "#ff3b55", 40)  # the ring of a car that stands
+
 
 class TestThePicture:
     def test_the_car_is_near_the_middle_in_its_colour(self):
