@@ -102,13 +102,19 @@ def keep(request: pytest.FixtureRequest, django_db_setup: None, django_db_blocke
 
 
 @pytest.fixture(scope="session")
-def new_data(django_db_setup: None, migrated: Path | None) -> Callable[[Path], Path]:
-    """Make the data folder of a site that a test starts, with a migrated database in it where one is kept."""
+def new_data(django_db_setup: None, migrated: Path | None) -> Callable[..., Path]:
+    """Make the data folder of a site that a test starts, with a migrated database in it where one is kept.
 
-    def make(folder: Path) -> Path:
+    ``house_cars``: so many of them race; an admin has sent the others home.
+    """
+
+    def make(folder: Path, house_cars: int | None = None) -> Path:
         folder.mkdir(parents=True)
         if migrated is not None and migrated.exists():
             database.copy(migrated, folder / "paddock.sqlite3")
+            if house_cars is not None:
+                for racer in _of_house_cars()[house_cars:]:
+                    database.insert(folder / "paddock.sqlite3", racer)
         return folder
 
     return make
@@ -193,6 +199,16 @@ def oval(db: None):
     from tests.rows import track_row
 
     return track_row("oval")
+
+
+def _of_house_cars() -> list:
+    from league.models import Racer
+    from league.services import house_cars
+
+    return [
+        Racer(alias=car.display_name, email=f"{car.name}@house.invalid", is_house=True, is_active=False)
+        for car in house_cars()
+    ]
 
 
 def _racer(alias: str):

@@ -15,6 +15,7 @@ from tempfile import NamedTemporaryFile
 
 import django
 from django.db import connection
+from django.db.backends.sqlite3._functions import register
 from django.db.models import Model
 
 from tests.shared import CHECKOUT
@@ -50,10 +51,11 @@ def copy(source: Path, target: Path) -> None:
 
 def insert(target: Path, row: Model) -> None:
     """Put a row, as it is, into a SQLite database that is not the tests' own."""
-    fields = [field for field in row._meta.concrete_fields if row.pk is not None or not field.primary_key]
+    fields = [field for field in row._meta.local_concrete_fields if not (field.generated or field is row._meta.pk)]
     values = [field.get_db_prep_save(field.pre_save(row, add=True), connection) for field in fields]
-    names, marks = ", ".join(field.column for field in fields), ", ".join("?" * len(fields))
+    names, marks = ", ".join(f'"{field.column}"' for field in fields), ", ".join("?" * len(fields))
     with closing(sqlite3.connect(target)) as database:
+        register(database)  # constraints call functions of Django's
         database.execute(f"INSERT INTO {row._meta.db_table} ({names}) VALUES ({marks})", values)
         database.commit()
 

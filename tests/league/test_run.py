@@ -131,7 +131,7 @@ class FirstStart:
 
 @pytest.fixture(scope="module")
 def first_start(tmp_path_factory, new_data) -> FirstStart:
-    data = new_data(tmp_path_factory.mktemp("run") / "data")
+    data = new_data(tmp_path_factory.mktemp("run") / "data", house_cars=1)
     finished = "select public_id from evaluation_evaluation where state = 'finished'"
     with Run(data) as run:
         run.ready()

@@ -140,11 +140,11 @@ def _make_world() -> World:
 
 
 @pytest.fixture(scope="package")
-def site(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path], Path]) -> Iterator[str]:
+def site(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[..., Path]) -> Iterator[str]:
     """The address of ``manage.py run``, on a data folder that nobody had used before: one for all tests in a browser,
     where everybody signs up under a name of their own."""
     data = tmp_path_factory.mktemp("site")
-    new_data(data / "data")
+    new_data(data / "data", house_cars=0)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
