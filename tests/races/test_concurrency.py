@@ -36,6 +36,9 @@ ABOUT_THE_DATABASE = (  # locks, constraints, triggers, plans and queries
     "standings",
     "submit",
     "visibility",
+    "videos_concurrency",
+    "videos_queue",
+    "videos_storm",
 )
 DUELS = (  # what follows from their results is worked out in Python: one race of each format shows that it is read back
     "test_duels.py::test_a_round_robin_goes_to_its_end_and_the_one_that_always_wins_leads[3-4-6]",
