@@ -118,6 +118,17 @@ def test_a_field_within_a_box_is_looked_at_too(alice, as_racer):
 
 
 @pytest.mark.django_db
+def test_so_is_one_within_a_box_of_a_training(alice, as_racer, trainings_taken_on):
+    place = {"fraction": 0.25, "lane": "inner", "lain": "outer"}
+    sent = {"name": "first-car", "track": a_track().slug, "reward_code": "x", "race_type": "object_avoidance"}
+    answer = as_racer(alice).post("/api/v1/trainings/", sent | {"boxes": [place, {"fraction": 0.5}]})
+    problems = {name: errors[0]["code"] for name, errors in answer.data["fields"].items()}
+    assert problems == {"boxes.0.lain": "unknown_field", "boxes.1.lane": "required"}
+    answer = as_racer(alice).post("/api/v1/trainings/", sent | {"boxes": [{"fraction": 0.5, "lane": "inner"}] * 11})
+    assert set(answer.data["fields"]) == {"boxes"}
+
+
+@pytest.mark.django_db
 def test_a_race_that_was_read_is_not_sent_back_whole(alice, as_racer):
     """What cannot be changed would be left as it was without a word."""
     race = a_race(timezone.now(), organiser=alice)

@@ -137,12 +137,7 @@ class CreateSerializer(Body):
     )
     direction = serializers.ChoiceField(Direction.choices, required=False)
     race_type = serializers.ChoiceField(RaceType.choices, required=False)
-    boxes = serializers.ListField(
-        child=serializers.DictField(),
-        required=False,
-        max_length=10,
-        help_text="Each with `fraction` of the lap and `lane`.",
-    )
+    boxes = BoxPlaceSerializer(many=True, required=False, max_length=10)
     random_boxes = serializers.IntegerField(required=False, min_value=0, max_value=10)
     bots = serializers.IntegerField(required=False, min_value=0, max_value=6)
     bot_speed_mps = serializers.FloatField(required=False, min_value=0.2, max_value=4.0)
