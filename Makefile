@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 HOST ?= 127.0.0.1
 PORT ?= 8000
 PYTEST_ARGS ?=
+# One more than there are cores: many tests wait, for a process to end or a clock to run out
+WORKERS ?= $(shell cores=$$(nproc); echo $$((cores < 8 ? cores + 1 : 8)))
 BENCH_ARGS ?=
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
@@ -23,8 +25,8 @@ run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 
 training: system-run $(VENV)/.training ## what training models needs, however large, for the next "make run"
 
-test: system-test $(VENV)/.test $(VENV)/.offered ## every test (PYTEST_ARGS= for more)
-	$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
+test: system-test $(VENV)/.test $(VENV)/.offered ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
 lint: $(VENV)/.test ## style, layering, migrations, translations
 	$(BIN)/ruff check .

@@ -26,7 +26,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """How ``make test`` deals tests out to its two workers: slow ones first and each by itself, so that no worker is
+    """How ``make test`` deals tests out to its workers: slow ones first and each by itself, so that no worker is
     left with a long one at the end; then the others, in packs of a file, which is cheaper than one by one.
 
     Tests that share what their module makes once stay together: elsewhere every worker would make it anew.

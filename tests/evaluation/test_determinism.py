@@ -28,7 +28,7 @@ RACES = {
     "boxes in drawn places": (RaceRules(race_type="object_avoidance", random_boxes=6, seed=3, laps=1), 0),
     "boxes in fixed places": (RaceRules(race_type="object_avoidance", boxes=FIXED, laps=1), 0),
     "bots": (RaceRules(race_type="head_to_head", bots=4, bot_lane_changes=True, seed=3, laps=1), 0),
-    "a duel": (RaceRules(race_type="head_to_head", laps=2), 1),
+    "a duel": (RaceRules(race_type="head_to_head", laps=1), 1),
     "four cars": (RaceRules(race_type="head_to_head", laps=1), 3),
 }
 

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 from django.conf import settings
-from django.core.management import call_command
+from django.core.management import call_command, execute_from_command_line
 
 from faults.reasons import REASONS
 from league.management import REFUSED, Refusal
@@ -59,19 +59,31 @@ def test_without_json_nothing_but_the_sentence_is_told(tmp_path, monkeypatch):
     assert out.getvalue() == ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("command", ["evaluate", "replay_trace", "import_track", "import_season", "doctor"])
-def test_an_option_that_does_not_exist_is_told_as_json(command, tmp_path):
+def test_an_option_that_does_not_exist_is_told_as_json(command, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["manage.py", command, "--json", "--no-such-option"])
+    with pytest.raises(SystemExit) as ended:
+        execute_from_command_line(sys.argv)
+    told = capsys.readouterr()
+    _check_told(ended.value.code, told.out, told.err)
+
+
+@pytest.mark.slow
+def test_a_process_of_its_own_tells_and_ends_the_same(tmp_path):
     ran = subprocess.run(
-        [sys.executable, "manage.py", command, "--json", "--no-such-option"],
+        [sys.executable, "manage.py", "evaluate", "--json", "--no-such-option"],
         cwd=settings.BASE_DIR,
         env={"PADDOCK_DATA": str(tmp_path), "PATH": "/usr/bin:/bin"},
         capture_output=True,
         text=True,
         timeout=120,
     )
-    assert ran.returncode == REFUSED
-    error = json.loads(ran.stdout)["error"]
+    _check_told(ran.returncode, ran.stdout, ran.stderr)
+
+
+def _check_told(status: int, out: str, err: str) -> None:
+    assert status == REFUSED
+    error = json.loads(out)["error"]
     assert error["code"] == "command_line"
     assert error["params"]["problem"] in error["message"]
-    assert "usage: " in ran.stderr
+    assert "usage: " in err

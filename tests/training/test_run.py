@@ -96,12 +96,12 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
 
 
 def test_the_same_seed_makes_the_same_weights(alice, oval, now):
-    first = run(a_training(alice, oval, now, stop_steps=1000, **SHORT))
+    first = run(a_training(alice, oval, now, stop_steps=1, **SHORT))
     kept = (first.best_model_id, first.last_model_id)
     TrainedModel.objects.filter(owner=alice).update(name="renamed", deleted_at=None)
-    second = run(a_training(alice, oval, now, name="second", stop_steps=1000, **SHORT))
+    second = run(a_training(alice, oval, now, name="second", stop_steps=1, **SHORT))
     assert (second.best_model_id, second.last_model_id) == kept, "the same network is the same model of the garage"
-    other = run(a_training(alice, oval, now, name="third", stop_steps=1000, **SHORT | {"seed": 1}))
+    other = run(a_training(alice, oval, now, name="third", stop_steps=1, **SHORT | {"seed": 1}))
     assert other.last_model_id not in kept
 
 
