@@ -32,7 +32,7 @@ def result_card(take: Take, words: Words) -> Sticker:
     unit = take.form.height / 720.0
     several = len(take.actors) > 1 and take.scene.lap is None
     rows = _in_order(take) if several else _laps(take)
-    shown = rows[:_MOST_ROWS]
+    shown = rows[:_MOST_ROWS] if several else _fastest(rows)
     high = _HEAD + _ROW * len(shown) + (_ROW if len(rows) > len(shown) else 0) + _FOOT
     card = Sticker.card(round(_WIDTH * unit), round(high * unit), 14 * unit, palette.SURFACE, palette.LINE_STRONG)
     pixels = card.pixels
@@ -59,6 +59,12 @@ def _in_order(take: Take) -> list[Actor]:
 
 def _laps(take: Take) -> list[Lap]:
     return [lap for lap in take.hero.timing.laps if take.scene.lap in (None, lap.number)]
+
+
+def _fastest(laps: list[Lap]) -> list[Lap]:
+    """The laps that the card has room for: the fastest ones, in the order in which they were driven."""
+    best = sorted(laps, key=lambda lap: (not lap.complete, lap.time_ms))[:_MOST_ROWS]
+    return sorted(best, key=lambda lap: lap.number)
 
 
 def _head(pixels: np.ndarray, take: Take, unit: float) -> None:

@@ -30,7 +30,7 @@ VERGE_M = 0.16
 _BEND = 0.45  # 1/m: where the track bends more than this, its inner side has a kerb
 _SMOOTH_M = 0.5
 _KEPT_CELLS = 64
-_ROUNDED_M, _BETWEEN = 0.02, 4
+_ROUNDED_M, _BETWEEN = 0.03, 4
 _LEAST_STONES = 5
 
 

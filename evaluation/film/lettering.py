@@ -37,6 +37,7 @@ def _has(font: ImageFont.FreeTypeFont, letter: str) -> bool:
 
 
 _found: list[tuple[str, int]] = []  # system fonts that were of use before are asked first
+_mute: list[Exception] = []  # why fontconfig is not asked any more: it is not there, or it does not answer
 
 
 @cache
@@ -47,6 +48,8 @@ def _font_for(letter: str) -> tuple[str, int] | None:
     for known in _found:
         if _has(_other(*known, 20), letter):
             return known
+    if _mute:
+        return None
     try:
         answer = subprocess.run(
             ["fc-match", "-f", "%{file}\n%{index}", f"sans:charset={ord(letter):x}"],
@@ -58,8 +61,13 @@ def _font_for(letter: str) -> tuple[str, int] | None:
         file, index = answer.stdout.split("\n")[:2]
         font = (file, int(index))
         fits = _has(_other(*font, 20), letter)
+    except (FileNotFoundError, PermissionError, subprocess.TimeoutExpired) as error:
+        if not isinstance(error, subprocess.TimeoutExpired) and error.filename != "fc-match":
+            return None  # a font that cannot be read
+        _mute.append(error)
+        return None
     except (OSError, ValueError, subprocess.SubprocessError):
-        return None  # no fontconfig, no such font, or a font of pictures
+        return None  # no such font, or one of pictures
     if fits:
         _found.append(font)
     return font if fits else None
@@ -71,11 +79,12 @@ def drawable(text: str) -> str:
     for letter in " ".join(str(text).split())[:_MOST_LETTERS]:
         if unicodedata.category(letter)[0] == "C":
             continue
-        for way in (letter, letter.translate(_PLAIN), unicodedata.normalize("NFKD", letter)):
-            plain = "".join(one for one in way if not unicodedata.combining(one) or one == letter)
-            if plain and all(_font_for(one) is not None for one in plain):
-                letters.append(plain)
-                break
+        if _font_for(letter) is not None:
+            letters.append(letter)
+            continue
+        bare = unicodedata.normalize("NFKD", letter.translate(_PLAIN))
+        bare = "".join(one for one in bare if not unicodedata.combining(one))
+        letters.append(bare if bare.isascii() else "")
     return "".join(letters).strip()
 
 

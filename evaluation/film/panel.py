@@ -46,7 +46,7 @@ class Panel:
         margin = round(MARGIN * unit)
         moment = float(take.times[frame])
         hero = take.hero
-        clock = hero.timing.at(moment)
+        clock = hero.timing.at(moment, take.scene.lap)
         self._update(clock, float(hero.drive.speed[frame]), math.degrees(float(hero.drive.steer[frame])))
         top = take.form.height - self.height
         picture[top:] = self._bar

@@ -96,19 +96,24 @@ class Timing:
         own = [min(one.sector_ms[k] for one in timed) for k in range(SECTORS)]
         return tuple(colour_of(time, own[k], self._fastest[k]) for k, time in enumerate(lap.sector_ms))
 
-    def at(self, moment: float) -> Clock:
-        """The screen ``moment`` ms after the start of the run."""
+    def at(self, moment: float, within: int | None = None) -> Clock:
+        """The screen ``moment`` ms after the start of the run. ``within``: the number of the only lap that is shown,
+        which still stands there at its very end, when the next one begins."""
         if not self.laps:
             return Clock(1, 0, max(round(moment), 0), None, None, ())
-        index = max((i for i, lap in enumerate(self.laps) if lap.start_ms <= moment), default=0)
+        begun = (
+            i for i, lap in enumerate(self.laps) if (lap.start_ms <= moment if within is None else lap.number == within)
+        )
+        index = max(begun, default=0)
         lap = self.laps[index]
         clock = min(max(round(moment - lap.start_ms), 0), lap.time_ms)
         ended = [one for one in self.laps if one.complete and one.end_ms <= moment]
         driven = 0
         for count in range(1, len(lap.sector_ms) + 1):
             # whole milliseconds of three sectors may miss those of the lap by one
-            driven = count if sum(lap.sector_ms[:count]) <= clock + 1 else driven
-        flash = ended[-1] if ended and moment - ended[-1].end_ms < FLASH_MS else None
+            over = count == SECTORS and clock == lap.time_ms
+            driven = count if over or sum(lap.sector_ms[:count]) <= clock else driven
+        flash = ended[-1] if ended and within is None and moment - ended[-1].end_ms < FLASH_MS else None
         return Clock(
             lap.number,
             len(self.laps),

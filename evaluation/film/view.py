@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -197,8 +198,10 @@ class View:
         age = np.arange(len(points) - 1, -1, -1) / (TAIL_S * fps)
         wide = (_TAIL_HALF_M * (1.0 - age))[:, None]
         left, right = self.place(points + across * wide), self.place(points - across * wide)
-        for start in range(0, len(points) - 1, _TAIL_STEP):
-            part = slice(start, start + _TAIL_STEP + 1)
+        # Each piece stays where it is on the road, from frame to frame.
+        starts = [0, *range(_TAIL_STEP - first % _TAIL_STEP, len(points) - 1, _TAIL_STEP)]
+        for start, end in pairwise((*starts, len(points) - 1)):
+            part = slice(start, end + 1)
             speed = float(drive.speed[rows][part].mean())
             colour = mixed(palette.SPEEDS[palette.speed_class(speed)], palette.ROAD, 0.15 + 0.75 * float(age[start]))
             fill(picture, [np.concatenate((left[part], right[part][::-1]))], colour)

@@ -1,0 +1,123 @@
+"""Shells as polygons, borders as curves, and text in the fonts that are there."""
+
+from __future__ import annotations
+
+import subprocess
+
+import numpy as np
+import pytest
+import shapely
+
+from evaluation.film import lettering, shapes
+from evaluation.film.ground import Ground, rounded_off
+from evaluation.film.palette import bgr, speed_class
+from evaluation.looks import DEFAULT_COLOUR, Shell
+from tests.evaluation.film.runs import OVAL
+
+
+class TestShells:
+    @pytest.mark.parametrize("shell", Shell.values)
+    def test_every_shell_is_a_car_of_its_size_with_two_wheels_that_steer(self, shell):
+        above, side = shapes.above(shell), shapes.side(shell)
+        corners = np.concatenate([*above.body, *above.under, *(wheel for wheel, _ in above.steered)])
+        length, width = np.ptp(corners, axis=0)
+        assert 0.27 < length < 0.36 and 0.13 < width < 0.2
+        assert len(above.steered) == 2
+        (left, right) = sorted((middle for _, middle in above.steered), key=lambda middle: -middle[1])
+        assert left == pytest.approx(right * (1, -1)) and left[0] > 0.05
+        assert len(side.wheels) == 2 and side.body
+
+    def test_a_word_that_is_no_shell_is_the_usual_car(self):
+        assert shapes.above("zeppelin").body is not None
+        assert (shapes.above("zeppelin").body[0] == shapes.above("paddock").body[0]).all()
+
+    def test_paths_become_outlines(self):
+        (square, curve) = shapes.polygons("M0 0H10V10H0ZM0 0Q5 10 10 0T20 0Z")
+        assert square.tolist() == [[0, 0], [10, 0], [10, 10], [0, 10]]
+        assert curve[4] == pytest.approx((5, 5)) and curve[12] == pytest.approx((15, -5))
+
+    @pytest.mark.parametrize("path", ["M0 0C1 1 2 2 3 3Z", "m1 1", "M0 0A5 5 0 0 1 3 3"])
+    def test_another_command_is_an_error(self, path):
+        with pytest.raises(ValueError, match="not a path of"):
+            shapes.polygons(path)
+
+
+class TestTheGround:
+    def test_a_border_gets_points_between_its_own_and_leaves_it_by_little(self):
+        curve = rounded_off(OVAL.outer)
+        assert len(curve) > len(OVAL.outer)
+        border = shapely.LinearRing(OVAL.outer)
+        assert max(border.distance(shapely.Point(point)) for point in curve) <= 0.03
+        assert np.isclose(curve[:, None], OVAL.outer[None]).all(axis=2).any(axis=0).all()
+
+    def test_a_corner_that_is_meant_stays(self):
+        square = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)])
+        assert shapely.Polygon(rounded_off(square)).area == pytest.approx(16.0)
+
+    def test_only_what_is_near_is_kept_and_not_for_ever(self):
+        ground = Ground(OVAL, 2.0)
+        here = ground.around(*OVAL.centre[0])
+        assert here is ground.around(*OVAL.centre[0])
+        corners = np.concatenate([patch.corners for patch in here])
+        assert np.abs(corners - OVAL.centre[0]).max() < 6.0
+        assert ground.around(1e4, 1e4) == []
+        for number in range(200):
+            ground.around(1e4 + 10 * number, 0.0)
+        assert len(ground._cells) <= 64
+
+
+class TestColours:
+    def test_what_is_no_colour_is_the_usual_one(self):
+        assert bgr("#123456") == (0x56, 0x34, 0x12)
+        for bad in ("red", "#12345", "", "#12345g", None):
+            assert bgr(bad) == bgr(DEFAULT_COLOUR)
+
+    def test_speeds_have_the_maps_classes(self):
+        assert [speed_class(speed) for speed in (-1.0, 0.0, 0.7, 3.9, 9.0)] == [0, 0, 1, 5, 5]
+
+
+class TestLetters:
+    @pytest.fixture(autouse=True)
+    def fresh(self):
+        yield
+        self.forget()
+
+    def forget(self):
+        for kept in (lettering._font_for, lettering.mask, lettering.shortened, lettering._patch):
+            kept.cache_clear()
+        lettering._found.clear()
+        lettering._mute.clear()
+
+    def test_without_system_fonts_letters_lose_their_accents_and_others_are_left_out(self, monkeypatch):
+        def absent(*args, **kwargs):
+            raise FileNotFoundError("fc-match")
+
+        self.forget()
+        monkeypatch.setattr(subprocess, "run", absent)
+        assert lettering.drawable("Café – 한국어 – ok −1") == "Cafe -  - ok -1"
+        assert not lettering.is_drawable("랩") and lettering.is_drawable("Lap 1")
+        assert lettering.mask("한국어", 20).shape[0] == lettering.mask("Lap", 20).shape[0]
+
+    def test_a_font_tool_that_hangs_is_not_waited_for_and_one_that_says_nonsense_not_believed(self, monkeypatch):
+        self.forget()
+        answers = iter(["", "/nowhere.ttf\n0", "/etc/passwd\n0", "x", subprocess.TimeoutExpired("fc-match", 5)])
+
+        def run(*args, **kwargs):
+            answer = next(answers)
+            if isinstance(answer, Exception):
+                raise answer
+            return subprocess.CompletedProcess(args, 0, answer)
+
+        monkeypatch.setattr(subprocess, "run", run)
+        assert lettering.drawable("가나다라마바사") == ""  # after the last answer nobody asks again
+
+    def test_digits_are_equally_wide(self):
+        assert len({lettering.advance(digit, 44) for digit in "0123456789"}) == 1
+
+    def test_a_long_text_is_shortened_to_its_room(self):
+        short = lettering.shortened("x" * 64, 20, True, 150)
+        assert short.endswith("...") and lettering.mask(short, 20, True).shape[1] <= 150
+        assert lettering.shortened("short", 20, True, 150) == "short"
+
+    def test_control_characters_are_no_letters(self):
+        assert lettering.drawable("a\x00b\u202ec\n d") == "abc d"
