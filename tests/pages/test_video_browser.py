@@ -1,0 +1,76 @@
+"""A video of a real run, from the button to a player that plays it: site, broker, worker and encoder."""
+
+from __future__ import annotations
+
+import re
+from time import monotonic
+
+import pytest
+
+from tests.pages.test_browser import CHROMIUM, DRIVE_MS, browser, page, playwright, race_on_the_oval, sign_up  # noqa: F401
+from tests.shared import CHECKOUT
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
+]
+DRAW_MS = 120_000
+HOUSE_CARS = CHECKOUT / "training" / "house_cars"
+CARD_S = 2.5  # the figures at the end
+
+
+def a_run_on_the_oval(page: playwright.Page) -> None:  # noqa: F811
+    """The house's fastest car in a race of one's own, driven to its end; the page of the run is open."""
+    page.goto("/models/upload/")
+    files = [("flyer.onnx", "flyer.onnx"), ("model_metadata.json", "flyer.json")]
+    page.locator("input[type=file]").set_input_files(
+        [
+            {"name": name, "mimeType": "application/octet-stream", "buffer": (HOUSE_CARS / source).read_bytes()}
+            for name, source in files
+        ]
+    )
+    page.get_by_role("main").get_by_role("button", name="Upload").click()
+    playwright.expect(page.get_by_role("heading", name="flyer", exact=True)).to_be_visible(timeout=DRIVE_MS)
+    race_on_the_oval(page, "Film night")
+
+
+def test_a_racer_makes_a_video_of_a_best_lap_and_a_guest_watches_it(
+    page: playwright.Page,  # noqa: F811
+    browser: playwright.Browser,  # noqa: F811
+    site: str,
+) -> None:
+    sign_up(page, "filmgoer")
+    a_run_on_the_oval(page)
+    card = page.locator("#video")
+    offered = card.get_by_label("What it shows").locator("option:checked").inner_text()
+    lap_s = int(re.search(r"0:(\d\d)\.(\d{3})", offered)[1]) + int(re.search(r"0:(\d\d)\.(\d{3})", offered)[2]) / 1000
+    card.get_by_role("button", name="Make a video").click()
+    playwright.expect(card.get_by_role("progressbar")).to_be_visible()
+
+    # the page follows it without a reload
+    film = card.locator("video")
+    playwright.expect(film).to_be_visible(timeout=DRAW_MS)
+    deadline = monotonic() + 20
+    while film.evaluate("film => film.readyState") < 1 and monotonic() < deadline:
+        page.wait_for_timeout(50)
+    assert film.evaluate("film => film.error && film.error.message") is None
+    assert film.evaluate("film => film.duration") == pytest.approx(lap_s + CARD_S, abs=0.1)
+    assert film.evaluate("film => film.videoWidth") == 1280
+
+    # it plays, and can be jumped about in: the site sends the parts that the player asks for
+    film.evaluate("film => { film.muted = true; return film.play(); }")
+    film.evaluate("(film, at) => { film.currentTime = at; }", lap_s - 1)
+    while film.evaluate("film => film.currentTime") < lap_s - 0.5 and monotonic() < deadline:
+        page.wait_for_timeout(50)
+    assert film.evaluate("film => film.currentTime") >= lap_s - 0.5
+    with page.expect_download() as download:
+        card.get_by_role("link", name="Download (MP4").click()
+    assert download.value.suggested_filename.endswith(".mp4")
+
+    guest = browser.new_context(base_url=site, locale="en-GB").new_page()
+    guest.goto(page.url)
+    playwright.expect(guest.locator("#video video")).to_be_visible()
+    playwright.expect(guest.locator("#video form")).to_have_count(0)
+    guest.context.close()
