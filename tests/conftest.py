@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 from collections import Counter
@@ -69,7 +70,23 @@ def migrated(request: pytest.FixtureRequest, django_db_use_migrations: bool) -> 
 
 
 @pytest.fixture(scope="session")
-def django_db_keepdb(django_db_keepdb: bool, django_db_modify_db_settings: None, migrated: Path | None) -> bool:
+def migrating(migrated: Path | None) -> Iterator[Callable[[], None]]:
+    """One process migrates, and the others wait for what it keeps: call it when that is there."""
+    if migrated is None:
+        yield lambda: None
+        return
+    with (migrated.parent / "lock").open("w") as lock:
+        done = partial(fcntl.flock, lock, fcntl.LOCK_UN)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if migrated.exists():
+            done()
+        yield done
+
+
+@pytest.fixture(scope="session")
+def django_db_keepdb(
+    django_db_keepdb: bool, django_db_modify_db_settings: None, migrated: Path | None, migrating: Callable[[], None]
+) -> bool:
     """pytest-django's; a database that was migrated before is put where it looks for one to keep."""
     if migrated is None or not migrated.exists():
         return django_db_keepdb
@@ -78,11 +95,12 @@ def django_db_keepdb(django_db_keepdb: bool, django_db_modify_db_settings: None,
 
 
 @pytest.fixture(scope="session")
-def django_db_setup(django_db_setup: None, migrated: Path | None) -> Iterator[None]:
+def django_db_setup(django_db_setup: None, migrated: Path | None, migrating: Callable[[], None]) -> Iterator[None]:
     """pytest-django's; what it has migrated is kept for the next time."""
     made = Path(connection.settings_dict["NAME"])
     if migrated is not None and not migrated.exists() and made == Path(connection.creation._get_test_db_name()):
         database.keep(made, migrated)
+    migrating()
     yield
 
 
