@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from functools import cache
+from typing import Any
 
 import pytest
-import schemathesis
 from django.core.signals import request_finished, request_started
 from django.db import close_old_connections
 from django.utils import timezone
@@ -13,12 +14,6 @@ from drf_spectacular.generators import SchemaGenerator
 from hypothesis import HealthCheck, Phase, given, settings
 from knox.models import AuthToken
 from rest_framework.throttling import ScopedRateThrottle
-from schemathesis.checks import not_a_server_error
-from schemathesis.specs.openapi.checks import (
-    content_type_conformance,
-    response_schema_conformance,
-    status_code_conformance,
-)
 
 from league.services import create_season, schedule_round
 from league.wsgi import application
@@ -27,11 +22,35 @@ from races.services import accept_invitation
 from races.services.videos import ask_for_video, run_next_video
 from tests.factories import a_race, a_racer, drive, laps
 
-SCHEMA = schemathesis.openapi.from_dict(SchemaGenerator().get_schema(request=None, public=True))
-SCHEMA.app = application  # called within this process
-OPERATIONS = {operation.label: operation for operation in (found.ok() for found in SCHEMA.get_all_operations())}
-CHECKS = [not_a_server_error, status_code_conformance, content_type_conformance, response_schema_conformance]
+SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
+LABELS = [f"{method.upper()} {path}" for path, methods in SCHEMA["paths"].items() for method in methods]
 EXAMPLES = 6
+pytestmark = pytest.mark.xdist_group(
+    "fuzz"
+)  # schemathesis takes long to load: in one process, and only when it is needed
+
+
+@cache
+def operations() -> dict[str, Any]:
+    """Every operation of the schema, called within this process."""
+    import schemathesis
+
+    read = schemathesis.openapi.from_dict(SCHEMA)
+    read.app = application
+    return {operation.label: operation for operation in (found.ok() for found in read.get_all_operations())}
+
+
+@cache
+def checks() -> list:
+    from schemathesis.checks import not_a_server_error
+    from schemathesis.specs.openapi import checks as of_schemas
+
+    return [
+        not_a_server_error,
+        of_schemas.status_code_conformance,
+        of_schemas.content_type_conformance,
+        of_schemas.response_schema_conformance,
+    ]
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +90,7 @@ def known(alice, films, monkeypatch) -> dict[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.django_db
-@pytest.mark.parametrize("label", OPERATIONS)
+@pytest.mark.parametrize("label", LABELS)
 def test_no_request_crashes_or_is_answered_in_an_undescribed_way(label, known):
     headers = {"Authorization": known["header"]}
 
@@ -83,15 +102,19 @@ def test_no_request_crashes_or_is_answered_in_an_undescribed_way(label, known):
         phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )
-    @given(case=OPERATIONS[label].as_strategy())
-    def ask(case: schemathesis.Case) -> None:
-        case.validate_response(case.call(headers=headers), checks=CHECKS)
+    @given(case=operations()[label].as_strategy())
+    def ask(case: Any) -> None:
+        case.validate_response(case.call(headers=headers), checks=checks())
         if case.path_parameters:
             for name in case.path_parameters:
                 kind = next((kind for kind in ("model", "video") if f"/{kind}s/{{" in label), name)
                 case.path_parameters[name] = known[kind]
             if "/tracks/" in label:
                 case.path_parameters["slug"] = "oval"
-            case.validate_response(case.call(headers=headers), checks=CHECKS)
+            case.validate_response(case.call(headers=headers), checks=checks())
 
     ask()
+
+
+def test_every_operation_of_the_schema_is_tried():
+    assert set(LABELS) == set(operations())
