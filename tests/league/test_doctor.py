@@ -113,3 +113,15 @@ def test_a_database_and_a_broker_that_do_not_answer_are_named(tmp_path):
     assert finding(report, "postgresql")["status"] == "fail"
     assert finding(report, "broker")["status"] == "warn"
     assert "Traceback" not in done.stderr
+
+
+def test_a_machine_without_an_encoder_for_videos_is_told_so_and_can_run_all_the_same(monkeypatch, settings):
+    from races.services.videos import work
+
+    assert finding(examine()[1], "encoder")["status"] == "ok"
+    monkeypatch.setattr(work, "ENCODER", "no-such-encoder")
+    status, report = examine()
+    assert (status, finding(report, "encoder")["status"]) == (0, "warn")
+    assert "no-such-encoder" in finding(report, "encoder")["detail"]
+    settings.VIDEOS = False
+    assert finding(examine()[1], "encoder")["status"] == "ok"
