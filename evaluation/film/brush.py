@@ -18,7 +18,8 @@ _FARTHEST_PX = 30_000.0  # OpenCV counts in 32 bits, 16 of them behind the point
 
 def fixed(points: np.ndarray) -> np.ndarray:
     """Places in px as OpenCV's whole numbers, none farther off than it can count."""
-    return np.rint(np.clip(points, -_FARTHEST_PX, _FARTHEST_PX) * _ONE).astype(np.int32)
+    near = np.minimum(np.maximum(points, -_FARTHEST_PX), _FARTHEST_PX)  # np.clip takes three times as long
+    return np.rint(near * _ONE).astype(np.int32)
 
 
 def fill(picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour) -> None:

@@ -92,10 +92,15 @@ class View:
                 lines.append(self.place(ends))
         stroke(picture, lines, palette.GRID, self._unit, closed=False)
 
+    def _stand(self, x: float, y: float, yaw: float) -> tuple[np.ndarray, np.ndarray]:
+        """(turn, middle): ``outline @ turn + middle`` is where an outline in metres around a thing's middle is, px."""
+        cos, sin = math.cos(yaw) * self._scale, math.sin(yaw) * self._scale
+        return np.array(((cos, -sin), (-sin, -cos))), self.place(np.array((x, y)))
+
     def _turned(self, outline: np.ndarray, x: float, y: float, yaw: float) -> np.ndarray:
         """An outline in metres around a thing's middle, in px."""
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        return self.place(outline @ np.array(((cos, sin), (-sin, cos))) + (x, y))
+        turn, middle = self._stand(x, y, yaw)
+        return outline @ turn + middle
 
     def _box(self, picture: np.ndarray, x: float, y: float, yaw: float) -> None:
         if not self._seen(x, y):
@@ -156,20 +161,21 @@ class View:
         def shown(paint: Colour) -> Colour:
             return mixed(paint, palette.ROAD, faded) if faded else paint
 
-        def outlines(parts: list[np.ndarray]) -> list[np.ndarray]:
-            return [self._turned(part, x, y, yaw) for part in parts]
+        turned, middle = self._stand(x, y, yaw)
 
+        def outlines(parts: list[np.ndarray]) -> list[np.ndarray]:
+            return [part @ turned + middle for part in parts]
+
+        body = outlines(shell.body)
         if not faded:
-            shadow = np.array((x, y)) + _SHADOW
-            dim(picture, [self._turned(part, *shadow, yaw) for part in shell.body], 0.5)
+            dim(picture, [part + _SHADOW * (self._scale, -self._scale) for part in body], 0.5)
         wheels = outlines(shell.under)
         cos, sin = math.cos(steer), math.sin(steer)
         turn = np.array(((cos, sin), (-sin, cos)))
-        wheels += outlines([(wheel - middle) @ turn + middle for wheel, middle in shell.steered])
+        wheels += outlines([(wheel - hub) @ turn + hub for wheel, hub in shell.steered])
         for wheel in wheels:
             fill(picture, [wheel], shown(palette.TYRE))
         stroke(picture, wheels, shown(palette.LINE_STRONG), self._unit)
-        body = outlines(shell.body)
         fill(picture, body, shown(colour))
         if not plain:
             fill(picture, outlines(shell.dark), shown(palette.TYRE))
@@ -225,7 +231,7 @@ class View:
         angle = np.radians(np.linspace(-90.0, -90.0 + 360.0 * share, 2 + round(60 * share)))
         arc = np.column_stack((px + radius * np.cos(angle), py + radius * np.sin(angle)))
         stroke(picture, [arc], palette.ACCENT, 4 * self._unit, closed=False)
-        if begin:  # where it happened
+        if begin and math.dist((x, y), (steps.x[begin - 1], steps.y[begin - 1])) > _RING_M:  # where it happened
             fx, fy = self.place(np.array((steps.x[begin - 1], steps.y[begin - 1]))).tolist()
             reach = 13 * self._unit
             cross = [np.array([(fx - reach, fy - s * reach), (fx + reach, fy + s * reach)]) for s in (-1, 1)]

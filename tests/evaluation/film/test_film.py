@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import struct
+import subprocess
+import sys
 
 import av
 import numpy as np
@@ -16,6 +18,7 @@ from evaluation.film.take import prepare
 from evaluation.looks import DEFAULT_COLOUR
 from faults import UserFault
 from tests.evaluation.film.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
+from tests.shared import CHECKOUT
 
 CARD_FRAMES = CARD_MS * 30 // 1000
 
@@ -114,6 +117,14 @@ class TestTheFile:
             shown = np.asarray(picture)
         middle = still(what, prepare(what, SMALL).driven // 2)
         assert count(middle, "#ff3b55", 40) > 100 > count(shown, "#ff3b55", 40)  # the ring of a car that stands
+
+    def test_a_site_that_knows_of_videos_loads_no_encoder(self):
+        code = (
+            "import sys, django; from django.conf import settings; settings.configure(); import evaluation.film;"
+            "print([name for name in ('av', 'cv2', 'PIL', 'scipy', 'shapely') if name in sys.modules])"
+        )
+        done = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == "[]"
 
 
 class TestThePicture:
