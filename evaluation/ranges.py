@@ -24,7 +24,7 @@ class Span(NamedTuple):
 
 
 def stored_file_response(
-    request: HttpRequest, file: FieldFile, *, size: int, digest: str, content_type: str
+    request: HttpRequest, file: FieldFile, *, size: int, digest: str, content_type: str, most: int | None = None
 ) -> HttpResponseBase:
     """The stored file, or as much of it as ``Range`` asks for, read from the storage a piece at a time.
 
@@ -32,12 +32,16 @@ def stored_file_response(
     ``If-Match`` names another, 416 a range that the file does not have. Several ranges at once, and what is no range,
     are answered with the whole, as the standard allows. Whoever is to keep the answer is the caller's word.
 
+    ``most``: of a range without an end no more bytes than these are sent at a time, which the standard allows, too. A
+    player asks for the next ones when it needs them; it would otherwise read so slowly that it keeps one of the site's
+    few threads for as long as somebody watches, or pauses. Programs that go on with a broken download do not ask twice.
+
     Raises FileNotFoundError when the file is gone, before anything is sent, and OSError.
     """
     etag = quote_etag(digest)
     response = get_conditional_response(request, etag=etag)
     if response is None:
-        span = _asked(request, size, etag)
+        span = _asked(request, size, etag, most or size)
         if span is None:
             response = HttpResponse(status=416)
             response["Content-Range"] = f"bytes */{size}"
@@ -63,7 +67,7 @@ def _answer(request: HttpRequest, file: FieldFile, size: int, span: Span, conten
     return response
 
 
-def _asked(request: HttpRequest, size: int, etag: str) -> Span | None:
+def _asked(request: HttpRequest, size: int, etag: str, most: int) -> Span | None:
     """What is to be sent; None for a range that begins behind the end, or is of no bytes."""
     whole = Span(0, size, is_part=False)
     found = _ONE_RANGE.fullmatch(request.headers.get("Range", "").replace(" ", ""))
@@ -80,7 +84,7 @@ def _asked(request: HttpRequest, size: int, etag: str) -> Span | None:
         return whole
     if int(first) >= size:
         return None
-    return Span(int(first), min(int(last) + 1, size) if last else size)
+    return Span(int(first), min(int(last) + 1 if last else int(first) + most, size))
 
 
 def _pieces(file: FieldFile, span: Span) -> Iterator[bytes]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from league.models import Racer
 
+PIECE = 1 << 20  # some seconds of a film
 _RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
 _RACE = ("evaluation__submission__entry__race", "evaluation__duel__race")
 
@@ -45,7 +46,8 @@ def ready_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
 def film_response(
     request: HttpRequest, video: Video, *, still: bool = False, download: bool = False
 ) -> HttpResponseBase:
-    """The film of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as a file to keep.
+    """The film of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as a file to keep;
+    to a player a film goes in pieces.
 
     Browsers keep it, and ask each time whether it may still be shown. Raises Http404 where the file is lost (the video
     can then be asked for anew) and PlatformFault("storage_failed").
@@ -54,7 +56,8 @@ def film_response(
     file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
     try:
         size = file.size if still else video.size
-        response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind)
+        most = None if download else PIECE
+        response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind, most=most)
     except FileNotFoundError:
         forget_lost_file(video=video, now=now)
         raise Http404 from None

@@ -23,9 +23,9 @@ def film(tmp_path: Path) -> SimpleNamespace:
     return SimpleNamespace(name="film.mp4", storage=FileSystemStorage(tmp_path))
 
 
-def ask(film, method: str = "get", size: int = len(CONTENT), **headers: str):
+def ask(film, method: str = "get", size: int = len(CONTENT), most: int | None = None, **headers: str):
     request = getattr(RequestFactory(), method)("/", headers={k.replace("_", "-"): v for k, v in headers.items()})
-    return stored_file_response(request, film, size=size, digest="abc", content_type="video/mp4")
+    return stored_file_response(request, film, size=size, digest="abc", content_type="video/mp4", most=most)
 
 
 def body(response) -> bytes:
@@ -60,6 +60,18 @@ def test_a_range_is_a_part(film, asked, start, stop):
     assert response["Content-Range"] == f"bytes {start}-{stop - 1}/1024"
     assert response["Content-Length"] == str(stop - start)
     assert body(response) == CONTENT[start:stop]
+
+
+def test_a_player_is_given_a_piece_at_a_time_of_a_range_without_an_end(film):
+    starts, received = [0], b""
+    while starts[-1] < len(CONTENT):
+        response = ask(film, range=f"bytes={starts[-1]}-", most=300)
+        received += body(response)
+        starts.append(len(received))
+    assert starts == [0, 300, 600, 900, 1024]
+    assert received == CONTENT
+    assert len(body(ask(film, range="bytes=0-999", most=300))) == 1000
+    assert len(body(ask(film, most=300))) == 1024
 
 
 @pytest.mark.parametrize("asked", ["bytes=1024-", "bytes=5000-6000", "bytes=-0"])
