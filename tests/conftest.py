@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -109,8 +110,9 @@ def keep(request: pytest.FixtureRequest, django_db_setup: None, django_db_blocke
     """For a fixture of the session: ``keep(request, make)`` has rows made once for tests that follow each other."""
     made = request.session.stash[kept.MADE] = {}
 
-    def keep(request: pytest.FixtureRequest, make: Callable[[], object]) -> kept.Kept:
-        one = made[request.fixturename] = kept.Kept(make, django_db_blocker.unblock)
+    def keep(request: pytest.FixtureRequest, make: Callable[[], object], fresh_s: float = inf) -> kept.Kept:
+        assert request.fixturename not in made, "a name for each"
+        one = made[request.fixturename] = kept.Kept(make, django_db_blocker.unblock, fresh_s)
         one.have()
         return one
 

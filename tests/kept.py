@@ -15,15 +15,17 @@ from typing import Any
 import pytest
 from django.db import transaction
 
-FRESH_S = 20.0  # what is made of the present moment is made anew: a lease of it runs for thirty seconds
 MADE: pytest.StashKey[dict[str, Kept]] = pytest.StashKey()
 
 
 class Kept:
-    """What ``make()`` made and returned, while tests ask for it."""
+    """What ``make()`` made and returned, while tests ask for it; made anew for the first that asks when it is older
+    than ``fresh_s``."""
 
-    def __init__(self, make: Callable[[], Any], unblocked: Callable[[], AbstractContextManager[None]]) -> None:
-        self._make, self._unblocked = make, unblocked
+    def __init__(
+        self, make: Callable[[], Any], unblocked: Callable[[], AbstractContextManager[None]], fresh_s: float
+    ) -> None:
+        self._make, self._unblocked, self._fresh_s = make, unblocked, fresh_s
         self._around: transaction.Atomic | None = None
         self._made: Any = None
         self._at = 0.0
@@ -34,7 +36,7 @@ class Kept:
 
     def have(self) -> None:
         """See to it that it is there, and fresh."""
-        if self._around is not None and time.monotonic() - self._at < FRESH_S:
+        if self._around is not None and time.monotonic() - self._at < self._fresh_s:
             return
         self.drop()
         with self._unblocked():

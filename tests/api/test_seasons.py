@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
-from league.models import Racer
+from league.models import Racer, Season
 from league.services import close_round, set_stage_rules
 from tests.factories import a_racer
+from tests.kept import Kept
 from tests.league.seasons import HOUR, a_round, a_season, after, board
 
 pytestmark = pytest.mark.django_db
 
 
+@pytest.fixture(scope="session")
+def kept_season_of_ten(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _make_season)
+
+
 @pytest.fixture
-def season():
+def season(kept_season_of_ten: Kept, db: None) -> Season:
+    return kept_season_of_ten.copy()
+
+
+def _make_season() -> Season:
     """January's open race is official, February's and the pro race and its finale are to come."""
     made = a_season(drop_worst=1, prizes="A cup.")
     set_stage_rules(season=made, stage="open-qualifier", laps=5, minimum_laps=3)

@@ -77,6 +77,55 @@ def model_hash(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+def test_a_season_of_one_calendar_year_is_named_by_it():
+    season = open_demo_season(now=datetime(2027, 1, 1, tzinfo=UTC))
+    assert (season.slug, season.ends_on) == ("2027", date(2028, 1, 20))
+
+
+def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
+    settings.TIME_ZONE = "Asia/Seoul"
+    timezone.get_default_timezone.cache_clear()
+    try:
+        season = open_demo_season(now=datetime(2026, 10, 31, 16, 0, tzinfo=UTC))  # 1 November, 1:00 in Seoul
+        assert season.starts_on == date(2026, 11, 1)
+        first = season.rounds.get(number=1, race__division="open").race
+        assert first.opens_at == datetime(2026, 10, 31, 15, 0, tzinfo=UTC)
+    finally:
+        timezone.get_default_timezone.cache_clear()
+
+
+def test_an_operator_s_own_season_is_left_alone(now):
+    mine = Season.objects.create(slug="mine", name="Mine", starts_on=date(2020, 1, 1), ends_on=date(2020, 12, 31))
+    assert open_demo_season(now=now) == mine
+    assert not Race.objects.exists()
+
+
+def test_house_cars_stay_out_of_racers_own_races(now, stable):
+    racer = a_racer()
+    create_community_race(
+        organiser=racer, now=now, name="Mine", track=a_track(), opens_at=now, closes_at=now + timedelta(days=1)
+    )
+    assert enter_house_cars(now=now, folder=stable).submitted == 0
+
+
+def test_a_racer_who_has_a_house_car_s_name_keeps_it(now, stable):
+    a_racer("steady")
+    open_demo_season(now=now)
+    enter_house_cars(now=now, folder=stable)
+    assert set(Racer.objects.filter(is_house=True).values_list("alias", flat=True)) == {
+        "Paddock",
+        "Quick",
+        "house-steady",
+    }
+
+
+def test_the_committed_house_cars_can_be_read():
+    cars = house_cars()
+    assert {car.name for car in cars} == {path.stem for path in HOUSE_CARS_DIR.glob("*.onnx")}
+    assert cars, "there is at least one"
+    assert len({car.display_name for car in cars}) == len(cars)
+
+
 def test_it_opens_twelve_months_from_this_month_on(season, now):
     assert (season.slug, season.name) == ("2026-27", "Season 2026-27")
     assert (season.starts_on, season.ends_on) == (date(2026, 11, 1), date(2027, 11, 20))
@@ -92,11 +141,6 @@ def test_it_opens_twelve_months_from_this_month_on(season, now):
         assert len(pairs) == 12, "the second half year drives the other way round"
         assert rounds[0].race.state_at(now) == RaceState.OPEN
         assert rounds[1].race.state_at(now) == RaceState.UPCOMING
-
-
-def test_a_season_of_one_calendar_year_is_named_by_it():
-    season = open_demo_season(now=datetime(2027, 1, 1, tzinfo=UTC))
-    assert (season.slug, season.ends_on) == ("2027", date(2028, 1, 20))
 
 
 def test_each_month_has_a_finale_and_the_season_a_championship(season):
@@ -133,18 +177,6 @@ def test_a_finale_is_no_less_a_race_of_the_league_for_house_cars(season, stable)
     assert {entry.racer.alias for entry in finale.entries.filter(is_baseline=True)} == {"Steady", "Quick"}
 
 
-def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
-    settings.TIME_ZONE = "Asia/Seoul"
-    timezone.get_default_timezone.cache_clear()
-    try:
-        season = open_demo_season(now=datetime(2026, 10, 31, 16, 0, tzinfo=UTC))  # 1 November, 1:00 in Seoul
-        assert season.starts_on == date(2026, 11, 1)
-        first = season.rounds.get(number=1, race__division="open").race
-        assert first.opens_at == datetime(2026, 10, 31, 15, 0, tzinfo=UTC)
-    finally:
-        timezone.get_default_timezone.cache_clear()
-
-
 def test_the_community_races_are_open_now_and_rank_in_every_way(season, now):
     races = Race.objects.filter(kind=Kind.COMMUNITY)
     assert {race.ranking_method for race in races} == {"average", "best", "total"}
@@ -164,12 +196,6 @@ def test_doing_it_again_changes_nothing(season, now):
     before = everything()
     open_demo_season(now=now + timedelta(days=100))
     assert everything() == before
-
-
-def test_an_operator_s_own_season_is_left_alone(now):
-    mine = Season.objects.create(slug="mine", name="Mine", starts_on=date(2020, 1, 1), ends_on=date(2020, 12, 31))
-    assert open_demo_season(now=now) == mine
-    assert not Race.objects.exists()
 
 
 def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(season, now, stable):
@@ -195,29 +221,10 @@ def test_sending_the_house_cars_again_sends_none_until_another_race_opens(season
     assert TrainedModel.objects.count() == 2
 
 
-def test_house_cars_stay_out_of_racers_own_races(now, stable):
-    racer = a_racer()
-    create_community_race(
-        organiser=racer, now=now, name="Mine", track=a_track(), opens_at=now, closes_at=now + timedelta(days=1)
-    )
-    assert enter_house_cars(now=now, folder=stable).submitted == 0
-
-
 def test_a_house_racer_that_an_admin_deactivated_stays_at_home(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     Racer.objects.filter(alias="Quick").update(is_active=False)
     assert enter_house_cars(now=now + timedelta(days=30), folder=stable).submitted == 2
-
-
-def test_a_racer_who_has_a_house_car_s_name_keeps_it(now, stable):
-    a_racer("steady")
-    open_demo_season(now=now)
-    enter_house_cars(now=now, folder=stable)
-    assert set(Racer.objects.filter(is_house=True).values_list("alias", flat=True)) == {
-        "Paddock",
-        "Quick",
-        "house-steady",
-    }
 
 
 def test_without_house_cars_the_season_opens_all_the_same(season, now, tmp_path, caplog):
@@ -244,13 +251,6 @@ def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(season, 
     assert enter_house_cars(now=now, folder=stable).submitted == 8
     assert "Quick stays at home" in caplog.text or "quick stays at home" in caplog.text
     assert "broken" in caplog.text and "lonely" in caplog.text
-
-
-def test_the_committed_house_cars_can_be_read():
-    cars = house_cars()
-    assert {car.name for car in cars} == {path.stem for path in HOUSE_CARS_DIR.glob("*.onnx")}
-    assert cars, "there is at least one"
-    assert len({car.display_name for car in cars}) == len(cars)
 
 
 def test_the_pro_race_is_refused_to_everybody_at_first(season, now, alice):

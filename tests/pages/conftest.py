@@ -77,7 +77,7 @@ class World:
 
 @pytest.fixture(scope="session")
 def kept_world(request: pytest.FixtureRequest, keep: Callable) -> Kept:
-    return keep(request, _make_world)
+    return keep(request, _make_world, fresh_s=20.0)  # leases of the present moment run for thirty
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from xml.etree import ElementTree
 from zoneinfo import ZoneInfo
@@ -16,6 +17,7 @@ from league.models import Racer, Round, Season, Stage
 from league.season_form import SeasonForm
 from league.services import close_due_rounds, close_round, disqualify, open_demo_season
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.kept import Kept
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
 from tests.pages.test_pages import INLINE
 from tests.pages.test_queries import LIMIT, queries
@@ -52,8 +54,17 @@ def form_data(now: datetime, **changes: object) -> dict[str, object]:
     return data | changes
 
 
+@pytest.fixture(scope="session")
+def kept_season_with_results(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _make_season)
+
+
 @pytest.fixture
-def season(db: None) -> Season:
+def season(kept_season_with_results: Kept, db: None) -> Season:
+    return kept_season_with_results.copy()
+
+
+def _make_season() -> Season:
     """January's open race is official and promoted four of twenty; its pro race is open with three on the board."""
     made = a_season(drop_worst=1, prizes="A mug")
     first, pro = a_round(made, 1, Stage.OPEN), a_round(made, 2, Stage.PRO)
