@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import resource
 import struct
 import subprocess
 import sys
@@ -295,6 +296,16 @@ class TestWhatCannotBeFilmed:
     def test_a_folder_that_does_not_exist_is_an_error_of_the_system(self, tmp_path):
         with pytest.raises(FileNotFoundError):
             film(scene(), tmp_path / "nowhere" / "run.mp4", form=SMALL)
+
+    def test_where_there_is_no_room_for_it_nothing_is_left(self, tmp_path):
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+        try:
+            with pytest.raises(OSError, match="too large"):
+                film(scene(), tmp_path / "run.mp4", form=SMALL)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert list(tmp_path.iterdir()) == []
 
     def test_progress_grows_to_one(self):
         shares = []
