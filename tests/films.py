@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from datetime import datetime
-from typing import Any, BinaryIO
+from pathlib import Path
+from typing import Any
 
 from evaluation.film import FilmFacts, Scene
 from evaluation.models import Evaluation
@@ -34,10 +35,10 @@ def driven_trace(track: Track, laps: int = 2, lap_ms: int = LAP_MS) -> bytes:
     return "\n".join([*rows, ""]).encode()
 
 
-def a_film(scene: Scene, out: BinaryIO, *, on_progress=None, is_stopped=None) -> FilmFacts:
+def a_film(scene: Scene, out: Path, *, on_progress=None, is_stopped=None) -> FilmFacts:
     """Instead of drawing, where a test is about the queue: a file that says what the scene shows."""
     content = f"{scene.title} {scene.followed} {scene.lap} {[car.name for car in scene.cars]}".encode()
-    out.write(content)
+    out.write_bytes(content)
     return FilmFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
 
 

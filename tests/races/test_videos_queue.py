@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import io
+import os
 from datetime import timedelta
+from functools import partial
+from pathlib import Path
 
 import pytest
 from django.core.files.storage import default_storage
@@ -52,9 +54,16 @@ def ident(video: Video) -> dict:
     return {"video_id": video.pk, "lease": video.lease}
 
 
-def drawn(content: bytes = b"a film") -> DrawnVideo:
+@pytest.fixture
+def drawn(tmp_path):
+    """Makes a film of these bytes."""
+    return partial(a_drawn_video, tmp_path / "film.mp4")
+
+
+def a_drawn_video(path: Path, content: bytes = b"a film") -> DrawnVideo:
+    path.write_bytes(content)
     facts = FilmFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
-    return DrawnVideo(io.BytesIO(content), b"a still", facts, "0" * 64)
+    return DrawnVideo(path, b"a still", facts, "0" * 64)
 
 
 def stored() -> set[str]:
@@ -82,7 +91,7 @@ class TestAClaim:
         claimed.refresh_from_db()
         assert (claimed.progress, claimed.leased_until) == (40, later + LEASE)
 
-    def test_that_is_lost_writes_nothing(self, claimed, now):
+    def test_that_is_lost_writes_nothing(self, claimed, now, drawn):
         assert sweep_videos(now=now + LEASE + timedelta(seconds=1)) == 1
         other = claim_next_video(worker="w2", now=now + LEASE)
         assert other.attempt == 2
@@ -97,7 +106,7 @@ class TestAClaim:
 
 
 class TestAnEnd:
-    def test_that_is_good_stores_film_and_still(self, claimed, now):
+    def test_that_is_good_stores_film_and_still(self, claimed, now, drawn):
         assert finish_video(**ident(claimed), drawn=drawn(b"a longer film"), now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.size, claimed.duration_ms) == (VideoState.READY, 13, 1000)
@@ -137,7 +146,7 @@ class TestAnEnd:
         assert not stop_video(video=claimed, now=now)
         assert claim_next_video(worker="w", now=now) is None
 
-    def test_of_a_worker_between_storing_and_writing_leaves_no_file(self, claimed, now, monkeypatch):
+    def test_of_a_worker_between_storing_and_writing_leaves_no_file(self, claimed, now, monkeypatch, drawn):
         from races.services.videos import leases
 
         class Killed(BaseException):
@@ -155,7 +164,7 @@ class TestAnEnd:
         sweep_videos(now=now + LEASE + timedelta(seconds=1))
         assert ours(claimed) == set()
 
-    def test_where_the_storage_takes_the_film_only_keeps_neither(self, claimed, now, monkeypatch):
+    def test_where_the_storage_takes_the_film_only_keeps_neither(self, claimed, now, monkeypatch, drawn):
         real = default_storage._wrapped.save if hasattr(default_storage, "_wrapped") else default_storage.save
 
         def full(name, content, **more):
@@ -189,7 +198,7 @@ class TestTheDatabaseRefuses:
         with pytest.raises(IntegrityError), transaction.atomic():
             Video.objects.filter(pk=waiting.pk).update(**changes)
 
-    def test_a_ready_one_without_its_file(self, claimed, now):
+    def test_a_ready_one_without_its_file(self, claimed, now, drawn):
         finish_video(**ident(claimed), drawn=drawn(), now=now)
         for column in ("file", "poster", "sha256", "fingerprint"):
             with pytest.raises(IntegrityError), transaction.atomic():
@@ -204,7 +213,7 @@ class TestAWorker:
             scenes.append(scene)
             on_progress(0.5)
             assert not is_stopped()
-            out.write(b"film")
+            out.write_bytes(b"film")
             return FilmFacts(frames=1, duration_ms=1, width=2, height=2, size=4)
 
         monkeypatch.setattr(film, "film", look)
@@ -248,6 +257,19 @@ class TestAWorker:
         waiting.refresh_from_db()
         assert (waiting.state, waiting.reason_code) == (VideoState.FAILED, "video_gave_up")
         assert "ZeroDivisionError" in waiting.operator_detail and "bug" not in waiting.reason
+
+    def test_leaves_nothing_on_its_machine_and_removes_what_a_killed_one_left_a_day_ago(self, waiting, settings):
+        folder = Path(settings.FILE_UPLOAD_TEMP_DIR)
+        ages = {"film-new": 0, "film-old": 90_000}
+        for name, seconds in ages.items():
+            (folder / name).mkdir()
+            (folder / name / "film.mp4").write_bytes(b"half a film")
+            stamp = (folder / name).stat().st_mtime - seconds
+            os.utime(folder / name, (stamp, stamp))
+        assert run_next_video(worker="w")
+        assert [path.name for path in folder.glob("film-*")] == ["film-new"]
+        (folder / "film-new" / "film.mp4").unlink()
+        (folder / "film-new").rmdir()
 
     def test_without_an_encoder_says_so(self, waiting, monkeypatch):
         from races.services.videos import work

@@ -6,7 +6,7 @@ import hashlib
 import logging
 from collections.abc import Iterable
 from functools import partial
-from typing import IO
+from pathlib import Path
 
 from django.core.files.base import ContentFile, File
 from django.core.files.storage import Storage
@@ -19,7 +19,6 @@ from ...models import Video
 
 logger = logging.getLogger(__name__)
 FOLDER = "videos"
-CHUNK = 1 << 20
 # What a row without a file says of it.
 NO_FILE = {
     **dict.fromkeys(("fingerprint", "file", "poster", "sha256"), ""),
@@ -40,13 +39,13 @@ def names_of(video: Video) -> tuple[str, str]:
     return f"{stem}.mp4", f"{stem}.jpg"
 
 
-def store(video: Video, film: IO[bytes], still: bytes) -> tuple[str, str]:
+def store(video: Video, film: Path, still: bytes) -> tuple[str, str]:
     """Store both; both or none. The names under which they are. Raises PlatformFault("storage_failed")."""
     stored: list[str] = []
-    film.seek(0)
     try:
-        for name, content in zip(names_of(video), (File(film), ContentFile(still)), strict=True):
-            stored.append(storage().save(name, content))
+        with film.open("rb") as file:
+            for name, content in zip(names_of(video), (File(file), ContentFile(still)), strict=True):
+                stored.append(storage().save(name, content))
     except BaseException as error:
         delete_files(stored)
         if isinstance(error, OSError):
@@ -55,13 +54,10 @@ def store(video: Video, film: IO[bytes], still: bytes) -> tuple[str, str]:
     return stored[0], stored[1]
 
 
-def digest_of(film: IO[bytes]) -> str:
+def digest_of(film: Path) -> str:
     """The sha-256 of a file, read in pieces."""
-    film.seek(0)
-    digest = hashlib.sha256()
-    while piece := film.read(CHUNK):
-        digest.update(piece)
-    return digest.hexdigest()
+    with film.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def delete_files(names: Iterable[str]) -> None:

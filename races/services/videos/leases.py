@@ -6,7 +6,8 @@ import logging
 import uuid
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import IO, TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.db import transaction
@@ -30,9 +31,9 @@ _HOPELESS = ("video_encoder_missing",)
 
 @dataclass(frozen=True)
 class DrawnVideo:
-    """What a worker has drawn: the film in an open file, a JPEG, and the fingerprint of what both show."""
+    """What a worker has drawn: the film in a file of this machine, a JPEG, and the fingerprint of what both show."""
 
-    film: IO[bytes]
+    film: Path
     still: bytes
     facts: FilmFacts
     fingerprint: str

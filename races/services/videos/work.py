@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import tempfile
 from collections.abc import Callable
-from typing import IO, Any
+from contextlib import suppress
+from pathlib import Path
+from time import time
+from typing import Any
 
 from django.conf import settings
 from django.utils import timezone
@@ -21,6 +25,7 @@ from .leases import DrawnVideo, beat_video, claim_next_video, fail_video, finish
 
 logger = logging.getLogger(__name__)
 BEAT_S = 1.0
+_PREFIX, _ABANDONED_AFTER_S = "film-", 86_400.0  # longer than any film takes to draw
 ENCODER = "libx264"
 
 
@@ -37,13 +42,13 @@ def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: Fal
     def keep_beating(progress: int | None) -> bool:
         return beat_video(**ident, progress=progress, now=timezone.now())
 
+    _remove_abandoned()
     with (
         Heart(f"video {video}", keep_beating, every_s=BEAT_S) as heart,
-        # without a name: whatever ends this process, nothing is left on the disk
-        tempfile.TemporaryFile(dir=settings.FILE_UPLOAD_TEMP_DIR) as file,
+        tempfile.TemporaryDirectory(prefix=_PREFIX, dir=settings.FILE_UPLOAD_TEMP_DIR) as folder,
     ):
         try:
-            drawn = _draw(video, file, heart.tell, lambda: heart.lost or interrupted())
+            drawn = _draw(video, Path(folder) / "film.mp4", heart.tell, lambda: heart.lost or interrupted())
             ended = finish_video(**ident, drawn=drawn, now=timezone.now())
             how = "is ready"
         except Exception as error:
@@ -68,7 +73,15 @@ def encoder_problem() -> str:
     return ""
 
 
-def _draw(video: Video, file: IO[bytes], tell: Callable[[int], None], should_stop: Callable[[], bool]) -> DrawnVideo:
+def _remove_abandoned() -> None:
+    """What killed workers had drawn on this machine."""
+    for folder in Path(settings.FILE_UPLOAD_TEMP_DIR).glob(f"{_PREFIX}*"):
+        with suppress(OSError):
+            if folder.stat().st_mtime < time() - _ABANDONED_AFTER_S:
+                shutil.rmtree(folder)
+
+
+def _draw(video: Video, path: Path, tell: Callable[[int], None], should_stop: Callable[[], bool]) -> DrawnVideo:
     """Draw what the video shows now. Raises what :func:`evaluation.film.film` does, and PlatformFault
     ``video_encoder_missing``, ``storage_failed``."""
     if problem := encoder_problem():
@@ -79,5 +92,5 @@ def _draw(video: Video, file: IO[bytes], tell: Callable[[int], None], should_sto
     run = FilmedRun.of(Evaluation.objects.select_related(*related).get(pk=video.evaluation_id))
     what = (video.car, video.part, video.language)
     scene, fingerprint = run.scene(*what), run.fingerprint(*what)
-    facts = film.film(scene, file, on_progress=lambda share: tell(int(99 * share)), is_stopped=should_stop)
-    return DrawnVideo(file, film.poster(scene), facts, fingerprint)
+    facts = film.film(scene, path, on_progress=lambda share: tell(int(99 * share)), is_stopped=should_stop)
+    return DrawnVideo(path, film.poster(scene), facts, fingerprint)
