@@ -45,7 +45,7 @@ class Car:
         self.physics = physics
         self._client = client
         self.body = _build(client, physics)
-        self._reach = [0.0] + [1.0 / (1.0 - (1.0 - physics.motor_gain) ** ticks) for ticks in range(1, MAX_STRIDE + 1)]
+        self._reach = [0.0] + [1.0 / (1.0 - (1.0 - physics.motor_gain) ** moves) for moves in range(1, MAX_STRIDE + 1)]
         # Forces, position gains and velocity gains of the joints' motors.
         self._motors = (
             tuple(physics.steering_torque if joint in HINGES else physics.wheel_torque for joint in _JOINTS),
@@ -120,12 +120,12 @@ class Car:
         self.response.command(steering_deg, speed)
 
     def drive(self, ticks: int) -> None:
-        """Set the motors for the next ``ticks`` physics ticks (at most ``MAX_STRIDE``)."""
+        """Set the motors for the next ``ticks`` ticks of the response (at most ``MAX_STRIDE``)."""
         self.response.advance(ticks)
         a, b, c, d, e, f = self._joints
         self._joints = u, v, w, x, y, z = self._wanted()
-        # A motor takes away a fixed share of what is missing in every tick: aimed so far beyond, it arrives in time.
-        reach = self._reach[ticks]
+        # A motor takes away a fixed share of what is missing in every move: aimed so far beyond, it arrives in time.
+        reach = self._reach[self.physics.moves(ticks)]
         self._tell(
             (
                 *(a + (u - a) * reach, b + (v - b) * reach, c + (w - c) * reach),

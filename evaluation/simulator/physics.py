@@ -44,31 +44,32 @@ class CarPhysics:
 
     # Response: fitted on the recorded drives (docs/simulator.md, "The car against recorded drives").
     effective_wheelbase: float = 0.285  # m; a steering angle a demands the curvature tan(a) / this
-    curvature_limit: float = 1.8  # 1/m, standing; what the grip lets through falls with speed
+    curvature_limit: float = 1.82  # 1/m, standing; what the grip lets through falls with speed
     curvature_limit_falloff: float = 0.11  # (s/m)^2; the limit at speed v is curvature_limit / (1 + this * v^2)
-    curvature_limit_sharpness: float = 3.0  # the greater, the more abruptly the limit cuts in
-    steering_lag_s_per_mps: float = 0.07  # lag of the demanded curvature: so many seconds for each m/s of speed
-    steering_dead_ticks: int = 3  # physics ticks between a command and the first movement of the steering
-    speed_rise_s: float = 0.02
+    curvature_limit_sharpness: float = 3.2  # the greater, the more abruptly the limit cuts in
+    steering_lag_s_per_mps: float = 0.068  # lag of the demanded curvature: so many seconds for each m/s of speed
+    steering_dead_ticks: int = 3  # ticks between a command and the first movement of the steering
+    speed_rise_s: float = 0.01
     speed_fall_s: float = 0.07
     speed_dead_ticks: int = 3
     acceleration: float = 6.8  # m/s^2, at most
-    braking: float = 12.0  # m/s^2, at most
+    braking: float = 13.0  # m/s^2, at most
     speed_gain: float = 1.029  # simapp divides by a wheel radius of 0.035 m, and the wheel has 0.036 m
 
     # Tyres and motors: strong enough that the body follows the response above without a slide of its own.
     friction: float = 4.0  # wheel x ground; Bullet multiplies the two
-    wheel_torque: float = 2.5  # N m, each wheel; from 2.65 on it would slip and pull to a side
-    motor_gain: float = 0.1  # share of what is missing that a motor takes away in a tick: a step is nearly a ramp
+    wheel_torque: float = 2.5  # N m, each wheel; it never runs out: a move may take the impulse of a whole step
+    motor_gain: float = 0.1  # share of what is missing that a motor takes away in a move: a step is nearly a ramp
     steering_torque: float = 10.0  # N m; joint effort limit of macros.xacro
     max_joint_velocity: float = 1000.0  # rad/s; Bullet's default of 100 caps the car at 3.6 m/s in silence
     mass_height: float = 0.008  # m above the ground, chassis; a higher one lifts the front axle under full torque
 
     # World.
     gravity: float = 9.81
-    tick_hz: int = 120
+    tick_hz: int = 120  # the response's clock
     ticks_per_step: int = 8  # control at 15 Hz, the rate of the official camera
-    solver_iterations: int = 10
+    ticks_per_move: int = 2  # Bullet moves the bodies at 60 Hz; at 30 Hz wheels leave the ground under wild commands
+    solver_iterations: int = 11  # with 10 the car pulls to a side by twice as much
 
     @property
     def wheelbase(self) -> float:
@@ -79,6 +80,10 @@ class CarPhysics:
     def control_hz(self) -> float:
         """Control steps in a second."""
         return self.tick_hz / self.ticks_per_step
+
+    def moves(self, ticks: int) -> int:
+        """How often Bullet moves the bodies in so many ticks: for equal times, none longer than ``ticks_per_move``."""
+        return -(-ticks // self.ticks_per_move)
 
     def curvature(self, demand: float, speed: float) -> float:
         """Curvature (1/m) that a demanded one comes to at ``speed`` m/s: the same where it is small, cut off smoothly
@@ -95,8 +100,8 @@ class CarPhysics:
         return math.copysign(share * limit / (1.0 - share**sharpness) ** (1.0 / sharpness), curvature)
 
     def gain(self, lag_s: float) -> float:
-        """Share of the remaining error that a first-order lag of ``lag_s`` removes in one physics tick."""
+        """Share of the remaining error that a first-order lag of ``lag_s`` removes in one tick."""
         return 1.0 if lag_s <= 0 else 1.0 - math.exp(-1.0 / (self.tick_hz * lag_s))
 
 
-PADDOCK_CAR = CarPhysics(name="paddock-car", version=2)
+PADDOCK_CAR = CarPhysics(name="paddock-car", version=3)

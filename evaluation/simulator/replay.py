@@ -153,7 +153,7 @@ def _row_at(drive: Drive, index: int, horizon: float) -> State | None:
 
 
 def _timetable(drive: Drive, index: int, physics: CarPhysics) -> list[tuple[int, State | tuple[float, Pose]]]:
-    """What happens at which physics tick after the start state: commands, and the horizons that the drive reaches,
+    """What happens at which tick after the start state: commands, and the horizons that the drive reaches,
     each with the row to compare with."""
     begin = drive[index].time
     events: list[tuple[int, State | tuple[float, Pose]]] = []
@@ -179,7 +179,7 @@ def _measured(before: State, after: State) -> tuple[float, float]:
 
 
 def _roll(pose: Pose, command: State, ticks: int, physics: CarPhysics) -> Pose:
-    """A kinematic bicycle with the geometric wheelbase that obeys at once, ``ticks`` physics ticks later."""
+    """A kinematic bicycle with the geometric wheelbase that obeys at once, ``ticks`` ticks later."""
     x, y = pose.ahead(physics.rear_axle_x)
     yaw = pose.yaw
     way = command.speed_mps / physics.tick_hz

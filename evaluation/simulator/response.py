@@ -1,4 +1,4 @@
-"""How a car answers its commands: what speed and what curve its motors are told, physics tick by physics tick."""
+"""How a car answers its commands: what speed and what curve its motors are told, tick by tick."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Response:
         self._speeds.append((self._tick + physics.speed_dead_ticks, speed * physics.speed_gain))
 
     def advance(self, ticks: int) -> None:
-        """Move on by so many physics ticks."""
+        """Move on by so many ticks (1/120 s)."""
         speed, wanted_speed = self.speed, self._wanted_speed
         demand, wanted = self.demand, self._wanted_demand
         steering, speeds = self._steering, self._speeds

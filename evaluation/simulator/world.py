@@ -47,7 +47,7 @@ class World:
         self._new: list[Car] = []  # built ahead
         self.seconds = 0.0  # spent inside Bullet's step, a diagnostic
         self.client = _connect()
-        self._stride = 0  # ticks that Bullet does for one call
+        self._stride = 0  # ticks that Bullet's clock is set for
         self._prepare()
 
     def _prepare(self) -> None:
@@ -62,6 +62,7 @@ class World:
             solverResidualThreshold=0.0,  # always all iterations, so that one car's path does not hang on another's
             physicsClientId=client,
         )
+        self._set_clock(physics.ticks_per_step)
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=(0, 0, 1), physicsClientId=client)
         # Nobody looks through Bullet's eyes, but it spends milliseconds on a picture of a plane that has none.
         speck = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.001, physicsClientId=client)
@@ -102,27 +103,34 @@ class World:
         bullet.removeBody(car.body, physicsClientId=self.client)
 
     def step(self, ticks: int | None = None) -> None:
-        """Advance one control step (1/15 s), or one of so many physics ticks (1/120 s)."""
+        """Advance one control step (1/15 s), or one of so many ticks of the response (1/120 s)."""
         before = perf_counter()
+        physics = self.physics
         if ticks is None:
-            ticks = self.physics.ticks_per_step
+            ticks = physics.ticks_per_step
+        calls = self._set_clock(ticks)
         for car in self.cars:
             car.drive(ticks)
-        # One call for all ticks; where they divide without rounding, which Bullet's own clock would stumble over.
-        stride = ticks if ticks & (ticks - 1) == 0 else 1
-        if stride != self._stride:
-            self._take_strides_of(stride)
-        for _ in range(ticks // stride):
+        for _ in range(calls):
             bullet.stepSimulation(self.client)
         for car in self.cars:
             car.moved()
         self.seconds += perf_counter() - before
 
-    def _take_strides_of(self, ticks: int) -> None:
-        self._stride = ticks
-        bullet.setPhysicsEngineParameter(
-            fixedTimeStep=ticks / self.physics.tick_hz, numSubSteps=ticks, physicsClientId=self.client
-        )
+    def _set_clock(self, ticks: int) -> int:
+        """Tell Bullet how long its next moves are; returns how many calls they take. Before motors are told anything:
+        Bullet reckons their limits with the length that it knows then."""
+        # One call for all moves; where they divide without rounding, which Bullet's own clock would stumble over.
+        moves = self.physics.moves(ticks)
+        calls = 1 if moves & (moves - 1) == 0 else moves
+        if ticks != self._stride:
+            self._stride = ticks
+            bullet.setPhysicsEngineParameter(
+                fixedTimeStep=ticks / self.physics.tick_hz / calls,
+                numSubSteps=moves // calls,
+                physicsClientId=self.client,
+            )
+        return calls
 
     def close(self) -> None:
         """Free the Bullet client; may be called twice."""

@@ -157,8 +157,11 @@ def test_the_numbers_of_the_simulator_page():
         "| a box: front, left, back and right | {}, {}, {} and {} |".format(*theme.box),
         "| {}, {}, {} and {}; {}; {} |".format(*theme.car, theme.car_window, theme.car_wheel),
         f"sit {STEREO_LEFT.y} m to the left",
-        f"physics ticks at a fixed {car.tick_hz} Hz ({car.ticks_per_step} ticks a step)",
+        f"reckoned in ticks of a fixed {car.tick_hz} Hz ({car.ticks_per_step} ticks a step)",
+        f"at a fixed {car.tick_hz / car.ticks_per_move:g} Hz ({car.moves(car.ticks_per_step)} times a step)",
+        f"Bullet at {car.tick_hz / car.ticks_per_move:g} Hz",
         f"tan(a) / {car.effective_wheelbase} m for a steering command a",
+        f"n = {car.curvature_limit_sharpness}, for a demanded k",
         f"l = {car.curvature_limit} / (1 + {car.curvature_limit_falloff} v²) 1/m",
         f"{car.steering_lag_s_per_mps} s for each m/s of speed, and {car.steering_dead_ticks} ticks",
         f"within {car.speed_rise_s} s up, at most {car.acceleration} m/s², and {car.speed_fall_s} s down, "

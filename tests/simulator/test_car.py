@@ -1,5 +1,7 @@
 import dataclasses
 import math
+import random
+import statistics
 from itertools import pairwise
 
 import pybullet
@@ -133,6 +135,64 @@ def test_a_command_is_answered_alike_in_strides_of_any_length(world):
         for stride in strides:
             response.advance(stride)
     assert (whole.speed, whole.demand) == (parts.speed, parts.demand)
+
+
+def wild_poses(physics, strides=(8,)):
+    """Twenty seconds, each from standing, under commands that jump five times a second, in control steps of ``strides``
+    ticks: the pose after each second, and how far (m) the axles ever were from the height of a car on its wheels."""
+    draw = random.Random(7)
+    poses, lift = [], 0.0
+    with World(physics) as world:
+        car = world.add_car()
+        for step in range(300):
+            if step % 15 == 0:
+                car.place(Pose(0.0, 0.0, 0.0))
+            if step % 3 == 0:
+                command = (draw.uniform(-30, 30), draw.uniform(0.5, 4.0))
+            car.command(*command)
+            for stride in strides:
+                world.step(stride)
+            lift = max(lift, abs(car.height - physics.wheel_radius))
+            if step % 15 == 14:
+                poses.append(car.pose)
+    return poses, lift
+
+
+def test_a_step_is_made_of_equally_long_moves():
+    assert [PADDOCK_CAR.moves(ticks) for ticks in (1, 2, 3, 7, 8, 32)] == [1, 1, 2, 4, 4, 16]
+
+
+def test_a_car_that_is_moved_twice_as_often_drives_the_same_way():
+    ours, _ = wild_poses(PADDOCK_CAR)
+    finer, _ = wild_poses(dataclasses.replace(PADDOCK_CAR, ticks_per_move=1))
+    apart = [math.dist(one[:2], other[:2]) for one, other in zip(ours, finer, strict=True)]
+    turned = [abs(math.remainder(one.yaw - other.yaw, 2 * math.pi)) for one, other in zip(ours, finer, strict=True)]
+    assert statistics.median(apart) < 0.02 and max(apart) < 0.06
+    assert max(turned) < math.radians(3)
+
+
+def test_wheels_stay_on_the_ground_under_wild_commands():
+    _, lift = wild_poses(PADDOCK_CAR)
+    assert lift < 2e-4
+
+
+def test_the_first_step_of_a_world_is_a_step_like_any_other():
+    """Motors are told their limits in the length of Bullet's calls, which must be set before."""
+    with World() as fresh, World() as used:
+        first = drive(fresh, fresh.add_car(), 20.0, 4.0, 5)
+        car = used.add_car()
+        drive(used, car, -20.0, 4.0, 5)
+        used.give_back(car)
+        assert drive(used, used.add_car(), 20.0, 4.0, 5) == first
+
+
+@pytest.mark.parametrize("strides", [(7, 1), (3, 5), (2, 1, 5)])
+def test_a_car_drives_the_same_way_in_steps_of_any_length(strides):
+    """Recorded steps are uneven, so are the strides of a replay."""
+    whole, _ = wild_poses(PADDOCK_CAR)
+    parts, _ = wild_poses(PADDOCK_CAR, strides)
+    apart = [math.dist(one[:2], other[:2]) for one, other in zip(whole, parts, strict=True)]
+    assert statistics.median(apart) < 0.02 and max(apart) < 0.06
 
 
 def test_a_car_started_in_motion_goes_on_as_it_was(world):
