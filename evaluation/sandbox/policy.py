@@ -69,7 +69,8 @@ class PolicyProcess:
         """
         deadline = time.monotonic() + LOAD_S
         with self._blaming_the_policy():
-            write_message(self.process.stdin, header, deadline=deadline)
+            with contextlib.suppress(FrameClosed):  # one that does not load is refused, maybe before the header came
+                write_message(self.process.stdin, header, deadline=deadline)
             answer, _ = read_message(self.process.stdout, deadline, json_limit=_MAX_ANSWER, blob_limit=0)
         state, version = answer.get("state"), _plain(answer.get("version"), 20)
         if state == "memory":

@@ -118,5 +118,5 @@ def test_what_is_near_the_line_is_what_an_evaluation_says(monkeypatch):
     monkeypatch.setattr(racing_pace, "NEAR", 3.0)  # whoever laps at all
     run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
     assert run["reached"] and run["evaluations"] >= 1
-    assert 1.0 < run["of_line"] <= 3.0
+    assert 0.9 < run["of_line"] <= 3.0, "the line bends least, and need not be the fastest"
     assert run["lap_s"] == pytest.approx(run["of_line"] * racing_pace.line_of("oval").lap_s(3.0))

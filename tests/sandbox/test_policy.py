@@ -240,6 +240,16 @@ def test_a_network_that_does_not_load_or_fit_is_refused(level, onnx, part):
     assert part.lower() in str(caught.value).lower()
 
 
+def test_a_network_is_refused_for_its_reason_though_its_process_ended_before_it_was_told_the_header(level):
+    with PolicyProcess(level=level) as policy:
+        policy.give(b"not an onnx file")
+        assert policy.process.wait(10.0) == 0
+        with pytest.raises(UserFault) as caught:
+            policy.agree(HEADER)
+    assert caught.value.code == "policy_refused"
+    assert "the runtime cannot load" in str(caught.value).lower()
+
+
 def test_a_network_with_another_input_is_refused(level):
     header = {"inputs": [{"name": "LIDAR", "dtype": "float32", "shape": [64]}], "outputs": 3}
     with PolicyProcess(level=level) as policy, pytest.raises(UserFault) as caught:
