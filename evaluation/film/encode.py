@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
 
@@ -33,7 +34,8 @@ class Encoder:
         self._form = form
         options = {"movflags": "+faststart", "fflags": "+bitexact", "use_editlist": "0"}
         self._file = av.open(str(path), "w", format="mp4", options=options)
-        try:
+        with ExitStack() as undo:
+            undo.callback(self._file.close)
             stream = self._file.add_stream("libx264", rate=form.fps, options=_OPTIONS)
             stream.width, stream.height, stream.pix_fmt = form.width, form.height, "yuv420p"
             stream.gop_size = KEY_S * form.fps
@@ -43,9 +45,7 @@ class Encoder:
             context.max_b_frames = 0
             context.colorspace, context.color_range = _BT601, _LIMITED
             context.color_primaries, context.color_trc = _BT709_CURVE, _BT709_CURVE
-        except BaseException:
-            self._file.close()
-            raise
+            undo.pop_all()
         self._stream = stream
         self._number = 0
 

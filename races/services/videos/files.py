@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Iterable
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -42,15 +43,15 @@ def names_of(video: Video) -> tuple[str, str]:
 def store(video: Video, film: Path, still: bytes) -> tuple[str, str]:
     """Store both; both or none. The names under which they are. Raises PlatformFault("storage_failed")."""
     stored: list[str] = []
-    try:
-        with film.open("rb") as file:
-            for name, content in zip(names_of(video), (File(file), ContentFile(still)), strict=True):
-                stored.append(storage().save(name, content))
-    except BaseException as error:
-        delete_files(stored)
-        if isinstance(error, OSError):
+    with ExitStack() as undo:
+        undo.callback(delete_files, stored)
+        try:
+            with film.open("rb") as file:
+                for name, content in zip(names_of(video), (File(file), ContentFile(still)), strict=True):
+                    stored.append(storage().save(name, content))
+        except OSError as error:
             raise PlatformFault("storage_failed") from error
-        raise
+        undo.pop_all()
     return stored[0], stored[1]
 
 

@@ -79,6 +79,7 @@ def finish_video(*, video_id: int, lease: uuid.UUID, drawn: DrawnVideo, now: dat
     if video is None:
         return False
     film, still = names = store(video, drawn.film, drawn.still)
+    finished = 0
     try:
         finished = _held(video_id, lease).update(
             state=VideoState.READY,
@@ -96,11 +97,9 @@ def finish_video(*, video_id: int, lease: uuid.UUID, drawn: DrawnVideo, now: dat
             width=drawn.facts.width,
             height=drawn.facts.height,
         )
-    except BaseException:
-        delete_files(names)
-        raise
-    if not finished:
-        delete_files(names)
+    finally:
+        if not finished:
+            delete_files(names)
     return bool(finished)
 
 
