@@ -51,10 +51,15 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
     draw = luck.random()
     if draw < OUR_FAULT:
         raise PlatformFault("storage_failed")
-    if job.rules.seed % 100 < USER_FAULT * 100:
-        raise UserFault("policy_died", step=1, how="signal 11")
+    refuse(job.rules.seed)
     pause(luck.random() * 0.01)
     return driven(job.rules.seed, len(job.rivals))
+
+
+def refuse(seed: int) -> None:
+    """Some evaluations fail through their network's fault, told by their seeds."""
+    if seed % 100 < USER_FAULT * 100:
+        raise UserFault("policy_died", step=1, how="signal 11")
 
 
 def driven(seed: int, rivals: int):
@@ -76,14 +81,18 @@ def count_the_end(evaluation, **kwargs):
 
 
 def dawdle(evaluation) -> None:
-    """Hold a lease without a beat until it has run out, and then try to finish."""
+    """Hold a lease without a beat until it has run out, and then try to end it. Where nobody has swept meanwhile, the
+    late end counts."""
     pause(LEASE_S * 1.5)
-    late = services.finish_evaluation(
-        evaluation_id=evaluation.pk,
-        lease=evaluation.lease,
-        outcome=driven(evaluation.spec["rules"]["seed"], evaluation.rivals.count()),
-        now=timezone.now(),
-    )
+    seed = evaluation.spec["rules"]["seed"]
+    held = {"evaluation_id": evaluation.pk, "lease": evaluation.lease}
+    try:
+        refuse(seed)
+    except UserFault as fault:
+        late = services.fail_evaluation(**held, fault=fault, now=timezone.now())
+    else:
+        outcome = driven(seed, evaluation.rivals.count())
+        late = services.finish_evaluation(**held, outcome=outcome, now=timezone.now())
     say("late accepted" if late else "late refused")
 
 
