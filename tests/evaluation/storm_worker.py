@@ -12,7 +12,6 @@ import random
 import signal
 import sys
 import threading
-from itertools import count
 
 import django
 
@@ -29,6 +28,7 @@ from evaluation.services import bell, leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from faults import PlatformFault, UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
+from tests.storms import ride_out  # noqa: E402
 
 LEASE_S = 1.0
 CRASH, DAWDLE, OUR_FAULT, USER_FAULT = 0.012, 0.03, 0.02, 0.03
@@ -108,15 +108,6 @@ def worker() -> None:
     say("done")
 
 
-def start(seed: int) -> None:
-    """Fork a worker with luck of its own. What it raises ends it as any program: said, and with exit status 1."""
-    if os.fork():
-        return
-    luck.seed(seed)
-    worker()
-    os._exit(0)
-
-
 def main(workers: int) -> None:
     settings.LEASE_SECONDS = LEASE_S
     settings.EVALUATION_MAX_ATTEMPTS = 1000
@@ -125,16 +116,7 @@ def main(workers: int) -> None:
     bell._ring = lambda times: None
     work.PROGRESS_EVERY_S = 0.1
     evaluation_ended.connect(count_the_end, weak=False)
-    seeds = count(1)
-    for _ in range(workers):
-        start(next(seeds))
-    while workers:
-        _, status = os.wait()
-        say(f"exit {os.waitstatus_to_exitcode(status)}")
-        if os.waitstatus_to_exitcode(status) == -signal.SIGKILL:
-            start(next(seeds))
-        else:
-            workers -= 1
+    ride_out(workers, worker, luck)
 
 
 main(int(sys.argv[1]))

@@ -10,7 +10,6 @@ import os
 import random
 import signal
 import sys
-from itertools import count
 from time import sleep
 
 import django
@@ -26,6 +25,7 @@ from races.models import UNDER_WAY, Video  # noqa: E402
 from races.services import videos  # noqa: E402
 from races.services.videos import bell, leases, work  # noqa: E402
 from tests.films import a_film  # noqa: E402
+from tests.storms import ride_out  # noqa: E402
 
 LEASE_S = 0.5
 CRASH = 0.12
@@ -58,32 +58,13 @@ def worker() -> None:
             sleep(0.05)
 
 
-def start(seed: int) -> None:
-    """Fork a worker with luck of its own."""
-    if os.fork():
-        return
-    luck.seed(seed)
-    worker()
-    os._exit(0)
-
-
 def main(workers: int) -> None:
     settings.LEASE_SECONDS = LEASE_S
     settings.EVALUATION_MAX_ATTEMPTS = 1000
     film.film, film.poster = draw, lambda scene: b"a still"
     leases.store, bell._ring = store, lambda: None
     work.encoder_problem = str  # each fork would load PyAV
-    seeds = count(1)
-    for _ in range(workers):
-        start(next(seeds))
-    while workers:
-        _, status = os.wait()
-        code = os.waitstatus_to_exitcode(status)
-        print(f"exit {code}", flush=True)
-        if code == -signal.SIGKILL:
-            start(next(seeds))
-        else:
-            workers -= 1
+    ride_out(workers, worker, luck)
 
 
 if __name__ == "__main__":
