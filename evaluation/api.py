@@ -18,6 +18,7 @@ from rest_framework.views import APIView
 
 from faults import UserFault
 from tracks.bodies import Body, refuse_fields
+from tracks.file_view import FileView
 
 from . import services
 from .files import download_of
@@ -163,7 +164,7 @@ class SharedModelsView(generics.ListAPIView):
         return models.filter(owner__alias__iexact=alias) if alias else models
 
 
-class ModelPackageView(APIView):
+class ModelPackageView(FileView):
     """The network itself."""
 
     permission_classes = [IsAuthenticated]

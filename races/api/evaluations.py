@@ -12,7 +12,6 @@ from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_sche
 from rest_framework import serializers
 from rest_framework.exceptions import NotFound, PermissionDenied
 from rest_framework.permissions import AllowAny, IsAuthenticated
-from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
@@ -24,19 +23,13 @@ from evaluation.services.results import read_course, read_trace
 from faults import UserFault
 from faults.reasons import REASONS
 from tracks.bodies import refuse_fields
+from tracks.file_view import FileView
 
 from .lookup import visible_evaluation
 from .placed import PlacedBoxSerializer
 from .races import TrackSummarySerializer
 
 CAR = OpenApiParameter("car", int, description="The number of a rival; 0, the first car, unless it is given.")
-
-
-class CSVRenderer(BaseRenderer):
-    """Lets a program ask for ``Accept: text/csv``; the view itself writes the file."""
-
-    media_type = "text/csv"
-    format = "csv"
 
 
 class NamedSerializer(serializers.Serializer):
@@ -334,16 +327,11 @@ class CourseView(APIView):
         return Response(read_course(_result(request, public_id)))
 
 
-class TraceView(APIView):
+class TraceView(FileView):
     """The trace file."""
 
     permission_classes = [AllowAny]
-    renderer_classes = [JSONRenderer, CSVRenderer]
-
-    def handle_exception(self, exc: Exception) -> Response:
-        """Failures are told in JSON, as everywhere."""
-        self.request.accepted_renderer, self.request.accepted_media_type = JSONRenderer(), JSONRenderer.media_type
-        return super().handle_exception(exc)
+    media_type = "text/csv"
 
     @extend_schema(
         operation_id="read_trace",

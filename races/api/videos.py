@@ -13,13 +13,13 @@ from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_sche
 from rest_framework import serializers, status
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.permissions import AllowAny, IsAuthenticated, IsAuthenticatedOrReadOnly
-from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from evaluation.models import State
 from tracks.bodies import Body, refuse_fields
+from tracks.file_view import FileView
 
 from ..filming import FilmedRun
 from ..films import film_response, page_language, ready_video, visible_video
@@ -35,13 +35,6 @@ STATES = [
     ("stale", "shows a name or a look of before: ask for it again"),
     ("failed", "see the reason"),
 ]
-
-
-class MP4Renderer(BaseRenderer):
-    """Lets a program ask for ``Accept: video/mp4``; the view itself writes the file."""
-
-    media_type = "video/mp4"
-    format = "mp4"
 
 
 class VideoSerializer(serializers.Serializer):
@@ -183,16 +176,11 @@ class VideoStopView(APIView):
         return Response(VideoSerializer(shown_video(video)).data)
 
 
-class VideoFileView(APIView):
+class VideoFileView(FileView):
     """The film."""
 
     permission_classes = [AllowAny]
-    renderer_classes = [JSONRenderer, MP4Renderer]
-
-    def handle_exception(self, exc: Exception) -> Response:
-        """Failures are told in JSON, as everywhere."""
-        self.request.accepted_renderer, self.request.accepted_media_type = JSONRenderer(), JSONRenderer.media_type
-        return super().handle_exception(exc)
+    media_type = "video/mp4"
 
     @extend_schema(
         operation_id="read_video_file",

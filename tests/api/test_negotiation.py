@@ -1,0 +1,66 @@
+"""What a program says it can read: files are given as what they are, and all else is told in JSON."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from django.utils import timezone
+from drf_spectacular.generators import SchemaGenerator
+
+from races.services.videos import run_next_video
+from tests.factories import a_model, a_race
+from tests.films import a_driven_run
+
+pytestmark = pytest.mark.django_db
+SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
+FILES = {
+    path: kinds
+    for path, methods in SCHEMA["paths"].items()
+    if (kinds := set(methods.get("get", {}).get("responses", {}).get("200", {}).get("content", {})))
+    and kinds != {"application/json"}
+}
+
+
+@pytest.fixture
+def at(alice, films, as_racer):
+    """Addresses of files that are there."""
+    run = a_driven_run(a_race(timezone.now()), alice, timezone.now())
+    video = as_racer(alice).post(f"/api/v1/evaluations/{run.public_id}/videos/").json()["public_id"]
+    run_next_video(worker="w")
+    ids = {"models": a_model(alice).public_id, "evaluations": run.public_id, "videos": video}
+    return lambda path: path.format(public_id=ids[path.split("/")[3]])
+
+
+def test_there_are_operations_that_answer_with_files():
+    assert {"application/zip", "text/csv", "video/mp4"} <= set().union(*FILES.values())
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_a_file_may_be_asked_for_by_its_kind_and_in_every_usual_way(alice, as_racer, at, path):
+    (kind,) = FILES[path]
+    for accept in (kind, "*/*", f"{kind.partition('/')[0]}/*", "application/json", f"text/html, {kind};q=0.5"):
+        answer = as_racer(alice).get(at(path), headers={"Accept": accept})
+        assert (answer.status_code, answer["Content-Type"].partition(";")[0]) == (200, kind), accept
+    refused = as_racer(alice).get(at(path), headers={"Accept": "image/png"})
+    assert (refused.status_code, refused.json()["code"]) == (406, "not_acceptable")
+
+
+@pytest.mark.parametrize("accept", ["text/csv", "video/mp4", "application/zip", "application/json", "*/*", "no type"])
+def test_what_an_address_can_do_is_told_or_refused_but_never_breaks(alice, as_racer, accept):
+    client = as_racer(alice)
+    for path in SCHEMA["paths"]:
+        address = re.sub(r"{\w+}", "1", path)
+        answer = client.options(address, headers={"Accept": accept})
+        assert answer.status_code in (200, 404, 406), (path, answer.content)
+        assert answer["Content-Type"] == "application/json", path
+        if path in FILES or accept in ("application/json", "*/*"):
+            assert answer.status_code != 406, path
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_a_method_that_a_file_does_not_know_is_told_in_json(alice, as_racer, at, path):
+    (kind,) = FILES[path]
+    for method in ("post", "delete", "put", "patch"):
+        answer = getattr(as_racer(alice), method)(at(path), headers={"Accept": kind})
+        assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
