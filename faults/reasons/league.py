@@ -71,10 +71,6 @@ REASONS = table(
         "import_file_twice": _("races.csv, row %(row)s: %(file)s was named before. Each race has a file of its own."),
         "import_value": _("%(file)s, row %(row)s: %(column)s cannot be “%(value)s”. It is %(expected)s."),
         "import_times": _("races.csv, row %(row)s: the race closes before it opens. Correct its times."),
-        "import_overlap": _(
-            "races.csv, row %(row)s: %(race)s overlaps with the %(stage)s of row %(other)s. A division has one race "
-            "at a time."
-        ),
         "import_row_count": _("%(file)s has %(found)s results, and races.csv says %(said)s. The file is not whole."),
         "import_duplicate_racer": _("%(file)s, row %(row)s: %(racer)s was in row %(other)s already."),
         "import_rank": _(

@@ -17,7 +17,6 @@ from ..models.season import Stage
 from .form import OPTIONAL, RACE_COLUMNS, RESULT_COLUMNS, Cells, RaceRow, ResultRow, race_row, result_row
 
 INDEX = "races.csv"
-_FOLLOW_EACH_OTHER = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,6 @@ def read_folder(folder: Path, season: str | None = None) -> list[ReadSeason]:
 
 
 def _season(folder: Path, label: str, rows: Sequence[RaceRow]) -> ReadSeason:
-    _refuse_overlaps(rows)
     digest = hashlib.sha256()
     numbers = _numbers(rows)
     races = []
@@ -143,16 +141,6 @@ def _refuse_files(folder: Path, rows: Sequence[RaceRow]) -> None:
         if path in seen or path == root / INDEX:
             raise UserFault("import_file_twice", row=row.row, file=row.file)
         seen.add(path)
-
-
-def _refuse_overlaps(rows: Sequence[RaceRow]) -> None:
-    for stage in _FOLLOW_EACH_OTHER:
-        races = sorted((row for row in rows if row.stage == stage), key=lambda row: (row.opens_at, row.row))
-        for before, after in pairwise(races):
-            if after.opens_at < before.closes_at:
-                raise UserFault(
-                    "import_overlap", row=after.row, race=after.name, stage=str(stage.label), other=before.row
-                )
 
 
 def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:

@@ -305,8 +305,11 @@ class Round(models.Model):
         self.refuse_overlap()
 
     def refuse_overlap(self) -> None:
-        """Refuse a race that is driven while another of its stage is. Raises ValidationError on the race."""
-        if self.stage == Stage.SINGLE:
+        """Refuse a race that is driven while another of its stage is. Raises ValidationError on the race.
+
+        Races of their own and finales may overlap; what a record says was driven has been driven, whenever that was.
+        """
+        if self.stage in (Stage.SINGLE, Stage.FINALE) or self.race.imported_at is not None:
             return
         others = Round.objects.filter(season=self.season, stage=self.stage).exclude(pk=self.pk)
         overlap = others.filter(

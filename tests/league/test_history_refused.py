@@ -99,14 +99,6 @@ def test_a_race_that_closes_before_it_opens_is_refused(folder):
     assert refused(folder, "import_times") == {"row": 2}
 
 
-def test_races_of_one_division_that_overlap_are_refused(tmp_path):
-    long = month(0, "open-qualifier", [(1, 30_000)])
-    long.closes += timedelta(hours=1)
-    write_season(tmp_path, [long, month(1, "open-qualifier", [(1, 30_000)])])
-    params = refused(tmp_path, "import_overlap")
-    assert (params["row"], params["other"]) == (3, 2)
-
-
 def test_single_races_may_overlap(tmp_path):
     write_season(
         tmp_path, [month(0, "single", [(1, 30_000)], name=f"Cup {n}", file=f"results/{n}.csv") for n in (1, 2)]
