@@ -4,9 +4,35 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from training.hyperparameters import DEFAULT_ACTIONS
 from training.models import TrainingJob
 from training.services import create_training
+from training.trainer.client import Iteration
+from training.trainer.network import Layout, to_onnx
+
+GOOD = {
+    "number": 1,
+    "steps": 100,
+    "seconds": 1.0,
+    "steps_per_second": 100.0,
+    "episodes": [{"episode": 0, "reward": 1.0, "progress": 5.0, "status": "Off track", "steps": 9, "time_ms": 600}],
+    "mean_reward": 1.0,
+    "mean_progress": 5.0,
+    "eval_trials": [
+        {"reward": 1.0, "progress": 5.0, "status": "Off track", "steps": 9, "time_ms": 600, "lap_ms": None}
+    ],
+    "eval_progress": 5.0,
+    "eval_reward": 1.0,
+    "eval_lap_ms": None,
+    "eval_clean_laps": 0,
+    "entropy": 1.6,
+    "policy_loss": 0.0,
+    "value_loss": 1.0,
+    "is_best": True,
+    "confirmed": False,
+}
 
 REWARD = '''
 def reward_function(params):
@@ -29,3 +55,16 @@ def a_training(owner, track, now, **changes: Any) -> TrainingJob:
         "seed": 0,
     }
     return create_training(owner=owner, track=track, now=now, **(asked | changes))
+
+
+def network(job, seed: int) -> bytes:
+    """A network that the gate admits, with weights of its own."""
+    layout, rng = Layout.of(job.metadata), np.random.default_rng(seed)
+    return to_onnx(layout, {name: rng.normal(0, 0.1, shape) for name, shape in layout.shapes.items()}, squash=False)
+
+
+def an_iteration(number: int, **changes) -> Iteration:
+    values = {name: value for name, value in GOOD.items() if name != "confirmed"}
+    return Iteration(
+        values | {"number": number, "steps": 100 * number} | changes, [[0.0, 0.0, 0.0, 1.0]], b"onnx", b"gz"
+    )

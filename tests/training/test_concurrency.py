@@ -9,7 +9,7 @@ import pytest
 from faults import UserFault
 from tests.factories import a_racer
 from tests.races.test_concurrency import at_once
-from tests.training.jobs import a_training
+from tests.training.jobs import a_training, an_iteration
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob, Vehicle
 from training.services import (
     claim_next_training,
@@ -22,7 +22,7 @@ from training.services import (
 )
 from training.vehicles import save_vehicle
 
-from .test_leases import NETWORKS, an_iteration, saved
+from .test_leases import NETWORKS, saved
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell")]
 TABS = 6

@@ -10,7 +10,7 @@ from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
 from faults import PlatformFault, UserFault
-from tests.training.jobs import a_training
+from tests.training.jobs import a_training, an_iteration
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
 from training.rewards.examples import DEFAULT
 from training.selectors import (
@@ -32,9 +32,7 @@ from training.services import (
     sweep_trainings,
 )
 from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT, TRACES_KEPT, networks_of
-from training.trainer.client import Iteration, SavedState
-
-from .test_listening import GOOD
+from training.trainer.client import SavedState
 
 NETWORKS = (b"best", b"last")
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
@@ -46,13 +44,6 @@ def held(alice, oval, now) -> TrainingJob:
     job = claim_next_training(worker="w", now=now)
     assert job is not None
     return job
-
-
-def an_iteration(number: int, **changes) -> Iteration:
-    values = {name: value for name, value in GOOD.items() if name != "confirmed"}
-    return Iteration(
-        values | {"number": number, "steps": 100 * number} | changes, [[0.0, 0.0, 0.0, 1.0]], b"onnx", b"gz"
-    )
 
 
 def saved(iteration: int) -> SavedState:

@@ -16,31 +16,10 @@ import pytest
 from evaluation.sandbox.frames import FrameError, write_frame, write_message
 from evaluation.simulator.trace import COLUMNS
 from faults import PaddockError, PlatformFault, UserFault
+from tests.training.jobs import GOOD
 from training.trainer import client
 from training.trainer.client import Listener, train
 from training.trainer.spec import TrainerSpec
-
-GOOD = {
-    "number": 1,
-    "steps": 100,
-    "seconds": 1.0,
-    "steps_per_second": 100.0,
-    "episodes": [{"episode": 0, "reward": 1.0, "progress": 5.0, "status": "Off track", "steps": 9, "time_ms": 600}],
-    "mean_reward": 1.0,
-    "mean_progress": 5.0,
-    "eval_trials": [
-        {"reward": 1.0, "progress": 5.0, "status": "Off track", "steps": 9, "time_ms": 600, "lap_ms": None}
-    ],
-    "eval_progress": 5.0,
-    "eval_reward": 1.0,
-    "eval_lap_ms": None,
-    "eval_clean_laps": 0,
-    "entropy": 1.6,
-    "policy_loss": 0.0,
-    "value_loss": 1.0,
-    "is_best": True,
-    "confirmed": False,
-}
 
 
 class FakeProcess:

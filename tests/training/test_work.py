@@ -12,10 +12,8 @@ from django.core.files.storage import default_storage
 from evaluation import stopping
 from evaluation.models import TrainedModel
 from faults import PlatformFault, UserFault
-from races.models import Race
-from tests.factories import a_race
 from tests.rows import model_row
-from tests.training.jobs import a_training
+from tests.training.jobs import a_training, an_iteration, network
 from training import tasks
 from training.models import Checkpoint, JobState
 from training.services import (
@@ -25,22 +23,13 @@ from training.services import (
     run_next_training,
     spec_of,
     sweep_trainings,
-    work,
 )
 from training.services.leases import KEEPINGS_TRIED
 from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
 from training.trainer.network import Layout, to_onnx
 
-from .test_leases import an_iteration
-
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell", "bell")]
-
-
-def network(job, seed: int) -> bytes:
-    """A network that the gate admits, with weights of its own."""
-    layout, rng = Layout.of(job.metadata), np.random.default_rng(seed)
-    return to_onnx(layout, {name: rng.normal(0, 0.1, shape) for name, shape in layout.shapes.items()}, squash=False)
 
 
 def weights(onnx_bytes: bytes) -> list[bytes]:
@@ -48,38 +37,6 @@ def weights(onnx_bytes: bytes) -> list[bytes]:
     return sorted(
         one.raw_data or str(one.float_data).encode() for one in onnx.load_from_string(onnx_bytes).graph.initializer
     )
-
-
-@pytest.fixture
-def trainer(monkeypatch):
-    """In place of the walled process: two iterations, the first the best; then whatever ``at_the_end`` does."""
-
-    class Trainer:
-        def __init__(self) -> None:
-            self.starts: list[str] = []
-            self._turn = None
-            self.at_the_end = lambda: Ended("time", 200, 2.0, b"zip")
-
-        def take_over(self, turn) -> None:
-            """The next time do this instead."""
-            self._turn = turn
-
-        def __call__(self, spec, listener, *, start, blob, asked_to_stop, abandoned):
-            if self._turn is not None:
-                return self._turn(spec, listener)
-            self.starts.append(start)
-            listener.ready()
-            first, second = an_iteration(1), an_iteration(2, is_best=False)
-            listener.iteration(type(first)(first.values, first.driving, self.networks[0], b"gz"))
-            listener.checkpoint(SavedState(1, 100, 1.0, b"state"))
-            listener.iteration(type(second)(second.values, second.driving, self.networks[1], b""))
-            if abandoned():
-                raise UserFault("stopped")
-            return self.at_the_end()
-
-    made = Trainer()
-    monkeypatch.setattr(work, "train", made)
-    return made
 
 
 @pytest.fixture
@@ -324,32 +281,7 @@ def test_a_last_network_that_the_gate_refuses_does_not_cost_the_best(job, traine
     assert "the last network" in job.log
 
 
-def test_a_race_that_refuses_the_model_is_told_beside_a_finished_training(alice, oval, now, trainer):
-    race = a_race(now, track=oval)
-    job = a_training(alice, oval, now, submit_to_race=race)
-    Race.objects.filter(pk=race.pk).update(sensors=["STEREO_CAMERAS"])  # its organiser thought again
-    trainer.networks = [network(job, 1)] * 2
-    run_next_training(worker="w")
-    job.refresh_from_db()
-    assert (job.state, job.submission) == (JobState.FINISHED, None)
-    assert job.submit_reason_code and job.submit_reason
-    assert job.best_model == job.last_model, "one network is one model"
-
-
 def test_the_trainer_gets_to_know_what_was_asked_for_and_nothing_of_the_racer(job):
     told = spec_of(job, 12.0).to_dict()
     assert (told["seconds_before"], told["stop_seconds"], told["seed"]) == (12.0, 600.0, 0)
     assert "alice" not in str(told)
-
-
-def test_a_submission_that_fails_through_us_is_told_and_the_model_is_kept(alice, oval, now, trainer, monkeypatch):
-    def broken(**_):
-        raise RuntimeError("the disk is full")
-
-    monkeypatch.setattr("training.services.results.submit_model", broken)
-    job = a_training(alice, oval, now, submit_to_race=a_race(now, track=oval))
-    trainer.networks = [network(job, 1)] * 2
-    run_next_training(worker="w")
-    job.refresh_from_db()
-    assert (job.state, job.submit_reason_code) == (JobState.FINISHED, "submit_failed")
-    assert job.best_model is not None

@@ -74,8 +74,8 @@ def finish_training(
     detail: str = "",
     now: datetime,
 ) -> bool:
-    """Write how a training ended that leaves models, once, and submit the best to the race that was chosen. False: the
-    lease is gone.
+    """Write how a training ended that leaves models, once, and submit the best to the race that was chosen, in the same
+    transaction: a worker that dies in between has done neither, and the next one does both. False: the lease is gone.
 
     ``fault`` (and no ``ended``): what ended it early; what it had learned until then is kept. ``sb3_zip``: of
     :func:`keep_sb3`. ``detail``: what operators read of it.
@@ -97,16 +97,16 @@ def finish_training(
         )
         if finished:
             drop_checkpoints(job)
+            if fault is None and job.submit_to_race_id is not None:
+                _submit(job, best, now)
     if not finished:
         delete_stored([sb3_zip])
-        return False
-    if fault is None and job.submit_to_race_id is not None:
-        _submit(job, best, now)
-    return True
+    return bool(finished)
 
 
 def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
-    """Send the model to its race; where it is refused, the reason stands with the training."""
+    """Send the model to its race, within the transaction that ends the training; where it is refused, the reason stands
+    with the training."""
     try:
         with transaction.atomic():
             submission = submit_model(race=job.submit_to_race, racer=job.owner, model=model, now=now)
