@@ -16,9 +16,14 @@ from evaluation.selectors import models_of
 from faults import UserFault
 from races import services
 from races.models import Race, Visibility
+from races.ranking import rule_for
 from races.selectors import can_see_race, entry_of
+from tracks.forms import explain
 
 from .common import tell_fault, visible_race
+
+# where a guest's session keeps the invitation that they have accepted before they log in
+ACCEPTED = "accepted_invitation"
 
 
 @login_required
@@ -83,21 +88,37 @@ def withdraw_page(request: HttpRequest, slug: str) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def race_invitation(request: HttpRequest, token: str) -> HttpResponse:
-    """Where an invitation link leads: what the race is, and a button to join it."""
+    """Where an invitation link leads: what the race is, and a button to join it.
+
+    A guest who presses it logs in or signs up first; the session keeps what they pressed, and they come back as one
+    who has joined. No page has a policy of its own about referrers: without one a browser says ``Origin: null`` when a
+    form is sent, which is refused as a forgery; the site's ``same-origin`` tells nobody else where a reader came from.
+    """
     race = Race.objects.select_related("track", "organiser").filter(invitation=token).first()
     if race is None or race.visibility != Visibility.INVITATION:
         return render(request, "races/invitation.html", {"race": None}, status=404)
+    now = timezone.now()
     entry = entry_of(race, request.user)
     if entry is not None and not entry.is_withdrawn:
         return redirect(race)
-    if request.method == "POST":
-        if not request.user.is_authenticated:
-            return redirect(f"{reverse('account_login')}?next={request.path}")
-        try:
-            services.accept_invitation(token=token, racer=request.user, now=timezone.now())
-        except UserFault as fault:
-            tell_fault(request, fault)
-            return redirect(request.path)
-        messages.success(request, _("You are in. Send a car."))
-        return redirect(race)
-    return render(request, "races/invitation.html", {"race": race, "state": race.state_at(timezone.now())})
+    if request.user.is_authenticated:
+        if request.session.pop(ACCEPTED, None) == token or request.method == "POST":
+            return _join(request, race, token)
+    elif request.method == "POST":
+        request.session[ACCEPTED] = token
+        way = "account_signup" if request.POST.get("with") == "signup" else "account_login"
+        return redirect(f"{reverse(way)}?next={request.path}")
+    context = {"race": race, "state": race.state_at(now), "ranking_rule": rule_for(race).rule(race)}
+    if entry is not None and entry.removed_at:
+        context["not_for_me"] = explain(UserFault("entry_removed"))
+    return render(request, "races/invitation.html", context)
+
+
+def _join(request: HttpRequest, race: Race, token: str) -> HttpResponse:
+    try:
+        services.accept_invitation(token=token, racer=request.user, now=timezone.now())
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect(request.path)
+    messages.success(request, _("You are in. Send a car."))
+    return redirect(race)

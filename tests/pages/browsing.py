@@ -1,0 +1,42 @@
+"""A real Chromium on the site's pages, served within the tests' own process: what a test writes, the pages show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from django.test import Client
+
+from tests.pages.test_browser import FLAGS
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, BrowserContext
+
+    from league.models import Racer
+
+BACKEND = "django.contrib.auth.backends.ModelBackend"
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """A Chromium without a window."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
+        try:
+            yield opened
+        finally:
+            opened.close()
+
+
+def visitor(browser: Browser, address: str, racer: Racer | None = None, **options: object) -> BrowserContext:
+    """A browser of its own for a guest, or for a racer who is logged in."""
+    context = browser.new_context(base_url=address, locale="en-GB", **options)
+    context.set_default_timeout(10_000)
+    if racer is not None:
+        client = Client()
+        client.force_login(racer, backend=BACKEND)
+        context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": address}])
+    return context
