@@ -14,6 +14,7 @@ from django.utils import timezone
 from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.simulator.rules import RaceRules
 from faults import UserFault
 from races.errors import RaceRefused, problem
 from races.fields import SecondsField
@@ -30,7 +31,7 @@ STAGES = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
 RULES = ("ranking_method", "laps", "minimum_laps", "off_track_penalty_ms", "max_submissions")
 # Newcomers' cars may leave the road; a finale asks for more, and lets one try less often.
 PROPOSALS: dict[str, tuple[Any, ...]] = {
-    Stage.OPEN: (RankingMethod.AVERAGE, 3, 3, 3000, 50),
+    Stage.OPEN: (RankingMethod.AVERAGE, RaceRules.laps, RaceRules.laps, RaceRules.off_track_penalty_ms, 50),
     Stage.PRO: (RankingMethod.AVERAGE, 5, 3, 5000, 50),
     Stage.FINALE: (RankingMethod.TOTAL, 3, 3, 5000, 10),
     Stage.CHAMPIONSHIP: (RankingMethod.TOTAL, 5, 5, 5000, 10),

@@ -10,7 +10,7 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS
+from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, PROPOSED_BOTS, PROPOSED_BOXES
 from tracks.drawing import BoxMark
 from tracks.models import Direction, Track
 
@@ -25,7 +25,12 @@ _BOXES = ("boxes", "random_boxes", "box_distance_m")
 _BOTS = ("bots", "bot_speed_mps", "bot_lane_changes")
 _DUELS = ("duel_format", "duel_cars")
 # What a form proposes for a race that has none of it yet.
-PROPOSALS = {"random_boxes": 6, "opponents": Opponents.BOTS, "bots": 4, "duel_format": DuelFormat.ROUND_ROBIN}
+PROPOSALS = {
+    "random_boxes": PROPOSED_BOXES,
+    "opponents": Opponents.BOTS,
+    "bots": PROPOSED_BOTS,
+    "duel_format": DuelFormat.ROUND_ROBIN,
+}
 
 
 def _number(field: type[forms.Field], label: Any, least: float, most: float, **more: Any) -> forms.Field:

@@ -20,6 +20,9 @@ MAX_BOXES = 10  # console API
 MAX_BOTS = 6  # console API
 MAX_CARS = 4  # in one world, model against model
 BOT_SPEED_RANGE_MPS = (0.2, 4.0)
+# What forms and environments propose, where a type of race needs some and nobody has said how many.
+PROPOSED_BOXES = 6
+PROPOSED_BOTS = 4
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ class RaceRules:
     room on a certain track is for :mod:`evaluation.simulator.course`.
 
     ``max_resets`` covers all laps; 0 ends the run at the first fault. Penalties are stood still on the track, in whole
-    control steps (1/15 s, rounded up). Defaults: deepracer-simapp, evaluation_worker.py.
+    control steps (1/15 s, rounded up). Defaults: deepracer-simapp, evaluation_worker.py; they are the defaults
+    of races, commands, environments, forms and API too, which take them from here.
 
     Object avoidance: ``boxes`` (fixed places) or ``random_boxes`` (so many, drawn from the seed at least
     ``box_distance_m`` apart along the track), 1 to 10; at the ``mercy_resets``-th reset near one box the car is put

@@ -12,6 +12,7 @@ from django.db.models import F, Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.simulator.rules import RaceRules
 from races.errors import problem
 from races.models import ONE_LINE, Division, Kind, Race, RankingMethod
 
@@ -168,26 +169,32 @@ class StageRules(models.Model):
         _("ranking"), max_length=8, choices=RankingMethod.choices, default=RankingMethod.AVERAGE
     )
     laps = models.PositiveSmallIntegerField(
-        _("laps driven"), default=3, validators=[MinValueValidator(1), MaxValueValidator(20)]
+        _("laps driven"), default=RaceRules.laps, validators=[MinValueValidator(1), MaxValueValidator(20)]
     )
     minimum_laps = models.PositiveSmallIntegerField(
-        _("consecutive complete laps needed"), default=3, validators=[MinValueValidator(1), MaxValueValidator(20)]
+        _("consecutive complete laps needed"),
+        default=RaceRules.laps,
+        validators=[MinValueValidator(1), MaxValueValidator(20)],
     )
     off_track_penalty_ms = models.PositiveIntegerField(
-        _("off-track penalty in milliseconds"), default=3000, validators=[MaxValueValidator(60_000)]
+        _("off-track penalty in milliseconds"),
+        default=RaceRules.off_track_penalty_ms,
+        validators=[MaxValueValidator(60_000)],
     )
     collision_penalty_ms = models.PositiveIntegerField(
-        _("collision penalty in milliseconds"), default=5000, validators=[MaxValueValidator(60_000)]
+        _("collision penalty in milliseconds"),
+        default=RaceRules.collision_penalty_ms,
+        validators=[MaxValueValidator(60_000)],
     )
     max_submissions = models.PositiveSmallIntegerField(
         _("submissions for each racer"), default=50, validators=[MinValueValidator(1), MaxValueValidator(1000)]
     )
     max_resets = models.PositiveIntegerField(
-        _("resets allowed"), default=10_000, validators=[MaxValueValidator(10_000)]
+        _("resets allowed"), default=RaceRules.max_resets, validators=[MaxValueValidator(10_000)]
     )
     max_simulated_ms = models.PositiveIntegerField(
         _("time limit in simulated milliseconds"),
-        default=360_000,
+        default=RaceRules.max_simulated_ms,
         validators=[MinValueValidator(10_000), MaxValueValidator(1_200_000)],
     )
 

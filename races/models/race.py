@@ -14,6 +14,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.simulator.rules import RaceRules
 from tracks.models import Direction
 
 from ..errors import problem
@@ -70,29 +71,33 @@ class Race(models.Model):
         _("ranking"), max_length=8, choices=RankingMethod.choices, default=RankingMethod.AVERAGE
     )
     laps = models.PositiveSmallIntegerField(
-        _("laps driven"), default=3, validators=[MinValueValidator(1), MaxValueValidator(20)]
+        _("laps driven"), default=RaceRules.laps, validators=[MinValueValidator(1), MaxValueValidator(20)]
     )
     minimum_laps = models.PositiveSmallIntegerField(
         _("consecutive complete laps needed"),
-        default=3,
+        default=RaceRules.laps,
         validators=[MinValueValidator(1), MaxValueValidator(20)],
         help_text=_("The window that the average is taken over, and what a car must finish to be classified."),
     )
     off_track_penalty_ms = models.PositiveIntegerField(
-        _("off-track penalty in milliseconds"), default=3000, validators=[MaxValueValidator(60_000)]
+        _("off-track penalty in milliseconds"),
+        default=RaceRules.off_track_penalty_ms,
+        validators=[MaxValueValidator(60_000)],
     )
     collision_penalty_ms = models.PositiveIntegerField(
-        _("collision penalty in milliseconds"), default=5000, validators=[MaxValueValidator(60_000)]
+        _("collision penalty in milliseconds"),
+        default=RaceRules.collision_penalty_ms,
+        validators=[MaxValueValidator(60_000)],
     )
     max_resets = models.PositiveIntegerField(
         _("resets allowed"),
-        default=10_000,
+        default=RaceRules.max_resets,
         validators=[MaxValueValidator(10_000)],
         help_text=_("0: the first fault ends the run."),
     )
     max_simulated_ms = models.PositiveIntegerField(
         _("time limit in simulated milliseconds"),
-        default=180_000,
+        default=RaceRules.max_simulated_ms,
         validators=[MinValueValidator(10_000), MaxValueValidator(1_200_000)],
     )
     max_submissions = models.PositiveSmallIntegerField(
@@ -105,10 +110,12 @@ class Race(models.Model):
         help_text=_('A list of {"fraction": share of the lap from the finish line, "lane": "inner" or "outer"}.'),
     )
     random_boxes = models.PositiveSmallIntegerField(_("boxes in places drawn from the seed"), default=0)
-    box_distance_m = models.FloatField(_("least distance between drawn boxes in metres"), default=2.0)
+    box_distance_m = models.FloatField(
+        _("least distance between drawn boxes in metres"), default=RaceRules.box_distance_m
+    )
     opponents = models.CharField(_("opponents"), max_length=6, choices=Opponents.choices, blank=True)
     bots = models.PositiveSmallIntegerField(_("bot cars"), default=0)
-    bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=1.0)
+    bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=RaceRules.bot_speed_mps)
     bot_lane_changes = models.BooleanField(
         _("bot cars change lanes"), default=False, help_text=_("At moments drawn from the seed.")
     )

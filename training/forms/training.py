@@ -12,6 +12,7 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
+from evaluation.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
 from faults import UserFault
 from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
@@ -328,11 +329,11 @@ INITIAL: dict[str, Any] = {
     "direction": "ccw",
     "race_type": RaceType.TIME_TRIAL,
     "box_choice": DRAWN,
-    "random_boxes": 6,
+    "random_boxes": PROPOSED_BOXES,
     "opponents": Opponents.BOTS,
-    "bots": 4,
-    "bot_speed_mps": 1.0,
-    "bot_lane_changes": False,
+    "bots": PROPOSED_BOTS,
+    "bot_speed_mps": RaceRules.bot_speed_mps,
+    "bot_lane_changes": RaceRules.bot_lane_changes,
     "algorithm": Algorithm.PPO,
     "action_space_type": DISCRETE,
     "steering_max": 30.0,

@@ -13,7 +13,7 @@ from django.utils.translation import gettext_lazy as _
 from evaluation.ids import new_public_id
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import reason_sentence
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES
+from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, RaceRules
 from races.models import RaceType
 from tracks.models import Direction
 
@@ -43,7 +43,7 @@ class TrainingJob(models.Model):
     boxes = models.JSONField(_("boxes in fixed places"), default=list, blank=True)
     random_boxes = models.PositiveSmallIntegerField(_("boxes in drawn places"), default=0)
     bots = models.PositiveSmallIntegerField(_("bot cars"), default=0)
-    bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=1.0)
+    bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=RaceRules.bot_speed_mps)
     bot_lane_changes = models.BooleanField(_("bot cars change lanes"), default=False)
 
     algorithm = models.CharField(_("algorithm"), max_length=3, choices=Algorithm.choices, default=Algorithm.PPO)

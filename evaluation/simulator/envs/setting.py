@@ -23,7 +23,15 @@ from ..camera.theme import OFFICIAL, Theme
 from ..course import lay_course
 from ..physics import PADDOCK_CAR, CarPhysics
 from ..rewards import RewardFunction, avoid_objects, follow_centre_line
-from ..rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, BoxPlace, RaceRules
+from ..rules import (
+    HEAD_TO_HEAD,
+    OBJECT_AVOIDANCE,
+    PROPOSED_BOTS,
+    PROPOSED_BOXES,
+    TIME_TRIAL,
+    BoxPlace,
+    RaceRules,
+)
 from ..sensors import sensor_spec
 from ..stage import Ground
 
@@ -103,9 +111,9 @@ def object_avoidance(
     *,
     boxes: Sequence[BoxPlace | Mapping[str, Any] | tuple[float, str]] = (),
     random_boxes: int | None = None,
-    box_distance_m: float = 2.0,
-    mercy_resets: int = 3,
-    collision_penalty_ms: int = 5000,
+    box_distance_m: float = RaceRules.box_distance_m,
+    mercy_resets: int = RaceRules.mercy_resets,
+    collision_penalty_ms: int = RaceRules.collision_penalty_ms,
     course_seed: int | None = None,
     reward_function: RewardFunction = avoid_objects,
     **options: Any,
@@ -117,7 +125,7 @@ def object_avoidance(
     """
     rules = {
         "boxes": tuple(_box_place(place) for place in boxes),
-        "random_boxes": (0 if boxes else 6) if random_boxes is None else random_boxes,
+        "random_boxes": (0 if boxes else PROPOSED_BOXES) if random_boxes is None else random_boxes,
         "box_distance_m": box_distance_m,
         "mercy_resets": mercy_resets,
         "collision_penalty_ms": collision_penalty_ms,
@@ -127,12 +135,12 @@ def object_avoidance(
 
 def head_to_head(
     *,
-    bots: int = 4,
-    bot_speed_mps: float = 1.0,
-    bot_lane_changes: bool = False,
-    bot_lane_change_ms: tuple[int, int] = (3000, 5000),
-    bot_pause_ms: int = 2000,
-    collision_penalty_ms: int = 5000,
+    bots: int = PROPOSED_BOTS,
+    bot_speed_mps: float = RaceRules.bot_speed_mps,
+    bot_lane_changes: bool = RaceRules.bot_lane_changes,
+    bot_lane_change_ms: tuple[int, int] = RaceRules.bot_lane_change_ms,
+    bot_pause_ms: int = RaceRules.bot_pause_ms,
+    collision_penalty_ms: int = RaceRules.collision_penalty_ms,
     course_seed: int | None = None,
     reward_function: RewardFunction = avoid_objects,
     **options: Any,
@@ -158,12 +166,12 @@ def race_setting(
     course_seed: int | None = None,
     *,
     track: Track = "oval",
-    direction: str = "ccw",
+    direction: str = RaceRules.direction,
     metadata: Mapping[str, Any] = DEFAULT_METADATA,
     laps: int = 1,
     max_resets: int = 0,
     max_simulated_ms: int = 60_000,
-    off_track_penalty_ms: int = 2000,
+    off_track_penalty_ms: int = RaceRules.off_track_penalty_ms,
     start: str = "fixed",
     reward_function: RewardFunction = follow_centre_line,
     theme: Theme = OFFICIAL,

@@ -1,0 +1,113 @@
+"""What nobody chose is the same wherever a race is described: one list of defaults, and everything reads it."""
+
+from __future__ import annotations
+
+import dataclasses
+from argparse import ArgumentParser
+from datetime import timedelta
+from inspect import signature
+from typing import Any
+
+import pytest
+from django.db.models import Model
+from django.utils import timezone
+
+from evaluation.simulator.envs.setting import head_to_head, object_avoidance, race_setting
+from evaluation.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
+from league.management.race_options import add_race_options, rules_of
+from league.models import Stage, StageRules
+from league.season_form import PROPOSALS as OF_A_SEASON
+from league.season_form import RULES as SEASON_RULES
+from races.course import race_rules
+from races.forms import RaceForm
+from races.models import Race
+from tests.docs.pages import text
+from tests.factories import a_track
+from training.forms.training import INITIAL
+from training.models import TrainingJob
+
+RULES = {field.name: getattr(RaceRules(), field.name) for field in dataclasses.fields(RaceRules)}
+# An episode of an environment is one lap that ends at the first fault: that is what it is for.
+OF_AN_EPISODE = {"laps", "max_resets", "max_simulated_ms"}
+
+
+def agreeing(said: dict[str, Any]) -> dict[str, Any]:
+    """Those of the rules that are said, as the one list has them."""
+    return {name: RULES[name] for name in said}
+
+
+def of_model(model: type[Model]) -> dict[str, Any]:
+    fields = {field.name: field for field in model._meta.concrete_fields if field.name in RULES}
+    return {name: field.get_default() for name, field in fields.items() if name != "boxes"}
+
+
+def test_a_race_that_says_nothing_has_the_rules_that_the_simulator_has():
+    assert race_rules(Race()) == RaceRules()
+
+
+@pytest.mark.parametrize("model", [Race, StageRules, TrainingJob])
+def test_a_row(model):
+    said = of_model(model)
+    assert said and said == agreeing(said)
+
+
+def test_the_evaluate_command():
+    parser = ArgumentParser()
+    add_race_options(parser)
+    assert rules_of(vars(parser.parse_args([]))) == RaceRules()
+
+
+@pytest.mark.parametrize("make", [race_setting, object_avoidance, head_to_head])
+def test_the_environments(make):
+    arguments = signature(make).parameters.items()
+    said = {name: one.default for name, one in arguments if name in RULES and one.default is not one.empty}
+    for name, proposed in (("boxes", ()), ("random_boxes", None), ("bots", PROPOSED_BOTS)):
+        assert said.pop(name, proposed) == proposed
+    said = {name: value for name, value in said.items() if name not in OF_AN_EPISODE}
+    assert said and said == agreeing(said)
+
+
+def test_an_environment_proposes_what_the_forms_propose():
+    assert object_avoidance().rules.random_boxes == PROPOSED_BOXES
+    assert head_to_head().rules.bots == PROPOSED_BOTS
+
+
+@pytest.mark.django_db
+def test_the_forms_of_a_race_and_of_a_training(now):
+    for initial in (RaceForm(now=now).initial, INITIAL):
+        assert (initial["random_boxes"], initial["bots"]) == (PROPOSED_BOXES, PROPOSED_BOTS)
+        said = {name: value for name, value in initial.items() if name in RULES}
+        said = {name: value for name, value in said.items() if name not in ("boxes", "random_boxes", "bots")}
+        assert said and said == agreeing(said)
+
+
+def test_the_open_races_of_a_season():
+    said = dict(zip(SEASON_RULES, OF_A_SEASON[Stage.OPEN], strict=True))
+    said = {name: value for name, value in said.items() if name in RULES}
+    assert said and said == agreeing(said)
+
+
+@pytest.mark.django_db
+def test_the_api(alice, client):
+    a_track()
+    now = timezone.now()
+    client.force_login(alice)
+    sent = {"name": "Friday", "track": "oval", "opens_at": now.isoformat()}
+    sent["closes_at"] = (now + timedelta(days=3)).isoformat()
+    answer = client.post("/api/v1/races/", sent, content_type="application/json")
+    assert answer.status_code == 201, answer.content
+    said = {name: value for name, value in answer.json().items() if name in RULES and name != "boxes"}
+    assert said and said == agreeing(said)
+
+
+def test_the_pages_of_the_documentation():
+    rows = text("organisers.md")
+    assert (
+        f"| off-track penalty | the car stands still for so long | {RaceRules.off_track_penalty_ms / 1000:g} s |"
+        in rows
+    )
+    assert f"the car stands still for so long | {RaceRules.collision_penalty_ms / 1000:g} s |" in rows
+    assert f"simulated time of a run | {RaceRules.max_simulated_ms / 1000:g} s |" in rows
+    assert f"`off_track_penalty_ms` | the rules | 1, 0, 60 000, {RaceRules.off_track_penalty_ms} |" in text(
+        "environments.md"
+    )
