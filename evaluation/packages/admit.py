@@ -15,7 +15,7 @@ from pathlib import Path
 
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
-from evaluation.sandbox.limits import CONVERTER
+from evaluation.sandbox.limits import CONVERTER, Limits
 from evaluation.sandbox.lock import EXIT_MEMORY
 from faults import PlatformFault, UserFault
 from faults.reasons import REASONS
@@ -28,6 +28,8 @@ from .slots import upload_slot
 from .wire import printable
 
 MODULE = "evaluation.packages.convert_process"
+# By kind (a word of .kinds) the process that reads such a network, and what it may use; for others MODULE, CONVERTER.
+PROCESSES: dict[str, tuple[str, Limits]] = {}
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
@@ -41,10 +43,14 @@ class AdmittedPackage:
     onnx: bytes  # canonical: what every runtime gets
     sha256: str  # the model's identity
     metadata: ModelMetadata
-    source_kind: str  # "tensorflow" or "onnx"
+    source_kind: str  # a word of .kinds
     source_sha256: str  # of the upload itself
     parameters: int
     macs: int  # multiplications a step
+    # what the racer is told of the upload
+    taken: str = ""  # the network's name in the archive
+    reason: str = ""  # why this checkpoint: a word of .choose
+    ignored: tuple[str, ...] = ()  # files of the archive that were not needed, printable
 
 
 def admit(
@@ -53,14 +59,17 @@ def admit(
     *,
     who: int | None = None,
     slots_directory: Path | None = None,
+    checkpoint: str = "",
 ) -> AdmittedPackage:
     """Read an upload and admit its model, or say why not. ``who``: the racer's number, see :func:`.slots.upload_slot`.
+
+    ``checkpoint``: which one of a training's folder: ``best``, ``last``, a number, or nothing for the best known.
 
     Takes about a second. Raises UserFault (upload, metadata, conversion, gate sections) or PlatformFault
     (``upload_busy``, ``conversion_failed``, and those of the sandbox). Leaves no file and no process behind.
     """
     with upload_slot(limits.slots, limits.slot_wait_s, slots_directory, waiting=limits.waiting, who=who):
-        package = read_upload(files, limits)
+        package = read_upload(files, limits, checkpoint=checkpoint)
         metadata = parse_metadata(package.metadata_json, limits)
         onnx, parameters, macs = _ask(package, limits)
     return AdmittedPackage(
@@ -71,18 +80,23 @@ def admit(
         source_sha256=package.source_sha256,
         parameters=parameters,
         macs=macs,
+        taken=printable(package.taken, 255),
+        reason=package.reason,
+        ignored=tuple(printable(name, 255) for name in package.ignored),
     )
 
 
 def _ask(package: RawPackage, limits: PackageLimits) -> tuple[bytes, int, int]:
     """Have the sandboxed process admit the network: its canonical bytes, parameters and multiplications."""
-    with launch(MODULE, limits=CONVERTER) as process:
+    module, process_limits = PROCESSES.get(package.kind, (MODULE, CONVERTER))
+    with launch(module, limits=process_limits) as process:
         widen_pipe(process.stdin)
         widen_pipe(process.stdout)
         _wait_for_lock(process)
-        question = {"kind": package.kind, "limits": limits.to_dict()}
+        question = {"kind": package.kind, "limits": limits.to_dict(), "weights": list(package.weights)}
+        contents = [package.model, package.metadata_json, *package.weights.values()]
         try:
-            write_message(process.stdin, question, [package.model, package.metadata_json], process.deadline)
+            write_message(process.stdin, question, contents, process.deadline)
             header, blobs = read_message(
                 process.stdout, process.deadline, json_limit=_HEADER_LIMIT, blob_limit=limits.model_bytes
             )

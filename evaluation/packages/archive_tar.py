@@ -7,14 +7,15 @@ and names. Format: POSIX.1-2017 pax; GNU tar manual, "Basic Tar Format".
 
 from __future__ import annotations
 
+import io
 import zlib
-from collections.abc import Iterator
-from typing import BinaryIO
+from collections.abc import Callable, Iterable, Iterator
+from typing import BinaryIO, Protocol
 
 from faults import UserFault
 
 from .limits import PackageLimits
-from .members import METADATA, SKIP, Expected
+from .members import Catalogue
 
 _BLOCK = 512
 _CHUNK = 64 * 1024
@@ -25,18 +26,29 @@ _PAX_IGNORED = {b"mtime", b"atime", b"ctime", b"uid", b"gid", b"uname", b"gname"
 _PAX_IGNORED_PREFIXES = (b"SCHILY.", b"LIBARCHIVE.")
 
 
-def read_tar(chunks: Iterator[bytes], limits: PackageLimits) -> dict[str, bytes]:
-    """The wanted members of a tar stream: ``{role: bytes}`` with the roles of :mod:`.members`."""
+class Early(Protocol):
+    """Which names are worth keeping before the choice is made."""
+
+    def is_network(self, name: str) -> bool: ...
+
+    def is_wanted(self, name: str) -> bool: ...
+
+
+def scan_tar(
+    chunks: Iterator[bytes], limits: PackageLimits, keep: Callable[[str, int], bool]
+) -> tuple[dict[str, int], dict[str, bytes]]:
+    """One pass over a tar stream: all its files (``{clean name: size}``), and the content of those that ``keep``
+    (name, size) asks for. Raises UserFault for all out of the ordinary."""
     source = _Source(chunks)
-    expected = Expected(limits)
-    found: dict[str, bytes] = {}
+    catalogue = Catalogue(limits)
+    kept: dict[str, bytes] = {}
     long_name: bytes | None = None
     headers = 0
     while True:
         header = source.take(_BLOCK)
         if not header.strip(b"\0"):
             source.expect_zeros()
-            return found
+            return catalogue.sizes, kept
         headers += 1
         if headers > 4 * limits.archive_members:
             raise UserFault("too_many_members", limit=limits.archive_members)
@@ -50,28 +62,55 @@ def read_tar(chunks: Iterator[bytes], limits: PackageLimits) -> dict[str, bytes]
             named = extension.rstrip(b"\0") if kind == _GNU_NAME else _pax_name(extension)
             long_name = named or long_name
             continue
-        name, long_name = long_name or _name(header), None
+        raw, long_name = long_name or _name(header), None
         if kind == _FOLDER:
-            expected.folder(name)
+            catalogue.folder(raw)
             source.skip(size + padding)
         elif kind in _FILES:
-            role = expected.file(name)
-            if role == SKIP:
-                source.skip(size + padding)
-                continue
-            limit = limits.metadata_bytes if role == METADATA else limits.model_bytes
-            if size > limit:
-                raise _too_large(role, limits)
-            found[role] = source.take(size)
-            source.skip(padding)
+            name = catalogue.file(raw, size)
+            if name is not None and keep(name, size):
+                kept[name] = source.take(size)
+                size = 0
+            source.skip(size + padding)
         else:
             raise UserFault("unexpected_member", member="a link or device")
 
 
-def _too_large(role: str, limits: PackageLimits) -> UserFault:
-    if role == METADATA:
-        return UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
-    return UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+class TarArchive:
+    """A tar that can be gone through again. ``sizes``: its files by clean name.
+
+    One pass reads a car: what is small and may be needed, and the first network, are kept in passing. Only where
+    another file is chosen then, a second pass fetches it. ``again``: gives the stream's chunks from the beginning.
+    """
+
+    def __init__(
+        self, chunks: Iterator[bytes], again: Callable[[], Iterator[bytes]], limits: PackageLimits, early: Early
+    ) -> None:
+        self._again, self._limits = again, limits
+        has_network = False
+
+        def keep(name: str, size: int) -> bool:
+            nonlocal has_network
+            if early.is_network(name):
+                if size > limits.model_bytes:
+                    raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+                is_first, has_network = not has_network, True
+                return is_first
+            return early.is_wanted(name) and size <= limits.metadata_bytes
+
+        self.sizes, self._kept = scan_tar(chunks, limits, keep)
+
+    def read(self, names: Iterable[str]) -> dict[str, bytes]:
+        """The content of these files; everything else that was kept is let go with the next pass."""
+        names = list(names)
+        if not set(names) <= set(self._kept):
+            wanted = set(names)
+            self._kept = {name: content for name, content in self._kept.items() if name in wanted}
+            missing = wanted - set(self._kept)
+            self._kept |= scan_tar(self._again(), self._limits, lambda name, _size: name in missing)[1]
+        if not set(names) <= set(self._kept):
+            raise UserFault("archive_corrupt")  # the stream is not the same a second time
+        return {name: self._kept[name] for name in names}
 
 
 def plain_chunks(head: bytes, stream: BinaryIO, limits: PackageLimits) -> Iterator[bytes]:
@@ -121,16 +160,16 @@ class _Source:
         self._rest = b""
 
     def take(self, size: int) -> bytes:
-        parts, missing = [], size
+        taken, missing = io.BytesIO(), size  # gives its bytes away without a copy, which a list of parts does not
         while missing:
             if not self._rest:
                 self._rest = next(self._chunks, b"")
                 if not self._rest:
                     raise UserFault("archive_corrupt")
             part, self._rest = self._rest[:missing], self._rest[missing:]
-            parts.append(part)
+            taken.write(part)
             missing -= len(part)
-        return b"".join(parts)
+        return taken.getvalue()
 
     def skip(self, size: int) -> None:
         while size:

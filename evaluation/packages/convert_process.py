@@ -26,9 +26,10 @@ _RUN_ERRORS = (pybind.Fail, pybind.RuntimeException, pybind.InvalidArgument, pyb
 
 
 def main(frames_in: int, frames_out: int) -> int:
-    """Answer one question: ``{kind, limits}`` with two blobs (network, metadata) in, the canonical network out."""
+    """Answer one question: ``{kind, limits, weights}`` with the network, the metadata and the files of weights that
+    ``weights`` names as blobs in, the canonical network out."""
     write_message(frames_out, LOCKED)
-    header, (network, metadata_json) = read_message(frames_in)
+    header, (network, metadata_json, *_weights) = read_message(frames_in)
     limits = PackageLimits.from_dict(header["limits"])
     try:
         metadata = parse_metadata(metadata_json, limits)

@@ -22,7 +22,8 @@ class PackageLimits:
     expanded_bytes: int = 72 * MEGABYTE  # everything in an archive, unpacked
     expansion_ratio: int = 100  # unpacked : packed, once more than `expansion_free_bytes` came out
     expansion_free_bytes: int = 4 * MEGABYTE
-    archive_members: int = 64
+    parts: int = 8  # files sent together
+    archive_members: int = 10_000
     member_name_bytes: int = 255
 
     # --- the network's file

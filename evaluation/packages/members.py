@@ -1,8 +1,7 @@
-"""Which files an archive may hold, by exact name, whatever the archive format.
+"""The names in an archive, whatever its format: checked one by one, before anything is read.
 
-A car's archive, as the console and DeepRacer-for-Cloud write it, holds ``agent/model.pb``, ``model_metadata.json`` and
-two files of RL-Coach (deepracer.md 1.1). Packing tools add a leading ``./``, one folder around everything, folder
-entries and their own droppings (``.DS_Store``, ``__MACOSX/``, ``._*``). Nothing else is let in.
+Packing tools add a leading ``./``, folders around everything, folder entries and their own droppings (``.DS_Store``,
+``__MACOSX/``, ``._*``). Which of the files are wanted is decided when all names are known: see :mod:`.choose`.
 """
 
 from __future__ import annotations
@@ -14,14 +13,7 @@ from faults import UserFault
 from .limits import PackageLimits
 from .wire import printable
 
-METADATA = "model_metadata.json"
-_MODEL = re.compile(r"(agent(_\d{1,3})?/)?model\.pb\Z")
-_ONNX = re.compile(r"[^/]{1,200}\.onnx\Z", re.IGNORECASE)
-_COACH = re.compile(r"worker_\d{1,4}\.[A-Za-z0-9_.]{1,160}\.(csv|json)\Z")
 _DROPPINGS = re.compile(r"(.*/)?(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*)\Z")
-_HARMLESS = {"reward_function.py", "hyperparameters.json", "training_params.yaml", "README.md", "LICENSE"}
-
-SKIP, MODEL = "skip", "model"
 
 
 def clean_name(raw: bytes, limits: PackageLimits) -> str:
@@ -41,61 +33,40 @@ def clean_name(raw: bytes, limits: PackageLimits) -> str:
         or (not name and raw not in (b"./", b"."))
         or re.match(r"[A-Za-z]:", name)
     ):
-        raise UserFault("unexpected_member", member=printable(raw.decode("utf-8", "replace")))
+        raise UserFault("unexpected_member", member=printable(raw[:1000].decode("utf-8", "replace")))
     return name
 
 
-class Expected:
-    """Decides, member by member, what to read. One instance for one archive."""
+class Catalogue:
+    """What an archive holds: ``sizes`` by clean name, in the archive's order, without droppings and folders."""
 
     def __init__(self, limits: PackageLimits) -> None:
         self._limits = limits
-        self._names: set[str] = set()
-        self._roles: set[str] = set()
-        self._top: str | None = None
+        self._folded: set[str] = set()
         self._members = 0
+        self.sizes: dict[str, int] = {}
 
     def folder(self, raw: bytes) -> None:
         """Check a folder entry. Folders are counted and otherwise ignored."""
         self._count()
         clean_name(raw, self._limits)
 
-    def file(self, raw: bytes) -> str:
-        """:data:`SKIP`, :data:`METADATA` or :data:`MODEL` for the file of this name.
+    def file(self, raw: bytes, size: int) -> str | None:
+        """The clean name of a file; None for a dropping.
 
         Raises UserFault ``unexpected_member``, ``duplicate_member`` or ``too_many_members``.
         """
         self._count()
         name = clean_name(raw, self._limits)
         if name.startswith("__MACOSX/") or _DROPPINGS.match(name):
-            return SKIP
-        if name.casefold() in self._names:
+            return None
+        if name.casefold() in self._folded:
             raise UserFault("duplicate_member", member=printable(name))
-        self._names.add(name.casefold())
-        top, role = "", self._role(name)
-        if role is None and "/" in name:
-            top, rest = name.split("/", 1)
-            role = self._role(rest)
-        if role is None or self._top not in (None, top):
-            raise UserFault("unexpected_member", member=printable(name))
-        self._top = top
-        if role != SKIP:
-            if role in self._roles:
-                raise UserFault("duplicate_member", member=printable(name))
-            self._roles.add(role)
-        return role
+        self._folded.add(name.casefold())
+        self.sizes[name] = size
+        return name
 
     def _count(self) -> None:
         self._members += 1
         if self._members > self._limits.archive_members:
             raise UserFault("too_many_members", limit=self._limits.archive_members)
-
-    @staticmethod
-    def _role(name: str) -> str | None:
-        if name == METADATA:
-            return METADATA
-        if _MODEL.match(name) or _ONNX.match(name):
-            return MODEL
-        if _COACH.match(name) or name in _HARMLESS:
-            return SKIP
-        return None

@@ -1,29 +1,34 @@
-"""From uploaded files to a network's bytes and its metadata's bytes: bounded, by content, nothing extracted to disk."""
+"""From uploaded files to a network's bytes and its metadata's bytes: bounded, by content, nothing extracted to disk.
+
+What a file is, :mod:`.kinds` says; which files of an archive are the car, :mod:`.choose` does.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import BinaryIO
 
 from faults import UserFault
 
-from .archive_tar import gzip_chunks, plain_chunks, read_tar
-from .archive_zip import read_zip
+from . import choose, kinds
+from .archive_tar import TarArchive, gzip_chunks, plain_chunks
+from .archive_zip import ZipArchive
+from .kinds import ONNX, TENSORFLOW, network_kind
 from .limits import DEFAULT_LIMITS, PackageLimits
-from .members import METADATA, MODEL
 
-TENSORFLOW, ONNX = "tensorflow", "onnx"
+__all__ = ["ONNX", "TENSORFLOW", "RawPackage", "UploadPart", "network_kind", "read_upload"]
 
 _CHUNK = 64 * 1024
-_HEAD = 512
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_NETWORK, _METADATA, _WEIGHTS = "network", "metadata", "weights"
 
 
 @dataclass(frozen=True)
 class UploadPart:
-    """One uploaded file. ``name`` is the sender's and only decides nothing: files are told apart by content."""
+    """One uploaded file. ``name`` is the sender's; of it only the ending counts, and only for weights beside an ONNX
+    file: all others are told apart by content. An archive's ``stream`` must be seekable."""
 
     name: str
     stream: BinaryIO
@@ -31,24 +36,30 @@ class UploadPart:
 
 @dataclass(frozen=True)
 class RawPackage:
-    """What was in the upload, unread: ``kind`` is ``"tensorflow"`` (a GraphDef) or ``"onnx"``."""
+    """What was in the upload, unread. ``kind`` is one of :mod:`.kinds`: a GraphDef, or an ONNX file."""
 
     kind: str
     model: bytes
     metadata_json: bytes
-    source_sha256: str  # of the file as sent; of the digests of model and metadata when they came as two files
+    source_sha256: str  # of the file as sent; of the digests of its parts when they came as several files
+    weights: dict[str, bytes] = field(default_factory=dict)  # files beside an ONNX file that may hold its weights
+    # what the racer is told
+    taken: str = field(default="", compare=False)  # the network's name in the archive
+    reason: str = field(default="", compare=False)  # why this checkpoint: a word of :mod:`.choose`
+    ignored: tuple[str, ...] = field(default=(), compare=False)  # files of the archive that were not needed
 
 
 class _Metered:
     """A stream that counts, hashes and stops at the upload's limit (shared by all parts)."""
 
-    def __init__(self, stream: BinaryIO, meter: _Meter) -> None:
-        self._stream = stream
+    def __init__(self, part: UploadPart, meter: _Meter) -> None:
+        self.name = part.name
+        self.stream = part.stream
         self._meter = meter
         self.digest = hashlib.sha256()
 
     def read(self, size: int) -> bytes:
-        chunk = self._stream.read(size)
+        chunk = self.stream.read(size)
         self._meter.add(len(chunk))
         self.digest.update(chunk)
         return chunk
@@ -61,11 +72,18 @@ class _Metered:
             missing -= len(chunk)
         return b"".join(parts)
 
-    def read_all(self, head: bytes) -> bytes:
-        parts = [head]
-        while chunk := self.read(_CHUNK):
-            parts.append(chunk)
-        return b"".join(parts)
+    def read_all(self, head: bytes, limit: int) -> bytes:
+        """``head`` and the rest of the stream; where that is more than ``limit``, only somewhat more than it."""
+        whole = io.BytesIO()  # gives its bytes away without a copy
+        whole.write(head)
+        while whole.tell() <= limit and (chunk := self.read(_CHUNK)):
+            whole.write(chunk)
+        return whole.getvalue()
+
+    def exhaust(self) -> None:
+        """Read to the end, for the meter and the digest."""
+        while self.read(_CHUNK):
+            pass
 
 
 class _Meter:
@@ -79,95 +97,149 @@ class _Meter:
             raise UserFault("too_large", limit_mb=self._limits.upload_bytes >> 20)
 
 
-def read_upload(files: Sequence[UploadPart], limits: PackageLimits = DEFAULT_LIMITS) -> RawPackage:
-    """Read one archive (.tar.gz, .tar, .zip), or a network and its ``model_metadata.json`` as two files.
+def read_upload(
+    files: Sequence[UploadPart], limits: PackageLimits = DEFAULT_LIMITS, *, checkpoint: str = ""
+) -> RawPackage:
+    """Read one archive (.tar.gz, .tar, .zip), with ``model_metadata.json`` beside it if it has none; or loose files: a
+    network, its metadata, and the weights of an ONNX file that keeps them outside.
 
-    Memory stays below the upload limit plus the network's size. Raises UserFault with a code of the upload section.
+    ``checkpoint``: which one of a training's folder, see :func:`.choose.choose`. Memory stays below twice the network's
+    size. Raises UserFault with a code of the upload section.
     """
     if not files:
         raise UserFault("empty")
-    if len(files) > 2:
+    if len(files) > limits.parts:
         raise UserFault("upload_parts")
     meter = _Meter(limits)
-    parts = [_Metered(part.stream, meter) for part in files]
-    heads = [part.read_exactly(_HEAD) for part in parts]
+    parts = [_Metered(part, meter) for part in files]
+    heads = [part.read_exactly(kinds.HEAD) for part in parts]
     if not all(heads):
         raise UserFault("empty")
-    kinds = [_sniff(head) for head in heads]
-    if len(parts) == 1 and kinds[0] in ("gzip", "zip", "tar"):
-        members = _read_archive(kinds[0], heads[0], parts[0], limits)
-        digest = parts[0].digest.hexdigest()
-    else:
-        members = _read_loose(kinds, heads, parts)
-        digest = _pair_digest(members)
-    return _package(members, digest, limits)
+    roles = _roles(parts, heads)
+    if any(role in kinds.ARCHIVES for role in roles):
+        return _read_packed(roles, parts, heads, limits, checkpoint)
+    return _read_loose(roles, parts, heads, limits)
 
 
-def _sniff(head: bytes) -> str:
-    """What a file is, by its first bytes: ``gzip``, ``zip``, ``tar``, ``json`` or ``binary`` (perhaps a network)."""
-    if head.startswith(b"\x1f\x8b"):
-        return "gzip"
-    if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")):
-        return "zip"
-    if head[257:262] == b"ustar":
-        return "tar"
-    if head.removeprefix(_BYTE_ORDER_MARK).lstrip().startswith((b"{", b"[")):
-        return "json"
-    return "binary"
+def _roles(parts: list[_Metered], heads: list[bytes]) -> list[str]:
+    """What each part is: an archive's kind, or what a loose file is for."""
+    roles = []
+    for part, head in zip(parts, heads, strict=True):
+        kind = kinds.sniff(head)
+        if len(parts) > 1 and kinds.is_weights_file(part.name):
+            roles.append(_WEIGHTS)
+        elif kind in kinds.ARCHIVES:
+            roles.append(kind)
+        else:
+            roles.append(_METADATA if kind == kinds.JSON else _NETWORK)
+    return roles
 
 
-def _read_archive(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> dict[str, bytes]:
-    if kind == "zip":
-        return read_zip(part.read_all(head), limits)
-    chunks = gzip_chunks if kind == "gzip" else plain_chunks
-    members = read_tar(chunks(head, part, limits), limits)
-    part.read_all(b"")  # whatever follows the archive counts and is part of the digest
-    return members
-
-
-def _read_loose(kinds: list[str], heads: list[bytes], parts: list[_Metered]) -> dict[str, bytes]:
-    """Loose files: JSON is the metadata, anything else the network."""
-    roles = [METADATA if kind == "json" else MODEL for kind in kinds]
-    if len(parts) == 2 and (roles[0] == roles[1] or not {"binary", "json"}.issuperset(kinds)):
+def _read_packed(
+    roles: list[str], parts: list[_Metered], heads: list[bytes], limits: PackageLimits, checkpoint: str
+) -> RawPackage:
+    """One archive, and perhaps the metadata that it lacks."""
+    if roles not in ([roles[0]], [roles[0], _METADATA], [_METADATA, roles[-1]]):
         raise UserFault("upload_parts")
-    return {role: part.read_all(head) for role, part, head in zip(roles, parts, heads, strict=True)}
+    place = 1 if roles[0] == _METADATA else 0
+    part, head = parts[place], heads[place]
+    archive = _open(roles[place], head, part, limits)
+    part.exhaust()  # whatever follows the archive counts and is part of the digest
+    choice = choose.choose(archive.sizes, lambda name: archive.read([name])[name], limits, checkpoint)
+    names = [choice.network, *choice.weights]
+    if sum(archive.sizes[name] for name in names) > limits.model_bytes:
+        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+    beside = len(parts) == 2
+    if choice.metadata is not None:
+        if beside:
+            raise UserFault("upload_parts")
+        if archive.sizes[choice.metadata] > limits.metadata_bytes:
+            raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+        names.append(choice.metadata)
+    members = archive.read(names)
+    metadata = members.get(choice.metadata or "")
+    digest = part.digest.hexdigest()
+    if beside:
+        metadata = parts[1 - place].read_all(heads[1 - place], limits.metadata_bytes)
+        digest = _joint_digest(bytes.fromhex(digest), hashlib.sha256(metadata).digest())
+    ignored = tuple(name for name in archive.sizes if name not in names)
+    return _package(
+        members[choice.network],
+        metadata,
+        limits,
+        source_sha256=digest,
+        weights={name.rsplit("/", 1)[-1]: members[name] for name in choice.weights},
+        taken=choice.network,
+        reason=choice.reason,
+        ignored=ignored,
+    )
 
 
-def _pair_digest(members: dict[str, bytes]) -> str:
-    whole = hashlib.sha256()
-    for role in (MODEL, METADATA):
-        whole.update(hashlib.sha256(members.get(role, b"")).digest())
-    return whole.hexdigest()
+class _Early:
+    is_network = staticmethod(choose.is_network)
+    is_wanted = staticmethod(choose.is_wanted_early)
 
 
-def _package(members: dict[str, bytes], digest: str, limits: PackageLimits) -> RawPackage:
-    model, metadata = members.get(MODEL), members.get(METADATA)
+def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> TarArchive | ZipArchive:
+    if kind == kinds.ZIP:
+        part.exhaust()
+        return ZipArchive(part.stream, limits)
+    unpack = gzip_chunks if kind == kinds.GZIP else plain_chunks
+
+    def again() -> Iterator[bytes]:
+        part.stream.seek(0)
+        return unpack(part.stream.read(kinds.HEAD), part.stream, limits)
+
+    return TarArchive(unpack(head, part, limits), again, limits, _Early)
+
+
+def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], limits: PackageLimits) -> RawPackage:
+    """Loose files: a network, its metadata, the weights beside it."""
+    if max(roles.count(_NETWORK), roles.count(_METADATA)) > 1:
+        raise UserFault("upload_parts")
+    found: dict[str, bytes] = {}
+    weights: dict[str, bytes] = {}
+    left = limits.model_bytes
+    for role, part, head in zip(roles, parts, heads, strict=True):
+        if role == _NETWORK and network_kind(head) is None:
+            raise UserFault("not_a_model")
+        content = part.read_all(head, limits.metadata_bytes if role == _METADATA else left)
+        if role == _METADATA:
+            found[role] = content
+            continue
+        left -= len(content)
+        if left < 0:
+            part.exhaust()  # what is beyond the upload's limit too is told so
+            raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+        if role == _NETWORK:
+            found[role] = content
+        else:
+            name = part.name.replace("\\", "/").rsplit("/", 1)[-1]
+            if name in weights:
+                raise UserFault("upload_parts")
+            weights[name] = content
+    digests = [hashlib.sha256(found.get(role, b"")).digest() for role in (_NETWORK, _METADATA)]
+    digests += [hashlib.sha256(weights[name]).digest() for name in sorted(weights)]
+    return _package(
+        found.get(_NETWORK), found.get(_METADATA), limits, source_sha256=_joint_digest(*digests), weights=weights
+    )
+
+
+def _joint_digest(*digests: bytes) -> str:
+    return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+def _package(model: bytes | None, metadata: bytes | None, limits: PackageLimits, **rest: object) -> RawPackage:
     if model is not None:
         kind = network_kind(model)
         if kind is None:
             raise UserFault("not_a_model") if model else UserFault("empty")
-        if len(model) > limits.model_bytes:
-            raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+        if rest["weights"] and kind != ONNX:
+            raise UserFault("upload_parts")
     if metadata is None:
         raise UserFault("metadata_missing" if model is not None else "model_missing")
     if len(metadata) > limits.metadata_bytes:
         raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
     if model is None:
         raise UserFault("model_missing")
-    return RawPackage(kind, model, metadata, digest)
-
-
-def network_kind(model: bytes) -> str | None:
-    """Tell a GraphDef from an ONNX model by its first field; None for what cannot be either.
-
-    A GraphDef begins with its first node (field 1, length-delimited). An ONNX model's field 1 is a varint, and its
-    other fields are numbered up to 26; text, pictures and programs begin with no such field.
-    """
-    if not model:
-        return None
-    first = model[0]
-    if first == 0x0A:
-        return TENSORFLOW if len(model) > 1 and model[1] not in b"\r\n" else None
-    if first in (0x08, 0x12, 0x1A, 0x22, 0x28, 0x32, 0x3A, 0x42) and not model.startswith((b"BZ", b'"', b"(", b":")):
-        return ONNX
-    return None
+    return RawPackage(kind, model, metadata, **rest)

@@ -20,25 +20,41 @@ REASONS = table(
             "model_metadata.json."
         ),
         "upload_parts": _(
-            "These files do not belong together. Upload one archive, or one .onnx file and one model_metadata.json."
+            "These files do not belong together. Upload one archive, or one network with its model_metadata.json (and, "
+            "of an .onnx file that keeps its weights outside, the .onnx.data file)."
         ),
         "model_missing": _(
-            "There is no network in the upload. A car's archive holds agent/model.pb; a zip holds one .onnx file."
+            "There is no network in the upload. A car's archive holds agent/model.pb, a training's folder "
+            "model/model_<iteration>.pb, a zip one .onnx file."
         ),
         "metadata_missing": _(
             "model_metadata.json is missing. Add it: it says which actions the network chooses from and which "
             "sensors it reads."
         ),
         "unexpected_member": _(
-            "The archive holds something that no car needs: %(member)s. Pack agent/model.pb (or one .onnx "
-            "file) and model_metadata.json only."
+            "The archive holds something that is no plain file in a folder: %(member)s. Pack it again with plain "
+            "files, and with names that do not lead out of it."
+        ),
+        "several_networks": _(
+            "The archive holds more than one network (%(members)s), so it is not clear which one shall race. Pack "
+            "one of them."
+        ),
+        "training_folder_incomplete": _(
+            "This is a training's folder, and %(missing)s is missing from it: checkpoints (.ckpt) alone cannot be "
+            "read. Pack the folder again with it, or upload the car's own archive."
+        ),
+        "checkpoint_missing": _(
+            "There is no checkpoint %(checkpoint)s in the upload. It holds: %(found)s. Choose one of these, or "
+            "leave the choice empty."
+        ),
+        "checkpoints_unreadable": _(
+            "deepracer_checkpoints.json does not say which checkpoint is the best (%(problem)s). Choose a checkpoint "
+            "by its number or as last, or leave that file out."
         ),
         "duplicate_member": _(
             "The archive holds %(member)s more than once, so it is not clear which one is meant. Pack it again."
         ),
-        "too_many_members": _(
-            "The archive holds more than %(limit)s files. Pack the network and model_metadata.json only."
-        ),
+        "too_many_members": _("The archive holds more than %(limit)s files. Leave out logs and traces."),
         "archive_corrupt": _("The archive is damaged or incomplete. Download or pack it again, then upload it."),
         "archive_unsupported": _(
             "The archive uses a feature that is not accepted here (encryption, zip64 or a rare compression). "

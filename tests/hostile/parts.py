@@ -8,6 +8,7 @@ import struct
 import tarfile
 import zipfile
 import zlib
+from collections.abc import Callable
 
 import numpy as np
 import onnx
@@ -155,6 +156,35 @@ def with_files(*more: tuple[tarfile.TarInfo, bytes]) -> Upload:
     return [("model.tar.gz", gzip(tar_of(*members)))]
 
 
+def training_folder(
+    iterations: dict[int, bytes],
+    best: bytes | None = None,
+    metadata_json: bytes | None = b"",
+    *,
+    lead: str = "",
+    more: tuple[tuple[str, bytes], ...] = (),
+    packed: Callable[..., Upload] = archive,
+) -> Upload:
+    """The folder of a training as DeepRacer-for-Cloud writes it: frozen graphs by iteration, ``best``: the content of
+    deepracer_checkpoints.json, beside checkpoints, logs and notes."""
+    members = [(f"model/model_{number}.pb", graph) for number, graph in iterations.items()]
+    if best is not None:
+        members.append(("model/deepracer_checkpoints.json", best))
+    if metadata_json is not None:
+        members.append(("model/model_metadata.json", metadata_json or metadata()))
+    members += [
+        ("model/.coach_checkpoint", b"7_Step-100.ckpt"),
+        ("model/7_Step-100.ckpt.index", b"index"),
+        ("model/7_Step-100.ckpt.data-00000-of-00001", bytes(100_000)),
+        ("ip/hyperparameters.json", b"{}"),
+        ("metrics/TrainingMetrics.json", b'{"metrics": []}'),
+        ("reward_function.py", b"def reward_function(params):\n    return 1.0\n"),
+        ("checksum.txt", b"d41d8cd98f00b204e9800998ecf8427e"),
+        ("notes.md", b"faster in turn 3"),
+    ]
+    return packed(*((lead + name, content) for name, content in (*members, *more)))
+
+
 # --- zip
 
 
@@ -176,7 +206,10 @@ def good_zip(*more: tuple[str | zipfile.ZipInfo, bytes], method: int = zipfile.Z
 class ZipEntry:
     """One entry written by hand, every field of which may lie."""
 
-    def __init__(self, name: bytes, content: bytes, *, method: int = 0, flags: int = 0, **lies: int) -> None:
+    def __init__(
+        self, name: bytes, content: bytes, *, method: int = 0, flags: int = 0, wide: bytes | None = None, **lies: int
+    ) -> None:
+        self.extra = b"" if wide is None else struct.pack("<HH", 1, len(wide)) + wide
         engine = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
         self.name, self.method, self.flags = name, method, flags
         self.data = engine.compress(content) + engine.flush() if method == 8 else content
@@ -186,11 +219,12 @@ class ZipEntry:
         self.offset: int | None = lies.get("offset")
 
     def local(self) -> bytes:
+        sizes = (0xFFFFFFFF, 0xFFFFFFFF) if self.extra else (self.packed, self.size)
         head = struct.pack(
-            "<4s5H3L2H", b"PK\x03\x04", 20, self.flags, self.method, 0, 0, self.crc, self.packed, self.size,
-            len(self.name), 0,
+            "<4s5H3L2H", b"PK\x03\x04", 20, self.flags, self.method, 0, 0, self.crc, *sizes,
+            len(self.name), len(self.extra),
         )  # fmt: skip
-        return head + self.name + self.data
+        return head + self.name + self.extra + self.data
 
     def central(self, offset: int) -> bytes:
         at = offset if self.offset is None else self.offset

@@ -1,6 +1,7 @@
 """Every hostile upload ends with the reason that its folder is named after, and hurts nobody.
 
-``tests/hostile/<reason code>/<case>.py`` has ``build()``, which returns the files to upload as ``(name, bytes)``.
+``tests/hostile/<reason code>/<case>.py`` has ``build()``, which returns the files to upload as ``(name, bytes)``; and,
+where it needs them, ``LIMITS`` (bounds other than the defaults) and ``CHECKPOINT`` (the one that is asked for).
 """
 
 from __future__ import annotations
@@ -8,11 +9,14 @@ from __future__ import annotations
 import importlib.util
 import io
 import os
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from evaluation.packages.admit import AdmittedPackage, admit
+from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
 from evaluation.packages.read import UploadPart
 from faults import PaddockError
 from faults.reasons import conversion, gate, metadata
@@ -30,15 +34,15 @@ UNREACHABLE = {
 SECTIONS = (upload_reasons, metadata, conversion, gate)
 
 
-def build(case: str) -> Upload:
+def load(case: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"hostile_{case.replace('/', '_')}", HERE / f"{case}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.build()
+    return module
 
 
-def upload(files: Upload) -> AdmittedPackage:
-    return admit([UploadPart(name, io.BytesIO(content)) for name, content in files])
+def upload(files: Upload, limits: PackageLimits = DEFAULT_LIMITS, checkpoint: str = "") -> AdmittedPackage:
+    return admit([UploadPart(name, io.BytesIO(content)) for name, content in files], limits, checkpoint=checkpoint)
 
 
 def descriptors() -> int:
@@ -55,10 +59,12 @@ def test_a_hostile_upload_is_refused_with_the_reason_of_its_folder(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    files = build(case)
+    module = load(case)
+    files = module.build()
+    limits = replace(DEFAULT_LIMITS, **getattr(module, "LIMITS", {}))
     upload_before = descriptors(), children()
     with pytest.raises(PaddockError) as fault:
-        upload(files)
+        upload(files, limits, getattr(module, "CHECKPOINT", ""))
     code = fault.value.code
     assert code == case.split("/")[0], f"{fault.value} {getattr(fault.value, '__notes__', '')}"
     assert fault.value.fault == "user"

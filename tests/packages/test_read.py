@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import io
+import random
 import tarfile
 import tracemalloc
 import zipfile
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given, settings
@@ -15,15 +17,27 @@ from hypothesis import strategies as st
 from evaluation.packages.limits import PackageLimits
 from evaluation.packages.read import RawPackage, UploadPart, read_upload
 from faults import UserFault
-from tests.hostile.parts import Upload, good_network, gzip, metadata, regular, special, tar, tar_of, zipped
+from tests.hostile.parts import (
+    Upload,
+    archive,
+    good_network,
+    gzip,
+    metadata,
+    regular,
+    special,
+    tar,
+    tar_of,
+    training_folder,
+    zipped,
+)
 
 GRAPH = b"\x0a\x04abcd"
 COACH = "worker_0.multi_agent_graph.main_level.main_level.agent_0.csv"
 
 
-def read(files: Upload, limits: PackageLimits | None = None) -> RawPackage:
+def read(files: Upload, limits: PackageLimits | None = None, checkpoint: str = "") -> RawPackage:
     parts = [UploadPart(name, io.BytesIO(content)) for name, content in files]
-    return read_upload(parts, limits or PackageLimits())
+    return read_upload(parts, limits or PackageLimits(), checkpoint=checkpoint)
 
 
 def read_one(content: bytes, **limits: int) -> RawPackage:
@@ -165,3 +179,118 @@ def test_a_file_cut_anywhere_is_refused(content: bytes, missing: int) -> None:
     kept = content.rstrip(b"\0")[: -min(missing, len(content.rstrip(b"\0")) - 1)]
     with pytest.raises(UserFault):
         read_one(kept)
+
+
+def test_a_zip_with_zip64_local_headers_is_read() -> None:
+    """As stable-baselines3 and every tool that streams writes them."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, content in (("car.onnx", good_network()), ("model_metadata.json", metadata())):
+            with archive.open(name, "w", force_zip64=True) as member:
+                member.write(content)
+    assert read_one(buffer.getvalue()).model == good_network()
+
+
+def test_a_streamed_zip_with_zip64_descriptors_is_read() -> None:
+    class Pipe(io.BytesIO):
+        def seekable(self) -> bool:
+            return False
+
+        def tell(self) -> int:
+            raise OSError
+
+    buffer = Pipe()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in (("car.onnx", good_network()), ("model_metadata.json", metadata())):
+            with archive.open(name, "w", force_zip64=True) as member:
+                member.write(content)
+    assert read_one(buffer.getvalue()).model == good_network()
+
+
+RECORD = b'{"best_checkpoint": {"name": "3_Step-9.ckpt", "avg_eval_metric": 99.0}, "last_checkpoint": {"name": "x"}}'
+ITERATIONS = {12: b"\x0a\x04last", 3: b"\x0a\x04best", 7: b"\x0a\x04some"}
+
+
+def zip_of(*members: tuple[str, bytes]) -> Upload:
+    return [("training.zip", zipped(*members))]
+
+
+@pytest.mark.parametrize("lead", ["", "./", "rl-deepracer-sagemaker/", "bucket/team 7/rl-deepracer-sagemaker/"])
+@pytest.mark.parametrize("packed", [archive, zip_of])
+@pytest.mark.parametrize(
+    ("record", "asked", "taken", "reason"),
+    [
+        (RECORD, "", 3, "best"),
+        (RECORD, "best", 3, "best"),
+        (RECORD, "last", 12, "asked"),
+        (RECORD, "7", 7, "asked"),
+        (RECORD.replace(b"3_", b"99_"), "", 12, "last"),  # the best one was thrown away
+        (None, "", 12, "last"),
+        (b"nothing that can be read", "7", 7, "asked"),
+    ],
+)
+def test_of_a_trainings_folder_the_best_checkpoint_is_taken_or_the_one_asked_for(
+    lead: str, packed: Callable, record: bytes | None, asked: str, taken: int, reason: str
+) -> None:
+    files = training_folder(ITERATIONS, record, lead=lead, packed=packed)
+    package = read(files, checkpoint=asked)
+    lead = lead.removeprefix("./")
+    assert (package.model, package.reason) == (ITERATIONS[taken], reason)
+    assert package.taken == f"{lead}model/model_{taken}.pb"
+    others = {f"{lead}model/model_{number}.pb" for number in ITERATIONS if number != taken}
+    assert others < set(package.ignored)
+    assert {f"{lead}notes.md", f"{lead}reward_function.py", f"{lead}checksum.txt"} < set(package.ignored)
+    assert not {package.taken, f"{lead}model/model_metadata.json"} & set(package.ignored)
+
+
+def test_the_metadata_nearest_to_the_network_counts() -> None:
+    near, far = metadata(version="4"), metadata(version="5")
+    files = training_folder(ITERATIONS, RECORD, near, more=(("model_metadata.json", far),))
+    assert read(files).metadata_json == near
+
+
+def test_metadata_where_a_training_began_is_found() -> None:
+    files = training_folder(
+        ITERATIONS, RECORD, None, lead="team/", more=(("custom_files/model_metadata.json", metadata()),)
+    )
+    assert read(files).metadata_json == metadata()
+
+
+def test_a_car_beside_its_training_is_the_car() -> None:
+    files = training_folder(ITERATIONS, RECORD, more=(("agent/model.pb", GRAPH),))
+    assert read(files).model == GRAPH
+    assert read(files, checkpoint="7").model == ITERATIONS[7]
+
+
+def test_an_archive_without_metadata_may_have_it_beside() -> None:
+    packed = zipped(("car.onnx", good_network()))
+    for files in ([("a.zip", packed), ("b", metadata())], [("b", metadata()), ("a.zip", packed)]):
+        package = read(files)
+        assert (package.model, package.metadata_json) == (good_network(), metadata())
+
+
+def test_weights_beside_an_onnx_file_are_read_with_it_from_an_archive_and_as_files() -> None:
+    members = (("net/car.onnx", good_network()), ("net/car.onnx.data", b"PK\x03\x04"), ("other.data", b"x"))
+    packed = read([("car.zip", zipped(*members, ("net/model_metadata.json", metadata())))])
+    loose = read([("car.onnx.data", b"PK\x03\x04"), ("car.onnx", good_network()), ("m.json", metadata())])
+    assert packed.weights == loose.weights == {"car.onnx.data": b"PK\x03\x04"}
+    assert packed.ignored == ("other.data",)
+
+
+def test_what_a_car_does_not_need_is_ignored_and_listed() -> None:
+    inner = zipped(("car.onnx", good_network()))
+    more = (("inner.zip", inner), ("<img src=x>.txt", b"x"), ("logs/training.log", b"x"))
+    package = read([("car.zip", zipped(("car.onnx", good_network()), ("model_metadata.json", metadata()), *more))])
+    assert package.ignored == ("inner.zip", "<img src=x>.txt", "logs/training.log")
+
+
+def test_a_large_folder_is_read_with_little_memory() -> None:
+    graph = b"\x0a\x04" + random.Random(0).randbytes(4 << 20)
+    files = training_folder({number: graph for number in range(8)}, RECORD, packed=archive)
+    tracemalloc.start()
+    try:
+        assert read(files).taken == "model/model_3.pb"
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 3 * len(graph)

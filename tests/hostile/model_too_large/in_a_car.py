@@ -2,8 +2,10 @@
 
 from tests.hostile.parts import Upload, regular
 
+LIMITS = {"model_bytes": 40 << 20}
+
 
 def build() -> Upload:
     info, _ = regular("agent/model.pb", b"")
-    info.size = 41 * 1024 * 1024
+    info.size = 41 << 20
     return [("model.tar", info.tobuf() + bytes(1024))]

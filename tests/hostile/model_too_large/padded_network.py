@@ -2,6 +2,8 @@
 
 from tests.hostile.parts import Upload, good_network, pair
 
+LIMITS = {"model_bytes": 1 << 20}
+
 
 def build() -> Upload:
-    return pair(good_network() + bytes(41 * 1024 * 1024))
+    return pair(good_network() + bytes(1 << 20))

@@ -2,7 +2,9 @@
 
 from tests.hostile.parts import Upload
 
+LIMITS = {"upload_bytes": 4 << 20}
+
 
 def build() -> Upload:
-    half = 33 * 1024 * 1024
-    return [("car.onnx", b"\x08" + bytes(half)), ("model_metadata.json", b"{" + b" " * half)]
+    half = 2 << 20
+    return [("car.onnx", b"\x08" + bytes(half)), ("car.onnx.data", bytes(half))]

@@ -2,6 +2,8 @@
 
 from tests.hostile.parts import Upload, regular
 
+LIMITS = {"archive_members": 1_000}
+
 
 def build() -> Upload:
     info, _content = regular("pax", b"9 mtime=1\n" + b"")

@@ -1,0 +1,49 @@
+"""What an uploaded file is, by its first bytes. The one place that knows; names only decide inside of archives."""
+
+from __future__ import annotations
+
+import re
+
+TENSORFLOW, ONNX = "tensorflow", "onnx"
+GZIP, ZIP, TAR, JSON, BINARY = "gzip", "zip", "tar", "json", "binary"
+ARCHIVES = (GZIP, ZIP, TAR)
+HEAD = 512  # bytes that :func:`sniff` and :func:`network_kind` want to see
+
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+# torch writes car.onnx.data, onnx's own helper whatever it is told; optimum model.onnx_data
+_WEIGHTS = re.compile(r".*(\.onnx\.data|\.data|\.onnx_data|\.bin|\.weights)\Z", re.IGNORECASE | re.DOTALL)
+
+
+def sniff(head: bytes) -> str:
+    """:data:`GZIP`, :data:`ZIP`, :data:`TAR`, :data:`JSON`, or :data:`BINARY` (perhaps a network)."""
+    if head.startswith(b"\x1f\x8b"):
+        return GZIP
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")):
+        return ZIP
+    if head[257:262] == b"ustar":
+        return TAR
+    if head.removeprefix(_BYTE_ORDER_MARK).lstrip().startswith((b"{", b"[")):
+        return JSON
+    return BINARY
+
+
+def network_kind(model: bytes) -> str | None:
+    """Tell a GraphDef from an ONNX model by its first field; None for what cannot be either.
+
+    A GraphDef begins with its first node (field 1, length-delimited). An ONNX model's field 1 is a varint, and its
+    other fields are numbered up to 26; text, pictures and programs begin with no such field.
+    """
+    if not model:
+        return None
+    first = model[0]
+    if first == 0x0A:
+        return TENSORFLOW if len(model) > 1 and model[1] not in b"\r\n" else None
+    if first in (0x08, 0x12, 0x1A, 0x22, 0x28, 0x32, 0x3A, 0x42) and not model.startswith((b"BZ", b'"', b"(", b":")):
+        return ONNX
+    return None
+
+
+def is_weights_file(name: str) -> bool:
+    """Whether a file of this name may hold the weights that an ONNX file keeps outside of itself. By name only: the
+    file itself is nothing but numbers, and may begin like anything."""
+    return _WEIGHTS.match(name) is not None

@@ -1,0 +1,8 @@
+"""A local zip64 field that is cut off."""
+
+from tests.hostile.parts import Upload, ZipEntry, good_network, metadata, zip_by_hand
+
+
+def build() -> Upload:
+    entry = ZipEntry(b"car.onnx", good_network(), wide=b"1234")
+    return [("car.zip", zip_by_hand(entry, ZipEntry(b"model_metadata.json", metadata())))]

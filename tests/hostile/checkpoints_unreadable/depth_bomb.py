@@ -1,0 +1,7 @@
+"""Brackets without end."""
+
+from tests.hostile.parts import Upload, small_car, training_folder
+
+
+def build() -> Upload:
+    return training_folder({7: small_car()}, b"[" * 90_000)

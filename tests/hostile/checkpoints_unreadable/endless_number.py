@@ -1,0 +1,7 @@
+"""An iteration beyond all numbers."""
+
+from tests.hostile.parts import Upload, small_car, training_folder
+
+
+def build() -> Upload:
+    return training_folder({7: small_car()}, b'{"best_checkpoint": {"name": "' + b"9" * 5_000 + b'_Step-1.ckpt"}}')

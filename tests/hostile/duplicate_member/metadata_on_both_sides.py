@@ -1,0 +1,8 @@
+"""Two files of metadata, neither nearer to the network."""
+
+from tests.hostile.parts import Upload, archive, metadata, small_car
+
+
+def build() -> Upload:
+    files = [(f"{folder}/model_metadata.json", metadata()) for folder in ("b", "c")]
+    return archive(("a/model.pb", small_car()), *files)
