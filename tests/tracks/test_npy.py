@@ -17,38 +17,89 @@ from tracks.catalogue import CATALOGUE
 from tracks.geometry import TrackGeometry
 from tracks.npy import MAX_BYTES, MAX_ROWS, read_npy, write_npy
 
-# Metres, from the field's own table of these files, which gives two decimals.
+# Metres, from the field's own table of these files, which gives two decimals (H_track is not in it: measured).
 LENGTHS = {
     "2022_april_open": 50.3,
+    "2022_april_pro": 67.46,
     "2022_august_open": 43.31,
+    "2022_august_pro": 63.88,
     "2022_july_open": 40.2,
+    "2022_july_pro": 57.89,
     "2022_june_open": 41.28,
+    "2022_june_pro": 58.61,
     "2022_march_open": 48.07,
+    "2022_march_pro": 76.76,
     "2022_may_open": 46.13,
+    "2022_may_pro": 63.86,
     "2022_october_open": 49.57,
+    "2022_october_pro": 62.08,
+    "2022_reinvent_champ": 33.28,
     "2022_september_open": 45.3,
+    "2022_september_pro": 60.18,
     "2022_summit_speedway": 25.17,
+    "2022_summit_speedway_mini": 22.45,
     "AWS_track": 69.25,
+    "Albert": 51.39,
+    "AmericasGeneratedInclStart": 39.07,
+    "Aragon": 59.92,
     "Austin": 59.35,
+    "Belille": 60.06,
     "Bowtie_track": 17.43,
+    "Canada_Training": 21.74,
+    "China_track": 22.92,
+    "FS_June2020": 52.87,
+    "H_track": 100.85,
+    "July_2020": 59.91,
+    "LGSWide": 38.03,
+    "Mexico_track": 20.51,
+    "Monaco": 60.27,
+    "Monaco_building": 60.27,
+    "New_York_Track": 21.88,
     "Oval_track": 19.55,
-    "Spain_track": 60.0,
+    "Singapore": 60.47,
+    "Singapore_building": 60.47,
+    "Singapore_f1": 60.47,
+    "Spain_track": 60,
+    "Spain_track_f1": 60,
+    "Tokyo_Training_track": 22.63,
+    "Vegas_track": 22.55,
+    "Virtual_May19_Train_track": 19.45,
     "arctic_open": 42.22,
+    "arctic_pro": 59.52,
+    "caecer_gp": 73.16,
     "caecer_loop": 35.09,
     "dubai_open": 40.66,
+    "dubai_pro": 64.95,
     "hamption_open": 45.93,
+    "hamption_pro": 60.74,
     "jyllandsringen_open": 46.12,
+    "jyllandsringen_pro": 62.03,
     "morgan_open": 45.04,
+    "morgan_pro": 59.27,
     "penbay_open": 68.68,
+    "penbay_pro": 89.24,
     "reInvent2019_track": 23.12,
     "reInvent2019_wide": 16.64,
     "reInvent2019_wide_ccw": 16.6,
     "reInvent2019_wide_cw": 16.6,
     "red_star_open": 43.49,
+    "red_star_pro": 68.9,
     "reinvent_base": 17.71,
     "thunder_hill_open": 40.91,
+    "thunder_hill_pro": 59.15,
 }
-CLOCKWISE = {"Spain_track", "reInvent2019_wide_cw"}
+CLOCKWISE = {
+    "Albert",
+    "Aragon",
+    "Belille",
+    "FS_June2020",
+    "July_2020",
+    "Monaco",
+    "Monaco_building",
+    "Spain_track",
+    "Spain_track_f1",
+    "reInvent2019_wide_cw",
+}
 # Median width in metres, from the same table.
 WIDTHS = {"AWS_track": 0.61, "Austin": 1.412, "Spain_track": 0.909, "caecer_loop": 1.28, "reInvent2019_wide": 1.067}
 
@@ -94,7 +145,7 @@ def test_a_community_file_imports_with_its_length_and_direction(path):
     assert np.array_equal(np.hstack((track.centre, track.inner, track.outer))[0], raw[0])
     widths = [track.width_at(distance) for distance in np.linspace(0, track.length, 300)]
     assert np.median(widths) == pytest.approx(WIDTHS.get(path.stem, np.median(widths)), abs=0.005)
-    assert max(widths) < 1.5, "no line across the road misses its border"
+    assert max(widths) < 1.3 * np.median(widths), "no line across the road misses its border"
     assert read_npy(write_npy(track), path.stem) == track
 
 
