@@ -15,6 +15,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from accounts.quotas import limit_of
 from faults import PlatformFault, UserFault
 from tracks.catalogue import by_slug
 from tracks.forms import add_fault, explain
@@ -22,6 +23,7 @@ from tracks.forms import add_fault, explain
 from . import services
 from .files import download_of
 from .forms import DescribeForm, UploadForm
+from .quotas import MODELS
 from .selectors import can_stop_sharing, can_use_model, models_of, visible_models
 from .simulator.engine import ENGINE_ID
 
@@ -35,7 +37,7 @@ PICTURE_KEPT_S = 30 * 86400
 def models(request: HttpRequest) -> HttpResponse:
     """My models, newest first."""
     page = Paginator(models_of(request.user), MODELS_PER_PAGE).get_page(request.GET.get("page"))
-    return render(request, "evaluation/models.html", {"page": page, "limit": settings.MODELS_PER_RACER})
+    return render(request, "evaluation/models.html", {"page": page, "limit": limit_of(request.user, MODELS.name)})
 
 
 @login_required

@@ -18,6 +18,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
+from accounts.admin import QuotaInline
 from races.errors import problem
 
 from .models import Membership, Racer, Round, Season
@@ -73,7 +74,7 @@ class RacerAdmin(UserAdmin):
     date_hierarchy = "joined_at"
     filter_horizontal = ("groups", "user_permissions")
     readonly_fields = ("joined_at", "last_login", "is_house")
-    inlines = (EmailInline,)
+    inlines = (EmailInline, QuotaInline)
     actions = ("deactivate", "activate")
     fieldsets = (
         (None, {"fields": ("alias", "email", "password", "country")}),

@@ -64,6 +64,7 @@ INSTALLED_APPS = [
     "races",
     "evaluation",
     "tracks",
+    "accounts",
     "django.contrib.admin",
     "django.contrib.auth",
     "django.contrib.contenttypes",
@@ -260,6 +261,8 @@ ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional"
 ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True
 ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
+ACCOUNT_ADAPTER = "accounts.sign_up.AccountAdapter"
+SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed"))
 LOGIN_URL = "account_login"
 LOGIN_REDIRECT_URL = "home"
 LOGOUT_REDIRECT_URL = "home"

@@ -1,6 +1,6 @@
 """Addresses of the site. Each room has its own pages; the API is put together in league.api."""
 
-from allauth.account.views import LoginView, SignupView
+from allauth.account.views import LoginView
 from django.contrib import admin
 from django.urls import include, path, re_path
 
@@ -40,12 +40,13 @@ urlpatterns = [
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),
     path("health/ready", site.health_ready, name="health_ready"),
+    path("", include("accounts.urls")),
     path("", include("training.urls")),
     path("", include("races.urls")),
     path("", include("evaluation.urls")),
     path("", include("tracks.urls")),
     path("accounts/login/", LoginView.as_view(form_class=LoginForm), name="account_login"),
-    path("accounts/signup/", SignupView.as_view(form_class=SignUpForm), name="account_signup"),
+    path("accounts/signup/", account.SignUpView.as_view(form_class=SignUpForm), name="account_signup"),
     path("accounts/", include("allauth.urls")),
     path("api/", include("league.api.urls")),
     path("i18n/", include("django.conf.urls.i18n")),

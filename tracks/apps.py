@@ -5,3 +5,10 @@ from django.utils.translation import gettext_lazy as _
 class TracksConfig(AppConfig):
     name = "tracks"
     verbose_name = _("Tracks")
+
+    def ready(self) -> None:
+        from accounts.quotas import register
+
+        from .quotas import TRACKS
+
+        register(TRACKS)

@@ -7,12 +7,12 @@ from datetime import datetime
 from statistics import median
 from typing import TYPE_CHECKING
 
-from django.conf import settings
 from django.db import IntegrityError, transaction
 from django.db.models import ProtectedError, Q
 from django.utils import timezone
 from django.utils.text import slugify
 
+from accounts.quotas import limit_of, used_by
 from faults import UserFault
 
 from .catalogue import CATALOGUE, CatalogueTrack
@@ -20,6 +20,7 @@ from .geometry import TrackGeometry
 from .locks import hold
 from .models import Look, Track
 from .npy import read_npy, write_npy
+from .quotas import TRACKS
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -49,7 +50,7 @@ def import_track(
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
     ``look``: one of :class:`tracks.models.Look`, for good: cars of one race must see the same track.
     Raises UserFault("track_...") for a file that is no track (see :mod:`tracks.npy`), "track_known" (with ``name`` and
-    ``slug``) for a racer's copy of one, "track_limit" above ``settings.TRACKS_PER_RACER``, "track_name", "track_slug",
+    ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
     "track_look".
     """
     name = _valid_name(name)
@@ -175,5 +176,6 @@ def _refuse_slug(slug: str) -> None:
 def _refuse_above_limit(owner: Racer) -> None:
     """Counted under the racer's lock, so that two tabs do not both get the last place."""
     hold(owner)
-    if Track.objects.filter(owner=owner).count() >= settings.TRACKS_PER_RACER:
-        raise UserFault("track_limit", limit=settings.TRACKS_PER_RACER)
+    limit = limit_of(owner, TRACKS.name)
+    if used_by(owner, TRACKS.name, timezone.now()) >= limit:
+        raise UserFault("track_limit", limit=limit)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from django.conf import settings
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
@@ -12,10 +11,12 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
+from accounts.quotas import limit_of
 from faults import UserFault
 
 from .forms import ImportTrackForm, add_fault
 from .models import Track
+from .quotas import TRACKS
 from .services import import_track
 
 TRACKS_PER_PAGE = 24
@@ -55,5 +56,5 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
         else:
             messages.success(request, _("The track is imported. Anybody can hold a race on it now."))
             return redirect(made)
-    context = {"form": form, "limit": settings.TRACKS_PER_RACER}
+    context = {"form": form, "limit": limit_of(request.user, TRACKS.name)}
     return render(request, "tracks/import.html", context, status=422 if form.errors else 200)

@@ -5,22 +5,19 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from django.conf import settings
 from django.db.models import Q, QuerySet
-from django.utils import timezone
 
+from accounts.quotas import limit_of, used_by
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model, visible_models
-from faults.reasons import REASONS
 
 from .models import JobState, TrainingJob
+from .quotas import MINUTES
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
     from league.models import Racer
-
-_PLATFORM_CODES = [code for code, reason in REASONS.items() if reason.fault == "platform"]
 
 
 def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
@@ -68,18 +65,10 @@ def training_queue_position(job: TrainingJob) -> int | None:
 
 
 def minutes_used(racer: Racer, now: datetime) -> float:
-    """Minutes of training since the month began (in the site's time zone): what ended counts as long as it took, what
-    waits or runs for as long as it may. What failed through our fault does not count."""
-    month = timezone.localtime(now).replace(day=1, hour=0, minute=0, second=0, microsecond=0)
-    jobs = TrainingJob.objects.filter(owner=racer, created_at__gte=month).exclude(
-        state=JobState.FAILED, reason_code__in=_PLATFORM_CODES
-    )
-    return sum(
-        seconds / 60.0 if state not in (JobState.QUEUED, JobState.RUNNING) else float(minutes)
-        for state, seconds, minutes in jobs.values_list("state", "seconds_done", "stop_minutes")
-    )
+    """Minutes of training since the month began, as :mod:`training.quotas` counts them."""
+    return used_by(racer, MINUTES.name, now)
 
 
 def minutes_left(racer: Racer, now: datetime) -> float:
     """Minutes of training that the racer may still ask for this month."""
-    return max(0.0, settings.TRAINING_MINUTES_A_MONTH - minutes_used(racer, now))
+    return max(0.0, limit_of(racer, MINUTES.name) - minutes_used(racer, now))

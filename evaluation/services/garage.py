@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.core.files.base import ContentFile
 from django.db import IntegrityError, transaction
-from django.db.models import Exists, OuterRef, ProtectedError, Sum
+from django.db.models import ProtectedError
+from django.utils import timezone
 
+from accounts.quotas import limit_of, used_by
 from faults import UserFault
 from tracks.locks import hold
 
@@ -25,6 +27,7 @@ from ..models import Network, TrainedModel
 from ..packages.admit import AdmittedPackage, admit
 from ..packages.limits import DEFAULT_LIMITS, MEGABYTE
 from ..packages.read import UploadPart
+from ..quotas import MODELS, STORAGE
 from ..signals import model_deleted
 
 if TYPE_CHECKING:
@@ -205,12 +208,13 @@ def _garage(owner: Racer):
 
 
 def refuse_full_garage(owner: Racer) -> None:
-    if _garage(owner).count() >= settings.MODELS_PER_RACER:
-        raise UserFault("garage_full", limit=settings.MODELS_PER_RACER)
-    # with the deleted ones, whose files are still there: else one racer could fill the disk by deleting
-    mine = Network.objects.filter(Exists(TrainedModel.objects.filter(network=OuterRef("pk"), owner=owner)))
-    if (mine.aggregate(size=Sum("size"))["size"] or 0) >= settings.STORAGE_PER_RACER_MB * MEGABYTE:
-        raise UserFault("storage_full", limit_mb=settings.STORAGE_PER_RACER_MB)
+    now = timezone.now()
+    limit = limit_of(owner, MODELS.name)
+    if used_by(owner, MODELS.name, now) >= limit:
+        raise UserFault("garage_full", limit=limit)
+    limit_mb = limit_of(owner, STORAGE.name)
+    if used_by(owner, STORAGE.name, now) >= limit_mb:
+        raise UserFault("storage_full", limit_mb=limit_mb)
 
 
 def _refuse_taken_name(owner: Racer, name: str, but: TrainedModel | None = None) -> None:

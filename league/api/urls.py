@@ -14,6 +14,7 @@ from . import reference, seasons, views
 version_1 = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
     path("me/", views.MeView.as_view(), name="api-me"),
+    path("me/usage/", views.UsageView.as_view(), name="api-usage"),
     path("models/", models.ModelsView.as_view(), name="api-models"),
     path("models/shared/", models.SharedModelsView.as_view(), name="api-shared-models"),
     path("models/<slug:public_id>/package/", models.ModelPackageView.as_view(), name="api-model-package"),

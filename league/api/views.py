@@ -8,6 +8,7 @@ from allauth.account.models import EmailAddress
 from allauth.core import ratelimit
 from django.contrib.auth.signals import user_logged_in, user_logged_out
 from django.core.exceptions import ValidationError
+from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from drf_spectacular.utils import OpenApiResponse, extend_schema
@@ -18,6 +19,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.quotas import usage_of
 from league.models import Racer
 from league.tokens import create_token
 from tracks.bodies import Body, refuse_fields
@@ -73,6 +75,16 @@ class RacerSerializer(serializers.Serializer):
     joined_at = serializers.DateTimeField()
 
 
+class UsageSerializer(serializers.Serializer):
+    """How much of one quota the racer has used."""
+
+    name = serializers.CharField(help_text="Stable: models, storage_mb, tracks, races, trainings_at_once, ...")
+    label = serializers.CharField(source="quota.label", help_text="What is counted, in the reader's language.")
+    used = serializers.FloatField(min_value=0)
+    limit = serializers.IntegerField(min_value=0)
+    own = serializers.BooleanField(help_text="An admin has set this limit for the racer alone.")
+
+
 class TokenView(APIView):
     """Log in to the API and out of it."""
 
@@ -125,6 +137,21 @@ class MeView(APIView):
     @extend_schema(operation_id="me", summary="The racer behind the token", responses=RacerSerializer, tags=["account"])
     def get(self, request: Request) -> Response:
         return Response(RacerSerializer(request.user).data)
+
+
+class UsageView(APIView):
+    """What the racer may use of the site."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="usage",
+        summary="Every quota: how much the racer has used, and how much they may",
+        responses=UsageSerializer(many=True),
+        tags=["account"],
+    )
+    def get(self, request: Request) -> Response:
+        return Response(UsageSerializer(usage_of(request.user, timezone.now()), many=True).data)
 
 
 @extend_schema(exclude=True)

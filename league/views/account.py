@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from allauth.account.views import SignupView
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
+from django.forms import BaseForm
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils.translation import gettext as _
@@ -13,7 +15,18 @@ from django.views.decorators.http import require_http_methods, require_POST
 from faults import UserFault
 from league.forms import ProfileForm
 from league.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
-from tracks.forms import explain
+from tracks.forms import add_fault, explain
+
+
+class SignUpView(SignupView):
+    """allauth's page; an invitation whose last place went in this very moment is an error of the form."""
+
+    def form_valid(self, form: BaseForm) -> HttpResponse:
+        try:
+            return super().form_valid(form)
+        except UserFault as fault:
+            add_fault(form, fault)
+            return self.form_invalid(form)
 
 
 @login_required

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from django.conf import settings
-from django.db.models import Q, QuerySet, Sum
+from django.db.models import Q, QuerySet
 
 from evaluation.models import Evaluation, State
 
@@ -108,17 +108,6 @@ def video_position(video: Video) -> int | None:
         return None
     before = Q(asked_at__lt=video.asked_at) | Q(asked_at=video.asked_at, pk__lt=video.pk)
     return Video.objects.filter(before, state=VideoState.WAITING).count() + 1
-
-
-def videos_at_once(racer: Racer) -> int:
-    """How many videos that the racer asked for wait or are being drawn."""
-    return Video.objects.filter(asked_by=racer.pk, state__in=UNDER_WAY).count()
-
-
-def videos_in_a_day(racer: Racer, now: datetime) -> int:
-    """How often the racer has asked for a video in the 24 hours before ``now``."""
-    asked = Video.objects.filter(asked_by=racer.pk, asked_at__gt=now - A_DAY)
-    return asked.aggregate(asks=Sum("asks"))["asks"] or 0
 
 
 def videos_to_purge(now: datetime) -> QuerySet[Video]:

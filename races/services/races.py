@@ -8,19 +8,20 @@ from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from django.conf import settings
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
+from accounts.quotas import limit_of, used_by
 from faults import UserFault
 from tracks.locks import hold
 from tracks.models import Track
 
 from ..errors import RaceRefused, problem
 from ..models import Kind, Race, Submission, new_invitation
+from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above
 from .gates import require_not_over
 from .stopping import stop_after_commit
@@ -39,15 +40,15 @@ def create_community_race(
 ) -> Race:
     """Make a racer's own race. ``options``: any other field in ``EDITABLE_FIELDS`` but the division.
 
-    Raises RaceRefused (with all problems by field), UserFault("race_limit") above ``settings.RACES_PER_RACER`` races
-    that are not over; admins and the house may hold any number. Raises TypeError for an option that no race has.
+    Raises RaceRefused (with all problems by field), UserFault("race_limit") above the racer's quota of
+    races that are not over; admins and the house may hold any number. Raises TypeError for an option that no race has.
     """
     _refuse_unknown(options, but=("division",))
     if not (organiser.is_staff or organiser.is_house):
         hold(organiser)
-        held = Race.objects.filter(organiser=organiser, kind=Kind.COMMUNITY, cancelled_at=None, closes_at__gt=now)
-        if held.count() >= settings.RACES_PER_RACER:
-            raise UserFault("race_limit", limit=settings.RACES_PER_RACER)
+        limit = limit_of(organiser, RACES.name)
+        if used_by(organiser, RACES.name, now) >= limit:
+            raise UserFault("race_limit", limit=limit)
     return _create(
         Race(
             kind=Kind.COMMUNITY,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from django.conf import settings
 from django.db import IntegrityError, transaction
 
+from accounts.quotas import limit_of, used_by
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import TrainedModel
 from evaluation.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
@@ -30,6 +31,7 @@ from ..hyperparameters import check_action_space, check_hyperparameters
 from ..models import BestMetric, JobState, NeuralNetwork, RewardSignature, TrainingJob, Vehicle
 from ..models.job import MAX_MINUTES, MAX_TRIALS
 from ..models.vehicle import default_sensors
+from ..quotas import AT_ONCE, MINUTES
 from ..selectors import can_clone_model, minutes_left
 from .bell import ring_training_bell
 
@@ -278,10 +280,9 @@ def _refuse_taken_name(owner: Racer, name: str) -> None:
 
 
 def _refuse_full_quota(owner: Racer, minutes: int, now: datetime) -> None:
-    limit = settings.TRAININGS_AT_ONCE
-    active = TrainingJob.objects.filter(owner=owner, state__in=(JobState.QUEUED, JobState.RUNNING)).count()
-    if active >= limit:
+    limit = limit_of(owner, AT_ONCE.name)
+    if used_by(owner, AT_ONCE.name, now) >= limit:
         raise UserFault("training_jobs_at_once", limit=limit)
     left = minutes_left(owner, now)
     if minutes > left:
-        raise UserFault("training_minutes_left", left=int(left), limit=settings.TRAINING_MINUTES_A_MONTH)
+        raise UserFault("training_minutes_left", left=int(left), limit=limit_of(owner, MINUTES.name))

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from django.conf import settings
 from django.http import HttpRequest
 from django.shortcuts import get_object_or_404
 
+from accounts.quotas import limit_of, used_by
 from faults import PlatformFault
 from tracks.forms import explain
-from training.models import JobState, TrainingJob
+from training.models import TrainingJob
+from training.quotas import AT_ONCE, MINUTES
 from training.selectors import minutes_left, visible_trainings
 from training.services.create import refuse_when_closed
 
@@ -38,12 +39,11 @@ class Usage:
 
 def usage_of(racer: Racer, now: datetime) -> Usage:
     """The quota of a racer at ``now``."""
-    active = TrainingJob.objects.filter(owner=racer, state__in=(JobState.QUEUED, JobState.RUNNING)).count()
     return Usage(
         minutes_left=int(minutes_left(racer, now)),
-        minutes=settings.TRAINING_MINUTES_A_MONTH,
-        active=active,
-        at_once=settings.TRAININGS_AT_ONCE,
+        minutes=limit_of(racer, MINUTES.name),
+        active=int(used_by(racer, AT_ONCE.name, now)),
+        at_once=limit_of(racer, AT_ONCE.name),
         closed=closed_because(),
     )
 

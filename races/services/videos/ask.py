@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db import IntegrityError, transaction
 
+from accounts.quotas import limit_of, used_by
 from evaluation.models import Evaluation
 from faults import UserFault
 from tracks.locks import hold
 
 from ...filming import FilmedRun, check_language
 from ...models import UNDER_WAY, Video, VideoState
-from ...selectors.videos import A_DAY, videos_at_once, videos_in_a_day
+from ...quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
 from .bell import ring_video_bell
 from .files import NO_FILE, delete_files_on_commit
 
@@ -77,10 +78,10 @@ def _refuse(run: FilmedRun, of: dict, by: Racer, now: datetime) -> None:
     seconds = run.length_ms(of["car"], of["part"]) / 1000
     if seconds > settings.VIDEO_SECONDS:
         raise UserFault("video_too_long", seconds=round(seconds), limit=settings.VIDEO_SECONDS)
-    if videos_at_once(by) >= settings.VIDEOS_AT_ONCE:
-        raise UserFault("videos_at_once", limit=settings.VIDEOS_AT_ONCE)
-    if videos_in_a_day(by, now) >= settings.VIDEOS_A_DAY:
-        raise UserFault("videos_a_day", limit=settings.VIDEOS_A_DAY)
+    for quota in (VIDEOS_AT_ONCE, VIDEOS_A_DAY):
+        limit = limit_of(by, quota.name)
+        if used_by(by, quota.name, now) >= limit:
+            raise UserFault(quota.name, limit=limit)
 
 
 def _ask_again(video: Video, by: Racer, now: datetime) -> bool:

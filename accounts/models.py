@@ -1,0 +1,82 @@
+"""What an admin has set for single racers, and invitations to sign up."""
+
+from __future__ import annotations
+
+import secrets
+from datetime import datetime
+
+from django.conf import settings
+from django.core.validators import MinValueValidator
+from django.db import models
+from django.db.models import F, Q
+from django.urls import reverse
+from django.utils.translation import gettext_lazy as _
+
+from .quotas import name_choices
+
+# An upper bound that every database stores, and no quota needs.
+MOST = 2_000_000_000
+
+
+class RacerQuota(models.Model):
+    """One racer's own limit of one quota, in place of the site's."""
+
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="quotas", verbose_name=_("racer"))
+    name = models.CharField(_("quota"), max_length=40, choices=name_choices)
+    limit = models.PositiveIntegerField(
+        _("limit"), help_text=_("In place of the site's. 0 means none at all."), validators=[MinValueValidator(0)]
+    )
+
+    class Meta:
+        verbose_name = _("quota of a racer")
+        verbose_name_plural = _("quotas of racers")
+        constraints = [
+            models.UniqueConstraint(fields=["racer", "name"], name="racer_quota_once"),
+            models.CheckConstraint(condition=Q(limit__gte=0, limit__lte=MOST), name="racer_quota_in_bounds"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.racer}: {self.name} {self.limit}"
+
+
+def new_code() -> str:
+    """The secret part of an invitation's address: 128 bits."""
+    return secrets.token_urlsafe(16)
+
+
+class SignUpInvitation(models.Model):
+    """A link with which so many people may sign up while sign-up is by invitation."""
+
+    code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
+    note = models.CharField(_("note"), max_length=100, blank=True, help_text=_("For admins: who it is for."))
+    uses = models.PositiveIntegerField(_("racers"), default=1, help_text=_("How many may sign up with it."))
+    used = models.PositiveIntegerField(_("signed up"), default=0, editable=False)
+    expires_at = models.DateTimeField(_("expires"))
+    made_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        editable=False,
+        related_name="+",
+        verbose_name=_("made by"),
+    )
+    made_at = models.DateTimeField(_("made"), editable=False)
+
+    class Meta:
+        verbose_name = _("invitation to sign up")
+        verbose_name_plural = _("invitations to sign up")
+        ordering = ["-made_at", "-pk"]
+        constraints = [
+            models.CheckConstraint(condition=Q(uses__gte=1, uses__lte=10_000), name="invitation_uses_in_bounds"),
+            models.CheckConstraint(condition=Q(used__lte=F("uses")), name="invitation_used_within_its_uses"),
+        ]
+
+    def __str__(self) -> str:
+        return self.note or self.code[:6]
+
+    def get_absolute_url(self) -> str:
+        return reverse("sign_up_invitation", args=[self.code])
+
+    def is_open(self, now: datetime) -> bool:
+        """Whether somebody may still sign up with it."""
+        return self.used < self.uses and now < self.expires_at

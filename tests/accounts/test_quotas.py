@@ -1,0 +1,150 @@
+"""What a racer may use: the site's limits, an admin's for one racer, and who sees how much is used."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import pytest
+from django.contrib.auth.models import AnonymousUser
+from django.db import IntegrityError, transaction
+from django.urls import reverse
+
+from accounts.models import MOST, RacerQuota
+from accounts.quotas import all_quotas, limit_of, usage_of, used_by
+from accounts.selectors import can_see_usage, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
+from faults import UserFault
+from league.models import Racer
+from races.services import create_community_race
+from tests.factories import a_model, a_race, a_racer, a_track
+from tracks.models import Track
+
+pytestmark = pytest.mark.django_db
+NOW = datetime(2026, 5, 6, 12, tzinfo=UTC)
+ON = "models storage_mb tracks races trainings_at_once training_minutes videos_at_once videos_a_day"
+
+
+@pytest.fixture(autouse=True)
+def _everything_on(settings) -> None:
+    settings.TRAINING = settings.VIDEOS = True
+
+
+@pytest.fixture
+def boss(client) -> Racer:
+    """A superuser who is logged in."""
+    racer = Racer.objects.create_superuser("boss", "boss@example.org", None)
+    client.force_login(racer)
+    return racer
+
+
+def test_every_limit_of_the_settings_is_a_quota() -> None:
+    assert " ".join(quota.name for quota in all_quotas()) == ON
+
+
+def test_a_site_without_training_and_videos_shows_no_quota_of_them(settings) -> None:
+    settings.TRAINING = settings.VIDEOS = False
+    assert [quota.name for quota in all_quotas()] == ["models", "storage_mb", "tracks", "races"]
+
+
+def test_the_site_s_limit_holds_until_an_admin_sets_one_for_the_racer(settings) -> None:
+    settings.MODELS_PER_RACER = 7
+    alice, bob = a_racer("alice"), a_racer("bob")
+    RacerQuota.objects.create(racer=alice, name="models", limit=9)
+    assert (limit_of(alice, "models"), limit_of(bob, "models")) == (9, 7)
+
+
+def test_what_is_used_is_counted_for_each_racer_alone() -> None:
+    alice, bob = a_racer("alice"), a_racer("bob")
+    a_model(alice), a_model(alice), a_model(bob)
+    a_race(NOW, organiser=alice)
+    a_race(NOW, organiser=alice, cancelled_at=NOW)
+    Track.objects.filter(pk=a_track().pk).update(owner=bob)
+    assert [used_by(alice, name, NOW) for name in ("models", "races", "tracks")] == [2, 1, 0]
+    assert [used_by(bob, name, NOW) for name in ("models", "races", "tracks")] == [1, 0, 1]
+
+
+def test_a_racer_s_own_limit_is_what_refuses_them(settings) -> None:
+    settings.RACES_PER_RACER = 1
+    alice, bob = a_racer("alice"), a_racer("bob")
+    RacerQuota.objects.create(racer=alice, name="races", limit=2)
+    RacerQuota.objects.create(racer=bob, name="races", limit=0)
+
+    def hold(racer: Racer, name: str) -> None:
+        week = {"opens_at": NOW, "closes_at": NOW.replace(day=13)}
+        create_community_race(organiser=racer, now=NOW, name=name, track=a_track(), **week)
+
+    hold(alice, "One")
+    hold(alice, "Two")
+    for racer, limit in ((alice, 2), (bob, 0)):
+        with pytest.raises(UserFault) as refused:
+            hold(racer, "Another")
+        assert (refused.value.code, refused.value.params) == ("race_limit", {"limit": limit})
+
+
+@pytest.mark.parametrize(("name", "limit"), [("models", -1), ("models", MOST + 1)])
+def test_the_database_refuses_a_limit_out_of_bounds(name: str, limit: int) -> None:
+    alice = a_racer("alice")
+    with pytest.raises(IntegrityError), transaction.atomic():
+        RacerQuota.objects.create(racer=alice, name=name, limit=limit)
+
+
+def test_a_racer_has_one_limit_of_a_kind() -> None:
+    alice = a_racer("alice")
+    RacerQuota.objects.create(racer=alice, name="models", limit=1)
+    with pytest.raises(IntegrityError), transaction.atomic():
+        RacerQuota.objects.create(racer=alice, name="models", limit=2)
+
+
+def test_an_admin_sets_a_limit_on_the_racer_s_page(client, boss) -> None:
+    alice = a_racer("alice")
+    page = reverse("admin:league_racer_change", args=[alice.pk])
+    form = {"email": alice.email, "country": "", "is_active": "on"}
+    for prefix in ("emailaddress_set", "quotas"):
+        form |= {f"{prefix}-TOTAL_FORMS": "0", f"{prefix}-INITIAL_FORMS": "0"}
+    form |= {"quotas-TOTAL_FORMS": "1", "quotas-0-name": "training_minutes", "quotas-0-limit": "60"}
+    assert client.post(page, form).status_code == 302
+    assert limit_of(alice, "training_minutes") == 60
+    refused = client.post(page, form | {"quotas-0-name": "nonsense"})
+    assert refused.status_code == 200 and "nonsense is not one of the available choices" in refused.content.decode()
+
+
+def test_usage_is_seen_by_its_racer_and_by_admins(boss) -> None:
+    alice, bob = a_racer("alice"), a_racer("bob")
+    cast = {"guest": AnonymousUser(), "alice": alice, "bob": bob, "boss": boss}
+    seen = {name: can_see_usage(viewer, alice) for name, viewer in cast.items()}
+    assert seen == {"guest": False, "alice": True, "bob": False, "boss": True}
+    for name, viewer in cast.items():
+        assert racers_whose_usage_is_seen_by(viewer).filter(pk=alice.pk).exists() == seen[name]
+
+
+def test_the_racer_s_page_and_the_api_say_the_same(client) -> None:
+    alice = a_racer("alice")
+    a_model(alice)
+    RacerQuota.objects.create(racer=alice, name="models", limit=4)
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    page = client.get("/settings/usage/").content.decode()
+    assert "Models in the garage" in page and "yours alone" in page
+    answer = client.get("/api/v1/me/usage/").json()
+    assert answer[0] == {"name": "models", "label": "Models in the garage", "used": 1.0, "limit": 4, "own": True}
+    assert [row["name"] for row in answer] == ON.split()
+
+
+def test_the_page_of_all_is_for_admins_alone(client, boss) -> None:
+    alice = a_racer("alice")
+    a_model(alice), a_model(a_racer("bob")), a_model(alice)
+    page = client.get("/usage/?by=models").content.decode()
+    assert page.index(">alice<") < page.index(">bob<")
+    assert client.get("/usage/?by=nonsense&page=99").status_code == 200
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    assert client.get("/usage/").status_code == 403
+    client.logout()
+    assert client.get("/usage/").status_code == 302
+
+
+def test_rows_cost_a_query_a_quota_however_many_racers(django_assert_num_queries) -> None:
+    racers = [a_racer(f"racer-{n}") for n in range(5)]
+    for racer in racers:
+        a_model(racer)
+    assert racers_by_use(all_quotas()[0], NOW) == [racer.pk for racer in racers]
+    with django_assert_num_queries(1 + len(all_quotas())):
+        rows = usage_rows(racers, NOW)
+    assert [row.usage for row in rows] == [usage_of(racer, NOW) for racer in racers]
