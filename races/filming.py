@@ -16,6 +16,7 @@ from evaluation.services.results import read_course, read_trace
 from faults import UserFault
 
 from .cars import CarRow, car_rows
+from .honours import race_of_marks
 from .models import WHOLE, Race, Video
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ class FilmedRun:
 
         evaluation = self.evaluation
         title, subtitle = self._titles
+        marked = race_of_marks(evaluation)
         return Scene(
             track=evaluation.track.geometry.in_direction(self._direction),
             title=title,
@@ -121,7 +123,7 @@ class FilmedRun:
             course=read_course(evaluation.result),
             order=list(evaluation.result.order),
             lap=part or None,
-            fastest_sectors_ms=self.race.fastest_sectors_ms if self.race else (),
+            fastest_sectors_ms=marked.fastest_sectors_ms if marked else (),
             words=Words.translated(language),
         )
 

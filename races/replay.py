@@ -52,7 +52,8 @@ class LapRow:
 def lap_rows(laps: Sequence[dict[str, Any]], race: Race | None) -> list[LapRow]:
     """The laps with their marks: purple as fast as anybody ranked in the race, green the run's own best, yellow slower.
 
-    A sector of a lap that was not finished has no colour.
+    ``race``: None for a run that takes no purple (:func:`races.honours.race_of_marks`). A sector of a lap that was not
+    finished has no colour.
     """
     complete = [lap for lap in laps if lap["complete"]]
     best_ms = min((lap["time_ms"] for lap in complete), default=None)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.utils import timezone
 from django.views.decorators.http import require_safe
 
 from evaluation.selectors import shared_models
+from league.selectors.honours import honours_of
 from league.selectors.racers import racer_shown
 from races.selectors import organised_by, racer_history
 
@@ -26,8 +28,7 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
     context = {
         "racer": shown,
         "history": history,
-        "wins": sum(row.rank == 1 for row in history),
-        "podium_count": sum(row.rank is not None and row.rank <= 3 for row in history),
+        "honours": honours_of(shown, request.user, timezone.now()),
         "shared": list(shared_models(request.user).filter(owner=shown)[:SHARED]),
         "organised": list(organised_by(shown, request.user)[:ORGANISED]),
     }

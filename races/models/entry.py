@@ -61,7 +61,7 @@ class Entry(models.Model):
     duels = models.PositiveSmallIntegerField(_("duels"), default=0)
     duel_lap_ms = models.PositiveIntegerField(_("average lap in duels"), null=True, blank=True)
 
-    # The fastest of all the racer's submissions, for the green marks of a board.
+    # The fastest of the racer's classified submissions (of all while none is), for the green marks of a board.
     own_lap_ms = models.PositiveIntegerField(_("own fastest lap"), null=True, blank=True)
     own_sector_1_ms = models.PositiveIntegerField(_("own fastest sector 1"), null=True, blank=True)
     own_sector_2_ms = models.PositiveIntegerField(_("own fastest sector 2"), null=True, blank=True)
@@ -120,7 +120,7 @@ class Entry(models.Model):
 
     @property
     def own_sectors_ms(self) -> tuple[int | None, int | None, int | None]:
-        """The racer's own best time in each sector, over all submissions that count."""
+        """The racer's own best time in each sector, over the classified submissions (over all while none is)."""
         return self.own_sector_1_ms, self.own_sector_2_ms, self.own_sector_3_ms
 
     @property

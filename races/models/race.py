@@ -137,7 +137,8 @@ class Race(models.Model):
         help_text=_("Driven elsewhere: its results came as a record, without submissions."),
     )
 
-    # The fastest that anybody ranked has driven, for the purple marks of a board. Written with the standings.
+    # The fastest that a classified car of anybody ranked has driven, for the purple marks of a board. Written with the
+    # standings.
     fastest_lap_ms = models.PositiveIntegerField(_("fastest lap"), null=True, blank=True, editable=False)
     fastest_sector_1_ms = models.PositiveIntegerField(_("fastest sector 1"), null=True, blank=True, editable=False)
     fastest_sector_2_ms = models.PositiveIntegerField(_("fastest sector 2"), null=True, blank=True, editable=False)

@@ -95,8 +95,9 @@ def recompute_race(*, race: Race) -> int:
 
 
 def note_fastest(entry: Entry) -> None:
-    """Lower the race's fastest times to the entry's own where those are lower. Baselines and who left set none."""
-    if entry.is_baseline or entry.is_withdrawn:
+    """Lower the race's fastest times to the entry's own where those are lower. Baselines, who is not classified and who
+    left set none."""
+    if entry.is_baseline or entry.is_withdrawn or not entry.classified:
         return
     own = {name: getattr(entry, column) for name, column in FASTEST.items() if getattr(entry, column) is not None}
     slower = Q()
@@ -119,9 +120,9 @@ def forget_fastest(entry: Entry) -> None:
 
 @transaction.atomic
 def recompute_fastest(*, race: Race) -> None:
-    """Work out a race's fastest times from everybody on its board."""
+    """Work out a race's fastest times from everybody with a rank on its board."""
     Race.objects.select_for_update(no_key=True).only("pk").get(pk=race.pk)
-    ranked = Entry.objects.filter(race=race, is_baseline=False, withdrawn_at=None)
+    ranked = Entry.objects.filter(race=race, is_baseline=False, withdrawn_at=None, classified=True)
     fastest = ranked.aggregate(**{f"least_{name}": Min(column) for name, column in FASTEST.items()})
     Race.objects.filter(pk=race.pk).update(**{name: fastest[f"least_{name}"] for name in FASTEST})
 
@@ -178,6 +179,11 @@ def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
 
 
 def _note_own_fastest(entry: Entry, standing: Standing) -> None:
+    """The fastest of the racer's classified runs, and of all of them as long as none is classified."""
+    if entry.classified and not standing.classified:
+        return
+    if standing.classified and not entry.classified:
+        entry.own_lap_ms = entry.own_sector_1_ms = entry.own_sector_2_ms = entry.own_sector_3_ms = None
     if standing.best_lap_ms is not None:
         entry.own_lap_ms = min(entry.own_lap_ms or LAST, standing.best_lap_ms)
     own = tuple(time for time in entry.own_sectors_ms if time is not None)

@@ -1,0 +1,21 @@
+"""Whose laps may bear the marks of a race's fastest."""
+
+from __future__ import annotations
+
+from evaluation.models import Evaluation
+
+from .models import Race
+from .ranking import rule_for
+
+
+def race_of_marks(evaluation: Evaluation) -> Race | None:
+    """The race whose fastest times the laps of a finished run are held against for purple; None for a run that takes
+    none: one that is not classified, a house car's, a test drive. Cars in duels have all been classified."""
+    submission, duel = getattr(evaluation, "submission", None), getattr(evaluation, "duel", None)
+    if submission is None:
+        return None if duel is None else duel.race
+    entry = submission.entry
+    if entry.is_baseline:
+        return None
+    standing = rule_for(entry.race).standing(evaluation.result.laps, entry.race.minimum_laps)
+    return entry.race if standing.classified else None

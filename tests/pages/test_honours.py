@@ -1,0 +1,147 @@
+"""What a racer's page says that they have won, and what a bracket's board says it counts."""
+
+from __future__ import annotations
+
+import re
+from datetime import timedelta
+
+import pytest
+from django.db import transaction
+from django.utils import timezone
+
+from evaluation.models import State
+from league.selectors.honours import Honours, honours_of
+from league.services import close_round
+from races.models import Entry, Race, Visibility
+from races.selectors import racer_history
+from races.services import submit_model, withdraw
+from tests.duels import drawn, end_all
+from tests.factories import a_model, a_race, a_racer, drive, finish, lap, laps
+from tests.league.seasons import a_round, a_season, after, board
+
+pytestmark = pytest.mark.django_db
+QUICK, SLOW = laps(9_000, 9_000, 9_000), laps(9_500, 9_500, 9_500)
+LOST = [lap(1, 9_000, complete=False, percentage=40)]
+
+
+@pytest.fixture(autouse=True)
+def _commits(bell, monkeypatch):
+    monkeypatch.setattr(transaction, "on_commit", lambda call, **options: call())
+
+
+@pytest.fixture
+def now():
+    return timezone.now() - timedelta(days=30)
+
+
+def closed_race(now, *results, racer, **fields) -> Race:
+    """A race that has closed: ``racer`` drove QUICK, others these results."""
+    race = a_race(now, closes_at=now + timedelta(hours=1), **fields)
+    drive(race, racer, QUICK, now)
+    for driven in results:
+        drive(race, a_racer(), driven, now)
+    return race
+
+
+def won(racer, viewer=None) -> tuple[int, int, int]:
+    found = honours_of(racer, viewer, timezone.now())
+    return found.races, found.wins, found.podiums
+
+
+def test_a_win_is_of_a_race_that_has_closed_with_two_or_more_classified(now):
+    alice = a_racer("alice")
+    closed_race(now, SLOW, racer=alice)
+    assert won(alice) == (1, 1, 1)
+
+
+def test_the_lead_of_an_open_race_is_no_win(now):
+    alice = a_racer("alice")
+    race = a_race(now, closes_at=timezone.now() + timedelta(days=1))
+    drive(race, alice, QUICK, now)
+    drive(race, a_racer(), SLOW, now)
+    assert won(alice) == (1, 0, 0)
+
+
+def test_a_field_of_one_is_no_win_whoever_else_was_not_classified_or_of_the_house(now):
+    alice = a_racer("alice")
+    race = closed_race(now, LOST, racer=alice)
+    drive(race, a_racer("house", is_house=True), SLOW, now)
+    assert won(alice) == (1, 0, 0)
+
+
+def test_a_race_whose_last_car_still_waits_is_not_won_yet(now):
+    alice, bob = a_racer("alice"), a_racer("bob")
+    race = a_race(now, closes_at=now + timedelta(hours=1))
+    drive(race, alice, QUICK, now)
+    drive(race, a_racer(), SLOW, now)
+    late = submit_model(race=race, racer=bob, model=a_model(bob), now=now)
+    assert late.evaluation.state == State.QUEUED
+    assert won(alice) == (1, 0, 0)
+    finish(late, laps(8_000, 8_000, 8_000), timezone.now())
+    assert (won(alice), won(bob)) == ((1, 0, 1), (1, 1, 1))
+
+
+def test_a_cancelled_race_and_one_that_was_left_are_no_wins(now):
+    alice = a_racer("alice")
+    cancelled = closed_race(now, SLOW, racer=alice)
+    Race.objects.filter(pk=cancelled.pk).update(cancelled_at=now, cancel_reason="Rain.")
+    left = a_race(now, closes_at=now + timedelta(hours=1))
+    withdraw(entry=drive(left, alice, QUICK, now).entry, now=now)
+    assert won(alice) == (1, 0, 0)
+
+
+def test_a_race_that_the_reader_may_not_see_is_not_told(now):
+    alice = a_racer("alice")
+    Race.objects.filter(pk=closed_race(now, SLOW, racer=alice).pk).update(visibility=Visibility.INVITATION)
+    assert (won(alice), won(alice, alice)) == ((0, 0, 0), (1, 1, 1))
+
+
+def test_duels_are_won_when_the_last_one_is_over(now):
+    race = drawn(now, 3)
+    first = Entry.objects.get(race=race, seed=1).racer
+    assert won(first) == (1, 0, 0), "the qualifying is no result"
+    end_all(race, now)
+    assert won(first) == (1, 1, 1)
+
+
+def test_a_round_is_won_when_it_is_official(now):
+    alice = a_racer("alice")
+    round_ = a_round(a_season(), 1, "open-qualifier")
+    board(round_.race, [alice, a_racer()])
+    assert won(alice) == (1, 0, 0)
+    close_round(round=round_, now=after(round_))
+    assert won(alice) == (1, 1, 1)
+
+
+def test_the_page_counts_all_races_and_not_only_those_that_it_lists(client, now, monkeypatch):
+    monkeypatch.setattr(racer_history, "__defaults__", (None, 2))
+    alice = a_racer("alice")
+    for _ in range(3):
+        closed_race(now, SLOW, racer=alice)
+    html = client.get("/racers/alice/").content.decode()
+    assert "<dt>Races</dt><dd>3</dd><dt>Wins</dt><dd>3</dd><dt>Podiums</dt><dd>3</dd>" in html
+    assert "the last 2" in html
+
+
+def test_wins_cost_no_more_the_more_there_are(django_assert_num_queries, now):
+    alice = a_racer("alice")
+    for _ in range(3):
+        closed_race(now, SLOW, racer=alice)
+    with django_assert_num_queries(3):
+        assert honours_of(alice, None, timezone.now()) == Honours(3, 3, 3)
+
+
+def test_a_bracket_says_that_it_counts_ties(client, now):
+    race = drawn(now, 4, duel_format="bracket")
+    end_all(race, now)
+    html = client.get(f"/races/{race.slug}/").content.decode()
+    assert ">Ties won</th>" in html and ">Points</th>" not in html
+    assert "2 ties won" in client.get("/racers/car-1/").content.decode()
+    assert "2 ties won" in client.get(f"/races/{race.slug}/badge.svg").content.decode()
+
+
+def test_a_round_robin_says_that_it_counts_points(client, now):
+    race = drawn(now, 2)
+    end_all(race, now)
+    assert ">Points</th>" in client.get(f"/races/{race.slug}/").content.decode()
+    assert re.search(r"\d points?", client.get("/racers/car-1/").content.decode())

@@ -1,0 +1,80 @@
+"""Purple is of who is classified, wherever it is shown."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+from django.apps import apps
+
+from races.honours import race_of_marks
+from races.models import Entry, Race
+from races.replay import lap_rows
+from races.selectors import board
+from races.services.standings import recompute_race
+from tests.factories import a_race, a_racer, drive, lap, laps
+
+pytestmark = pytest.mark.django_db
+
+FAST_BUT_LOST = [lap(1, 5_000, resets=40), lap(2, 9_000, complete=False, percentage=30)]
+CLEAN = laps(9_000, 9_100, 9_200)
+OWN = ("own_lap_ms", "own_sector_1_ms", "own_sector_2_ms", "own_sector_3_ms")
+
+
+def fresh(race: Race) -> Race:
+    return Race.objects.get(pk=race.pk)
+
+
+def marks(race: Race) -> dict[str, tuple]:
+    return {row.alias: (row.has_fastest_lap, set(row.sector_colours)) for row in board(fresh(race)).rows}
+
+
+def test_a_car_that_is_not_classified_has_neither_the_fastest_lap_nor_purple_sectors(now):
+    race = a_race(now)
+    drive(race, a_racer("clean"), CLEAN, now)
+    lost = drive(race, a_racer("lost"), FAST_BUT_LOST, now)
+    assert marks(race) == {"clean": (True, {"purple"}), "lost": (False, {"green"})}
+    assert fresh(race).fastest_lap_ms == 9_000
+    rows = lap_rows(lost.evaluation.result.laps, race_of_marks(lost.evaluation))
+    assert {colour for row in rows for _, colour in row.sectors} == {"green"}
+
+
+def test_where_nobody_is_classified_nobody_is_the_fastest(now):
+    race = a_race(now)
+    drive(race, a_racer("lost"), FAST_BUT_LOST, now)
+    assert (fresh(race).fastest_lap_ms, marks(race)) == (None, {"lost": (False, {"green"})})
+
+
+@pytest.mark.parametrize("order", [(FAST_BUT_LOST, CLEAN), (CLEAN, FAST_BUT_LOST)])
+def test_a_run_that_is_not_classified_gives_its_racer_no_marks_by_another_run_that_is(now, order):
+    race, racer = a_race(now), a_racer("both")
+    lost = [drive(race, racer, driven, now) for driven in order][order.index(FAST_BUT_LOST)]
+    assert fresh(race).fastest_lap_ms == 9_000
+    assert marks(race) == {"both": (True, {"purple"})}
+    assert race_of_marks(lost.evaluation) is None
+    before = Entry.objects.values(*OWN).get(race=race)
+    recompute_race(race=race)
+    assert (Entry.objects.values(*OWN).get(race=race), fresh(race).fastest_lap_ms) == (before, 9_000)
+
+
+def test_a_house_car_that_is_faster_takes_no_purple_on_the_page_of_its_run(now):
+    race = a_race(now)
+    drive(race, a_racer("clean"), CLEAN, now)
+    house = drive(race, a_racer("house", is_house=True), laps(8_000, 8_000, 8_000), now)
+    assert race_of_marks(house.evaluation) is None
+    assert board(fresh(race)).rows[0].has_fastest_lap is False
+
+
+def test_marks_of_before_are_worked_out_anew(now):
+    """What an older site wrote: marks of every run, classified or not."""
+    race, other = a_race(now), a_race(now)
+    racer, lost = a_racer("both"), a_racer("lost")
+    drive(race, racer, CLEAN, now)
+    drive(race, racer, FAST_BUT_LOST, now)
+    drive(race, lost, [lap(1, 4_000), lap(2, 9_000, complete=False, percentage=30)], now)
+    drive(other, a_racer(), laps(7_000, 7_000, 7_000), now)
+    right = list(Entry.objects.order_by("pk").values(*OWN)), list(Race.objects.order_by("pk").values())
+    Entry.objects.filter(racer=racer).update(**dict.fromkeys(OWN, 1_000))
+    Race.objects.filter(pk=race.pk).update(fastest_lap_ms=4_000, fastest_sector_1_ms=1)
+    importlib.import_module("races.migrations.0009_marks_of_classified_cars").mend_marks(apps, None)
+    assert (list(Entry.objects.order_by("pk").values(*OWN)), list(Race.objects.order_by("pk").values())) == right
