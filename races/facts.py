@@ -10,11 +10,12 @@ from django.utils.translation import ngettext
 from evaluation.simulator.rules import RaceRules
 from evaluation.templatetags.garage import SENSOR_NAMES
 
-from .models import Opponents
+from .models import DuelFormat, Opponents, RankingMethod
 from .sensors import OFFERABLE
 
 if TYPE_CHECKING:
-    from .models import Race
+    from .models import Entry, Race
+    from .selectors.results import Place, Rival
 
 
 def course_facts(race: Race) -> list[str]:
@@ -57,6 +58,53 @@ def course_rules(race: Race) -> list[str]:
     else:
         return []
     return [*rules, _crash_rule(race)]
+
+
+def score_words(entry: Entry) -> str:
+    """What an entry is ranked by, in words: a time, or once duels are drawn points, in a bracket the ties won; a dash
+    for who is not classified."""
+    if entry.seed is None:
+        return clock(entry.score_ms)
+    if entry.race.duel_format == DuelFormat.BRACKET:
+        return ngettext("%(count)s tie won", "%(count)s ties won", entry.points) % {"count": entry.points}
+    return ngettext("%(count)s point", "%(count)s points", entry.points) % {"count": entry.points}
+
+
+def score_name(race: Race) -> str:
+    """What a race ranks by, in words."""
+    laps = race.minimum_laps if race.ranking_method == RankingMethod.AVERAGE else race.laps
+    if race.ranking_method == RankingMethod.AVERAGE and laps > 1:
+        return _("Average of %(laps)s laps") % {"laps": laps}
+    if race.ranking_method == RankingMethod.TOTAL and laps > 1:
+        return _("Total of %(laps)s laps") % {"laps": laps}
+    return _("Best lap") if race.ranking_method != RankingMethod.TOTAL else _("Total")
+
+
+def behind(place: Place, rival: Rival) -> str:
+    """How far somebody is ahead of an entry: a time, or once duels are drawn points or ties; a dash where the two are
+    not ranked by the same."""
+    if not place.is_drawn:
+        return "–" if rival.gap is None else gap(rival.gap)
+    if rival.gap is None:
+        return _("ties equal") if place.counts_ties else _("points equal")
+    if place.counts_ties:
+        return ngettext("%(count)s tie", "%(count)s ties", rival.gap) % {"count": rival.gap}
+    return ngettext("%(count)s point", "%(count)s points", rival.gap) % {"count": rival.gap}
+
+
+def gap(milliseconds: int) -> str:
+    """A difference as ``+s.mmm``, ``+m:ss.mmm`` from a minute on."""
+    sign = "+" if milliseconds >= 0 else "−"
+    minutes, rest = divmod(abs(milliseconds), 60_000)
+    seconds = f"{rest // 1000:02d}" if minutes else f"{rest // 1000}"
+    return f"{sign}{f'{minutes}:' if minutes else ''}{seconds}.{rest % 1000:03d}"
+
+
+def clock(milliseconds: int | None) -> str:
+    """A time as ``m:ss.mmm``; a dash for none."""
+    if milliseconds is None:
+        return "–"
+    return f"{milliseconds // 60_000}:{milliseconds // 1000 % 60:02}.{milliseconds % 1000:03}"
 
 
 def _box_rules(race: Race) -> list[str]:

@@ -245,6 +245,15 @@ def best_of_sectors(sectors: Any) -> tuple[int, ...]:
     return tuple(min(times) for times in zip(*timed, strict=True)) if timed else ()
 
 
+def longest_streak(laps: Sequence[Lap]) -> int:
+    """The most complete laps in a row."""
+    longest = streak = 0
+    for lap in laps:
+        streak = streak + 1 if lap["complete"] else 0
+        longest = max(longest, streak)
+    return longest
+
+
 def _sectors(lap: Lap) -> tuple[int, ...]:
     sectors = tuple(lap.get("sector_ms") or ())
     return () if any(time is None for time in sectors) else sectors

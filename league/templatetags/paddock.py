@@ -16,6 +16,7 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
 from league.countries import COUNTRIES
+from races import facts
 from races.replay import LAP_COLOURS
 from tracks.drawing import DrivenLine, draw_svg
 from tracks.geometry import TrackGeometry
@@ -59,8 +60,7 @@ def lap_time(milliseconds: int | None) -> str:
     """A lap time as ``m:ss.mmm``; a dash for none."""
     if milliseconds is None or milliseconds == "":
         return "–"
-    minutes, rest = divmod(round(milliseconds), 60_000)
-    return f"{minutes}:{rest // 1000:02d}.{rest % 1000:03d}"
+    return facts.clock(round(milliseconds))
 
 
 @register.filter
@@ -68,10 +68,7 @@ def gap(milliseconds: int | None) -> str:
     """A difference as ``+s.mmm`` (``+m:ss.mmm`` from a minute on); nothing for none."""
     if milliseconds is None or milliseconds == "":
         return ""
-    sign = "+" if milliseconds >= 0 else "−"
-    minutes, rest = divmod(abs(round(milliseconds)), 60_000)
-    seconds = f"{rest // 1000:02d}" if minutes else f"{rest // 1000}"
-    return f"{sign}{f'{minutes}:' if minutes else ''}{seconds}.{rest % 1000:03d}"
+    return facts.gap(round(milliseconds))
 
 
 @register.filter

@@ -16,6 +16,7 @@ from league.services.organising import cancelling_says, removal_says
 from league.stewarding import actions_now
 from races.models import Entry, Race
 from races.selectors import Board, BoardRow
+from races.selectors.results import Place
 
 register = template.Library()
 DECISIONS = 20
@@ -47,13 +48,23 @@ def _cut(board: Board, round_: Round) -> BoardCut | None:
 
 
 @register.simple_tag
-def to_the_line(cut: BoardCut | None, row: BoardRow) -> dict[str, int]:
+def to_the_line(cut: BoardCut | None, row: BoardRow | Place) -> dict[str, int]:
     """How many places a racer is ``clear`` of the line through a board, or ``short`` of it, as long as that may change;
     nothing for who is over it already or has no rank."""
     if cut is None or cut.official or not cut.last_rank or row.rank is None or row.entry.racer_id in cut.held:
         return {}
     places = cut.last_rank - row.rank
     return {"clear": max(0, places), "short": max(0, -places)}
+
+
+@register.simple_tag
+def cut_of_place(place: Place) -> BoardCut | None:
+    """The line that the season draws through a board, for the place of one racer on it. None for other races."""
+    round_ = round_of(place.race)
+    if round_ is None:
+        return None
+    ranked = {} if place.rank is None else {place.entry.racer_id: place.rank}
+    return board_cut(round_, place.totals.classified, ranked)
 
 
 @register.inclusion_tag("league/parts/decisions.html")

@@ -31,8 +31,8 @@ class BoardRow:
     ``rank``: None for baselines and for who is not classified. ``gap_ms``: to the leader's score, 0 for the leader,
     negative for a baseline ahead of them, None without a score and once duels are drawn. ``sector_colours``: for each
     sector of the best lap ``"purple"`` (nobody ranked was ever faster there), ``"green"`` (the racer's own best) or
-    ``"yellow"``; None without a complete lap. ``has_fastest_lap``: nobody ranked has driven a faster lap than this
-    row's best lap.
+    ``"yellow"``; None without a complete lap. ``has_fastest_lap``: the row is ranked, and nobody ranked has driven a
+    faster lap than its best lap.
     """
 
     rank: int | None
@@ -113,7 +113,7 @@ def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int =
     view = _View(race, racer)
     mine = next((entry for entry in entries if entry.racer_id == view.reader_id), None)
     elsewhere = view.look_up(entries if offset == 0 else (), reader=mine is None)
-    first = next((entry for entry in entries if _has_rank(entry)), None) if offset else None
+    first = next((entry for entry in entries if has_rank(entry)), None) if offset else None
     ranks = ranks_of([entry for entry in (first, elsewhere) if entry is not None])
     rows = list(view.rows(entries, 0 if first is None else ranks[first.pk] - 1))
     my_row = next((row for row in rows if row.is_me), None)
@@ -152,13 +152,14 @@ def rank_of(entry: Entry) -> int | None:
 def ranks_of(entries: Sequence[Entry]) -> dict[int, int | None]:
     """The rank of each entry by its id, as :func:`rank_of` says it, of any number of races: one query or none."""
     ranks: dict[int, int | None] = {entry.pk: None for entry in entries}
-    ranked = [entry.pk for entry in entries if _has_rank(entry)]
+    ranked = [entry.pk for entry in entries if has_rank(entry)]
     if ranked:
         ranks |= {pk: 1 + before for pk, before in places_of(ranked).items()}
     return ranks
 
 
-def _has_rank(entry: Entry) -> bool:
+def has_rank(entry: Entry) -> bool:
+    """Whether an entry has a place on its board."""
     return entry.classified and not entry.is_baseline and not entry.is_withdrawn
 
 
@@ -197,7 +198,7 @@ class _View:
     def look_up(self, first_page: Sequence[Entry] = (), *, reader: bool = False) -> Entry | None:
         """Find the leader, in ``first_page`` or in the database, and in the same query the reader's entry, also one
         that has left the board, where ``reader`` asks for it."""
-        leader = next((entry for entry in first_page if _has_rank(entry)), None)
+        leader = next((entry for entry in first_page if has_rank(entry)), None)
         wanted = []
         if reader and self.reader_id is not None:
             wanted.append(Entry.objects.filter(race=self.race, racer_id=self.reader_id).values("pk")[:1])
@@ -208,7 +209,7 @@ class _View:
             entries = Entry.objects.filter(pk__in=[Subquery(each) for each in wanted])
             found = list(_with_relations(entries.order_by(*ORDER)))
             if leader is None:
-                leader = next((entry for entry in found if _has_rank(entry)), None)
+                leader = next((entry for entry in found if has_rank(entry)), None)
             mine = next((entry for entry in found if reader and entry.racer_id == self.reader_id), None)
         if leader is not None:
             self.leader_ms = _lead(leader.score_ms, leader.seed)
@@ -219,7 +220,7 @@ class _View:
     def rows(self, entries: Iterable[Entry], rank: int) -> Iterator[BoardRow]:
         """Rows for entries that follow each other on the board; ``rank``: how many with a rank stand above them."""
         for entry in entries:
-            if _has_rank(entry):
+            if has_rank(entry):
                 rank += 1
                 yield self.row(entry, rank)
             else:
@@ -240,7 +241,7 @@ def make_row(entry: Entry, rank: int | None, race: Race, leader_ms: int | None, 
         entry=entry,
         gap_ms=gap,
         sector_colours=_colours(entry, race),
-        has_fastest_lap=not entry.is_baseline and fastest is not None and entry.best_lap_ms == fastest,
+        has_fastest_lap=has_rank(entry) and fastest is not None and entry.best_lap_ms == fastest,
         is_me=reader_id is not None and entry.racer_id == reader_id,
     )
 
@@ -250,7 +251,7 @@ def _colours(entry: Entry, race: Race) -> tuple[str | None, str | None, str | No
         return None, None, None
     marks = []
     for time_ms, own, fastest in zip(entry.sectors, entry.own_sectors_ms, race.fastest_sectors_ms, strict=True):
-        if not entry.is_baseline and fastest is not None and time_ms <= fastest:
+        if has_rank(entry) and fastest is not None and time_ms <= fastest:
             marks.append(PURPLE)
         else:
             marks.append(GREEN if own is not None and time_ms <= own else YELLOW)

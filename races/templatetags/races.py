@@ -16,9 +16,10 @@ from django.utils.translation import gettext_noop
 from evaluation.models import Evaluation, TrainedModel
 from races import facts
 from races.course import box_marks
-from races.models import Race, RaceState
+from races.models import Entry, Race, RaceState
 from races.selectors import evaluations_visible_to, races_on
 from races.selectors.offers import Learned, Offer, offers_for
+from races.selectors.results import Place, Rival
 from tracks.drawing import BoxMark, DrivenLine, draw_svg
 from tracks.geometry import TrackGeometry
 from tracks.models import Track
@@ -137,6 +138,24 @@ def sensor_words(race: Race) -> list[str]:
 def course_rules(race: Race) -> list[str]:
     """The same as rules, a sentence each."""
     return facts.course_rules(race)
+
+
+@register.filter
+def score_words(entry: Entry) -> str:
+    """What an entry is ranked by: a time, or once duels are drawn points, in a bracket the ties won."""
+    return facts.score_words(entry)
+
+
+@register.filter
+def score_name(race: Race) -> str:
+    """What a race ranks by, in words: the average of so many laps, the best lap, the total."""
+    return facts.score_name(race)
+
+
+@register.filter
+def behind(place: Place, rival: Rival) -> str:
+    """How far somebody is ahead of a place on a board."""
+    return facts.behind(place, rival)
 
 
 @register.filter

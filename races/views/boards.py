@@ -10,8 +10,9 @@ from django.views.decorators.http import require_safe
 
 from races.badge import badge
 from races.exports import board_data, csv_lines
+from races.facts import score_words
 from races.models import Race, Visibility
-from races.selectors import BoardRow, board, podiums, whole_board
+from races.selectors import board, podiums, whole_board
 
 from .common import visible_race
 
@@ -48,7 +49,8 @@ def board_atom(request: HttpRequest, slug: str) -> HttpResponse:
             continue
         at = row.entry.achieved_at
         feed.add_item(
-            title=_("%(rank)s. %(racer)s, %(score)s") % {"rank": row.rank, "racer": row.alias, "score": _score(row)},
+            title=_("%(rank)s. %(racer)s, %(score)s")
+            % {"rank": row.rank, "racer": row.alias, "score": score_words(row.entry)},
             link=address,
             description="",
             author_name=row.alias,
@@ -71,7 +73,7 @@ def board_badge(request: HttpRequest, slug: str) -> HttpResponse:
 
 def _leader_words(race: Race) -> str:
     rows = podiums([race], size=1)[race.pk]
-    return f"{rows[0].alias} {_score(rows[0])}" if rows else ""
+    return f"{rows[0].alias} {score_words(rows[0].entry)}" if rows else ""
 
 
 def _rank_words(race: Race, alias: str) -> str:
@@ -81,14 +83,11 @@ def _rank_words(race: Race, alias: str) -> str:
     row = board(race, entry.racer, per_page=1).my_row
     if row is None or row.rank is None:
         return ""
-    return _("%(racer)s: place %(rank)s, %(score)s") % {"racer": row.alias, "rank": row.rank, "score": _score(row)}
-
-
-def _score(row: BoardRow) -> str:
-    if row.entry.seed is not None:
-        return _("%(points)s points") % {"points": row.entry.points}
-    total = row.entry.score_ms or 0
-    return f"{total // 60_000}:{total // 1000 % 60:02}.{total % 1000:03}"
+    return _("%(racer)s: place %(rank)s, %(score)s") % {
+        "racer": row.alias,
+        "rank": row.rank,
+        "score": score_words(row.entry),
+    }
 
 
 def _cached(response: HttpResponse, race: Race) -> HttpResponse:

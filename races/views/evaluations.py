@@ -19,7 +19,9 @@ from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
 from races.cars import CarRow, LiveCar, car_rows, live_cars
 from races.course import awaited_boxes, driven_boxes
+from races.honours import race_of_marks
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
+from races.selectors.results import HeatResult, RunResult, heat_of, result_of
 
 from .common import visible_evaluation
 from .latest import live_mark
@@ -151,7 +153,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "mark": live_mark(shown, None),
             "result": shown.result,
             "car": car,
-            "laps": lap_rows(car.result.laps, race),
+            "laps": lap_rows(car.result.laps, race_of_marks(shown)),
             "colour": colour,
             "lap": number,
             "lines": driven_lines(car.result.line, colour, number),
@@ -160,6 +162,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "cars": rows,
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,
             "map_size": map_size(shown.track),
+            "worth": _worth(request, shown, car),
         }
         return context | video_context(request, shown, rows)
     position = queue_position(shown)
@@ -180,6 +183,15 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         "map_size": map_size(shown.track),
     }
     return context
+
+
+def _worth(request: HttpRequest, shown: Evaluation, car: CarRow) -> RunResult | HeatResult | None:
+    """What a finished run is worth in its race; nothing for a test drive. What a racer drove before is told to nobody
+    else."""
+    submission, duel = getattr(shown, "submission", None), getattr(shown, "duel", None)
+    if submission is not None:
+        return result_of(submission, shown.result.laps, tell_earlier=request.user.pk == shown.owner_id)
+    return None if duel is None else heat_of(duel, car.racer.pk)
 
 
 def _chosen_car(request: HttpRequest, rows: Sequence[CarRow]) -> CarRow:

@@ -1,0 +1,196 @@
+"""What a finished run is worth in its race: what ranks, the place, the gaps, and what it changed.
+
+A handful of queries on a board of any length, none of which reads more of it than the rows that are named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from django.db.models import Q, Subquery
+
+from ..change import Change, change
+from ..models import Duel, DuelCar, DuelFormat, Entry, Race, Submission
+from ..ranking import Lap, Standing, longest_streak, rule_for
+from .boards import CLASSIFIED, ORDER, board_entries, ranks_of
+from .counting import BoardTotals, totals_of
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Somebody ahead on the board. ``gap``: milliseconds behind them, or where duels were drawn points (in a bracket
+    ties); None where the two are not ranked by the same thing, or points are equal."""
+
+    entry: Entry
+    gap: int | None
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an entry stands now. ``rank``: None for who is not classified, has left or is a house car.
+
+    ``ahead``: the ranked racer just before, None for the leader and who has no rank; ``leader``: None for the leader.
+    """
+
+    entry: Entry
+    rank: int | None
+    totals: BoardTotals
+    ahead: Rival | None
+    leader: Rival | None
+
+    @property
+    def race(self) -> Race:
+        return self.entry.race
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether duels rank the entry."""
+        return self.entry.seed is not None
+
+    @property
+    def counts_ties(self) -> bool:
+        """Whether what stands in place of points are the ties won of a bracket."""
+        return self.race.duel_format == DuelFormat.BRACKET
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """A finished run of a submission.
+
+    ``standing``: what this run is worth; ``place``: where the racer stands by the run that counts, which this one need
+    not be. ``earlier``: number of the best submission before this one, ``change`` how this one compares with it;
+    both None for readers who may not know. ``streak``: the most complete laps in a row.
+    """
+
+    submission: Submission
+    standing: Standing
+    place: Place
+    streak: int
+    earlier: int | None
+    change: Change | None
+
+    @property
+    def race(self) -> Race:
+        return self.place.race
+
+    @property
+    def counts(self) -> bool:
+        """Whether the racer's standing is of this run."""
+        return self.place.entry.best_id == self.submission.pk
+
+    @property
+    def instead(self) -> Submission | None:
+        """What counts instead, where it is another run."""
+        return None if self.counts else self.place.entry.best
+
+    @property
+    def was_overtaken(self) -> bool:
+        """Whether it counted until a later car of the same racer was better."""
+        return self.instead is not None and self.instead.number > self.submission.number
+
+    @property
+    def came_late(self) -> bool:
+        """Whether it is better than what was there before and yet changed nothing: the duels were drawn."""
+        return not self.counts and not self.was_overtaken and self.change is not None and self.change.is_better
+
+
+@dataclass(frozen=True)
+class HeatResult:
+    """One car's share in a finished heat. ``place``: where its racer stands in the race now."""
+
+    duel: Duel
+    car: DuelCar
+    cars: int
+    place: Place
+
+    @property
+    def race(self) -> Race:
+        return self.place.race
+
+
+def place_of(entry: Entry) -> Place:
+    """Where an entry stands: three queries. ``entry.race`` has been read."""
+    rank = ranks_of([entry])[entry.pk]
+    return Place(entry, rank, totals_of(entry.race), *_rivals(entry, rank))
+
+
+def result_of(submission: Submission, laps: Sequence[Lap], *, tell_earlier: bool) -> RunResult | None:
+    """What a submission's finished run of these laps is worth; None for one that is void. Three queries, four where
+    the earlier ones are told. ``submission.entry.race`` has been read.
+
+    ``tell_earlier``: for the racer and who may see all their runs; others see only the run that counts.
+    """
+    if submission.is_void:
+        return None
+    race = submission.entry.race
+    standing = rule_for(race).standing(laps, race.minimum_laps)
+    number, before = _best_earlier(submission) if tell_earlier else (None, None)
+    return RunResult(
+        submission=submission,
+        standing=standing,
+        place=place_of(submission.entry),
+        streak=longest_streak(laps),
+        earlier=number,
+        change=change(standing, before) if tell_earlier else None,
+    )
+
+
+def heat_of(duel: Duel, racer_id: int) -> HeatResult | None:
+    """What a decided heat gave one of its racers: four queries. None until it is decided."""
+    cars = list(DuelCar.objects.filter(duel=duel).select_related("entry__racer"))
+    mine = next((car for car in cars if car.entry.racer_id == racer_id and car.place is not None), None)
+    if mine is None:
+        return None
+    mine.entry.race = duel.race
+    return HeatResult(duel, mine, len(cars), place_of(mine.entry))
+
+
+def _best_earlier(submission: Submission) -> tuple[int | None, Standing | None]:
+    """The number and the worth of the racer's best submission before this one: one query of their own runs."""
+    race = submission.entry.race
+    runs = Submission.objects.filter(entry=submission.entry, number__lt=submission.number, is_void=False)
+    runs = runs.filter(evaluation__result__isnull=False).order_by("number")
+    rule, number, best = rule_for(race), None, None
+    for one, laps in runs.values_list("number", "evaluation__result__laps"):
+        standing = rule.standing(laps, race.minimum_laps)
+        if best is None or standing.key < best.key:
+            number, best = one, standing
+    return number, best
+
+
+def _rivals(entry: Entry, rank: int | None) -> tuple[Rival | None, Rival | None]:
+    """Who is just ahead, and who leads: one query, or none for the leader and who has left."""
+    if rank == 1 or entry.is_withdrawn:
+        return None, None
+    ranked = board_entries(entry.race).filter(CLASSIFIED, is_baseline=False)
+    wanted = [ranked.values("pk")[:1]]
+    if rank is not None:
+        backwards = [f"-{name}" for name in ORDER]  # one by score, one among equals: an OR of both would read the board
+        for before in (Q(rank_score__lt=entry.rank_score), Q(rank_score=entry.rank_score) & _before_equals(entry)):
+            wanted.append(ranked.filter(before).order_by(*backwards).values("pk")[:1])
+    found = Entry.objects.filter(pk__in=[Subquery(each) for each in wanted]).select_related("racer")
+    rows = list(found.order_by(*ORDER))
+    leader = next(iter(rows), None)
+    return (
+        None if rank is None or not rows else Rival(rows[-1], _gap(entry, rows[-1])),  # the last of those before it
+        None if leader is None else Rival(leader, _gap(entry, leader)),
+    )
+
+
+def _before_equals(entry: Entry) -> Q:
+    """Of who has an entry's score and stands before it."""
+    before, same = Q(), Q()
+    for name in ORDER[1:]:
+        value = getattr(entry, name)
+        before |= same & Q(**{f"{name}__lt": value})
+        same &= Q(**{name: value})
+    return before
+
+
+def _gap(entry: Entry, other: Entry) -> int | None:
+    if (entry.seed is None) != (other.seed is None) or not entry.classified:
+        return None
+    if entry.seed is None:
+        return (entry.score_ms or 0) - (other.score_ms or 0)
+    return other.points - entry.points or None

@@ -1,0 +1,161 @@
+"""What the page of a run says first, and to whom."""
+
+from __future__ import annotations
+
+import html
+import re
+from datetime import timedelta
+
+import pytest
+from django.db import transaction
+from django.test import Client
+from django.utils import timezone
+
+from league.models import Racer, Round
+from races.models import Entry, Submission
+from races.services import withdraw
+from tests.duels import drawn, end_all
+from tests.factories import a_model, a_race, a_racer, drive, lap, laps
+from tests.league.seasons import a_season
+from tests.pages.conftest import World
+from tests.pages.test_queries import LIMIT, queries
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def _commits(bell, monkeypatch):
+    monkeypatch.setattr(transaction, "on_commit", lambda call, **options: call())
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+def said(submission: Submission, reader: Racer | None = None) -> str:
+    """The words of the strip above a run as ``reader`` sees them."""
+    client = Client()
+    if reader is not None:
+        client.force_login(reader, backend="django.contrib.auth.backends.ModelBackend")
+    page = client.get(submission.evaluation.get_absolute_url())
+    assert page.status_code == 200
+    strip = re.search(r'<section class="card worth".*?</section>', page.content.decode(), re.S)
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", strip[0])).split()) if strip else ""
+
+
+def test_a_race_by_average_shows_the_average_and_not_the_best_lap(now):
+    race, alice = a_race(now), a_racer("alice")
+    drive(race, a_racer("bob"), laps(11_000, 11_000, 11_000), now)
+    drive(race, a_racer("carol"), laps(11_500, 11_500, 11_500), now)
+    drive(race, alice, laps(13_000, 13_000, 13_000), now)
+    text = said(drive(race, alice, laps(12_000, 12_500, 12_700), now), alice)
+    assert text == (
+        "Result Average of 3 laps 0:12.400 Place 3 of 3 To the one ahead +0.900 carol To the leader +1.400 bob "
+        "Than before −0.600 0.600 s faster than before."
+    )
+
+
+def test_a_worse_car_says_so_and_leads_to_the_one_that_counts(now):
+    race, alice = a_race(now, ranking_method="total"), a_racer("alice")
+    drive(race, alice, laps(12_000, 12_000, 12_000), now)
+    text = said(drive(race, alice, laps(12_100, 12_100, 12_100), now), alice)
+    assert text == (
+        "Result Total of 3 laps 0:36.300 Place 1 of 1 To the leader the only one classified Than before +0.300 "
+        "0.300 s slower than before: the board did not change. Submission 1 counts: 0:36.000."
+    )
+
+
+def test_a_car_that_is_not_classified_says_what_it_lacks(now):
+    race, alice = a_race(now), a_racer("alice")
+    drive(race, a_racer("bob"), laps(11_000, 11_000, 11_000), now)
+    text = said(drive(race, alice, [lap(1), lap(2, complete=False, percentage=40)], now), alice)
+    assert text == (
+        "Result Average of 3 laps not classified Complete laps in a row 1 of 3 Your first result in this race."
+    )
+
+
+def test_strangers_and_guests_are_not_told_what_was_driven_before(now):
+    race, alice = a_race(now), a_racer("alice")
+    drive(race, alice, laps(13_000, 13_000, 13_000), now)
+    best = drive(race, alice, laps(12_000, 12_000, 12_000), now)
+    for reader in (None, a_racer("bob")):
+        text = said(best, reader)
+        assert "Place 1 of 1" in text and "before" not in text and "first result" not in text
+
+
+def test_who_organises_reads_no_words_that_are_meant_for_the_racer(now):
+    organiser, alice = a_racer("organiser"), a_racer("alice")
+    race = a_race(now, organiser=organiser)
+    drive(race, alice, laps(12_000, 12_000, 12_000), now)
+    worse = drive(race, alice, laps(13_000, 13_000, 13_000), now)
+    text = said(worse, organiser)
+    assert "Submission 1 counts: 0:12.000." in text and "before" not in text
+
+
+def test_who_has_left_is_told_so(now):
+    race, alice = a_race(now), a_racer("alice")
+    submission = drive(race, alice, laps(12_000, 12_000, 12_000), now)
+    withdraw(entry=submission.entry, now=now)
+    assert "Place has left the race" in said(submission, alice)
+
+
+def test_a_house_car_is_outside_the_ranking(now):
+    race = a_race(now)
+    drive(race, a_racer("bob"), laps(12_000, 12_000, 12_000), now)
+    house = drive(race, a_racer("house", is_house=True), laps(11_000, 11_000, 11_000), now)
+    assert "Place outside the ranking To the leader −1.000 bob" in said(house)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"), [(1, "Would be promoted, 1 place clear"), (4, "2 places short of promotion")]
+)
+def test_a_round_says_how_far_it_is_to_the_line(now, place, words):
+    race = a_race(now, kind="league", division="open")
+    Round.objects.create(season=a_season(promotion_percent=40), number=1, stage="open-qualifier", race=race)
+    driven = [drive(race, a_racer(), laps(*[10_000 + n] * 3), now) for n in range(5)]
+    assert words in said(driven[place - 1])
+
+
+def test_a_run_of_duels_shows_the_heat_before_the_race(now):
+    race = drawn(now - timedelta(days=1), 3)
+    end_all(race, now)
+    duel = race.duels.get(round=1, number=1)
+    winner = Entry.objects.get(duel_cars__duel=duel, duel_cars__place=1)
+    page = Client()
+    page.force_login(winner.racer, backend="django.contrib.auth.backends.ModelBackend")
+    text = page.get(duel.evaluation.get_absolute_url()).content.decode()
+    strip = re.search(r'<section class="card worth".*?</section>', text, re.S)[0]
+    words = " ".join(re.sub(r"<[^>]*>", " ", strip).split())
+    assert words.startswith("Result Place in this heat 1 of 2 Points in this heat 1 Place in the race")
+
+
+def test_a_qualifying_says_that_it_is_one_once_points_decide(now):
+    race = drawn(now - timedelta(days=1), 3)
+    end_all(race, now)
+    entry = Entry.objects.get(race=race, seed=2)
+    text = said(entry.best)
+    assert text.startswith("Result Qualifying: Best lap 0:10.100")
+    assert "Place in the race 2 of 3 Points 2 To the leader 2 points car-1" in text
+
+
+def test_a_test_drive_has_no_place_and_shows_its_best_lap(now):
+    alice = a_racer("alice")
+    submission = drive(a_race(now), alice, laps(12_000, 12_100, 12_200), now)
+    evaluation = submission.evaluation
+    Entry.objects.update(best=None)
+    submission.delete()
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    page = client.get(evaluation.get_absolute_url()).content.decode()
+    assert 'class="card worth"' not in page and '<p class="big-time">0:12.000</p>' in page
+
+
+def test_the_page_of_a_league_run_that_does_not_count_needs_few_queries(world: World, now):
+    Round.objects.create(season=a_season(), number=1, stage="open-qualifier", race=world.race)
+    type(world.race).objects.filter(pk=world.race.pk).update(kind="league", division="open")
+    for number in range(3):
+        drive(world.race, a_racer(), laps(*[10_000 + number] * 3), now)
+        a_model(world.alice)
+    sent = queries(world.client("alice"), f"/evaluations/{world.other.evaluation.public_id}/")
+    assert len(sent) <= LIMIT, "\n".join(sent)
