@@ -76,5 +76,5 @@ def test_marks_of_before_are_worked_out_anew(now):
     right = list(Entry.objects.order_by("pk").values(*OWN)), list(Race.objects.order_by("pk").values())
     Entry.objects.filter(racer=racer).update(**dict.fromkeys(OWN, 1_000))
     Race.objects.filter(pk=race.pk).update(fastest_lap_ms=4_000, fastest_sector_1_ms=1)
-    importlib.import_module("races.migrations.0009_marks_of_classified_cars").mend_marks(apps, None)
+    importlib.import_module("races.migrations.0010_marks_of_classified_cars").mend_marks(apps, None)
     assert (list(Entry.objects.order_by("pk").values(*OWN)), list(Race.objects.order_by("pk").values())) == right

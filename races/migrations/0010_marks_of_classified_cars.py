@@ -42,6 +42,6 @@ def mend_marks(apps: Any, schema_editor: Any) -> None:
 
 
 class Migration(migrations.Migration):
-    dependencies = [("races", "0008_videos"), ("evaluation", "0006_shared_models")]
+    dependencies = [("races", "0009_one_list_of_defaults"), ("evaluation", "0006_shared_models")]
 
     operations = [migrations.RunPython(mend_marks, migrations.RunPython.noop)]
