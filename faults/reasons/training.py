@@ -23,7 +23,7 @@ REWARD_REASONS = table(
         ),
         "reward_arguments": _(
             "“reward_function” in line %(line)s takes %(count)s arguments. It must take one (params), or the twelve of "
-            "the form of 2018, without defaults that are asked for by name."
+            "the form of 2018; “self” may stand before them. None may be asked for by name only."
         ),
         "reward_undefined_name": _("Line %(line)s uses the name “%(name)s”, which nothing defines."),
         "reward_mistake": _("Line %(line)s will fail when it runs: %(detail)s."),
@@ -33,10 +33,6 @@ REWARD_REASONS = table(
         ),
         "reward_import_not_allowed": _(
             "Line %(line)s imports “%(name)s”. Only math, random, numpy, scipy and shapely can be imported."
-        ),
-        "reward_import_inside": _(
-            "Line %(line)s imports “%(name)s” inside of a function or another block. Move the import to the top of the "
-            "file, to the left margin."
         ),
         "reward_import_failed": _("The import in line %(line)s failed: %(detail)s."),
         "reward_raised": _("Line %(line)s of the reward function failed: %(error)s."),

@@ -132,6 +132,7 @@ def test_the_site_itself_never_reads_the_code_as_python():
     assert time.process_time() - began < 1.0
     first = ", ".join(POSITIONAL_NAMES)
     assert signature_of(f"import math\n\ndef reward_function({first}):\n    return 1.0\n") == "positional"
+    assert signature_of(f"def reward_function(self, {first}):\n    return 1.0\n") == "positional"
     assert signature_of("def reward_function(params: dict[str, float]) -> float:\n    return 1.0\n") == "params"
 
 

@@ -57,11 +57,11 @@ def test_what_is_imported_when_the_file_is_read_may_stand_in_a_block():
 
 
 def test_all_problems_come_at_once_in_the_order_of_their_lines():
-    text = "import os\nimport math\ndef reward_function(params, x):\n    import random\n    return z + eval('1')\n"
+    text = "import os\nimport math\ndef reward_function(params, x):\n    import socket\n    return z + eval('1')\n"
     assert found(text) == [
         ("reward_import_not_allowed", 1),
         ("reward_arguments", 3),
-        ("reward_import_inside", 4),
+        ("reward_import_not_allowed", 4),
         ("reward_forbidden_name", 5),
         ("reward_undefined_name", 5),
     ]
@@ -88,6 +88,20 @@ def test_the_form_of_2018_is_known_by_its_number_of_arguments():
     assert found(f"def reward_function({names}):\n    return 1.0") == []
     assert found(f"def reward_function({names}, m):\n    return 1.0") == [("reward_arguments", 1)]
     assert found("def reward_function(params, *, more):\n    return 1.0") == [("reward_arguments", 1)]
+
+
+def test_self_may_stand_before_the_arguments_of_either_form():
+    names = ", ".join("abcdefghijkl")
+    assert found(f"def reward_function(self, {names}):\n    return 1.0") == []
+    assert found("def reward_function(self, params):\n    return 1.0") == []
+    assert found("def reward_function(self, /, params):\n    return 1.0") == []
+    assert found("def reward_function(self):\n    return 1.0") == [], "one argument is params, whatever its name"
+    assert found(f"def reward_function(it, {names}):\n    return 1.0") == [("reward_arguments", 1)]
+
+
+def test_what_may_be_imported_may_be_imported_inside_of_a_function():
+    text = "def reward_function(params):\n    import math\n    from numpy import mean\n    return mean([math.pi])"
+    assert found(text) == []
 
 
 def test_mistakes_of_formatting_are_seen_before_they_happen():

@@ -88,6 +88,26 @@ def test_the_names_of_the_first_form_are_free():
     assert load_reward(text)(PARAMS) == positional(PARAMS)[7]
 
 
+@pytest.mark.parametrize("form", [["params"], list(POSITIONAL_NAMES)])
+def test_self_is_an_object_of_the_cars_own_that_lasts_from_step_to_step(form):
+    body = "    self.steps = getattr(self, 'steps', 0) + 1\n    return self.steps"
+    one, other = load_rewards(f"def reward_function(self, {', '.join(form)}):\n{body}", 2)
+    assert [one(PARAMS), one(PARAMS), other(PARAMS)] == [1.0, 2.0, 1.0]
+
+
+def test_the_printed_example_of_2018_runs():
+    """As the developer guide of that year prints it: ``self`` first, the import inside."""
+    text = f"""def reward_function(self, {", ".join(POSITIONAL_NAMES)}):
+    import math
+    marker_1 = 0.1 * track_width
+    reward = 1e-3
+    if distance_from_center >= 0.0 and distance_from_center <= marker_1:
+        reward = math.sqrt(1.0)
+    return float(reward)
+"""
+    assert load_reward(text)({**PARAMS, "distance_from_center": 0.0}) == 1.0
+
+
 def test_the_nose_is_off_track_beyond_the_border():
     params = {**PARAMS, "distance_from_center": PARAMS["track_width"] / 2 + 0.01}
     assert positional(params)[0] is False

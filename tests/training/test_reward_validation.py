@@ -48,6 +48,10 @@ ORDINARY = {
     "numbers in a text": (
         "def reward_function(params):\n    print(f'{1234.5:n} {1e9:,} {0.5:%}', flush=True)\n    return 1.5\n"
     ),
+    "imports inside, self before": (
+        "def reward_function(self, params):\n    import math\n    from scipy.spatial import distance\n"
+        "    self.steps = 1 + getattr(self, 'steps', 0)\n    return math.sqrt(distance.euclidean((0, 0), (0, 2.25)))\n"
+    ),
     "a long number as text": "def reward_function(params):\n    str(10**4000)\n    return 1.5\n",
     "a set of everything": "def reward_function(params):\n    repr(params) + str(vars())\n    return 1.5\n",
 }

@@ -3,7 +3,8 @@
 Runs inside the wall too: the parser of a stranger's text can be brought to fall.
 
 Rules (the reward function validation of DeepRacer on AWS): 1 to 140,000 characters; imports of math, random, numpy,
-scipy and shapely, at module level only; no names that mean files or other code; one ``reward_function``.
+scipy and shapely (there at module level only; the field's printed examples import inside of functions, and so may
+racers here); no names that mean files or other code; one ``reward_function``.
 """
 
 from __future__ import annotations
@@ -61,13 +62,6 @@ def check_text(code: str) -> list[UserFault]:
 
 
 def _imports(tree: ast.Module) -> Iterator[UserFault]:
-    inside = {
-        id(node)
-        for function in ast.walk(tree)
-        if isinstance(function, _Function)
-        for node in ast.walk(function)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-    }
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -78,8 +72,6 @@ def _imports(tree: ast.Module) -> Iterator[UserFault]:
         for name in names:
             if name.split(".")[0] not in (*ALLOWED, "__future__"):
                 yield UserFault("reward_import_not_allowed", line=node.lineno, name=printable(name))
-            elif id(node) in inside:
-                yield UserFault("reward_import_inside", line=node.lineno, name=printable(name))
 
 
 def _forbidden(tree: ast.Module) -> Iterator[UserFault]:
@@ -124,7 +116,8 @@ def _definitions(tree: ast.Module) -> Iterator[UserFault]:
         yield UserFault("reward_function_kind", line=function.lineno)
     arguments = function.args
     try:
-        form_of(len(arguments.posonlyargs) + len(arguments.args), len(arguments.kwonlyargs), function.lineno)
+        names = [argument.arg for argument in (*arguments.posonlyargs, *arguments.args)]
+        form_of(names, len(arguments.kwonlyargs), function.lineno)
     except UserFault as fault:
         yield fault
 

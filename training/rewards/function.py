@@ -14,7 +14,7 @@ import inspect
 import math
 import sys
 import unicodedata  # noqa: F401  the compiler asks for it at the first name beyond ASCII, and a locked process opens no file
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import CodeType, FrameType, ModuleType, TracebackType
 from typing import Any
 
@@ -26,6 +26,7 @@ from .watch import FILENAME, TooLong, TooMuchPrinted, watch
 NAME = "reward_function"
 MAX_REWARD = 1e5
 PARAMS, POSITIONAL = "params", "positional"  # the two forms
+SELF = "self"  # which may stand before the arguments of either, as in the printed examples of 2018
 POSITIONAL_NAMES = (
     *("on_track", "x", "y", "distance_from_center", "car_orientation", "progress", "steps", "throttle", "steering"),
     *("track_width", "waypoints", "closest_waypoint"),
@@ -33,6 +34,11 @@ POSITIONAL_NAMES = (
 _TEXT = 300
 
 Params = dict[str, Any]
+
+
+class Self:
+    """What a function of the form of 2018 gets as ``self``: an object of its own that keeps what it is given. One for
+    each car, empty at first."""
 
 
 class Reward:
@@ -54,8 +60,11 @@ class Reward:
         function = module.__dict__.get(NAME)
         if not inspect.isfunction(function):
             raise UserFault("reward_function_missing")
-        self.line = function.__code__.co_firstlineno
-        self.form = form_of(function.__code__.co_argcount, function.__code__.co_kwonlyargcount, self.line)
+        code = function.__code__
+        self.line = code.co_firstlineno
+        names = code.co_varnames[: code.co_argcount]
+        self.form = form_of(names, code.co_kwonlyargcount, self.line)
+        self._self = (Self(),) if len(names) > 1 and names[0] == SELF else ()
         self._function: Callable[..., Any] = function
         self._module = module  # the function's globals live as long as it does
 
@@ -90,8 +99,8 @@ class Reward:
         # A deep copy: all that can change in params are the dict and its flat lists (of numbers and pairs).
         copy = {key: list(value) if type(value) is list else value for key, value in params.items()}
         if self.form == PARAMS:
-            return self._function(copy)
-        return self._function(*positional(copy))
+            return self._function(*self._self, copy)
+        return self._function(*self._self, *positional(copy))
 
     def _return_line(self, params: Params) -> int:
         """The line of the return that a bad value came from: it is called once more and followed. The definition's
@@ -140,14 +149,15 @@ def load_rewards(code: str, count: int) -> list[Reward]:
     return [Reward(program) for _ in range(count)]
 
 
-def form_of(arguments: int, by_name: int, line: int) -> str:
-    """The form by the number of arguments, and of those that can be given by name only. Raises UserFault
-    ``reward_arguments``."""
-    if arguments == 1 and not by_name:
+def form_of(names: Sequence[str], by_name: int, line: int) -> str:
+    """The form by the arguments' names, of which only a leading ``self`` means anything, and the number of those that
+    can be given by name only. Raises UserFault ``reward_arguments``."""
+    count = len(names) - (len(names) > 1 and names[0] == SELF)
+    if count == 1 and not by_name:
         return PARAMS
-    if arguments == len(POSITIONAL_NAMES) and not by_name:
+    if count == len(POSITIONAL_NAMES) and not by_name:
         return POSITIONAL
-    raise UserFault("reward_arguments", line=line, count=arguments + by_name)
+    raise UserFault("reward_arguments", line=line, count=len(names) + by_name)
 
 
 def positional(params: Params) -> tuple[Any, ...]:
