@@ -8,6 +8,7 @@ from decimal import Decimal, InvalidOperation
 from typing import Any
 
 from django import forms
+from django.utils.translation import gettext_lazy as _
 
 from evaluation.simulator.rules import MAX_BOXES
 
@@ -32,6 +33,28 @@ class SecondsField(forms.DecimalField):
             return value
         seconds: Decimal | None = super().clean(value)
         return None if seconds is None else int(seconds * 1000)
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        return super().has_changed(self.prepare_value(initial), data)
+
+
+class ResetsField(forms.IntegerField):
+    """How many resets a run may have; an empty field is no limit, which is stored as the greatest number."""
+
+    UNLIMITED = 10_000
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(min_value=0, max_value=self.UNLIMITED, required=False, **kwargs)
+        self.widget.attrs["placeholder"] = _("unlimited")
+
+    def prepare_value(self, value: Any) -> Any:
+        """Nothing where there is no limit."""
+        return "" if str(value) == str(self.UNLIMITED) else value
+
+    def clean(self, value: Any) -> int:
+        """The number as typed, :attr:`UNLIMITED` for none."""
+        resets: int | None = super().clean(value)
+        return self.UNLIMITED if resets is None else resets
 
     def has_changed(self, initial: Any, data: Any) -> bool:
         return super().has_changed(self.prepare_value(initial), data)

@@ -17,7 +17,7 @@ from tracks.forms import add_fault
 
 from .course_form import DRAWN, FIXED, PROPOSALS, CourseForm
 from .errors import RaceRefused
-from .fields import MomentField, SecondsField
+from .fields import MomentField, ResetsField, SecondsField
 from .models import Race, RaceState, RaceType, RankingMethod, Visibility
 from .sensors import OFFERABLE
 from .services.races import edition_of
@@ -57,9 +57,7 @@ class RaceForm(CourseForm):
         required=False,
         help_text=_("For running into a box, a bot or another car."),
     )
-    max_resets = forms.IntegerField(
-        label=_("Resets allowed"), min_value=0, max_value=10_000, help_text=_("0: the first fault ends the run.")
-    )
+    max_resets = ResetsField(label=_("Resets allowed"), help_text=_("0: the first fault ends the run."))
     max_simulated_ms = SecondsField(
         label=_("Time limit in seconds"), min_value=10, max_value=1200, help_text=_("Simulated time for the whole run.")
     )

@@ -18,15 +18,19 @@
   }));
 
   // --- times: the server writes its own time zone, the reader sees theirs --------------------------------------------
-  const style = { month: "short", day: "numeric", hour: "numeric", minute: "2-digit", timeZoneName: "short" };
-  const inWords = new Intl.DateTimeFormat(language, style);
-  const withYear = new Intl.DateTimeFormat(language, { year: "numeric", ...style });
+  // Written as the server writes it, 2026-11-30 18:00 CET, so that there is one style of dates on a page.
+  const two = { month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
+  const parts = new Intl.DateTimeFormat(language, { year: "numeric", ...two, timeZoneName: "short" });
+  const written = (moment) => {
+    const is = Object.fromEntries(parts.formatToParts(moment).map((part) => [part.type, part.value]));
+    return `${is.year}-${is.month}-${is.day} ${is.hour}:${is.minute} ${is.timeZoneName}`;
+  };
   const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
   function showTime(element) {
     const moment = new Date(element.dateTime);
     if (Number.isNaN(moment.valueOf())) return;
     element.title = `${element.textContent.trim()} · ${zone}`;
-    element.textContent = (moment.getFullYear() === new Date().getFullYear() ? inWords : withYear).format(moment);
+    element.textContent = written(moment);
     element.removeAttribute("data-local");
   }
   function countDown(element) {
@@ -63,6 +67,21 @@
     const nav = link.parentElement;
     nav.scrollLeft = link.offsetLeft - nav.offsetLeft - (nav.clientWidth - link.offsetWidth) / 2;
   });
+
+  // --- what scrolls sideways can be reached and scrolled by keyboard, as long as it does ------------------------------
+  const scrollers = new ResizeObserver((seen) => seen.forEach(({ target }) => {
+    if (target.scrollWidth > target.clientWidth + 1) target.tabIndex = 0;
+    else target.removeAttribute("tabindex");
+  }));
+  const watchScrollers = () => each(".scroll, pre", (element) => {
+    scrollers.observe(element);
+    const heading = element.closest("section, details")?.querySelector("h2, summary");
+    if (!element.matches(".scroll") || element.hasAttribute("role") || !heading) return;
+    element.setAttribute("role", "region");
+    element.setAttribute("aria-label", heading.textContent.trim());
+  });
+  watchScrollers();
+  document.addEventListener("htmx:afterSettle", watchScrollers);
 
   // --- menus close on Escape and on a click elsewhere ----------------------------------------------------------------
   document.addEventListener("click", (event) => each("details.menu[open]", (menu) => {

@@ -36,6 +36,9 @@ REWARD_REASONS = table(
         ),
         "reward_import_failed": _("The import in line %(line)s failed: %(detail)s."),
         "reward_raised": _("Line %(line)s of the reward function failed: %(error)s."),
+        "reward_param_unknown": _(
+            "Line %(line)s asks for “%(name)s”, which params do not have. Did you mean “%(meant)s”?"
+        ),
         "reward_not_a_number": _(
             "What the reward function returned in line %(line)s is no number. Each of its ways must end with “return” "
             "and a number."

@@ -77,7 +77,7 @@ class World:
 
 @pytest.fixture(scope="session")
 def kept_world(request: pytest.FixtureRequest, keep: Callable) -> Kept:
-    return keep(request, _make_world, fresh_s=20.0)  # leases of the present moment run for thirty
+    return keep(request, make_world, fresh_s=20.0)  # leases of the present moment run for thirty
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def world(kept_world: Kept, db: None) -> World:
     return kept_world.copy()
 
 
-def _make_world() -> World:
+def make_world() -> World:
     now = timezone.now()
     alice, bob = a_racer("alice", country="KR"), a_racer("bob", country="DE")
     house = a_racer("house-steady", is_house=True)

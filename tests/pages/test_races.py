@@ -345,3 +345,28 @@ def test_who_saves_a_race_that_somebody_else_has_changed_meanwhile_is_told_and_u
     assert world.upcoming.max_submissions == 3
     fresh = client.get(path).context["form"]
     assert client.post(path, data | {"name": "Mine", "edition": fresh["edition"].value()}).status_code == 302
+
+
+def resets_field(response) -> str:
+    """The value that the field for resets shows."""
+    field = re.search(r'<input[^>]*name="max_resets"[^>]*>', response.content.decode())[0]
+    value = re.search(r'value="([^"]*)"', field)
+    return value[1] if value else ""
+
+
+def test_no_limit_on_resets_is_an_empty_field_and_a_word(world: World) -> None:
+    client = world.client("alice")
+    assert resets_field(client.get("/races/new/")) == ""
+    client.post("/races/new/", form(world.now, max_resets="", name="Without limit"))
+    race = Race.objects.get(name="Without limit")
+    assert race.max_resets == 10_000
+    assert "unlimited" in client.get(f"{race.get_absolute_url()}rules/").content.decode()
+    assert resets_field(client.get(f"{race.get_absolute_url()}edit/")) == ""
+    client.post("/races/new/", form(world.now, max_resets="3", name="With a limit"))
+    assert resets_field(client.get(f"{Race.objects.get(name='With a limit').get_absolute_url()}edit/")) == "3"
+
+
+def test_a_form_says_what_is_wrong_in_a_sentence_without_its_code(world: World) -> None:
+    html = world.client("anonymous").post("/accounts/login/", {"login": "alice", "password": "wrong"}).content.decode()
+    assert 'data-code="username_password_mismatch"' in html or "are not correct" in html
+    assert ">username_password_mismatch<" not in html

@@ -139,6 +139,26 @@ def test_an_error_inside_of_a_library_is_told_with_the_line_that_called_it():
     assert failing(text) == ("reward_raised", {"line": 3, "error": "LinAlgError: Singular matrix"})
 
 
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("return params['distance_from_centre']", {"name": "distance_from_centre", "meant": "distance_from_center"}),
+        ("return params['Speed']", {"name": "Speed", "meant": "speed"}),
+        ("return params['all_wheels_on_the_track']", {"meant": "all_wheels_on_track"}),
+    ],
+)
+def test_a_misspelt_parameter_is_told_with_the_one_that_is_meant(body, told):
+    code, params = failing(f"def reward_function(params):\n    {body}")
+    assert code == "reward_param_unknown" and params["line"] == 2
+    assert told.items() <= params.items()
+
+
+@pytest.mark.parametrize("body", ["return params['?']", "return {}['speed']", "return {}[7]", "raise KeyError"])
+def test_a_key_that_reads_like_no_parameter_or_is_one_is_told_as_it_is(body):
+    code, params = failing(f"def reward_function(params):\n    {body}")
+    assert code == "reward_raised" and params["error"].startswith("KeyError")
+
+
 def test_a_function_that_fails_the_second_time_only_is_told_with_its_definition():
     text = (
         "calls = []\ndef reward_function(params):\n    calls.append(1)\n"

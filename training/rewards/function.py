@@ -10,6 +10,7 @@ to float; NaN, infinity, more than 1e5 either way and every exception end the tr
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import math
 import sys
@@ -88,7 +89,7 @@ class Reward:
                     raise UserFault("reward_not_a_number", line=self._return_line(params)) from None
                 if isinstance(error, OverflowError):
                     raise UserFault("reward_too_large", line=self._return_line(params), value="1e308") from None
-            raise _fault(error, trace, self.line) from None
+            raise _misspelt(error, trace, params) or _fault(error, trace, self.line) from None
         if not math.isfinite(value):
             raise UserFault("reward_not_finite", line=self._return_line(params), value=str(value))
         if abs(value) > MAX_REWARD:
@@ -216,6 +217,17 @@ def _fault(error: BaseException, trace: TracebackType | None, otherwise: int) ->
     if issubclass(kind, ImportError):
         return UserFault("reward_import_failed", line=line, detail=_described(error))
     return UserFault("reward_raised", line=line, error=_described(error))
+
+
+def _misspelt(error: BaseException, trace: TracebackType | None, params: Params) -> UserFault | None:
+    """A key that params do not have and that reads much like one they have: the fault that says which is meant."""
+    if type(error) is not KeyError or len(error.args) != 1 or type(error.args[0]) is not str:
+        return None
+    name, lines = error.args[0], _lines(trace)
+    meant = difflib.get_close_matches(name[:_TEXT], params, n=1)
+    if not meant or name in params or not lines:
+        return None
+    return UserFault("reward_param_unknown", line=lines[-1], name=printable(name), meant=meant[0])
 
 
 def _described(error: BaseException) -> str:

@@ -15,6 +15,7 @@ SYNTAX, IMPORT, TEST = "syntax", "import", "test"
 _TESTS = frozenset(
     {
         "reward_raised",
+        "reward_param_unknown",
         "reward_not_a_number",
         "reward_not_finite",
         "reward_too_large",

@@ -1,0 +1,92 @@
+"""Every page in a real Chromium, wide and narrow, light and dark: axe finds nothing wrong in it, the browser complains
+of nothing, and nothing stands beyond the edge of a narrow screen."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from tests.pages.test_browser import CHROMIUM, FLAGS, playwright
+from tests.pages.walk import COOKIE, Site, make_site, names_of_pages, names_walked
+
+axe = pytest.importorskip("axe_playwright_python.base", reason="axe is not installed (make dev)")
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
+    pytest.mark.django_db(transaction=True),
+]
+WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 360, "height": 780}
+# A theme changes colours and nothing else, so that the second theme at a width is judged by the rules of colours.
+COLOURS = {"runOnly": ["color-contrast", "link-in-text-block"]}
+EXPECTED = ("/nothing/at/all/", "/accounts/confirm-email/none/")
+LOOK = """async ([theme, options]) => {
+  document.documentElement.dataset.theme = theme;
+  await new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)));
+  await Promise.all(document.getAnimations().map((each) => each.finished.catch(() => 0)));
+  const report = await axe.run(document, { resultTypes: ["violations"], ...options });
+  return report.violations.map((rule) => [rule.impact, rule.id, rule.nodes.map((node) => node.target.join(" "))]);
+}"""
+
+
+@pytest.fixture
+def site(live_server, bell, films, trainings_taken_on, monkeypatch: pytest.MonkeyPatch) -> Site:
+    # Playwright's loop runs in this thread, and the tests read the database beside it
+    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")
+    return make_site()
+
+
+@pytest.fixture
+def chromium() -> Iterator[playwright.Browser]:
+    with playwright.sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        yield browser
+        browser.close()
+
+
+def look_at(page: playwright.Page, width: dict, themes: tuple[str, str]) -> list[str]:
+    """What axe finds at this width: all rules in the first theme, those of colours in the other."""
+    page.set_viewport_size(width)
+    found = []
+    for theme, options in zip(themes, ({}, COLOURS), strict=True):
+        for impact, rule, nodes in page.evaluate(LOOK, [theme, options]):
+            found.append(f"{width['width']} px, {theme}: {rule} ({impact}) at {'; '.join(nodes[:4])}")
+    return found
+
+
+def test_every_page_is_readable_by_everybody_and_no_browser_complains(site, chromium, live_server):
+    assert not names_of_pages() - names_walked(site), "pages that are not in tests/pages/walk.py"
+    wrong: dict[str, list[str]] = {}
+    for viewer in site.paths:
+        context = chromium.new_context(base_url=live_server.url, locale="en-GB", bypass_csp=False)
+        session = site.world.client(viewer).cookies.get(COOKIE)
+        if session is not None:
+            context.add_cookies([{"name": COOKIE, "value": session.value, "url": live_server.url}])
+        page = context.new_page()
+        complaints: list[str] = []
+        page.on("pageerror", lambda error, to=complaints: to.append(str(error)))
+        page.on("console", lambda line, to=complaints: to.append(line.text) if line.type == "error" else None)
+        for path in site.paths[viewer]:
+            page.set_viewport_size(WIDE)
+            answer = page.goto(path)
+            page.evaluate(axe.AXE_SCRIPT)
+            found = look_at(page, WIDE, ("light", "dark")) + look_at(page, NARROW, ("dark", "light"))
+            beyond = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            if beyond > 0:
+                found.append(f"{beyond} px stand beyond the edge of a narrow screen")
+            for editor in page.locator(".editor-host .cm-content").all():
+                editor.press("ControlOrMeta+a")
+                page.keyboard.type("x = 1")  # over a selection, which is where a browser writes styles of its own
+            if answer.status != 200 and path not in EXPECTED:
+                found.append(f"status {answer.status}")
+            found += [text for text in complaints if path not in EXPECTED or "status of 404" not in text]
+            complaints.clear()
+            if found:
+                wrong[f"{viewer} {path}"] = found
+        context.close()
+    assert not wrong, json.dumps(wrong, indent=1, ensure_ascii=False)

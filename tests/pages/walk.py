@@ -1,0 +1,144 @@
+"""Every page of the site as a browser finds it: what there is to see on a site where much has happened, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import timedelta
+
+from django.conf import settings
+from django.urls import URLPattern, get_resolver, resolve
+
+from evaluation.services import share_model
+from league.models import Season, Stage
+from league.services import close_due_rounds, open_demo_season
+from league.services.notices import stopping_token, tell_what_happened
+from league.services.webhooks import add_webhook
+from races.services.videos import ask_for_video, run_next_video
+from tests.duels import drawn, end_all
+from tests.factories import a_model, a_race, a_racer, drive, laps
+from tests.films import a_driven_run
+from tests.pages.conftest import World, make_world
+from tests.pages.test_training import end, run
+from tests.training.jobs import a_training
+from training.course import LESSONS
+from training.models import TrainingJob
+from training.vehicles import save_vehicle
+
+# Addresses that show no page of their own: files, parts of pages, and what is only written to.
+NO_PAGES = {
+    *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
+    *("evaluation_live", "evaluation_metrics", "evaluation_replay", "evaluation_stop", "evaluation_trace"),
+    *("evaluation_video", "favicon", "health_live", "health_ready", "model_package", "model_sensors", "model_share"),
+    *("notice_open", "notices_read", "race_course", "race_draw", "race_invitation_reset", "race_live"),
+    *("race_racer_restore", "reward_validate", "season_calendar_file", "season_now", "set_language"),
+    *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
+    *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
+    *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_test"),
+    # allauth's, which lead elsewhere unless something has just happened
+    *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
+}
+
+
+@dataclass
+class Site:
+    """A world in which a season has run for a month, trainings and videos are under way, and duels were driven."""
+
+    world: World
+    season: Season
+    trained: TrainingJob
+    training: TrainingJob
+    paths: dict[str, list[str]]  # by who looks
+
+    def pages(self) -> Iterator[tuple[str, str]]:
+        """Who looks, and where."""
+        for viewer, paths in self.paths.items():
+            for path in paths:
+                yield viewer, path
+
+
+def make_site() -> Site:
+    """The site, committed, for a browser. Videos are of a few bytes (fixture ``films``)."""
+    world = make_world()
+    now, before = world.now, world.now - timedelta(days=45)
+    season = open_demo_season(now=before)
+    opened, under_way = season.rounds.filter(stage=Stage.OPEN).order_by("number")[:2]
+    rivals = [a_racer(f"rival-{number}") for number in range(1, 9)]
+    for number, racer in enumerate([world.alice, *rivals]):
+        drive(opened.race, racer, laps(*[20_000 + 300 * number] * 3), before)
+    close_due_rounds(now=now)
+    drive(under_way.race, world.bob, laps(21_000, 20_500, 20_400), now)
+    filmed = a_driven_run(a_race(now, slug="film-race", name="Film race"), world.alice, now)
+    ask_for_video(evaluation=filmed, by=world.alice, language="en", now=now)
+    run_next_video(worker="w")
+    ask_for_video(evaluation=filmed, by=world.bob, part="whole", language="en", now=now)
+    robin = drawn(now - timedelta(hours=2), 4, slug="robin", name="Robin")
+    end_all(robin, now)
+    share_model(model=a_model(world.bob, name="Shared one"), now=now)
+    vehicle = save_vehicle(owner=world.alice, name="My van", sensors=["STEREO_CAMERAS", "LIDAR"])
+    trained = end(run(a_training(world.alice, world.track, now, name="trained")), world)
+    training = run(a_training(world.alice, world.track, now, name="trains"))
+    add_webhook(owner=world.alice, url="https://example.org/hook", race=world.race)
+    tell_what_happened(now=now)
+    token = stopping_token(world.alice.pk, "opens")
+    return Site(world, season, trained, training, _paths(world, season, trained, training, filmed, vehicle, token))
+
+
+def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str, list[str]]:
+    runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
+    at = f"/seasons/{season.slug}/"
+    return {
+        "anonymous": [
+            *("/", "/about/", "/accounts/login/", "/accounts/signup/", "/accounts/password/reset/"),
+            *("/accounts/password/reset/done/", "/accounts/password/reset/key/done/", "/accounts/inactive/"),
+            *("/accounts/password/reset/key/1-none/", "/accounts/confirm-email/", "/accounts/confirm-email/none/"),
+            *(f"/races/join/{world.secret.invitation}/", f"/notices/stop/{token}/", "/nothing/at/all/"),
+            *("/races/open-race/", "/api/docs/"),
+        ],
+        "alice": [
+            *("/", "/races/", "/races/?show=upcoming", "/races/?show=closed", "/races/?show=mine", "/races/new/"),
+            *("/races/open-race/", "/races/open-race/rules/", "/races/open-race/runs/", "/races/open-race/edit/"),
+            *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
+            *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
+            *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
+            *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),
+            *(f"/evaluations/{filmed.public_id}/", f"/evaluations/{filmed.public_id}/?colour=lap&lap=2"),
+            *("/models/", "/models/upload/", "/models/shared/", f"/models/{world.model.public_id}/"),
+            *(f"/models/{world.model.public_id}/edit/", f"/models/{world.model.public_id}/delete/"),
+            *("/vehicles/", "/vehicles/new/", f"/vehicles/{vehicle.public_id}/"),
+            *(f"/vehicles/{vehicle.public_id}/delete/", "/train/", "/train/new/"),
+            *(f"/train/{trained.public_id}/", f"/train/{training.public_id}/"),
+            *("/learn/", "/learn/laboratory/", "/learn/elsewhere/", *(f"/learn/{each.slug}/" for each in LESSONS)),
+            *("/tracks/", "/tracks/oval/", "/tracks/import/"),
+            *("/seasons/", at, f"{at}standings/", f"{at}finales/", f"{at}rules/", f"{at}calendar/"),
+            *(f"{at}racers/alice/", "/hall-of-fame/", "/racers/alice/", "/racers/house-steady/", "/notices/"),
+            *("/settings/", "/settings/notices/", "/settings/webhooks/", "/settings/tokens/", "/accounts/email/"),
+            *("/accounts/password/change/", "/accounts/logout/"),
+        ],
+        "bob": [f"/evaluations/{runs['running']}/"],
+        "newcomer": ["/", "/models/", "/train/", "/vehicles/", "/notices/", "/races/open-race/", "/racers/newcomer/"],
+        "admin": ["/", "/seasons/new/", "/races/open-race/"],
+    }
+
+
+def names_of_pages() -> set[str]:
+    """The names of all addresses that show a page."""
+    return {name for name in _names(get_resolver().url_patterns) if name not in NO_PAGES}
+
+
+def names_walked(site: Site) -> set[str]:
+    """The names of the addresses that the walk visits."""
+    missing = {path for _, path in site.pages() if path.startswith("/nothing/")}
+    return {resolve(path.partition("?")[0]).url_name for _, path in site.pages() if path not in missing}
+
+
+def _names(patterns) -> Iterator[str]:
+    for pattern in patterns:
+        if isinstance(pattern, URLPattern):
+            if pattern.name and not pattern.name.startswith("api-"):
+                yield pattern.name
+        elif pattern.namespace != "admin":
+            yield from _names(pattern.url_patterns)
+
+
+COOKIE = settings.SESSION_COOKIE_NAME
