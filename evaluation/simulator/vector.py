@@ -15,18 +15,19 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space, create_empty_array, iterate
+from gymnasium.vector.utils import batch_space, create_empty_array
 
+from .action import Action
 from .contestant import Contestant
-from .envs.drive import Drive, Outcome, Readings
-from .envs.setting import Setting, head_to_head, object_avoidance, time_trial
+from .envs.drive import Drive, Outcome
+from .envs.setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
 from .world import World, new_world
 
 _Infos = dict[str, Any]
 
 
-class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
+class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
     """Many cars on a track, one for each sub-environment. Its children are registered, one for each race type.
 
     ``autoreset_mode`` is Gymnasium's. NEXT_STEP (the default): the step after an episode's last one ignores the action,
@@ -48,11 +49,13 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
+        numbers_only: bool = False,
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
         """``options``: those of a single environment. ``copy=False`` returns the same observation arrays from every
-        call, which saves a copy of them.
+        call, which saves a copy of them. ``numbers_only=True`` leaves out of the infos what is no number (``status``,
+        ``laps``, ``end_reason``), as TorchRL's reader of SAME_STEP environments wants them.
 
         Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and too few or too many
         reward functions.
@@ -79,16 +82,16 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         self.single_action_space = setting.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._copy = copy
+        self._copy, self._numbers_only = copy, numbers_only
         self._world: World | None = None
         self._drives: list[Drive] = []
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._over = np.zeros(num_envs, np.bool_)  # cars whose episode is over and not yet begun anew
-        self._observations: Readings = create_empty_array(self.single_observation_space, num_envs)
+        self._observations: Readings = create_empty_array(setting.sensor_space, num_envs)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Readings, _Infos]:
+    ) -> tuple[Readings | np.ndarray, _Infos]:
         """Start an episode of every car, or of those in ``options["reset_mask"]`` (bool, one for each car).
 
         ``options["start_m"]``: as in a single environment, for all.
@@ -103,19 +106,22 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
         for number in np.flatnonzero(mask).tolist():
             if seeds[number] is not None or self._rngs[number] is None:
                 self._rngs[number], _ = gymnasium.utils.seeding.np_random(seeds[number])
-            infos = self._add_info(infos, self._begin(number, options), number)
+            infos = self._add_info(infos, self._told(self._begin(number, options)), number)
         return self._seen(), infos
 
-    def step(self, actions: np.ndarray) -> tuple[Readings, np.ndarray, np.ndarray, np.ndarray, _Infos]:
-        """One control step of every car. See the class for what follows the end of an episode."""
+    def step(self, actions: np.ndarray) -> tuple[Readings | np.ndarray, np.ndarray, np.ndarray, np.ndarray, _Infos]:
+        """One control step of every car. See the class for what follows the end of an episode.
+
+        Raises ValueError for too many actions, too few, or one that is not in the action space; then no car has moved.
+        """
         if not self._drives or not all(drive.began for drive in self._drives):
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         waiting = self._over.copy()
         if waiting.any() and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(f"reset cars {np.flatnonzero(waiting).tolist()}: their episodes are over")
-        for drive, action, idle in zip(self._drives, iterate(self.action_space, actions), waiting, strict=True):
-            if not idle:
-                drive.command(action)
+        decoded = self._decoded(actions, waiting)
+        for number, action in decoded.items():
+            self._drives[number].command(action)
         if not waiting.all():
             self._world.step()
         # Whose episode is over begins anew only now: a car at its start must not move on with the others.
@@ -133,7 +139,7 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
                 if self.autoreset_mode is AutoresetMode.SAME_STEP and (outcome.terminated or outcome.truncated):
                     infos = self._add_info(infos, self._final(number, outcome), number)
                     info = self._begin(number, {})
-            told.append(info)
+            told.append(self._told(info))
         if self.autoreset_mode is not AutoresetMode.SAME_STEP:
             self._over = terminated | truncated
         return self._seen(), rewards, terminated, truncated, self._merge(infos, told)
@@ -157,12 +163,32 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
             self._world.close()
         self._world, self._drives = None, []
 
+    def _decoded(self, actions: Any, waiting: np.ndarray) -> dict[int, Action]:
+        """What each car that is not ``waiting`` is told to do."""
+        given = len(actions) if isinstance(actions, Sequence) or getattr(actions, "ndim", 0) else None
+        if given != self.num_envs:
+            found = "none" if given is None else given
+            raise ValueError(f"{self.num_envs} cars need an array of as many actions, one for each, not {found}")
+        decoded = {}
+        for number, (drive, idle) in enumerate(zip(self._drives, waiting.tolist(), strict=True)):
+            if not idle:
+                try:
+                    decoded[number] = drive.decode(actions[number])
+                except ValueError as error:
+                    raise ValueError(f"car {number}: {error}") from error
+        return decoded
+
     def _begin(self, number: int, options: dict[str, Any]) -> dict[str, Any]:
         drive = self._drives[number]
         info = drive.begin(self._rngs[number], options)
         self._over[number] = False
         self._put(number, drive.observe())
         return info
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        if not self._numbers_only:
+            return info
+        return {key: value for key, value in info.items() if isinstance(value, int | float)}
 
     def _merge(self, infos: _Infos, told: list[dict[str, Any]]) -> _Infos:
         """The info of every car in Gymnasium's form: an array and a mask for each key. Its own way to it, a value at a
@@ -182,14 +208,15 @@ class RacingVectorEnv(VectorEnv[Readings, np.ndarray, np.ndarray]):
     def _final(self, number: int, outcome: Outcome) -> dict[str, Any]:
         """The last observation and info of an episode, which the next one's take the place of."""
         last = {name: batch[number].copy() for name, batch in self._observations.items()}
-        return {"final_obs": last, "final_info": outcome.info}
+        return {"final_obs": self.setting.present(last), "final_info": self._told(outcome.info)}
 
     def _put(self, number: int, readings: Readings) -> None:
         for name, reading in readings.items():
             self._observations[name][number] = reading
 
-    def _seen(self) -> Readings:
-        return deepcopy(self._observations) if self._copy else self._observations
+    def _seen(self) -> Readings | np.ndarray:
+        seen = self.setting.present(self._observations)
+        return deepcopy(seen) if self._copy else seen
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:

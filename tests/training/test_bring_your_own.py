@@ -77,7 +77,7 @@ def test_what_races_is_what_was_trained(example, tmp_path):
 
     cars = example.Cars(2, 1, track="oval", metadata=example.METADATA, start="random")
     model = example.train(cars, 1, 1, tell=lambda line: None)
-    frames = cars.env.reset(seed=5)[0][example.CAMERA].copy()
+    frames = cars.env.reset(seed=5)[0].copy()
     cars.close()
     example.export(model, tmp_path / "car.zip")
     with zipfile.ZipFile(tmp_path / "car.zip") as archive:

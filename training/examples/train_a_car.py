@@ -28,10 +28,9 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
 
-import evaluation.simulator.envs  # noqa: F401  registers the environments
+from evaluation.simulator.envs.sb3 import SB3VecEnv  # the import registers the environments, too
 
 CAMERA = "FRONT_FACING_CAMERA"
 POOL = 4  # the network sees the mean of each 4 x 4 pixels: 30 rows of 40, which learns far faster than 120 x 160
@@ -59,7 +58,7 @@ def reward_function(params: dict[str, Any]) -> float:
     return max(1.0 - params["distance_from_center"] / half_width, 0.001)
 
 
-class Cars(VecEnv):
+class Cars(SB3VecEnv):
     """Paddock's vectorised environment as stable-baselines3 wants it: many cars, pictures pooled and channel first.
 
     Observations: uint8 (cars, 1, 30, 40). ``episodes``: reward and progress in percent of each episode that ended.
@@ -67,52 +66,20 @@ class Cars(VecEnv):
 
     def __init__(self, cars: int, seed: int, **options: Any) -> None:
         """``options``: arguments of the environment, such as ``track``."""
-        # "SameStep": an episode that ends is followed by the next within the step, as stable-baselines3 expects it.
-        self.env = gymnasium.make_vec(
-            "Paddock/TimeTrial-v1", num_envs=cars, autoreset_mode="SameStep", copy=False, **options
+        env = gymnasium.make_vec(
+            "Paddock/TimeTrial-v1", num_envs=cars, autoreset_mode="Disabled", copy=False, observation="box", **options
         )
-        self._seed = seed
-        self.episodes: list[tuple[float, float]] = []
-        self._earned = np.zeros(cars)
         picture = gymnasium.spaces.Box(0, 255, (1, 120 // POOL, 160 // POOL), np.uint8)
-        super().__init__(cars, picture, self.env.single_action_space)
+        super().__init__(env, seed=seed, observation_space=picture)
+        self.episodes: list[tuple[float, float]] = []
 
-    def reset(self) -> np.ndarray:
-        readings, _ = self.env.reset(seed=self._seed)
-        return pooled(readings[CAMERA])
+    def look(self, frames: np.ndarray) -> np.ndarray:
+        """What the learner sees of the cameras' frames."""
+        return pooled(frames)
 
-    def step_async(self, actions: np.ndarray) -> None:
-        self._actions = actions
-
-    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        readings, rewards, terminated, truncated, told = self.env.step(self._actions)
-        self._earned += rewards
-        done = terminated | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for car in np.flatnonzero(done):
-            last = told["final_info"]
-            # A car that has done its lap, or is out of time, could have driven on: not the end of all reward.
-            infos[car]["TimeLimit.truncated"] = bool(truncated[car] or last["is_success"][car])
-            infos[car]["terminal_observation"] = pooled(told["final_obs"][car][CAMERA][None])[0]
-            self.episodes.append((self._earned[car], last["progress"][car]))
-            self._earned[car] = 0.0
-        return pooled(readings[CAMERA]), rewards.astype(np.float32), done, infos
-
-    def close(self) -> None:
-        self.env.close()
-
-    # What else the abstract class asks for; all cars share one world, so none has an environment of its own.
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        return [getattr(self.env, attr_name, None)] * self.num_envs
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        raise NotImplementedError("all cars share one environment")
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        raise NotImplementedError("all cars share one environment")
-
-    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        return [False] * self.num_envs
+    def ended(self, number: int, info: dict[str, Any]) -> None:
+        """Write down an episode."""
+        self.episodes.append((info["episode"]["r"], info["progress"]))
 
 
 def pooled(frames: np.ndarray) -> np.ndarray:

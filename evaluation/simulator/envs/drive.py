@@ -18,9 +18,7 @@ from ..rewards import Objects, reward_params
 from ..stage import Stage
 from ..trace import TIME_UP
 from ..world import World
-from .setting import Setting
-
-Readings = dict[str, np.ndarray]
+from .setting import Readings, Setting
 
 _COURSES = 20  # seeds that an episode tries until random boxes have room
 
@@ -94,10 +92,21 @@ class Drive:
         """A fresh reading of each sensor."""
         return self.car.observe()
 
-    def command(self, action: Any) -> None:
-        """Take an action of the action space; the world must then move on by one step."""
+    def decode(self, action: Any) -> Action:
+        """The command that an action of the action space means; a whole number in any form that holds just one.
+
+        Raises ValueError for what is no action; UserFault ``non_finite_action`` as in a race.
+        """
+        actions = self._setting.actions
+        if actions.kind == DISCRETE:
+            index = _whole(action, actions.size)
+            return Action(*actions.actions[index], index)
+        return actions.decode(_pair(action), self.car.referee.step + 1)
+
+    def command(self, action: Action) -> None:
+        """Take an action (see :meth:`decode`); the world must then move on by one step."""
         assert self._stage is not None, "no episode has begun"
-        self._stage.command((self._decode(action),))
+        self._stage.command((action,))
 
     def judge(self) -> Outcome:
         """The world has moved: judge the car, and after a fault with resets left let the penalty pass.
@@ -124,13 +133,6 @@ class Drive:
             self._stage.close()
         self._stage = self._car = None
 
-    def _decode(self, action: Any) -> Action:
-        actions = self._setting.actions
-        if actions.kind == DISCRETE:
-            index = int(action)
-            return Action(*actions.actions[index], index)
-        return actions.decode(np.asarray(action, np.float32), self.car.referee.step + 1)
-
     def _reward(self) -> float:
         car, stage, track = self.car, self._stage, self._setting.ground.track
         place = car.referee.odometer.place
@@ -153,3 +155,24 @@ class Drive:
             "time_ms": referee.time_ms,
             "is_success": referee.end_reason == LAPS_DONE,
         }
+
+
+def _whole(action: Any, count: int) -> int:
+    """The index into a list of ``count`` actions. Raises ValueError that says what is possible."""
+    given = np.asarray(action)
+    if given.size == 1 and given.dtype.kind in "iuf":
+        value = given.reshape(-1)[0]
+        if 0 <= value < count and value == int(value):
+            return int(value)
+    raise ValueError(f"an action must be a whole number from 0 to {count - 1}, not {action!r}")
+
+
+def _pair(action: Any) -> np.ndarray:
+    """Steering and speed as float32. Raises ValueError for what are not two numbers."""
+    try:
+        given = np.asarray(action, np.float32)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.size != 2:
+        raise ValueError(f"an action must be two numbers in [-1, 1], for steering and speed, not {action!r}")
+    return given

@@ -45,6 +45,9 @@ DEFAULT_METADATA: Mapping[str, Any] = {
 }
 
 Track = TrackGeometry | str | os.PathLike[str]
+Readings = dict[str, np.ndarray]
+
+DICT, BOX, RGB = OBSERVATIONS = ("dict", "box", "rgb")
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class Setting:
     random_start: bool
     course_seed: int | None
     reward_function: RewardFunction
+    observation: str = DICT
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -67,12 +71,27 @@ class Setting:
         return tuple(sorted(self.metadata.sensors))
 
     @property
-    def observation_space(self) -> spaces.Dict:
+    def sensor_space(self) -> spaces.Dict:
         """One entry for each sensor: cameras uint8 (120, 160, channels), lidars a row of float32."""
         specs = (sensor_spec(name, self.metadata.lidar_config) for name in self.sensors)
         return spaces.Dict(
             {spec.name: spaces.Box(spec.low, spec.high, spec.shape, np.dtype(spec.dtype).type) for spec in specs}
         )
+
+    @property
+    def observation_space(self) -> spaces.Dict | spaces.Box:
+        """What an agent is given: :attr:`sensor_space`, or the only sensor's own box (see :func:`race_setting`)."""
+        if self.observation == DICT:
+            return self.sensor_space
+        box = self.sensor_space[self.sensors[0]]
+        return box if self.observation == BOX else spaces.Box(0, 255, (*box.shape[:2], 3), np.uint8)
+
+    def present(self, readings: Readings) -> Readings | np.ndarray:
+        """Readings of one car, or of many with the car first, in the form of :attr:`observation_space`."""
+        if self.observation == DICT:
+            return dict(readings)
+        reading = readings[self.sensors[0]]
+        return reading if self.observation == BOX else np.repeat(reading, 3, axis=-1)
 
     @property
     def action_space(self) -> spaces.Discrete | spaces.Box:
@@ -174,12 +193,14 @@ def race_setting(
     off_track_penalty_ms: int = RaceRules.off_track_penalty_ms,
     start: str = "fixed",
     reward_function: RewardFunction = follow_centre_line,
+    observation: str = DICT,
     theme: Theme = OFFICIAL,
     physics: CarPhysics = PADDOCK_CAR,
 ) -> Setting:
     """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``direction``: "ccw" or "cw".
     ``metadata``: a ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre
-    line. The others: rules of a race.
+    line. ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb"
+    the same as three equal channels, for wrappers that want a colour picture. The others: rules of a race.
 
     Raises ValueError for a wrong argument or for metadata that an upload would be refused for, UserFault for a track
     file or a course that is refused.
@@ -187,6 +208,7 @@ def race_setting(
     if start not in ("fixed", "random"):
         raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
     checked = check_metadata(metadata)
+    _check_observation(observation, checked)
     setting = Setting(
         ground=Ground(load_track(track), direction, theme),
         rules=RaceRules(
@@ -205,10 +227,26 @@ def race_setting(
         random_start=start == "random",
         course_seed=course_seed,
         reward_function=reward_function,
+        observation=observation,
     )
     if setting.rules.boxes or setting.rules.bots or course_seed is not None:
         lay_course(setting.ground.track, setting.rules)  # refuse now what every episode would be refused for
     return setting
+
+
+def _check_observation(observation: str, metadata: ModelMetadata) -> None:
+    if observation not in OBSERVATIONS:
+        raise ValueError(f"observation must be 'dict', 'box' or 'rgb', not {observation!r}")
+    if observation == DICT:
+        return
+    if len(metadata.sensors) > 1:
+        raise ValueError(
+            f"observation={observation!r} needs a car with one sensor, this one has {', '.join(metadata.sensors)}: "
+            "name one in the metadata, or leave observation='dict'"
+        )
+    channels = metadata.inputs[0].shape[-1]
+    if observation == RGB and channels != 1:
+        raise ValueError(f"observation='rgb' needs a sensor with one channel, {metadata.sensors[0]} has {channels}")
 
 
 def check_metadata(metadata: Mapping[str, Any]) -> ModelMetadata:

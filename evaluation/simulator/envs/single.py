@@ -10,20 +10,20 @@ import numpy as np
 from tracks.geometry import TrackGeometry
 
 from ..clock import STEP_MS
-from .drive import Drive, Readings
-from .setting import Setting, head_to_head, object_avoidance, time_trial
+from .drive import Drive
+from .setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 
 RENDER_MODES = ("rgb_array",)
 
 
-class RacingEnv(gymnasium.Env[Readings, Any]):
+class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
     """A car on a track. Not registered itself: its children are, one for each race type.
 
     Observation: a dict with one entry for each sensor of the metadata (a camera: uint8 (120, 160, 1), stereo cameras 2
-    channels; a lidar: a row of float32). Action: an index into the discrete action list, or two values in [-1, 1] for
-    steering and speed. Reward: ``reward_function`` of the documented params. An episode terminates when the laps are
-    done or no reset is left for a fault, and is truncated when the simulated time is up. After a fault with resets
-    left, the penalty passes within one step.
+    channels; a lidar: a row of float32), or with ``observation="box"`` the only sensor's reading itself. Action: an
+    index into the discrete action list, or two values in [-1, 1] for steering and speed. Reward: ``reward_function`` of
+    the documented params. An episode terminates when the laps are done or no reset is left for a fault, and is
+    truncated when the simulated time is up. After a fault with resets left, the penalty passes within one step.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": round(1000.0 / STEP_MS)}
@@ -46,23 +46,28 @@ class RacingEnv(gymnasium.Env[Readings, Any]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Readings, dict[str, Any]]:
+    ) -> tuple[Readings | np.ndarray, dict[str, Any]]:
         """Start an episode. ``options={"start_m": metres}`` sets the start on the centre line."""
         super().reset(seed=seed)
         info = self._drive.begin(self.np_random, options)
         self._readings = self._drive.observe()
-        return dict(self._readings), info
+        return self.setting.present(self._readings), info
 
-    def step(self, action: Any) -> tuple[Readings, float, bool, bool, dict[str, Any]]:
-        """One control step, and after a fault with resets left the penalty's steps too. Raises ValueError for a reward
-        that is not finite."""
+    def step(self, action: Any) -> tuple[Readings | np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One control step, and after a fault with resets left the penalty's steps too.
+
+        Raises ValueError for an action that is not in the action space and for a reward that is not finite, ResetNeeded
+        where no episode is under way.
+        """
         if not self._drive.began:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
-        self._drive.command(action)
+        if self._drive.car.done:
+            raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
+        self._drive.command(self._drive.decode(action))
         self._drive.world.step()
         outcome = self._drive.judge()
         self._readings = self._drive.observe()
-        return dict(self._readings), *outcome
+        return self.setting.present(self._readings), *outcome
 
     def render(self) -> np.ndarray | None:
         """The camera's last frame as RGB, uint8 (120, 160, 3), in render mode ``rgb_array``; of a stereo pair the left
