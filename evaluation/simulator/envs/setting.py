@@ -89,7 +89,7 @@ class Setting:
     def present(self, readings: Readings) -> Readings | np.ndarray:
         """Readings of one car, or of many with the car first, in the form of :attr:`observation_space`."""
         if self.observation == DICT:
-            return dict(readings)
+            return readings
         reading = readings[self.sensors[0]]
         return reading if self.observation == BOX else np.repeat(reading, 3, axis=-1)
 

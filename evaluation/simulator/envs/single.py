@@ -51,7 +51,7 @@ class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
         super().reset(seed=seed)
         info = self._drive.begin(self.np_random, options)
         self._readings = self._drive.observe()
-        return self.setting.present(self._readings), info
+        return self.setting.present(dict(self._readings)), info
 
     def step(self, action: Any) -> tuple[Readings | np.ndarray, float, bool, bool, dict[str, Any]]:
         """One control step, and after a fault with resets left the penalty's steps too.
@@ -67,7 +67,7 @@ class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
         self._drive.world.step()
         outcome = self._drive.judge()
         self._readings = self._drive.observe()
-        return self.setting.present(self._readings), *outcome
+        return self.setting.present(dict(self._readings)), *outcome
 
     def render(self) -> np.ndarray | None:
         """The camera's last frame as RGB, uint8 (120, 160, 3), in render mode ``rgb_array``; of a stereo pair the left
