@@ -25,7 +25,7 @@ from .models import Membership, Racer, Round, Season
 from .models.season import usual_stage
 from .services import put_in_division
 from .services.fields import give_fields
-from .services.seasons import edition_of
+from .services.seasons import FIXED_ONCE_OFFICIAL, edition_of
 
 # E-mail addresses are shown with their racer and nowhere else.
 for model in (EmailAddress, EmailConfirmation):
@@ -209,11 +209,9 @@ class SeasonAdmin(admin.ModelAdmin):
     inlines = (RoundInline,)
     actions = None
 
-    NUMBERS = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst")
-
     def get_readonly_fields(self, request: HttpRequest, obj: Season | None = None) -> tuple[str, ...]:
         official = obj is not None and obj.rounds.filter(closed_at__isnull=False).exists()
-        return self.NUMBERS if official else ()
+        return FIXED_ONCE_OFFICIAL if official else ()
 
     @admin.display(description=_("races"))
     def round_count(self, season: Season) -> int:

@@ -24,6 +24,10 @@ REASONS = table(
             "Somebody else has changed the season or its rounds since you opened it. Nothing was saved: open it again "
             "and change what stands there now."
         ),
+        "season_is_official": _(
+            "Results of this season are official, and %(fields)s made them, so that stays. Take the official rounds "
+            "back first."
+        ),
         "season_exists": _("The address %(season)s is taken already. Choose another one."),
         # the rounds of a season
         "rounds_overlap": _(

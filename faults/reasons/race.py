@@ -71,6 +71,7 @@ REASONS = table(
             "Cars have already been submitted under these rules, so they no longer change. Make another race instead."
         ),
         "cancel_needs_a_reason": _("Say why the race is cancelled: everybody who entered will read it."),
+        "race_league_admins": _("Only admins hold races of the league. Leave the division out for a race of your own."),
         "race_not_yours": _("Only the organiser of this race and admins can do this."),
         # boxes and bots that a track has no room for
         "box_on_start_line": _(

@@ -32,12 +32,12 @@ RETRY_AFTER_S = 30
 # Reason codes that are not plain bad input (400).
 _FORBIDDEN = (
     "model_not_yours vehicle_not_yours clone_not_yours race_not_yours race_needs_invitation race_pro_only "
-    "race_open_only entry_removed"
+    "race_open_only race_league_admins entry_removed"
 )
 _NOT_THERE = "invitation_unknown entry_missing race_has_no_duels"
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_recorded race_has_opened race_is_over race_has_submissions "
-    "race_changed_meanwhile race_limit "
+    "race_changed_meanwhile race_limit season_changed_meanwhile season_is_official "
     "entry_withdrawn car_already_submitted submission_running submissions_used_up submission_not_failed "
     "duels_before_closing duels_wait_for_qualifying duels_drawn "
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "

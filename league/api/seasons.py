@@ -1,4 +1,4 @@
-"""Seasons: their settings and rules, their rounds, their standings, and a racer's way through one. Read only."""
+"""Seasons: their settings and rules, their rounds, their standings, and a racer's way through one."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from django.db.models import QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
 from rest_framework import generics, serializers
-from rest_framework.permissions import AllowAny
+from rest_framework.permissions import AllowAny, IsAuthenticatedOrReadOnly
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from league.models import Season, Stage, StageRules
-from league.selectors import months_of, racer_season, rules_of
+from league.models import Season, Stage
+from league.selectors import months_of, racer_season
 from league.selectors.overview import (
     RACERS,
     STANDINGS_OF,
@@ -28,143 +28,17 @@ from league.selectors.overview import (
     standpoint_of,
 )
 from league.selectors.racers import racer_shown
-from races.models import Division, RaceState, RankingMethod
-from races.ranking import RULES
+from races.models import Division
 
-DIVISIONS = Division.values
-
-
-class SeasonSerializer(serializers.Serializer):
-    """A season."""
-
-    slug = serializers.CharField()
-    name = serializers.CharField()
-    starts_on = serializers.DateField()
-    ends_on = serializers.DateField(help_text="The last day.")
-    races = serializers.IntegerField(source="race_count")
-    official = serializers.IntegerField(source="official_count", help_text="How many of them are official.")
-
-
-class StageRulesSerializer(serializers.Serializer):
-    """How the races of a stage are ranked and limited, unless one says otherwise."""
-
-    stage = serializers.ChoiceField(Stage.choices)
-    ranking_method = serializers.ChoiceField(RankingMethod.choices)
-    laps = serializers.IntegerField()
-    minimum_laps = serializers.IntegerField()
-    off_track_penalty_ms = serializers.IntegerField()
-    collision_penalty_ms = serializers.IntegerField()
-    max_submissions = serializers.IntegerField()
-    max_resets = serializers.IntegerField()
-    max_simulated_ms = serializers.IntegerField()
-    ranking_rule = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
-
-    def get_ranking_rule(self, rules: StageRules) -> str:
-        return RULES[rules.ranking_method].rule(rules)
-
-
-class SeasonDetailSerializer(SeasonSerializer):
-    """A season with its settings and what they mean."""
-
-    promotion_percent = serializers.FloatField(help_text="Of the classified racers of a month's open race.")
-    finale_size = serializers.IntegerField()
-    championship_places = serializers.IntegerField(help_text="From each finale.")
-    points = serializers.ListField(child=serializers.IntegerField(), help_text="By place, the winner's first.")
-    drop_worst = serializers.IntegerField()
-    steward_hours = serializers.IntegerField()
-    prizes = serializers.CharField(allow_blank=True)
-    rules = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
-    stage_rules = StageRulesSerializer(source="stage_rules.all", many=True)
-    divisions = serializers.SerializerMethodField(help_text="Those that standings are kept for.")
-
-    @extend_schema_field(serializers.ListField(child=serializers.CharField()))
-    def get_rules(self, season: Season) -> list[str]:
-        return [str(sentence) for sentence in rules_of(season)]
-
-    @extend_schema_field(serializers.ListField(child=serializers.ChoiceField(DIVISIONS)))
-    def get_divisions(self, season: Season) -> list[str]:
-        return [str(division.value) for division in divisions_with_points(months_of(season))]
-
-
-class RoundSerializer(serializers.Serializer):
-    """One race of a season. The races of a month share ``number`` and ``month`` and differ in ``stage``."""
-
-    number = serializers.IntegerField(source="round.number")
-    month = serializers.CharField(source="round.name", allow_blank=True)
-    stage = serializers.ChoiceField(Stage.choices, source="round.stage")
-    race = serializers.CharField(source="race.slug")
-    name = serializers.CharField(source="race.name")
-    track = serializers.CharField(source="race.track.slug")
-    opens_at = serializers.DateTimeField(source="race.opens_at")
-    closes_at = serializers.DateTimeField(source="race.closes_at")
-    state = serializers.ChoiceField(RaceState.choices)
-    official_since = serializers.DateTimeField(source="round.closed_at", allow_null=True)
-    final_since = serializers.SerializerMethodField(help_text="Or from when on; null before the round is official.")
-    leader = serializers.CharField(
-        source="leader.alias", default=None, allow_null=True, help_text="Who leads or has won; null: nobody yet."
-    )
-
-    @extend_schema_field(serializers.DateTimeField(allow_null=True))
-    def get_final_since(self, one: MonthRace) -> str | None:
-        return serializers.DateTimeField().to_representation(one.round.settled_at) if one.round.settled_at else None
-
-
-class CellSerializer(serializers.Serializer):
-    """What one official round gave to a line of standings."""
-
-    race = serializers.CharField()
-    rank = serializers.IntegerField()
-    points = serializers.IntegerField()
-    dropped = serializers.BooleanField(help_text="One of the worst results, which do not count.")
-
-
-class StandingSerializer(serializers.Serializer):
-    """One line of standings."""
-
-    place = serializers.IntegerField()
-    name = serializers.CharField(help_text="Of a racer or team, or the two-letter code of a country.")
-    country = serializers.CharField(allow_blank=True, help_text="Of a racer.")
-    points = serializers.IntegerField()
-    rounds = CellSerializer(many=True, help_text="Those with points, in their order.")
-
-
-class RacerRoundSerializer(serializers.Serializer):
-    """A round in a racer's season, and what came of it for them."""
-
-    race = serializers.CharField(source="round.race.slug")
-    number = serializers.IntegerField(source="round.number")
-    stage = serializers.ChoiceField(Stage.choices, source="round.stage")
-    closes_at = serializers.DateTimeField(source="round.race.closes_at")
-    official = serializers.SerializerMethodField()
-    rank = serializers.IntegerField(allow_null=True, help_text="null for who is not classified.")
-    points = serializers.IntegerField(help_text="0 while the round is not official.")
-    score_ms = serializers.IntegerField(source="entry.score_ms", allow_null=True)
-    best_lap_ms = serializers.IntegerField(source="entry.best_lap_ms", allow_null=True)
-    promoted = serializers.BooleanField()
-    in_finale = serializers.BooleanField(help_text="Came into the finale by it.")
-    qualified = serializers.BooleanField(help_text="For the championship.")
-
-    def get_official(self, row: Any) -> bool:
-        return row.round.closed_at is not None
-
-
-class PlaceSerializer(serializers.Serializer):
-    """Where somebody stands."""
-
-    place = serializers.IntegerField()
-    points = serializers.IntegerField()
-
-
-class RacerSeasonSerializer(serializers.Serializer):
-    """A racer's season."""
-
-    season = serializers.CharField()
-    racer = serializers.CharField()
-    division = serializers.ChoiceField(Division.choices)
-    promoted_in = serializers.CharField(allow_null=True, help_text="The open race that promoted them.")
-    qualified_in = serializers.CharField(allow_null=True, help_text="The finale that qualified them.")
-    standings = serializers.DictField(child=PlaceSerializer(), help_text="In each division that they have points in.")
-    rounds = RacerRoundSerializer(many=True)
+from .organising import RoundsWrite, SeasonsWrite, SeasonWrite, season_shown
+from .season_serializers import (
+    DIVISIONS,
+    RacerSeasonSerializer,
+    RoundSerializer,
+    SeasonDetailSerializer,
+    SeasonSerializer,
+    StandingSerializer,
+)
 
 
 @extend_schema_view(
@@ -176,20 +50,20 @@ class RacerSeasonSerializer(serializers.Serializer):
         tags=["seasons"],
     )
 )
-class SeasonsView(generics.ListAPIView):
+class SeasonsView(SeasonsWrite, generics.ListAPIView):
     """All seasons."""
 
-    permission_classes = [AllowAny]
+    permission_classes = [IsAuthenticatedOrReadOnly]
     serializer_class = SeasonSerializer
 
     def get_queryset(self) -> QuerySet[Season]:
         return seasons_listed()
 
 
-class SeasonView(APIView):
+class SeasonView(SeasonWrite):
     """One season."""
 
-    permission_classes = [AllowAny]
+    permission_classes = [IsAuthenticatedOrReadOnly]
 
     @extend_schema(
         operation_id="read_season",
@@ -198,8 +72,7 @@ class SeasonView(APIView):
         tags=["seasons"],
     )
     def get(self, request: Request, slug: str) -> Response:
-        season = get_object_or_404(seasons_listed().prefetch_related("stage_rules"), slug=slug)
-        return Response(SeasonDetailSerializer(season).data)
+        return Response(SeasonDetailSerializer(season_shown(slug)).data)
 
 
 @extend_schema_view(
@@ -212,10 +85,10 @@ class SeasonView(APIView):
         tags=["seasons"],
     )
 )
-class RoundsView(generics.ListAPIView):
+class RoundsView(RoundsWrite, generics.ListAPIView):
     """The rounds of a season."""
 
-    permission_classes = [AllowAny]
+    permission_classes = [IsAuthenticatedOrReadOnly]
     serializer_class = RoundSerializer
 
     def get_queryset(self) -> list[MonthRace]:

@@ -9,7 +9,7 @@ from evaluation import api as models
 from races.api import boards, duels, entries, evaluations, races, videos
 from tracks import api as tracks
 
-from . import reference, seasons, views
+from . import organising, reference, seasons, views
 
 version_1 = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
@@ -33,6 +33,7 @@ version_1 = [
     path("seasons/", seasons.SeasonsView.as_view(), name="api-seasons"),
     path("seasons/<slug:slug>/", seasons.SeasonView.as_view(), name="api-season"),
     path("seasons/<slug:slug>/rounds/", seasons.RoundsView.as_view(), name="api-rounds"),
+    path("seasons/<slug:slug>/stages/<slug:stage>/", organising.StageRulesView.as_view(), name="api-stage-rules"),
     path("seasons/<slug:slug>/standings/", seasons.StandingsView.as_view(), name="api-standings"),
     path("seasons/<slug:slug>/racers/<slug:alias>/", seasons.RacerSeasonView.as_view(), name="api-racer-season"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),

@@ -4,7 +4,7 @@ from .closing import close_due_rounds, close_round, close_what_is_due
 from .demo import open_demo_season
 from .house import HouseReport, enter_house_cars, house_cars, house_racer
 from .ratings import rate_season
-from .seasons import create_season, put_in_division, schedule_round, set_stage_rules
+from .seasons import create_season, edit_season, put_in_division, schedule_round, set_stage_rules
 from .stewards import disqualify, put_back, reopen_round
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "close_what_is_due",
     "create_season",
     "disqualify",
+    "edit_season",
     "enter_house_cars",
     "house_cars",
     "house_racer",

@@ -9,6 +9,7 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.db import transaction
 
+from faults import UserFault
 from races.errors import problem
 from races.models import Race
 from races.services import create_league_race
@@ -29,6 +30,31 @@ def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **set
     season.full_clean()
     season.save(force_insert=True)
     return season
+
+
+# What the standings of official rounds were worked out from.
+FIXED_ONCE_OFFICIAL = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst")
+
+
+@transaction.atomic
+def edit_season(*, season: Season, edition: str | None = None, **changes: Any) -> Season:
+    """Change a season: ``changes`` are any of its fields but the address.
+
+    ``edition``: what :func:`edition_of` said when the changes were thought of; None to write over whatever stands.
+    Raises UserFault("season_changed_meanwhile" | "season_is_official"), ValidationError by field.
+    """
+    stored = Season.objects.select_for_update().get(pk=season.pk)
+    if edition is not None and edition != edition_of(stored):
+        raise UserFault("season_changed_meanwhile")
+    before = {name: getattr(stored, name) for name in FIXED_ONCE_OFFICIAL}
+    for name, value in changes.items():
+        setattr(stored, name, value)
+    stored.full_clean()
+    moved = [name for name, value in before.items() if getattr(stored, name) != value]
+    if moved and stored.rounds.filter(closed_at__isnull=False).exists():
+        raise UserFault("season_is_official", fields=", ".join(moved))
+    stored.save()
+    return stored
 
 
 def edition_of(season: Season) -> str:

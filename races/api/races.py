@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from django.contrib.admin.models import ADDITION
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
@@ -11,10 +12,12 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from faults import UserFault
 from tracks.bodies import Body, refuse_fields
 from tracks.models import Direction, Track
 
 from .. import services
+from ..audit import log
 from ..course import box_rows
 from ..models import Division, Entry, Kind, Race, RaceState, RaceType, RankingMethod, Visibility
 from ..ranking import order_rule, rule_for
@@ -139,12 +142,15 @@ class RaceEditSerializer(RaceChangeSerializer):
 
 
 class NewRaceSerializer(RaceChangeSerializer):
-    """A community race. What is left out has the default that a read race shows."""
+    """A race. What is left out has the default that a read race shows."""
 
     name = serializers.CharField(max_length=64)
     track = serializers.SlugRelatedField(slug_field="slug", queryset=Track.objects.all(), help_text="The track's slug.")
     opens_at = serializers.DateTimeField()
     closes_at = serializers.DateTimeField()
+    division = serializers.ChoiceField(
+        Division.choices, required=False, help_text="Makes it a race of the league; admins only."
+    )
 
 
 class FilterSerializer(serializers.Serializer):
@@ -203,7 +209,7 @@ class RacesView(generics.ListAPIView):
 
     @extend_schema(
         operation_id="create_race",
-        summary="Make a community race",
+        summary="Make a race of your own; with a division, for admins, a race of the league",
         request=NewRaceSerializer,
         responses={201: RaceDetailSerializer},
         tags=["races"],
@@ -211,7 +217,14 @@ class RacesView(generics.ListAPIView):
     def post(self, request: Request) -> Response:
         serializer = NewRaceSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
-        race = services.create_community_race(organiser=request.user, now=timezone.now(), **serializer.validated_data)
+        wanted, now = serializer.validated_data, timezone.now()
+        if "division" not in wanted:
+            race = services.create_community_race(organiser=request.user, now=now, **wanted)
+        elif request.user.is_staff and request.user.has_perm("races.add_race"):
+            race = services.create_league_race(now=now, **wanted)
+            log(request.user, race, ADDITION, "Made through the API")
+        else:
+            raise UserFault("race_league_admins")
         return Response(RaceDetailSerializer(race, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
 

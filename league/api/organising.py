@@ -1,0 +1,181 @@
+"""What admins write about the league through the API: seasons, the rules of their stages, their rounds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.contrib.admin.models import ADDITION, CHANGE
+from django.http import Http404
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.utils import extend_schema
+from rest_framework import serializers, status
+from rest_framework.exceptions import PermissionDenied
+from rest_framework.permissions import IsAuthenticated
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from league.models import Season, Stage
+from league.selectors import months_of
+from league.selectors.overview import month_races, seasons_listed
+from league.services import create_season, edit_season, schedule_round, set_stage_rules
+from races.api.races import NewRaceSerializer
+from races.audit import log
+from races.models import Division, RankingMethod
+from tracks.bodies import Body
+
+from .season_serializers import RoundSerializer, SeasonDetailSerializer, StageRulesSerializer
+
+# The model checks these in whole; here they are only read.
+_POINTS = serializers.IntegerField(min_value=0, max_value=10_000)
+
+
+class SeasonChangeSerializer(Body):
+    """What may be changed of a season."""
+
+    name = serializers.CharField(max_length=64, required=False)
+    starts_on = serializers.DateField(required=False)
+    ends_on = serializers.DateField(required=False, help_text="The last day.")
+    promotion_percent = serializers.DecimalField(max_digits=4, decimal_places=1, required=False)
+    finale_size = serializers.IntegerField(min_value=1, max_value=1000, required=False)
+    championship_places = serializers.IntegerField(min_value=1, max_value=1000, required=False)
+    points = serializers.ListField(child=_POINTS, min_length=1, max_length=200, required=False)
+    drop_worst = serializers.IntegerField(min_value=0, max_value=1000, required=False)
+    steward_hours = serializers.IntegerField(min_value=0, max_value=24 * 60, required=False)
+    prizes = serializers.CharField(allow_blank=True, max_length=4000, required=False)
+    edition = serializers.CharField(
+        max_length=64,
+        required=False,
+        help_text="As the season was read: the change is refused if somebody else has changed it since.",
+    )
+
+
+class NewSeasonSerializer(SeasonChangeSerializer):
+    """A season. What is left out has the default that a read season shows."""
+
+    slug = serializers.SlugField(max_length=50, help_text="In its address; stays.")
+    name = serializers.CharField(max_length=64)
+    starts_on = serializers.DateField()
+    ends_on = serializers.DateField(help_text="The last day.")
+    edition = None
+
+
+class StageChangeSerializer(Body):
+    """Rules of a stage; what is left out stays as it is."""
+
+    ranking_method = serializers.ChoiceField(RankingMethod.choices, required=False)
+    laps = serializers.IntegerField(min_value=1, max_value=20, required=False)
+    minimum_laps = serializers.IntegerField(min_value=1, max_value=20, required=False)
+    off_track_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
+    collision_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
+    max_submissions = serializers.IntegerField(min_value=1, max_value=1000, required=False)
+    max_resets = serializers.IntegerField(min_value=0, max_value=10_000, required=False)
+    max_simulated_ms = serializers.IntegerField(min_value=10_000, max_value=1_200_000, required=False)
+
+
+class NewRoundSerializer(NewRaceSerializer):
+    """A league race and the round that it is. Rules left out are those of the season's stage."""
+
+    number = serializers.IntegerField(min_value=1, max_value=1000, help_text="Of the round; its races share it.")
+    month = serializers.CharField(max_length=64, allow_blank=True, required=False, help_text="The round's name.")
+    stage = serializers.ChoiceField(Stage.choices)
+    slug = serializers.SlugField(max_length=64, required=False, help_text="In the race's address.")
+    division = serializers.ChoiceField(Division.choices, required=False, help_text="The stage's if left out.")
+    visibility = None
+
+
+def season_shown(slug: str) -> Season:
+    """A season with all that its serializer shows; 404 where there is none."""
+    return get_object_or_404(seasons_listed().prefetch_related("stage_rules"), slug=slug)
+
+
+def require(request: Request, *permissions: str) -> None:
+    """Raises PermissionDenied unless who asks is an admin with all these permissions."""
+    if not (request.user.is_staff and request.user.has_perms(permissions)):
+        raise PermissionDenied()
+
+
+class SeasonsWrite(APIView):
+    """Making seasons; joined to the list of them in :mod:`league.api.seasons`."""
+
+    @extend_schema(
+        operation_id="create_season",
+        summary="Make a season, for admins",
+        request=NewSeasonSerializer,
+        responses={201: SeasonDetailSerializer},
+        tags=["seasons"],
+    )
+    def post(self, request: Request) -> Response:
+        require(request, "league.add_season")
+        season = create_season(**_read(NewSeasonSerializer, request))
+        log(request.user, season, ADDITION, "Made through the API")
+        return Response(SeasonDetailSerializer(season_shown(season.slug)).data, status=status.HTTP_201_CREATED)
+
+
+class SeasonWrite(APIView):
+    """Changing a season; joined to reading it."""
+
+    @extend_schema(
+        operation_id="edit_season",
+        summary="Change a season, for admins",
+        description="What official results were worked out from is fixed from the first official round on.",
+        request=SeasonChangeSerializer,
+        responses=SeasonDetailSerializer,
+        tags=["seasons"],
+    )
+    def patch(self, request: Request, slug: str) -> Response:
+        season = season_shown(slug)
+        require(request, "league.change_season")
+        season = edit_season(season=season, **_read(SeasonChangeSerializer, request))
+        log(request.user, season, CHANGE, "Changed through the API")
+        return Response(SeasonDetailSerializer(season_shown(slug)).data)
+
+
+class StageRulesView(APIView):
+    """The rules of a stage of a season."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="edit_stage_rules",
+        summary="Say how races of a stage are ranked and limited, for admins",
+        description="From now on: races that are made already stay as they are.",
+        request=StageChangeSerializer,
+        responses=StageRulesSerializer,
+        tags=["seasons"],
+    )
+    def patch(self, request: Request, slug: str, stage: str) -> Response:
+        season = season_shown(slug)
+        require(request, "league.change_season")
+        if stage not in Stage.values:
+            raise Http404
+        rules = set_stage_rules(season=season, stage=stage, **_read(StageChangeSerializer, request))
+        log(request.user, season, CHANGE, f"Rules of {rules.stage} changed through the API")
+        return Response(StageRulesSerializer(rules).data)
+
+
+class RoundsWrite(APIView):
+    """Scheduling rounds; joined to the list of them."""
+
+    @extend_schema(
+        operation_id="create_round",
+        summary="Make a league race and the round of the season that it is, for admins",
+        description="The race is changed and cancelled like any other, at its own address.",
+        request=NewRoundSerializer,
+        responses={201: RoundSerializer},
+        tags=["seasons"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        season, now = season_shown(slug), timezone.now()
+        require(request, "league.change_season", "races.add_race")
+        made = schedule_round(season=season, now=now, **_read(NewRoundSerializer, request))
+        log(request.user, made.race, ADDITION, f"Round {made.number} of {season.name}, made through the API")
+        shown = month_races(months_of(season), now)[made.pk]
+        return Response(RoundSerializer(shown).data, status=status.HTTP_201_CREATED)
+
+
+def _read(kind: type[Body], request: Request) -> dict[str, Any]:
+    serializer = kind(data=request.data)
+    serializer.is_valid(raise_exception=True)
+    return dict(serializer.validated_data)
