@@ -80,6 +80,7 @@ def known(alice, films, monkeypatch) -> dict[str, str]:
     return {
         "slug": "fuzzed",
         "alias": "guest",
+        "stage": "open-qualifier",
         "token": race.invitation,
         "public_id": submission.evaluation.public_id,
         "model": submission.evaluation.model.public_id,
