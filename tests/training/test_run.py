@@ -128,6 +128,30 @@ def test_sac_learns_with_two_sensors(alice, oval, now):
     assert all(one.value_loss is not None for one in job.iterations.all())
 
 
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_all_that_was_driven_until_the_step_limit_was_learned_from(alice, oval, now, algorithm):
+    """An update is due every 512 steps: the limit cuts the second batch short, which is learned from all the same."""
+    space = {"action_space_type": "continuous", "action_space": DEFAULT_BOUNDS} if algorithm == "sac" else {}
+    short = {"num_episodes_between_training": 5, "batch_size": 64, "num_epochs": 3}
+    job = run(
+        a_training(
+            alice,
+            oval,
+            now,
+            algorithm=algorithm,
+            hyperparameters=short,
+            stop_steps=800,
+            trials=1,
+            stop_minutes=5,
+            **space,
+        )
+    )
+    assert (job.state, job.ended_because, job.reason) == (JobState.FINISHED, "steps", "")
+    learned = [(one.steps, one.policy_loss is not None) for one in job.iterations.order_by("number")]
+    assert learned == [(512, True), (800, True)]
+    assert job.steps_done == 800
+
+
 def test_one_that_is_stopped_at_once_leaves_a_model(alice, oval, now):
     job = a_training(alice, oval, now, **SHORT)
     thread = threading.Thread(target=stop_soon, args=(job.pk,))

@@ -69,6 +69,7 @@ class Learner:
         update ends there, and one of PPO is undone."""
         self.spec, self.layout = spec, layout
         self._hurry = hurry
+        self._driven = 0  # steps of all cars since the last update
         self.sac = spec.algorithm == "sac"
         values = spec.hyperparameters
         self.loss = functional.huber_loss if values["loss_type"] == HUBER else functional.mse_loss
@@ -113,17 +114,20 @@ class Learner:
     def drive(self) -> bool:
         """Drive until the next update is due. False: the callback said stop."""
         model = self.model
+        steps = self.spec.rollout_steps(model.num_timesteps)
+        self._driven = steps * model.env.num_envs
         if self.sac:
             rollout = model.collect_rollouts(
                 model.env,
-                train_freq=TrainFreq(self.spec.steps_each, TrainFrequencyUnit.STEP),
+                train_freq=TrainFreq(steps, TrainFrequencyUnit.STEP),
                 action_noise=None,
                 callback=self._callback,
                 learning_starts=0,
                 replay_buffer=model.replay_buffer,
             )
             return rollout.continue_training
-        return model.collect_rollouts(model.env, self._callback, model.rollout_buffer, model.n_steps)
+        model.rollout_buffer.buffer_size = steps  # it is made anew for each rollout
+        return model.collect_rollouts(model.env, self._callback, model.rollout_buffer, steps)
 
     def update(self) -> Losses:
         """Learn from what was driven."""
@@ -166,9 +170,8 @@ class Learner:
     def _update_sac(self) -> Losses:
         """As ``SAC.train`` of stable-baselines3 2.9 with a fixed alpha, with a choice of the critics' loss."""
         model, told = self.model, []
-        driven = self.spec.steps_each * model.env.num_envs
         alpha = float(self.spec.hyperparameters["sac_alpha"])
-        for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * driven // model.batch_size)):
+        for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * self._driven // model.batch_size)):
             batch = model.replay_buffer.sample(model.batch_size)
             actions, log_prob = model.actor.action_log_prob(batch.observations)
             log_prob = log_prob.reshape(-1, 1)

@@ -133,11 +133,13 @@ class Training:
     def run(self) -> None:
         """Drive, learn and look until something ends it."""
         learner = self._learner
-        while self._with_numbers(learner.drive):
+        self._end_if_steps_are_up()  # of one that goes on from its checkpoint
+        while not self._ended and self._with_numbers(learner.drive):
             losses = self._with_numbers(learner.update)
             self._updates += 1
             if self._updates - self._looked_at >= 1 + self._updates // EVERY_UPDATE or self._steps_are_up():
                 self._look(losses)
+            self._end_if_steps_are_up()
             if self._ended or not self._may_go_on():
                 break
         if not self._looked:
@@ -162,14 +164,12 @@ class Training:
         raise UserFault("training_diverged")
 
     def _may_go_on(self) -> bool:
-        """Asked after each control step; writes down why not."""
+        """Asked after each control step; writes down why not. How far it drives is the learner's own reckoning."""
         self._pulse()
         if self._poller.poll(0):
             self._ended = ASKED
         elif self.seconds >= self.spec.stop_seconds:
             self._ended = TIME
-        elif self._steps_are_up():
-            self._ended = STEPS
         return not self._ended
 
     def _hurry(self) -> bool:
@@ -188,6 +188,10 @@ class Training:
 
     def _steps_are_up(self) -> bool:
         return self.spec.stop_steps is not None and self._learner.model.num_timesteps >= self.spec.stop_steps
+
+    def _end_if_steps_are_up(self) -> None:
+        if not self._ended and self._steps_are_up():
+            self._ended = STEPS
 
     def _look(self, losses: Any) -> None:
         learner = self._learner

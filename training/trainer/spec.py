@@ -65,11 +65,12 @@ class TrainerSpec:
         """
         batch = self.hyperparameters["batch_size"]
         ppo = self.algorithm == "ppo"
+        driven = {CARS * self.steps_each, CARS * self.rollout_steps(self._full_rollouts)}
         keys = ("sensor", "lidar_config", "neural_network", "action_space_type", "action_space")
         return {
             "metadata": {key: self.metadata[key] for key in keys if key in self.metadata},
             "build": self.build,
-            "learned": sorted({batch, CARS * self.steps_each % batch or batch} if ppo else {batch}),
+            "learned": sorted({batch, *(count % batch or batch for count in driven)} if ppo else {batch}),
             "driven": [*range(1, self.trials + 1), CARS],
         }
 
@@ -78,3 +79,16 @@ class TrainerSpec:
         """Control steps of each car between two updates: the field counts episodes (5 to 100), stable-baselines3 steps.
         An episode counts :data:`EPISODE_STEPS`, so 100 of them are the field's own cap of 10,000 steps an update."""
         return -(-self.hyperparameters["num_episodes_between_training"] * EPISODE_STEPS // CARS)
+
+    def rollout_steps(self, done: int) -> int:
+        """Control steps of each car until the next update, when all of them have driven ``done``: ``stop_steps`` cuts
+        the last of these short, so that everything that is driven is learned from."""
+        if self.stop_steps is None or self.stop_steps <= done:
+            return self.steps_each
+        return min(self.steps_each, -(-(self.stop_steps - done) // CARS))
+
+    @property
+    def _full_rollouts(self) -> int:
+        """Steps of all cars before the rollout that ``stop_steps`` cuts short."""
+        each = CARS * self.steps_each
+        return 0 if self.stop_steps is None else self.stop_steps // each * each
