@@ -1,4 +1,5 @@
-"""What stands beside the picture of the road: the bar below, title and order above, the small map."""
+"""What stands beside the picture of the road: the bar above, where no browser's controls lie over it, and below the bar
+title, order and the small map."""
 
 from __future__ import annotations
 
@@ -48,15 +49,15 @@ class Panel:
         hero = take.hero
         clock = hero.timing.at(moment, take.scene.lap)
         self._update(clock, float(hero.drive.speed[frame]), math.degrees(float(hero.drive.steer[frame])))
-        top = take.form.height - self.height
-        picture[top:] = self._bar
-        self._progress(picture, top, float(hero.drive.done[frame]) - (clock.lap - 1))
+        below = self.height
+        picture[:below] = self._bar
+        self._progress(picture, below, float(hero.drive.done[frame]) - (clock.lap - 1))
         if len(take.actors) > 1:
             self._rows(moment)
-        self._title.put(picture, margin, margin)
-        self._map.paint(picture, take.form.width - self._map.width - margin, margin, frame)
+        self._title.put(picture, margin, below + margin)
+        self._map.paint(picture, take.form.width - self._map.width - margin, below + margin, frame)
         if clock.flash is not None and frame < take.driven:  # not under the card
-            self._flash(picture, clock, top)
+            self._flash(picture, clock, below)
 
     def _x(self, x: float) -> float:
         return x * self._wide
@@ -64,7 +65,7 @@ class Panel:
     def _blank_bar(self) -> None:
         take, unit, bar = self._take, self._unit, self._bar
         bar[:] = palette.SURFACE
-        bar[: max(1, round(unit))] = palette.LINE
+        bar[-max(1, round(unit)) :] = palette.LINE
         high = 44 * unit
         side = shapes.side(take.hero.car.shell)
         left = self._x(24)
@@ -156,10 +157,10 @@ class Panel:
         )
         disc(bar, hand, y + high / 2, 6 * unit, palette.TEXT)
 
-    def _progress(self, picture: np.ndarray, top: int, share: float) -> None:
-        """Along the bar's upper edge: how much of the lap is driven."""
+    def _progress(self, picture: np.ndarray, below: int, share: float) -> None:
+        """Along the bar's lower edge: how much of the lap is driven."""
         thick = max(2, round(3 * self._unit))
-        picture[top : top + thick, : round(min(max(share, 0.0), 1.0) * self._take.form.width)] = palette.ACCENT
+        picture[below - thick : below, : round(min(max(share, 0.0), 1.0) * self._take.form.width)] = palette.ACCENT
 
     def _head(self) -> Sticker:
         """The card with the title, and room for the order of a duel."""
@@ -206,7 +207,7 @@ class Panel:
             gap = f"+{behind:.1f}" if number else ""
             figures(pixels, gap, pixels.shape[1] - x, y + 4 * unit, 16 * unit, palette.SOFT, on, align="right")
 
-    def _flash(self, picture: np.ndarray, clock: Clock, top: int) -> None:
+    def _flash(self, picture: np.ndarray, clock: Clock, below: int) -> None:
         """The time of the lap that was just completed, for a moment."""
         lap, unit, timing = clock.flash, self._unit, self._take.hero.timing
         key = ("flash", lap.number)
@@ -218,7 +219,7 @@ class Panel:
         card = self._flash_card
         rise = round((1.0 - min(1.0, age / 220.0)) ** 2 * 18 * unit)
         left = (picture.shape[1] - card.cover.shape[1]) // 2
-        card.put(picture, left, top - card.cover.shape[0] - round(20 * unit) + rise, strength)
+        card.put(picture, left, below + round(MARGIN * unit) - rise, strength)
 
 
 def flash_card(words: Words, lap, timing, unit: float) -> Sticker:

@@ -19,7 +19,7 @@ MAX_SECONDS = 600  # of a run that is filmed; of a longer one a single lap is
 CARD_MS = 2500  # the card with the figures stands so long at the end
 
 PX_PER_M = 330.0  # of a picture of 720 lines, at usual zoom; the car is then 109 px long
-BAR = 92  # px of 720 lines: the height of the bar below
+BAR = 92  # px of 720 lines: the height of the bar above
 
 _NO_COURSE: Mapping[str, list] = MappingProxyType({})
 

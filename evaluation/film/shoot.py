@@ -63,8 +63,8 @@ def film(
 
 
 def poster(scene: Scene, *, form: Form = FULL) -> bytes:
-    """A JPEG of the picture in the middle of the video, or of the next one to it in which the car drives. Raises as
-    :func:`film`."""
+    """A JPEG of the picture in the middle of the video, or of the next one to it in which the car drives on the road.
+    Raises as :func:`film`."""
     import cv2
 
     from .take import prepare
@@ -72,18 +72,20 @@ def poster(scene: Scene, *, form: Form = FULL) -> bytes:
     take = prepare(scene, form)
     with _one_thread():
         painter = Painter(take)
-        picture = painter.frame(_telling(take))
+        picture = painter.frame(telling(take))
         written, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     if not written:
         raise RuntimeError("OpenCV wrote no JPEG")
     return data.tobytes()
 
 
-def _telling(take: Take) -> int:
-    """The frame nearest to the middle in which the followed car drives."""
-    drive, middle = take.hero.drive, take.driven // 2
+def telling(take: Take) -> int:
+    """The frame nearest to the middle in which the followed car drives on the road, else in which it drives."""
+    drive, track, middle = take.hero.drive, take.scene.track, take.driven // 2
     driving = [k for k in range(take.driven) if not drive.standing[k] and not drive.gone[k]]
-    return min(driving, key=lambda number: abs(number - middle), default=middle)
+    driving.sort(key=lambda number: abs(number - middle))
+    on_road = (k for k in driving if track.on_road(float(drive.x[k]), float(drive.y[k])))
+    return next(on_road, driving[0] if driving else middle)
 
 
 class Painter:

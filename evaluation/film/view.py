@@ -33,7 +33,7 @@ _HULL = shapes.above(Shell.COUPE)
 
 
 class View:
-    """Paints the picture above the bar. ``height``: of that part, px."""
+    """Paints the picture below the bar. ``height``: of that part, px."""
 
     def __init__(self, take: Take, width: int, height: int) -> None:
         self._take = take
@@ -47,8 +47,8 @@ class View:
         self._named = len(take.actors) > 1
 
     def paint(self, picture: np.ndarray, frame: int) -> None:
-        """Paint frame number ``frame`` onto the upper rows of ``picture``."""
-        picture = picture[: self._size[1]]
+        """Paint frame number ``frame`` onto the lower rows of ``picture``."""
+        picture = picture[-self._size[1] :]
         np.copyto(picture, self._backdrop)
         eye = self._take.eye
         self._at = np.array((eye.x[frame], eye.y[frame]))

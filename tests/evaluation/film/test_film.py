@@ -14,7 +14,7 @@ import pytest
 
 from evaluation.film import FULL, Scene, Stopped, Words, film, poster
 from evaluation.film.scene import CARD_MS
-from evaluation.film.shoot import Painter
+from evaluation.film.shoot import Painter, telling
 from evaluation.film.take import prepare
 from evaluation.looks import DEFAULT_COLOUR
 from faults import UserFault
@@ -30,10 +30,10 @@ def still(what, frame: int = 30, form=SMALL) -> np.ndarray:
 
 
 def count(picture: np.ndarray, colour: str, tolerance: int = 6) -> int:
-    """Pixels of a colour above the bar, left of the small map."""
+    """Pixels of a colour below the bar, left of the small map."""
     rows, columns = picture.shape[:2]
     wanted = np.array(tuple(bytes.fromhex(colour[1:])), int)
-    seen = picture[: round(rows * 0.86), : round(columns * 0.78)].astype(int)
+    seen = picture[round(rows * 0.14) :, : round(columns * 0.78)].astype(int)
     return int((np.abs(seen - wanted).max(axis=2) <= tolerance).sum())
 
 
@@ -119,6 +119,15 @@ class TestTheFile:
         middle = still(what, prepare(what, SMALL).driven // 2)
         assert count(middle, "#ff3b55", 40) > 100 > count(shown, "#ff3b55", 40)  # the ring of a car that stands
 
+    def test_on_a_poster_the_car_is_on_the_road(self):
+        rows = driven(3.0)
+        wide = [way for number, way in enumerate(driven(3.0, offset=1.5)) if 15 <= number < 30]
+        take = prepare(scene(car([*rows[:15], *wide, *rows[30:]])), SMALL)
+        middle, shown = take.driven // 2, telling(take)
+        drive = take.hero.drive
+        assert not OVAL.on_road(drive.x[middle], drive.y[middle])
+        assert OVAL.on_road(drive.x[shown], drive.y[shown])
+
     def test_a_site_that_knows_of_videos_loads_no_encoder(self):
         code = (
             "import sys, django; from django.conf import settings; settings.configure(); import evaluation.film;"
@@ -131,10 +140,16 @@ class TestTheFile:
 class TestThePicture:
     def test_the_car_is_near_the_middle_in_its_colour(self):
         picture = still(scene(car(colour="#d946ef")))
-        rows, columns = np.nonzero((np.abs(picture[:300, :480].astype(int) - (0xD9, 0x46, 0xEF)) < 6).all(axis=2))
+        rows, columns = np.nonzero((np.abs(picture[46:, :480].astype(int) - (0xD9, 0x46, 0xEF)) < 6).all(axis=2))
         assert len(rows) > 500
         assert abs(np.median(columns) - 320) < 0.3 * 640
         assert abs(np.median(rows) - 157) < 0.25 * 314
+
+    def test_nothing_is_written_where_browsers_lay_their_controls(self):
+        picture = still(scene()).astype(int)
+        letters = (np.abs(picture - (0xEE, 0xF1, 0xF5)) < 8).all(axis=2)
+        assert letters[:46].sum() > 200, "the bar with the readings"
+        assert not letters[-60:].any()
 
     def test_another_colour_and_another_shell_look_different(self):
         red, green = (still(scene(car(colour=colour))) for colour in ("#ef4444", "#22c55e"))
