@@ -334,6 +334,10 @@ SPECTACULAR_SETTINGS = {
     "SCHEMA_PATH_PREFIX": "/api/v1",
     "COMPONENT_SPLIT_REQUEST": True,
     "ENUM_NAME_OVERRIDES": {
+        "KindEnum": "races.models.Kind",
+        "SensorsEnum": "races.sensors.OFFERABLE",
+        "NoticeKind": "league.models.NoticeKind",
+        "VehicleSensor": "training.api.vehicles.SENSORS",
         "EvaluationState": "evaluation.models.State",
         "RaceState": "races.models.RaceState",
         "TrainingState": "training.models.JobState",

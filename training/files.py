@@ -77,6 +77,20 @@ def simtrace(iteration: TrainingIteration) -> bytes:
         return gzip.decompress(file.read())
 
 
+def newest_simtrace(job: TrainingJob) -> tuple[int, bytes] | None:
+    """The number of the last iteration that has a sim-trace, and the trace as CSV; None where there is none."""
+    newest = job.iterations.exclude(simtrace="").order_by("-number").first()
+    return None if newest is None else (newest.number, simtrace(newest))
+
+
+def sb3_of(job: TrainingJob) -> bytes | None:
+    """The model as stable-baselines3 saves it; None where there is none."""
+    if not job.sb3_zip:
+        return None
+    with job.sb3_zip.open("rb") as file:
+        return file.read()
+
+
 def logs_zip(job: TrainingJob) -> Iterator[bytes]:
     """Everything that was written down, as a zip in pieces: metrics, the newest sim-traces, the log, and what the
     training was made of. Names are those of the console, as deepracer-utils looks for them."""

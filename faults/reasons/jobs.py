@@ -50,6 +50,9 @@ _USER = table(
             "Of the %(limit)s minutes of training that you have each month %(left)s are left (what waits or runs is "
             "taken off in full). Choose a shorter training."
         ),
+        "training_no_model": _(
+            "This training has no such model, or not any more. Wait for its first iteration, or choose the other one."
+        ),
         "clone_not_yours": _(
             "This model cannot be cloned: it is not yours, and its owner does not share it, or not any more. Choose "
             "one of your own or a shared one."

@@ -42,6 +42,7 @@ _NOT_NOW = (
     "duels_before_closing duels_wait_for_qualifying duels_drawn "
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
     "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs "
+    "vehicle_name_taken vehicle_limit training_no_model webhook_limit webhook_test_limit "
     "video_run_not_finished videos_off videos_at_once videos_a_day"
 )
 STATUS_OF: dict[str, int] = {

@@ -14,7 +14,10 @@ from drf_spectacular.generators import SchemaGenerator
 from .schema import WRITES
 
 METHODS = ("get", *WRITES)
-SUBJECTS = ("account", "models", "trainings", "tracks", "races", "seasons", "evaluations")
+SUBJECTS = (
+    *("account", "notices", "webhooks", "models", "vehicles", "trainings"),
+    *("tracks", "races", "seasons", "evaluations"),
+)
 
 
 @dataclass(frozen=True)

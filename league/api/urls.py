@@ -9,12 +9,18 @@ from evaluation import api as models
 from races.api import boards, duels, entries, evaluations, races, videos
 from tracks import api as tracks
 
-from . import organising, reference, seasons, views
+from . import notices, organising, reference, seasons, views
 
 version_1 = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
+    path("auth/tokens/", views.TokensView.as_view(), name="api-tokens"),
+    path("auth/tokens/<slug:key>/", views.TokenRevocationView.as_view(), name="api-token-revoke"),
     path("me/", views.MeView.as_view(), name="api-me"),
     path("me/usage/", views.UsageView.as_view(), name="api-usage"),
+    path("notices/", notices.NoticesView.as_view(), name="api-notices"),
+    path("notices/read/", notices.NoticesReadView.as_view(), name="api-notices-read"),
+    path("notices/settings/", notices.NoticeSettingsView.as_view(), name="api-notice-settings"),
+    path("notices/<int:number>/read/", notices.NoticeReadView.as_view(), name="api-notice-read"),
     path("models/", models.ModelsView.as_view(), name="api-models"),
     path("models/shared/", models.SharedModelsView.as_view(), name="api-shared-models"),
     path("models/<slug:public_id>/package/", models.ModelPackageView.as_view(), name="api-model-package"),

@@ -8,11 +8,13 @@ from allauth.account.models import EmailAddress
 from allauth.core import ratelimit
 from django.contrib.auth.signals import user_logged_in, user_logged_out
 from django.core.exceptions import ValidationError
+from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
-from drf_spectacular.utils import OpenApiResponse, extend_schema
-from rest_framework import serializers, status
+from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
+from knox.models import AuthToken
+from rest_framework import generics, serializers, status
 from rest_framework.exceptions import APIException, NotFound, Throttled
 from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
@@ -20,8 +22,10 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.quotas import usage_of
+from league.countries import COUNTRIES
 from league.models import Racer
-from league.tokens import create_token
+from league.services.profile import change_profile
+from league.tokens import create_token, revoke_token, tokens_of
 from tracks.bodies import Body, refuse_fields
 
 TOO_MANY_ATTEMPTS_WAIT_S = 300
@@ -71,6 +75,7 @@ class RacerSerializer(serializers.Serializer):
     alias = serializers.CharField()
     email = serializers.EmailField()
     country = serializers.CharField(allow_blank=True)
+    team = serializers.CharField(allow_blank=True)
     is_staff = serializers.BooleanField(help_text="An admin.")
     joined_at = serializers.DateTimeField()
 
@@ -83,6 +88,26 @@ class UsageSerializer(serializers.Serializer):
     used = serializers.FloatField(min_value=0)
     limit = serializers.IntegerField(min_value=0)
     own = serializers.BooleanField(help_text="An admin has set this limit for the racer alone.")
+
+
+class ProfileBody(Body):
+    """What a racer may change about themselves; what is left out stays."""
+
+    country = serializers.ChoiceField(
+        [("", ""), *COUNTRIES.items()], required=False, allow_blank=True, help_text="Two-letter code, or empty."
+    )
+    team = serializers.CharField(required=False, allow_blank=True, max_length=64, help_text="Empty for none.")
+
+
+class KnownTokenSerializer(serializers.Serializer):
+    """One of the racer's tokens, without the token."""
+
+    key = serializers.CharField(source="token_key", help_text="The letters that it begins with.")
+    created_at = serializers.DateTimeField(source="created")
+    is_this_one = serializers.SerializerMethodField(help_text="The token of this very request.")
+
+    def get_is_this_one(self, token: AuthToken) -> bool:
+        return token == self.context["request"].auth
 
 
 class TokenView(APIView):
@@ -137,6 +162,57 @@ class MeView(APIView):
     @extend_schema(operation_id="me", summary="The racer behind the token", responses=RacerSerializer, tags=["account"])
     def get(self, request: Request) -> Response:
         return Response(RacerSerializer(request.user).data)
+
+    @extend_schema(
+        operation_id="change_profile",
+        summary="Change country or team",
+        request=ProfileBody,
+        responses=RacerSerializer,
+        tags=["account"],
+    )
+    def patch(self, request: Request) -> Response:
+        body = ProfileBody(data=request.data)
+        body.is_valid(raise_exception=True)
+        racer = request.user
+        sent = {"country": racer.country, "team": racer.team} | body.validated_data
+        return Response(RacerSerializer(change_profile(racer=racer, **sent)).data)
+
+
+@extend_schema_view(
+    get=extend_schema(
+        operation_id="list_tokens",
+        summary="My tokens, the newest first",
+        responses=KnownTokenSerializer,
+        tags=["account"],
+    )
+)
+class TokensView(generics.ListAPIView):
+    """Which programs may act for me."""
+
+    permission_classes = [IsAuthenticated]
+    serializer_class = KnownTokenSerializer
+
+    def get_queryset(self) -> QuerySet[AuthToken]:
+        return tokens_of(self.request.user)
+
+
+class TokenRevocationView(APIView):
+    """Locking a program out."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="revoke_token",
+        summary="Revoke one of my tokens",
+        request=None,
+        responses={204: OpenApiResponse(description="Programs that use it are locked out from now on.")},
+        tags=["account"],
+    )
+    def delete(self, request: Request, key: str) -> Response:
+        refuse_fields(request)
+        if not revoke_token(racer=request.user, key=key):
+            raise NotFound()
+        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class UsageView(APIView):

@@ -14,6 +14,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from faults import UserFault
 from league.forms import ProfileForm
+from league.services.profile import change_profile
 from league.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from tracks.forms import add_fault, explain
 
@@ -35,7 +36,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
     """Country, and the way to e-mail, password and tokens."""
     form = ProfileForm(request.POST or None, instance=request.user)
     if request.method == "POST" and form.is_valid():
-        form.save()
+        change_profile(racer=request.user, **form.cleaned_data)
         messages.success(request, _("Saved."))
         return redirect("settings")
     return render(request, "league/settings.html", {"form": form})

@@ -15,7 +15,8 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from league.models import Notice, NoticeKind
+from league.models import NoticeKind
+from league.selectors.notices import notices_of
 from league.services.notices import choice_of, choose_notices, mark_read, stop_mails, what_stops
 
 ROWS = 30
@@ -51,7 +52,7 @@ class NoticesForm(forms.Form):
 @require_safe
 def notices(request: HttpRequest) -> HttpResponse:
     """The racer's notices, the latest first."""
-    own = Notice.objects.filter(racer=request.user, hidden=False)
+    own = notices_of(request.user)
     page = Paginator(own, ROWS).get_page(request.GET.get("page"))
     return render(request, "league/notices.html", {"page": page, "unread": own.filter(read_at=None).exists()})
 
@@ -68,7 +69,7 @@ def notices_read(request: HttpRequest) -> HttpResponse:
 @require_POST
 def notice_open(request: HttpRequest, pk: int) -> HttpResponse:
     """Mark a notice as read and go where it leads."""
-    notice = get_object_or_404(Notice, pk=pk, racer=request.user, hidden=False)
+    notice = get_object_or_404(notices_of(request.user), pk=pk)
     mark_read(racer=request.user, now=timezone.now(), notice=notice.pk)
     return redirect(notice.path or "notices")
 

@@ -9,8 +9,9 @@ from django.utils import timezone
 from drf_spectacular.generators import SchemaGenerator
 
 from races.services.videos import run_next_video
-from tests.factories import a_model, a_race
+from tests.factories import a_model, a_race, a_track
 from tests.films import a_driven_run
+from tests.training.jobs import a_trained_one
 
 pytestmark = pytest.mark.django_db
 SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
@@ -23,12 +24,13 @@ FILES = {
 
 
 @pytest.fixture
-def at(alice, films, as_racer):
+def at(alice, films, as_racer, trainings_taken_on):
     """Addresses of files that are there."""
     run = a_driven_run(a_race(timezone.now()), alice, timezone.now())
     video = as_racer(alice).post(f"/api/v1/evaluations/{run.public_id}/videos/").json()["public_id"]
     run_next_video(worker="w")
     ids = {"models": a_model(alice).public_id, "evaluations": run.public_id, "videos": video}
+    ids["trainings"] = a_trained_one(alice, a_track(), timezone.now()).public_id
     return lambda path: path.format(public_id=ids[path.split("/")[3]])
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
 from typing import Any
 
 import numpy as np
+from django.core.files.base import ContentFile
 
+from tests.factories import a_model
 from training.hyperparameters import DEFAULT_ACTIONS
-from training.models import TrainingJob
+from training.models import TrainingIteration, TrainingJob
 from training.services import create_training
 from training.trainer.client import Iteration
 from training.trainer.network import Layout, to_onnx
@@ -68,3 +71,16 @@ def an_iteration(number: int, **changes) -> Iteration:
     return Iteration(
         values | {"number": number, "steps": 100 * number} | changes, [[0.0, 0.0, 0.0, 1.0]], b"onnx", b"gz"
     )
+
+
+def a_trained_one(owner, track, now) -> TrainingJob:
+    """A training that has a best and a last model and has written its files."""
+    job = a_training(owner, track, now)
+    models = {"best_model": a_model(owner), "last_model": a_model(owner)}
+    TrainingJob.objects.filter(pk=job.pk).update(log="learned\n", **models)
+    job.refresh_from_db()
+    job.sb3_zip.save("first.zip", ContentFile(b"PK-sb3"))
+    row = TrainingIteration(job=job, number=3, steps=2000, seconds=2.0, eval_progress=100.0, eval_reward=9.0)
+    row.simtrace.save("3.csv.gz", ContentFile(gzip.compress(b"episode,steps\n0,1\n")), save=False)
+    row.save()
+    return job

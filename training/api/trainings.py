@@ -16,6 +16,7 @@ from rest_framework.views import APIView
 
 from faults import UserFault
 from races.api.course import BoxPlaceSerializer
+from races.api.evaluations import EvaluationSerializer
 from races.models import Race, RaceType
 from races.selectors import races_visible_to
 from tracks.bodies import Body, refuse_fields
@@ -28,10 +29,11 @@ from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
 from training.models import Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, TrainingJob
 from training.models.job import MAX_MINUTES, MAX_TRIALS
 from training.selectors import clonable_models, training_queue_position, trainings_of, visible_trainings
-from training.services import create_training, stop_training
+from training.services import create_training, evaluate_training, stop_training
 from training.vehicles import vehicles_of
 
 MOST = 2**31 - 1
+MOST_CODE = 140_000
 
 
 class TrainingSummarySerializer(serializers.Serializer):
@@ -147,7 +149,7 @@ class CreateSerializer(Body):
     action_space_type = serializers.ChoiceField(["discrete", "continuous"], required=False)
     action_space = serializers.JSONField(required=False, help_text="As in model_metadata.json.")
     vehicle = serializers.CharField(required=False, max_length=12, help_text="The public_id of one of your vehicles.")
-    reward_code = serializers.CharField(trim_whitespace=False, max_length=140_000)
+    reward_code = serializers.CharField(trim_whitespace=False, max_length=MOST_CODE)
     stop_minutes = serializers.IntegerField(required=False, min_value=1, max_value=MAX_MINUTES)
     stop_steps = serializers.IntegerField(required=False, min_value=1, max_value=MOST)
     stop_clean_laps = serializers.IntegerField(required=False, min_value=1, max_value=MAX_TRIALS)
@@ -199,7 +201,7 @@ class TrainingView(APIView):
 
     @extend_schema(operation_id="read_training", summary="A training", responses=TrainingSerializer, tags=["trainings"])
     def get(self, request: Request, public_id: str) -> Response:
-        return Response(TrainingSerializer(_visible(request, public_id), context={"request": request}).data)
+        return Response(TrainingSerializer(visible_training(request, public_id), context={"request": request}).data)
 
 
 class TrainingStopView(APIView):
@@ -216,10 +218,39 @@ class TrainingStopView(APIView):
         tags=["trainings"],
     )
     def post(self, request: Request, public_id: str) -> Response:
-        job = _visible(request, public_id)
+        job = visible_training(request, public_id)
         refuse_fields(request)
         stop_training(job=job, by=request.user, now=timezone.now())
-        return Response(TrainingSerializer(_visible(request, public_id), context={"request": request}).data)
+        return Response(TrainingSerializer(visible_training(request, public_id), context={"request": request}).data)
+
+
+class EvaluateBody(Body):
+    """Which of its models."""
+
+    model = serializers.ChoiceField(["best", "last"], default="best")
+
+
+class TrainingEvaluationsView(APIView):
+    """A private run of what was trained."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="evaluate_training",
+        summary="Drive the best or the last model of a training by the referee of races",
+        description="Three laps on the track and the course that it was trained on. The evaluation is seen by you "
+        "and by admins, and stands on no board.",
+        request=EvaluateBody,
+        responses={201: EvaluationSerializer},
+        tags=["trainings"],
+    )
+    def post(self, request: Request, public_id: str) -> Response:
+        job = visible_training(request, public_id)
+        body = EvaluateBody(data=request.data)
+        body.is_valid(raise_exception=True)
+        which = body.validated_data["model"]
+        evaluation = evaluate_training(job=job, which=which, by=request.user, now=timezone.now())
+        return Response(EvaluationSerializer(evaluation).data, status=status.HTTP_201_CREATED)
 
 
 class TrainingMetricsView(APIView):
@@ -234,10 +265,11 @@ class TrainingMetricsView(APIView):
         tags=["trainings"],
     )
     def get(self, request: Request, public_id: str) -> Response:
-        return Response(training_metrics(_visible(request, public_id)))
+        return Response(training_metrics(visible_training(request, public_id)))
 
 
-def _visible(request: Request, public_id: str) -> TrainingJob:
+def visible_training(request: Request, public_id: str) -> TrainingJob:
+    """The training with this id. Raises Http404 for who may not see it."""
     related = ("owner", "track", "best_model", "last_model", "cloned_from", "submit_to_race", "submission__evaluation")
     return get_object_or_404(visible_trainings(request.user).select_related(*related), public_id=public_id)
 

@@ -2,6 +2,7 @@
 
 from .bell import ring_training_bell
 from .create import clone_settings, create_training
+from .evaluate import evaluate_training
 from .leases import (
     beat,
     claim_next_training,
@@ -19,6 +20,7 @@ __all__ = [
     "claim_next_training",
     "clone_settings",
     "create_training",
+    "evaluate_training",
     "fail_training",
     "finish_training",
     "keep_checkpoint",

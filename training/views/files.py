@@ -7,7 +7,7 @@ from django.http import Http404, HttpRequest, HttpResponse, StreamingHttpRespons
 from django.views.decorators.http import require_safe
 
 from evaluation.files import as_download, download_of
-from training.files import logs_zip, metrics_json, simtrace
+from training.files import logs_zip, metrics_json, newest_simtrace, sb3_of
 
 from .common import visible_training
 
@@ -28,10 +28,10 @@ def training_package(request: HttpRequest, public_id: str, which: str) -> HttpRe
 def training_sb3(request: HttpRequest, public_id: str) -> HttpResponse:
     """The model as stable-baselines3 saves it."""
     job = visible_training(request, public_id)
-    if not job.sb3_zip:
+    data = sb3_of(job)
+    if data is None:
         raise Http404
-    with job.sb3_zip.open("rb") as file:
-        return _file(file.read(), "application/zip", f"{job.name}-sb3.zip")
+    return _file(data, "application/zip", f"{job.name}-sb3.zip")
 
 
 @login_required
@@ -57,10 +57,11 @@ def training_metrics_file(request: HttpRequest, public_id: str) -> StreamingHttp
 def training_trace(request: HttpRequest, public_id: str) -> HttpResponse:
     """The newest sim-trace as CSV."""
     job = visible_training(request, public_id)
-    newest = job.iterations.exclude(simtrace="").order_by("-number").first()
+    newest = newest_simtrace(job)
     if newest is None:
         raise Http404
-    return _file(simtrace(newest), "text/csv; charset=utf-8", f"{job.name}-{newest.number}-sim-trace.csv")
+    number, data = newest
+    return _file(data, "text/csv; charset=utf-8", f"{job.name}-{number}-sim-trace.csv")
 
 
 def _file(data: bytes, kind: str, name: str) -> HttpResponse:

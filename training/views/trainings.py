@@ -14,9 +14,6 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
-from evaluation.selectors import can_use_model
-from evaluation.services import queue_evaluation
-from evaluation.simulator.rules import RaceRules
 from faults import UserFault
 from races.course import box_marks
 from races.models import Race, RaceType
@@ -27,14 +24,12 @@ from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
 from training.models import TrainingIteration, TrainingJob
 from training.selectors import can_stop_training, training_queue_position, trainings_of
-from training.services import stop_training
-from training.services.create import course_of
+from training.services import evaluate_training, stop_training
 
 from .common import usage_of, visible_training
 
 PER_PAGE = 30
 LOG_SHOWN = 4000
-LAPS_OF_A_TEST = 3
 APART = "~"
 
 
@@ -100,15 +95,11 @@ def training_stop(request: HttpRequest, public_id: str) -> HttpResponse:
 def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
     """Drive the best or the last model three laps on the track that it was trained on, by the referee of races."""
     job = visible_training(request, public_id)
-    model = job.last_model if request.POST.get("model") == "last" else job.best_model
-    if model is None or not can_use_model(request.user, model):
+    if job.owner_id != request.user.pk:
         raise Http404
-    rules = RaceRules.from_dict(
-        {**course_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
-        | ({"seed": job.seed} if job.random_boxes or job.bots else {})
-    )
+    which = "last" if request.POST.get("model") == "last" else "best"
     try:
-        evaluation = queue_evaluation(owner=request.user, model=model, track=job.track, rules=rules, now=timezone.now())
+        evaluation = evaluate_training(job=job, which=which, by=request.user, now=timezone.now())
     except UserFault as fault:
         tell_fault(request, fault)
         return redirect(job)

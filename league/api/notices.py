@@ -1,0 +1,159 @@
+"""What a racer was told, marking it as read, and what they want to be told."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db.models import QuerySet
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.types import OpenApiTypes
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
+from rest_framework import generics, serializers
+from rest_framework.permissions import IsAuthenticated
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from league.models import Notice, NoticeChoice, NoticeKind
+from league.notices import sentence
+from league.selectors.notices import notices_of
+from league.services.notices import choice_of, choose_notices, mark_read
+from tracks.bodies import Body, refuse_fields
+
+
+class NoticeSerializer(serializers.Serializer):
+    """Something that a racer was told."""
+
+    id = serializers.IntegerField(source="pk")
+    kind = serializers.ChoiceField(NoticeKind.choices)
+    text = serializers.SerializerMethodField(help_text="In the language of the request.")
+    params = serializers.DictField(help_text="The values in the text.")
+    path = serializers.CharField(allow_blank=True, help_text="Of the page that it leads to.")
+    at = serializers.DateTimeField()
+    read_at = serializers.DateTimeField(allow_null=True)
+
+    def get_text(self, notice: Notice) -> str:
+        return sentence(notice)
+
+
+class NoticeFilter(serializers.Serializer):
+    """What the list may be asked for."""
+
+    unread = serializers.BooleanField(required=False, allow_null=True, default=None)
+
+
+class ReadSerializer(serializers.Serializer):
+    """How many notices were unread."""
+
+    marked = serializers.IntegerField()
+
+
+class ChoiceSerializer(serializers.Serializer):
+    """What a racer wants to be told."""
+
+    site_off = serializers.ListField(child=serializers.ChoiceField(NoticeKind.choices), help_text="Not in the site.")
+    mail_off = serializers.ListField(child=serializers.ChoiceField(NoticeKind.choices), help_text="Not by e-mail.")
+    language = serializers.ChoiceField(settings.LANGUAGES, help_text="Of e-mails and of messages to chats.")
+
+
+class ChoiceBody(Body):
+    """What is to change; what is left out stays."""
+
+    site_off = serializers.ListField(
+        child=serializers.ChoiceField(NoticeKind.choices), required=False, max_length=100, help_text="Not in the site."
+    )
+    mail_off = serializers.ListField(
+        child=serializers.ChoiceField(NoticeKind.choices), required=False, max_length=100, help_text="Not by e-mail."
+    )
+    language = serializers.ChoiceField(settings.LANGUAGES, required=False)
+
+
+@extend_schema_view(
+    get=extend_schema(
+        operation_id="list_notices",
+        summary="My notices, the latest first",
+        parameters=[OpenApiParameter("unread", OpenApiTypes.BOOL, description="Only those not read yet, or read.")],
+        responses=NoticeSerializer,
+        tags=["notices"],
+    )
+)
+class NoticesView(generics.ListAPIView):
+    """What I was told."""
+
+    permission_classes = [IsAuthenticated]
+    serializer_class = NoticeSerializer
+
+    def get_queryset(self) -> QuerySet[Notice]:
+        asked = NoticeFilter(data=self.request.query_params)
+        asked.is_valid(raise_exception=True)
+        notices = notices_of(self.request.user)
+        unread = asked.validated_data["unread"]
+        return notices if unread is None else notices.filter(read_at__isnull=unread)
+
+
+class NoticesReadView(APIView):
+    """All of them at once."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="mark_notices_read",
+        summary="Mark all of my notices as read",
+        request=None,
+        responses=ReadSerializer,
+        tags=["notices"],
+    )
+    def post(self, request: Request) -> Response:
+        refuse_fields(request)
+        return Response(ReadSerializer({"marked": mark_read(racer=request.user, now=timezone.now())}).data)
+
+
+class NoticeReadView(APIView):
+    """One of them."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="mark_notice_read",
+        summary="Mark one of my notices as read",
+        description="One that was read stays as it is.",
+        request=None,
+        responses=NoticeSerializer,
+        tags=["notices"],
+    )
+    def post(self, request: Request, number: int) -> Response:
+        notice = get_object_or_404(notices_of(request.user), pk=number)
+        refuse_fields(request)
+        mark_read(racer=request.user, now=timezone.now(), notice=notice.pk)
+        notice.refresh_from_db()
+        return Response(NoticeSerializer(notice).data)
+
+
+class NoticeSettingsView(APIView):
+    """What I want to be told."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="read_notice_settings",
+        summary="What I am told, and how",
+        responses=ChoiceSerializer,
+        tags=["notices"],
+    )
+    def get(self, request: Request) -> Response:
+        return Response(ChoiceSerializer(choice_of(request.user)).data)
+
+    @extend_schema(
+        operation_id="choose_notices",
+        summary="Choose what I am told, and how",
+        request=ChoiceBody,
+        responses=ChoiceSerializer,
+        tags=["notices"],
+    )
+    def patch(self, request: Request) -> Response:
+        body = ChoiceBody(data=request.data)
+        body.is_valid(raise_exception=True)
+        before: NoticeChoice = choice_of(request.user)
+        kept = {name: getattr(before, name) for name in ("site_off", "mail_off", "language")}
+        chosen = choose_notices(racer=request.user, **(kept | body.validated_data))
+        return Response(ChoiceSerializer(chosen).data)

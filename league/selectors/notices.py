@@ -1,0 +1,17 @@
+"""What pages and programs show of notices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.db.models import QuerySet
+
+from ..models import Notice, Racer
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+
+def notices_of(racer: Racer | AnonymousUser) -> QuerySet[Notice]:
+    """What the racer was told in the site, the latest first; nothing for somebody who is not logged in."""
+    return Notice.objects.filter(racer_id=racer.pk, hidden=False)

@@ -1,0 +1,119 @@
+"""Whatever a racer can change on the pages of the site, a program can change through the API."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from django.test import Client
+from django.urls import URLPattern, URLResolver, get_resolver, reverse
+from drf_spectacular.generators import SchemaGenerator
+
+pytestmark = pytest.mark.django_db
+WRITES = ("post", "put", "patch", "delete")
+
+# the name of a page that takes a POST: the operations that do what it does
+SAME: dict[str, set[str]] = {
+    "api_token_revoke": {"revoke_token"},
+    "api_tokens": {"create_token"},
+    "enter": {"enter_race"},
+    "evaluation_stop": {"stop_evaluation"},
+    "evaluation_video": {"ask_for_video"},
+    "model_delete": {"delete_model"},
+    "model_edit": {"describe_model"},
+    "model_share": {"describe_model"},
+    "model_upload": {"upload_model"},
+    "notice_open": {"mark_notice_read"},
+    "notice_settings": {"choose_notices"},
+    "notices_read": {"mark_notices_read"},
+    "race_cancel": {"cancel_race"},
+    "race_draw": {"draw_duels"},
+    "race_edit": {"edit_race"},
+    "race_invitation": {"accept_invitation"},
+    "race_invitation_reset": {"reset_invitation"},
+    "race_new": {"create_race"},
+    "race_racer_remove": {"remove_entry"},
+    "race_racer_restore": {"restore_entry"},
+    "reward_validate": {"validate_reward"},
+    "settings": {"change_profile"},
+    "submit": {"submit_model"},
+    "track_import": {"import_track"},
+    "training_evaluate": {"evaluate_training"},
+    "training_new": {"create_training"},
+    "training_stop": {"stop_training"},
+    "vehicle_delete": {"delete_vehicle"},
+    "vehicle_edit": {"change_vehicle"},
+    "vehicle_new": {"add_vehicle"},
+    "video_stop": {"stop_video"},
+    "withdraw": {"withdraw"},
+}
+# what a program cannot do, and why that is right
+ONLY_ON_PAGES: dict[str, str] = {
+    "account_confirm_login_code": "logging in: a program has a token",
+    "account_login": "logging in: a program gets a token for a password",
+    "account_logout": "of a browser's session: a program gives its token back",
+    "account_signup": "a person joins, and chooses a password that no program knows",
+    "account_reauthenticate": "of a browser's session",
+    "account_confirm_email": "the link in a mail, opened by who reads it",
+    "account_email": "with the address the account could be taken over: a token alone must not be enough",
+    "account_change_password": "with the password the account could be taken over: a token alone must not be enough",
+    "account_set_password": "likewise",
+    "account_reset_password": "of who cannot log in",
+    "account_reset_password_from_key": "the link in a mail",
+    "notices_stop": "the link in a mail, which works without logging in; choose_notices does the same",
+    "race_course": "draws the map of a form that is being filled in; it changes nothing",
+    "reward_lab": "draws a map of a reward function along a drive; it changes nothing",
+    "season_new": "an admin's form",
+    "set_language": "of a browser: a program sends Accept-Language",
+    "theme": "of a browser",
+    "webhook_remove": "not yet",
+    "webhook_test": "not yet",
+    "webhooks": "not yet",
+}
+
+
+def pages(below: URLResolver, prefix: str = "") -> Iterator[tuple[str, set[str]]]:
+    """Name and parameters of every page outside the API and the admin site."""
+    for one in below.url_patterns:
+        path = prefix + str(one.pattern)
+        if path.startswith(("admin/", "api/")):
+            continue
+        if isinstance(one, URLResolver):
+            yield from pages(one, path)
+        elif isinstance(one, URLPattern):
+            yield one.name, {*one.pattern.converters, *one.pattern.regex.groupindex}
+
+
+def takes_a_post(client: Client, name: str, parameters: set[str]) -> bool:
+    """Whether a POST by somebody who may do everything is met by anything but "405: this page is only read"."""
+    given = {one: "json" if one == "form" else "1" for one in parameters}
+    return client.post(reverse(name, kwargs=given)).status_code != 405
+
+
+@pytest.fixture
+def written(sam) -> set[str]:
+    """The pages that take a POST, asked one by one."""
+    found = set()
+    for name, parameters in pages(get_resolver()):
+        client = Client(raise_request_exception=False)
+        client.force_login(sam, backend="django.contrib.auth.backends.ModelBackend")
+        if takes_a_post(client, name, parameters):
+            found.add(name)
+    return found
+
+
+def test_every_page_that_changes_something_has_its_operation_or_a_reason_why_not(written):
+    assert written - SAME.keys() - ONLY_ON_PAGES.keys() == set(), "neither an operation nor an exception"
+    assert (SAME.keys() | ONLY_ON_PAGES.keys()) - written == set(), "no page that takes a POST"
+    assert SAME.keys() & ONLY_ON_PAGES.keys() == set()
+
+
+def test_the_operations_that_are_named_exist_and_write():
+    schema = SchemaGenerator().get_schema(request=None, public=True)
+    writing = {
+        operation["operationId"]
+        for methods in schema["paths"].values()
+        for method, operation in methods.items()
+        if method in WRITES
+    }
+    assert set().union(*SAME.values()) - writing == set()
