@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import zoneinfo
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Any
 
@@ -14,28 +14,20 @@ from django.utils import timezone
 from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import RaceRules
 from faults import UserFault
 from races.errors import RaceRefused, problem
-from races.fields import SecondsField
 from races.models import RankingMethod
 from tracks.forms import add_fault
 from tracks.models import Direction, Track
 
 from .calendars import zone_names
-from .models import Season, Stage, StageRules
+from .models import Season, StageRules
 from .models.season import RESERVED_SLUGS
-from .services.template import MonthPlan, SeasonPlan
+from .round_form import Change, read_changes, values_of
+from .services.template import MonthPlan, SeasonPlan, Turning
+from .stage_fields import BOTS, BOXES, DUELS, RULES, STAGES, TURNS, named, stage_fields, stage_plan
 
-STAGES = (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)
-RULES = ("ranking_method", "laps", "minimum_laps", "off_track_penalty_ms", "max_submissions")
-# Newcomers' cars may leave the road; a finale asks for more, and lets one try less often.
-PROPOSALS: dict[str, tuple[Any, ...]] = {
-    Stage.OPEN: (RankingMethod.AVERAGE, RaceRules.laps, RaceRules.laps, RaceRules.off_track_penalty_ms, 50),
-    Stage.PRO: (RankingMethod.AVERAGE, 5, 3, 5000, 50),
-    Stage.FINALE: (RankingMethod.TOTAL, 3, 3, 5000, 10),
-    Stage.CHAMPIONSHIP: (RankingMethod.TOTAL, 5, 5, 5000, 10),
-}
+MONTHS_AT_MOST = 12
 DEFAULT_POINTS = "25, 18, 15, 12, 10, 8, 6, 4, 2, 1"
 
 
@@ -52,11 +44,19 @@ class PointsField(forms.CharField):
 
 
 class SeasonForm(forms.Form):
-    """Year, tracks by month, ranking and limits by stage, and the numbers of the season."""
+    """First month, tracks by month, race types and rules by stage, and the numbers of the season.
+
+    ``changes``: what single races have instead, as :mod:`league.round_form` writes it; ``seen``: the digest of the
+    races that the last preview showed.
+    """
 
     name = forms.CharField(label=_("Name"), max_length=40, help_text=_("Such as: Season 2027."))
     slug = forms.SlugField(label=_("Address"), max_length=40, help_text=_("In links: /seasons/2027/."))
     year = forms.IntegerField(label=_("Year"), min_value=2000, max_value=2200)
+    first_month = forms.TypedChoiceField(
+        label=_("First month"), choices=[(number, MONTHS[number]) for number in MONTHS], coerce=int, initial=1
+    )
+    turning = forms.ChoiceField(label=_("Direction"), choices=Turning.choices, initial=Turning.CCW)
     zone = forms.ChoiceField(
         label=_("Time zone"), help_text=_("Races open and close at midnight of this zone, at the first of a month.")
     )
@@ -98,6 +98,8 @@ class SeasonForm(forms.Form):
     prizes = forms.CharField(
         label=_("Prizes"), required=False, max_length=4000, widget=forms.Textarea(attrs={"rows": 3})
     )
+    changes = forms.CharField(required=False, widget=forms.HiddenInput)
+    seen = forms.CharField(required=False, widget=forms.HiddenInput)
 
     OF_A_SEASON = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst", "steward_hours")
 
@@ -111,48 +113,57 @@ class SeasonForm(forms.Form):
         for name, value in {"year": year, "slug": str(year), "name": f"Season {year}"}.items():
             self.fields[name].initial = value
         slugs = list(self.tracks) or [""]
-        for month in range(1, 13):
-            self._month_fields(month, choices, slugs)
+        first = self._first_month()
+        for place in range(1, MONTHS_AT_MOST + 1):
+            self._month_fields(place, MONTHS[(first + place - 2) % 12 + 1], choices, slugs)
         for stage in STAGES:
-            self._stage_fields(stage)
+            self.fields |= stage_fields(stage)
 
     def clean(self) -> dict[str, Any]:
         """Hold the numbers against the season's and the stages' own rules, each refusal on its field."""
         cleaned = super().clean()
         self._check(Season(), {name: name for name in self.OF_A_SEASON}, cleaned)
         for stage in STAGES:
-            self._check(StageRules(stage=stage), {name: f"{stage.name.lower()}_{name}" for name in RULES}, cleaned)
-        if not any(cleaned.get(f"open_{month}") for month in range(1, 13)):
+            self._check(StageRules(stage=stage), {name: named(stage, name) for name in RULES}, cleaned)
+        if not any(cleaned.get(f"open_{month}") for month in range(1, MONTHS_AT_MOST + 1)):
             self.add_error(None, problem("season_without_races"))
         slug = cleaned.get("slug")
         if slug and (slug in RESERVED_SLUGS or Season.objects.filter(slug=slug).exists()):
             self.add_error("slug", problem("season_exists", season=slug))
         return cleaned
 
-    def plan(self) -> SeasonPlan:
-        """What the valid form says."""
+    def plan(self, now: datetime, changes: Mapping[str, Change] | None = None) -> SeasonPlan:
+        """What the valid form says; with ``changes`` of single races instead of those that came with the form."""
         data = self.cleaned_data
+        zone = zoneinfo.ZoneInfo(data["zone"])
+        changes = self.round_changes() if changes is None else changes
         months = [
             MonthPlan(
-                month,
-                self.tracks[data[f"open_{month}"]],
-                self.tracks.get(data[f"pro_{month}"]),
-                data[f"direction_{month}"],
+                data["first_month"] + place - 1,
+                self.tracks[data[f"open_{place}"]],
+                self.tracks.get(data[f"pro_{place}"]),
+                data[f"direction_{place}"],
             )
-            for month in range(1, 13)
-            if data[f"open_{month}"]
+            for place in range(1, MONTHS_AT_MOST + 1)
+            if data[f"open_{place}"]
         ]
         times = ("finale_day", "finale_hour", "finale_hours", "championship_days", "championship_hours")
         return SeasonPlan(
             slug=data["slug"],
             name=data["name"],
             year=data["year"],
-            zone=zoneinfo.ZoneInfo(data["zone"]),
+            zone=zone,
             months=months,
-            rules={stage: {name: data[f"{stage.name.lower()}_{name}"] for name in RULES} for stage in STAGES},
+            turning=Turning(data["turning"]),
+            stages={stage: stage_plan(stage, data) for stage in STAGES},
             settings={name: data[name] for name in (*self.OF_A_SEASON, "prizes")},
+            changes=values_of(changes, zone, now),
             **{name: data[name] for name in times},
         )
+
+    def round_changes(self) -> dict[str, Change]:
+        """What single races have instead of their pattern, by key."""
+        return read_changes(self.cleaned_data["changes"])
 
     def show(self, refused: UserFault | ValidationError) -> None:
         """Show above the form what the season or one of its races was refused for."""
@@ -165,42 +176,40 @@ class SeasonForm(forms.Form):
 
     def month_rows(self) -> Iterator[tuple[str, Any, Any, Any]]:
         """Name of the month and its three fields."""
-        for month in range(1, 13):
-            yield MONTHS[month], self[f"open_{month}"], self[f"pro_{month}"], self[f"direction_{month}"]
+        first = self._first_month()
+        for place in range(1, MONTHS_AT_MOST + 1):
+            month = MONTHS[(first + place - 2) % 12 + 1]
+            yield month, self[f"open_{place}"], self[f"pro_{place}"], self[f"direction_{place}"]
 
-    def stage_rows(self) -> Iterator[tuple[str, list]]:
-        """Stage and its fields in the order of RULES."""
+    def stage_groups(self) -> Iterator[dict[str, Any]]:
+        """Each stage with its fields: ``turns``, ``boxes``, ``bots``, ``duels``, ``sensors`` and ``rules``; ``wrong``:
+        whether one of them has errors."""
         for stage in STAGES:
-            yield stage.label, [self[f"{stage.name.lower()}_{name}"] for name in RULES]
+            group = {"turns": TURNS, "boxes": BOXES, "bots": BOTS, "duels": DUELS, "rules": RULES}
+            shown = {part: [self[named(stage, name)] for name in names] for part, names in group.items()}
+            sensors = self[named(stage, "sensors")]
+            wrong = any(field.errors for fields in (*shown.values(), [sensors]) for field in fields)
+            yield {"stage": stage, "sensors": sensors, "wrong": wrong, **shown}
 
-    def _month_fields(self, month: int, choices: list[tuple[str, str]], slugs: list[str]) -> None:
+    def _first_month(self) -> int:
+        """The first month as chosen, January where nothing sensible is."""
+        value = str(self["first_month"].value() if self.is_bound else self.initial.get("first_month", 1))
+        return int(value) if value.isascii() and value.isdecimal() and 1 <= int(value) <= 12 else 1
+
+    def _month_fields(self, place: int, month: str, choices: list[tuple[str, str]], slugs: list[str]) -> None:
         nothing = [("", _("no race"))]
-        name = MONTHS[month]
-        self.fields[f"open_{month}"] = forms.ChoiceField(
-            label=_("Open race"), required=False, choices=nothing + choices, initial=slugs[(month - 1) % len(slugs)]
+        self.fields[f"open_{place}"] = forms.ChoiceField(
+            label=_("Open race"), required=False, choices=nothing + choices, initial=slugs[(place - 1) % len(slugs)]
         )
-        self.fields[f"pro_{month}"] = forms.ChoiceField(
-            label=_("Pro race and finale"), required=False, choices=nothing + choices, initial=slugs[month % len(slugs)]
+        self.fields[f"pro_{place}"] = forms.ChoiceField(
+            label=_("Pro race and finale"), required=False, choices=nothing + choices, initial=slugs[place % len(slugs)]
         )
-        self.fields[f"direction_{month}"] = forms.ChoiceField(
-            label=_("Direction"), choices=Direction.choices, initial=Direction.CCW
+        self.fields[f"direction_{place}"] = forms.ChoiceField(
+            label=_("Direction"), required=False, choices=[("", _("as the season")), *Direction.choices]
         )
         for kind in ("open", "pro", "direction"):
-            shown = self.fields[f"{kind}_{month}"]
-            shown.widget.attrs["aria-label"] = _("%(month)s: %(field)s") % {"month": name, "field": shown.label}
-
-    def _stage_fields(self, stage: Stage) -> None:
-        made = (
-            forms.ChoiceField(label=_("Ranked by"), choices=RankingMethod.choices),
-            forms.IntegerField(label=_("Laps driven"), min_value=1, max_value=20),
-            forms.IntegerField(label=_("Laps in a row"), min_value=1, max_value=20),
-            SecondsField(label=_("Penalty in seconds"), min_value=0, max_value=60),
-            forms.IntegerField(label=_("Submissions"), min_value=1, max_value=1000),
-        )
-        for name, shown, initial in zip(RULES, made, PROPOSALS[stage], strict=True):
-            shown.initial = initial
-            shown.widget.attrs["aria-label"] = _("%(stage)s: %(field)s") % {"stage": stage.label, "field": shown.label}
-            self.fields[f"{stage.name.lower()}_{name}"] = shown
+            shown = self.fields[f"{kind}_{place}"]
+            shown.widget.attrs["aria-label"] = _("%(month)s: %(field)s") % {"month": month, "field": shown.label}
 
     def _check(self, row: Season | StageRules, names: dict[str, str], cleaned: dict[str, Any]) -> None:
         for name, shown in names.items():

@@ -1,33 +1,125 @@
-"""A whole season from one form: twelve months of open and pro races with their finales, and a championship."""
+"""A whole season from one form: up to twelve months of open and pro races with their finales, and a championship."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from django.db import transaction
+from django.core.exceptions import ValidationError
+from django.db import models, transaction
 from django.utils.dates import MONTHS
+from django.utils.translation import gettext_lazy as _
 
 from faults import UserFault
-from races.models import Race
+from races.errors import RaceRefused
+from races.models import Kind, Opponents, Race, RaceType
 from races.services.races import free_slug
-from tracks.models import Track
+from races.validation import COURSE_FIELDS
+from tracks.models import Direction, Track
 
 from ..models import Season, Stage
+from ..models.season import DIVISION_OF
 from .seasons import create_season, schedule_round, set_stage_rules
+
+WORDS = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale", Stage.CHAMPIONSHIP: "championship"}
+# What a finale takes over from its pro race where nothing else is said.
+_ON_THE_TRACK = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")
+
+
+class Turn(models.TextChoices):
+    """What is raced when it is a race type's turn; head-to-head is against bots or of cars against cars."""
+
+    TIME_TRIAL = "time_trial", _("time trial")
+    BOXES = "object_avoidance", _("object avoidance")
+    BOTS = "bots", _("head-to-head against bots")
+    MODELS = "models", _("head-to-head, car against car")
+
+
+_TURNS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    Turn.TIME_TRIAL: ({"race_type": RaceType.TIME_TRIAL}, ()),
+    Turn.BOXES: ({"race_type": RaceType.OBJECT_AVOIDANCE}, ("random_boxes", "box_distance_m")),
+    Turn.BOTS: (
+        {"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.BOTS},
+        ("bots", "bot_speed_mps", "bot_lane_changes"),
+    ),
+    Turn.MODELS: (
+        {"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.MODELS},
+        ("duel_format", "duel_cars"),
+    ),
+}
+
+
+class Turning(models.TextChoices):
+    """Which way round the months are driven."""
+
+    CCW = "ccw", _("all counterclockwise")
+    CW = "cw", _("all clockwise")
+    ALTERNATING = "alternating", _("the other way round every month")
+    HALVES = "halves", _("the second half the other way round")
+
+    def of(self, number: int, months: int) -> str:
+        """The direction of month ``number`` (from 1) of so many."""
+        turned = {
+            Turning.CCW: False,
+            Turning.CW: True,
+            Turning.ALTERNATING: number % 2 == 0,
+            Turning.HALVES: number > (months + 1) // 2,
+        }[self]
+        return Direction.CW if turned else Direction.CCW
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """How the races of a stage are driven.
+
+    ``turns``: what they are one after the other, again from the first when all had their turn; none: what stands and
+    drives on the track is as in the pro race of the same month. ``layout``: how many boxes, bots and so on, whenever it
+    is their turn (fields of a race). ``sensors``: what is offered; ``rules``: fields of StageRules.
+    """
+
+    turns: Sequence[str] = (Turn.TIME_TRIAL,)
+    layout: Mapping[str, Any] = field(default_factory=dict)
+    sensors: Sequence[str] | None = None
+    rules: Mapping[str, Any] = field(default_factory=dict)
+
+    def fields_of(self, place: int) -> dict[str, Any]:
+        """What the race at this place (from 0) of the stage is, as fields of a race."""
+        sensors = {} if self.sensors is None else {"sensors": list(self.sensors)}
+        if not self.turns:
+            return sensors
+        fields, numbers = _TURNS[self.turns[place % len(self.turns)]]
+        return sensors | fields | {name: self.layout[name] for name in numbers if name in self.layout}
 
 
 @dataclass(frozen=True)
 class MonthPlan:
-    """What is raced in a month (1 to 12). ``pro``: the pro race's and the finale's track, None for no pro races."""
+    """What is raced in a month: 1 to 12 of the season's year, 13 to 23 of the next. ``pro``: the pro race's and the
+    finale's track, None for no pro races. ``direction``: "" as the season's turning says."""
 
     month: int
     open: Track
     pro: Track | None
-    direction: str
+    direction: str = ""
+
+
+@dataclass(frozen=True)
+class RoundPlan:
+    """A race before it is made. ``key``: names it in its plan; ``month``: 1 to 12; ``race``: its fields."""
+
+    key: str
+    number: int
+    month: int
+    stage: Stage
+    slug: str
+    race: dict[str, Any]
+
+    def unsaved(self) -> Race:
+        """The race as it would be."""
+        return Race(kind=Kind.LEAGUE, division=DIVISION_OF[self.stage], **self.race)
 
 
 @dataclass(frozen=True)
@@ -37,7 +129,7 @@ class SeasonPlan:
     An open and a pro race last from the first of their month to the first of the next. A month's finale opens on day
     ``finale_day`` (1 to 28) of the next month at ``finale_hour`` (0 to 23) for ``finale_hours``; the championship opens
     ``championship_days`` after the last finale closed, for ``championship_hours``, on the last month's pro track.
-    ``rules``: fields of a race by stage; ``settings``: fields of a season.
+    ``settings``: fields of a season; ``changes``: fields that single races have instead, by the key of their round.
     """
 
     slug: str
@@ -50,12 +142,78 @@ class SeasonPlan:
     finale_hours: int = 24
     championship_days: int = 7
     championship_hours: int = 48
-    rules: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    turning: Turning = Turning.CCW
+    stages: Mapping[str, StagePlan] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def at(self, month: int, day: int = 1, hour: int = 0) -> datetime:
         """A wall-clock time of the year; month 13 is January of the next."""
         return datetime(self.year + (month - 1) // 12, (month - 1) % 12 + 1, day, hour, tzinfo=self.zone)
+
+    def rounds(self, now: datetime) -> list[RoundPlan]:
+        """All races in the order of their months, the championship last; without the months that are over at ``now``.
+
+        Raises UserFault("season_without_races") if no month is left.
+        """
+        months = [one for one in sorted(self.months, key=lambda one: one.month) if self.at(one.month + 1) > now]
+        if not months:
+            raise UserFault("season_without_races")
+        return list(self._rounds(months))
+
+    def _rounds(self, months: Sequence[MonthPlan]) -> Iterator[RoundPlan]:
+        pros: list[tuple[int, MonthPlan, RoundPlan]] = []
+        ends: list[datetime] = []
+        for number, one in enumerate(months, start=1):
+            direction = one.direction or self.turning.of(number, len(months))
+            times = {"opens_at": self.at(one.month), "closes_at": self.at(one.month + 1)}
+            base = {"direction": direction, **times}
+            yield self._round(number, one, Stage.OPEN, number - 1, base | {"track": one.open})
+            if one.pro is None:
+                continue
+            pro = self._round(number, one, Stage.PRO, len(pros), base | {"track": one.pro})
+            yield pro
+            opens = self.at(one.month + 1, self.finale_day, self.finale_hour)
+            times = {"opens_at": opens, "closes_at": opens + timedelta(hours=self.finale_hours)}
+            finale = self._round(number, one, Stage.FINALE, len(pros), _on_the_track(pro) | times)
+            yield finale
+            pros.append((number, one, pro))
+            ends.append(finale.race["closes_at"])
+        if pros:
+            _number, one, pro = pros[-1]
+            opens = max(ends) + timedelta(days=self.championship_days)
+            times = {"opens_at": opens, "closes_at": opens + timedelta(hours=self.championship_hours)}
+            yield self._round(len(months), one, Stage.CHAMPIONSHIP, 0, _on_the_track(pro) | times)
+
+    def _round(self, number: int, one: MonthPlan, stage: Stage, place: int, race: dict[str, Any]) -> RoundPlan:
+        word, month = WORDS[stage], (one.month - 1) % 12 + 1
+        plan = self.stages.get(stage, StagePlan())
+        own = plan.fields_of(place)
+        if "race_type" in own:  # nothing that its pro race has on the track; every month draws anew
+            race = {name: value for name, value in race.items() if name not in (*COURSE_FIELDS, "seed")}
+            own |= {} if own["race_type"] == RaceType.TIME_TRIAL else {"seed": number}
+        whole = stage == Stage.CHAMPIONSHIP
+        key = word if whole else f"{one.month}-{word}"
+        race = race | own | plan.rules | self.changes.get(key, {})
+        usual = f"{self.name} · {word}" if whole else f"{MONTHS[month]} {word} · {race['track'].name}"
+        race = {"name": usual[:64]} | race
+        slug = f"{self.slug}-championship" if whole else f"{self.slug}-{month:02}-{word}"
+        return RoundPlan(key, number, month, stage, slug, race)
+
+
+@dataclass(frozen=True)
+class Previewed:
+    """A race of a plan as it would be, and the sentences that say why it cannot be so."""
+
+    plan: RoundPlan
+    race: Race
+    problems: list[str]
+
+
+def digest_of(rounds: Sequence[RoundPlan]) -> str:
+    """What stands in the races of a plan, in 16 characters: another after every change."""
+    said = [(one.key, one.number, sorted((k, _plain(v)) for k, v in one.race.items())) for one in rounds]
+    return hashlib.sha256(repr(said).encode()).hexdigest()[:16]
 
 
 @transaction.atomic
@@ -65,74 +223,68 @@ def schedule_season(*, plan: SeasonPlan, now: datetime) -> tuple[Season, int]:
     Months that are over at ``now`` are left out. Raises RaceRefused, ValidationError, and UserFault
     "season_without_races" if no month is left.
     """
-    months = [one for one in sorted(plan.months, key=lambda one: one.month) if plan.at(one.month + 1) > now]
-    if not months:
-        raise UserFault("season_without_races")
-    with_pro = [one for one in months if one.pro is not None]
-    finale_ends = {one.month: _finale(plan, one)[1] for one in with_pro}
-    last = plan.at(months[-1].month + 1)
-    if with_pro:
-        opens = max(finale_ends.values()) + timedelta(days=plan.championship_days)
-        championship = opens, opens + timedelta(hours=plan.championship_hours)
-        last = max(last, championship[1])
+    rounds = plan.rounds(now)
+    season = _make_season(plan, rounds)
+    for one in rounds:
+        _schedule(season, one, now)
+    return season, len(rounds)
+
+
+def preview_season(*, plan: SeasonPlan, now: datetime) -> list[Previewed]:
+    """All races as they would be made, each tried as :func:`schedule_season` does it; nothing is made.
+
+    Raises what is wrong with the season as a whole: ValidationError, UserFault("season_without_races").
+    """
+    rounds = plan.rounds(now)
+    shown = []
+    with transaction.atomic():
+        season = _make_season(plan, rounds)
+        for one in rounds:
+            try:
+                with transaction.atomic():
+                    race, problems = _schedule(season, one, now), []
+            except (RaceRefused, ValidationError) as refused:
+                race, problems = one.unsaved(), _sentences(refused)
+            shown.append(Previewed(one, race, problems))
+        transaction.set_rollback(True)
+    return shown
+
+
+def _make_season(plan: SeasonPlan, rounds: Sequence[RoundPlan]) -> Season:
+    last = max(one.race["closes_at"] for one in rounds).astimezone(plan.zone)
     season = create_season(
         slug=plan.slug,
         name=plan.name,
-        starts_on=plan.at(months[0].month).date(),
+        starts_on=min(one.race["opens_at"] for one in rounds).astimezone(plan.zone).date(),
         ends_on=(last - timedelta(seconds=1)).date(),
         **plan.settings,
     )
-    for stage, rules in plan.rules.items():
-        set_stage_rules(season=season, stage=stage, **rules)
-    count = sum(_month(season, plan, number, one, now) for number, one in enumerate(months, start=1))
-    if with_pro:
-        final = with_pro[-1]
-        times = {"opens_at": championship[0], "closes_at": championship[1]}
-        _race(season, plan, len(months), final, Stage.CHAMPIONSHIP, final.pro, times, now)
-        count += 1
-    return season, count
+    for stage, one in plan.stages.items():
+        if one.rules:
+            set_stage_rules(season=season, stage=stage, **one.rules)
+    return season
 
 
-def _finale(plan: SeasonPlan, one: MonthPlan) -> tuple[datetime, datetime]:
-    opens = plan.at(one.month + 1, plan.finale_day, plan.finale_hour)
-    return opens, opens + timedelta(hours=plan.finale_hours)
-
-
-def _month(season: Season, plan: SeasonPlan, number: int, one: MonthPlan, now: datetime) -> int:
-    times = {"opens_at": plan.at(one.month), "closes_at": plan.at(one.month + 1)}
-    _race(season, plan, number, one, Stage.OPEN, one.open, times, now)
-    if one.pro is None:
-        return 1
-    _race(season, plan, number, one, Stage.PRO, one.pro, times, now)
-    opens, closes = _finale(plan, one)
-    _race(season, plan, number, one, Stage.FINALE, one.pro, {"opens_at": opens, "closes_at": closes}, now)
-    return 3
-
-
-WORDS = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale", Stage.CHAMPIONSHIP: "championship"}
-
-
-def _race(
-    season: Season,
-    plan: SeasonPlan,
-    number: int,
-    one: MonthPlan,
-    stage: Stage,
-    track: Track,
-    times: dict[str, datetime],
-    now: datetime,
-) -> Race:
-    word, month = WORDS[stage], str(MONTHS[one.month])
-    whole = stage == Stage.CHAMPIONSHIP
+def _schedule(season: Season, one: RoundPlan, now: datetime) -> Race:
     return schedule_round(
         season=season,
-        number=number,
-        stage=stage,
-        month=month,
+        number=one.number,
+        stage=one.stage,
+        month=str(MONTHS[one.month]),
         now=now,
-        slug=free_slug(f"{plan.slug}-championship" if whole else f"{plan.slug}-{one.month:02}-{word}"),
-        name=f"{season.name} · {word}"[:64] if whole else f"{month} {word} · {track.name}"[:64],
-        track=track,
-        direction=one.direction,
-        **times,
+        slug=free_slug(one.slug),
+        **one.race,
     ).race
+
+
+def _on_the_track(pro: RoundPlan) -> dict[str, Any]:
+    return {name: pro.race[name] for name in _ON_THE_TRACK if name in pro.race}
+
+
+def _plain(value: Any) -> str:
+    return repr(value.pk if isinstance(value, Track) else value)
+
+
+def _sentences(refused: RaceRefused | ValidationError) -> list[str]:
+    errors = refused.errors if isinstance(refused, RaceRefused) else refused
+    return list(dict.fromkeys(errors.messages))

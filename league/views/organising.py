@@ -1,39 +1,180 @@
-"""What admins do on the site itself: a whole season from one form."""
+"""What admins do on the site itself: a whole season from one form, looked at before it is made.
+
+The form goes round until it pleases: each answer shows all races as they would be, with a button beside each that opens
+it alone. What was changed there travels with the season's form; nothing is stored before *Make the season*.
+"""
 
 from __future__ import annotations
+
+import json
 
 from django.contrib import messages
 from django.contrib.admin.models import ADDITION
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import PermissionDenied, ValidationError
-from django.http import HttpRequest, HttpResponse
+from django.core.exceptions import BadRequest, PermissionDenied, ValidationError
+from django.http import HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import redirect, render
 from django.utils import timezone
+from django.utils.dates import MONTHS
+from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from django.views.decorators.http import require_http_methods
 
 from faults import UserFault
+from league.round_form import RoundForm, change_of, is_sent, write_changes
 from league.season_form import SeasonForm
-from league.services.template import schedule_season
+from league.services.template import Previewed, RoundPlan, digest_of, preview_season, schedule_season
 from races.audit import log
+from races.course_form import preview as course_of
+
+_BUTTONS = ("csrfmiddlewaretoken", "do", "round", "season")
 
 
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def season_new(request: HttpRequest) -> HttpResponse:
-    """Make a season and schedule all its races; for admins who may add seasons."""
+    """Plan a season, look at it, change single races of it, and make it; for admins who may add seasons."""
     if not request.user.has_perm("league.add_season"):
         raise PermissionDenied
+    if request.method != "POST":
+        return render(request, "league/season_form.html", {"form": SeasonForm(now=timezone.now())})
+    do, _colon, key = request.POST.get("do", "").partition(":")
+    if "round" in request.POST:
+        return _change(request, do)
+    data = request.POST.copy()
+    for name in _BUTTONS:
+        data.pop(name, None)
+    if do == "change":
+        return _show_round(request, data, key)
+    return _make(request, data) if do == "make" else _show_plan(request, data)
+
+
+def _make(request: HttpRequest, data: QueryDict) -> HttpResponse:
+    """Make the season, if it is the one that was looked at."""
     now = timezone.now()
-    form = SeasonForm(request.POST or None, now=now)
-    if request.method == "POST" and form.is_valid():
-        try:
-            season, count = schedule_season(plan=form.plan(), now=now)
-        except (UserFault, ValidationError) as refused:
-            form.show(refused)
-        else:
-            log(request.user, season, ADDITION, f"Made from the template with {count} races")
-            told = ngettext("The season is made: %d race.", "The season is made: %d races.", count) % count
-            messages.success(request, told)
-            return redirect(season)
+    form = SeasonForm(data, now=now)
+    if not form.is_valid():
+        return _show_form(request, form)
+    plan = form.plan(now)
+    try:
+        if form.cleaned_data["seen"] != digest_of(plan.rounds(now)):
+            note = _("The season has changed since you looked at it. This is what it would be now.")
+            return _show_plan(request, data, note if form.cleaned_data["seen"] else "")
+        season, count = schedule_season(plan=plan, now=now)
+    except (UserFault, ValidationError):
+        return _show_plan(request, data)
+    log(request.user, season, ADDITION, f"Made from the template with {count} races")
+    told = ngettext("The season is made: %d race.", "The season is made: %d races.", count) % count
+    messages.success(request, told)
+    return redirect(season)
+
+
+def _show_form(request: HttpRequest, form: SeasonForm) -> HttpResponse:
     return render(request, "league/season_form.html", {"form": form}, status=422 if form.errors else 200)
+
+
+def _show_plan(request: HttpRequest, data: QueryDict, note: str = "") -> HttpResponse:
+    """The form again, below all races as they would be and what is wrong with them."""
+    now = timezone.now()
+    form = SeasonForm(data, now=now)
+    if not form.is_valid():
+        return _show_form(request, form)
+    try:
+        shown = preview_season(plan=form.plan(now), now=now)
+    except (UserFault, ValidationError) as refused:
+        form.show(refused)
+        return _show_form(request, form)
+    data = data.copy()
+    data["seen"] = digest_of([one.plan for one in shown])
+    form = SeasonForm(data, now=now)
+    form.is_valid()
+    for sentence in dict.fromkeys(problem for one in shown for problem in one.problems):
+        form.add_error(None, sentence)
+    changes = form.round_changes()
+    context = {"form": form, "rounds": _by_month(shown), "count": len(shown), "changed": set(changes), "note": note}
+    return render(request, "league/season_form.html", context, status=422 if form.errors else 200)
+
+
+def _by_month(shown: list[Previewed]) -> list[tuple[str, list[Previewed]]]:
+    months: dict[tuple[int, bool], list[Previewed]] = {}
+    for one in shown:
+        months.setdefault((one.plan.number, one.plan.key == "championship"), []).append(one)
+    return [
+        (_("Championship") if final else str(MONTHS[races[0].plan.month]), races)
+        for (_number, final), races in months.items()
+    ]
+
+
+def _show_round(request: HttpRequest, data: QueryDict, key: str) -> HttpResponse:
+    """One race of the plan in a form of its own."""
+    now = timezone.now()
+    season = SeasonForm(data, now=now)
+    if not season.is_valid():
+        return _show_form(request, season)
+    plan = season.plan(now)
+    try:
+        round_ = _find(plan.rounds(now), key)
+    except UserFault:
+        round_ = None
+    if round_ is None:
+        return _show_plan(request, data)
+    form = RoundForm(race=round_.unsaved(), zone=plan.zone, now=now)
+    return _render_round(request, data, round_, form, submitted=False)
+
+
+def _change(request: HttpRequest, do: str) -> HttpResponse:
+    """Take over what the form of one race says, or let the pattern decide about it again."""
+    now = timezone.now()
+    key, data = request.POST["round"], _season_data(request.POST.get("season", ""))
+    season = SeasonForm(data, now=now)
+    if not season.is_valid():
+        return _show_form(request, season)
+    changes = season.round_changes()
+    others = {name: change for name, change in changes.items() if name != key}
+    plan = season.plan(now, others)
+    try:
+        pattern = _find(plan.rounds(now), key)
+    except UserFault:
+        pattern = None
+    if do == "keep" and pattern is not None:
+        form = RoundForm(request.POST, race=pattern.unsaved(), zone=plan.zone, now=now)
+        if form.is_valid():
+            for sentence in course_of(form, submitted=True).problems:
+                form.add_error(None, sentence)
+        if form.errors:
+            return _render_round(request, data, pattern, form, submitted=True)
+        change = change_of(form, pattern)
+        data["changes"] = write_changes(others | ({} if change is None else {key: change}))
+    elif do == "pattern":
+        data["changes"] = write_changes(others)
+    return _show_plan(request, data)
+
+
+def _render_round(
+    request: HttpRequest, data: QueryDict, round_: RoundPlan, form: RoundForm, *, submitted: bool
+) -> HttpResponse:
+    context = {
+        "form": form,
+        "round": round_,
+        "course": course_of(form, submitted=submitted),
+        "season": json.dumps(dict(data.lists())),
+    }
+    return render(request, "league/season_round_form.html", context, status=422 if form.errors else 200)
+
+
+def _find(rounds: list[RoundPlan], key: str) -> RoundPlan | None:
+    return next((one for one in rounds if one.key == key), None)
+
+
+def _season_data(text: str) -> QueryDict:
+    """The season's form as it travelled with the form of a race. Raises BadRequest for what no page of ours sent."""
+    try:
+        sent = json.loads(text)
+    except (ValueError, RecursionError):
+        sent = None
+    if not is_sent(sent):
+        raise BadRequest("no season")
+    data = QueryDict(mutable=True)
+    for name, values in sent.items():
+        data.setlist(name, values)
+    return data

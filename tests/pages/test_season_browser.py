@@ -82,9 +82,20 @@ def test_a_racer_is_promoted_qualifies_wins_a_finale_and_stands_in_the_hall_of_f
     office.get_by_role("link", name="New season").click()
     office.get_by_label("Cars in a finale").fill("3")
     office.get_by_label("Places in the championship from each finale").fill("2")
+    for stage, first in (("pro", "time_trial"), ("championship", "time_trial")):  # the car sees no boxes
+        office.locator(f"[name={stage}_turn_1]").select_option(first)
+    office.locator("[name=pro_turn_2]").select_option("")
+    office.get_by_role("button", name="Look at the season").click()
+    playwright.expect(office.get_by_role("heading", name="37 races as they would be")).to_be_visible()
+    office.locator("[data-round='2-open']").get_by_role("button", name="Change").click()
+    office.get_by_label("Submissions for each racer").fill("20")
+    office.get_by_role("button", name="Change this race").click()
+    playwright.expect(office.locator("[data-round='2-open'] .tag")).to_have_text("changed")
+    assert not Season.objects.exists(), "nothing is made before it was looked at"
     office.get_by_role("button", name="Make the season").click()
     playwright.expect(office.get_by_text("The season is made: 37 races.")).to_be_visible()
     season = Season.objects.get()
+    assert season.rounds.get(number=2, stage=Stage.OPEN).race.max_submissions == 20
     race = {
         stage: season.rounds.get(number=number, stage=stage).race
         for number, stage in ((1, Stage.OPEN), (2, Stage.PRO), (2, Stage.FINALE), (12, Stage.CHAMPIONSHIP))

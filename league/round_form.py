@@ -1,0 +1,111 @@
+"""One race of a season that is being planned: the form that changes it, and how the changes travel with the plan.
+
+They travel in a field of the season's form, as JSON: for each race that differs from the pattern what its form sent and
+which fields of the race differ. What comes back is held against this form again, whoever wrote it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+from zoneinfo import ZoneInfo
+
+from django.utils import timezone
+from django.utils.datastructures import MultiValueDict
+
+from races.forms import RaceForm
+from races.models import Race
+from races.validation import COURSE_FIELDS
+
+from .services.template import RoundPlan
+
+# What stands on the track is one thing: of a pattern of bots and a change to boxes nothing mixed comes out.
+_TOGETHER = ("race_type", *COURSE_FIELDS)
+MOST_CHARACTERS = 200_000
+_NOT_OF_THE_RACE = ("csrfmiddlewaretoken", "season", "round", "do")
+
+
+class RoundForm(RaceForm):
+    """A race of a planned season: all that a community race's form has but who may join, in the season's time zone."""
+
+    visibility = None
+    description = None
+    edition = None
+    time_zone = None
+
+    def __init__(self, *args: Any, zone: ZoneInfo, **kwargs: Any) -> None:
+        with timezone.override(zone):
+            super().__init__(*args, **kwargs)
+        self.zone = zone
+        for name in ("opens_at", "closes_at"):  # as typed: pages convert what has a zone to the site's
+            self.initial[name] = self.initial[name].astimezone(zone).replace(tzinfo=None)
+            self.fields[name].widget.attrs.pop("data-utc", None)
+
+    def full_clean(self) -> None:
+        """Moments are read as the wall clock of the season's zone."""
+        with timezone.override(self.zone):
+            super().full_clean()
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a race has instead of its pattern. ``data``: what the race's form sent; ``fields``: those that differ."""
+
+    data: Mapping[str, list[str]]
+    fields: tuple[str, ...]
+
+    def form(self, zone: ZoneInfo, now: datetime, race: Race | None = None) -> RoundForm:
+        """The form as it was sent."""
+        return RoundForm(MultiValueDict(dict(self.data)), race=race, zone=zone, now=now)
+
+
+def read_changes(text: str) -> dict[str, Change]:
+    """The changes that travelled with a plan, by the key of their round; what makes no sense is left out."""
+    try:
+        told = json.loads(text) if text and len(text) <= MOST_CHARACTERS else {}
+    except (ValueError, RecursionError):
+        told = {}
+    changes = {}
+    for key, one in told.items() if isinstance(told, dict) else ():
+        data, fields = (one.get("data"), one.get("fields")) if isinstance(one, dict) else (None, None)
+        if is_sent(data) and isinstance(fields, list) and all(isinstance(name, str) for name in fields):
+            changes[key] = Change(data, tuple(fields))
+    return changes
+
+
+def write_changes(changes: Mapping[str, Change]) -> str:
+    """The changes as they travel with a plan."""
+    told = {key: {"data": dict(one.data), "fields": list(one.fields)} for key, one in sorted(changes.items())}
+    return json.dumps(told) if told else ""
+
+
+def values_of(changes: Mapping[str, Change], zone: ZoneInfo, now: datetime) -> dict[str, dict[str, Any]]:
+    """The fields that single races have instead of their pattern, by key. What the form refuses is left out."""
+    values = {}
+    for key, one in changes.items():
+        form = one.form(zone, now)
+        if form.is_valid():
+            said = form.changes()
+            values[key] = {name: said[name] for name in one.fields if name in said}
+    return values
+
+
+def change_of(form: RoundForm, pattern: RoundPlan) -> Change | None:
+    """What a valid form makes of a race that would be ``pattern`` otherwise; None where that is the same."""
+    said, race = form.changes(), pattern.unsaved()
+    fields = [name for name, value in said.items() if getattr(race, name) != value]
+    if set(fields) & set(_TOGETHER):
+        fields += [name for name in _TOGETHER if name in said and name not in fields]
+    if not fields:
+        return None
+    return Change({name: form.data.getlist(name) for name in form.data if name not in _NOT_OF_THE_RACE}, tuple(fields))
+
+
+def is_sent(data: object) -> bool:
+    """Whether this is what a form may send: texts by name."""
+    return isinstance(data, dict) and all(
+        isinstance(values, list) and all(isinstance(one, str) for one in values) for values in data.values()
+    )
