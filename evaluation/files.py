@@ -5,12 +5,23 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
-from django.http import HttpResponse, HttpResponseBase
+from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
 from faults import PlatformFault
 
-from .models import TrainedModel
+from .archive import Part, part_of, zipped
+from .models import CarResult, Evaluation, TrainedModel
+from .robomaker import METADATA, settings_lines, trace_lines
+from .selectors import can_see_model
+from .services.results import read_trace
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
 
 
 def package_of(model: TrainedModel) -> bytes:
@@ -34,6 +45,31 @@ def package_of(model: TrainedModel) -> bytes:
 def download_of(model: TrainedModel) -> HttpResponse:
     """The package as a download that is named after the model."""
     return as_download(HttpResponse(package_of(model), content_type="application/zip"), f"{model.name}.zip")
+
+
+def logs_of(evaluation: Evaluation, racer: Racer | AnonymousUser) -> HttpResponseBase:
+    """All files of a finished evaluation as one zip, laid out as the field's tools look for them. What its car can do
+    (``model_metadata.json``) is in it for whoever may see the model. Raises PlatformFault ``storage_failed``."""
+    metadata = evaluation.spec["metadata"] if can_see_model(racer, evaluation.model) else None
+    cars = [(evaluation.result, ""), *((rival, f"-car{rival.number}") for rival in evaluation.result.rivals.all())]
+    traces = [read_trace(car) for car, _ in cars]  # before the first byte is sent: a failure can still be told
+    parts = _log_parts(evaluation, [(*car, trace) for car, trace in zip(cars, traces, strict=True)], metadata)
+    response = StreamingHttpResponse(zipped(parts), content_type="application/zip")
+    return as_download(response, f"{evaluation.public_id}-logs.zip")
+
+
+def _log_parts(
+    evaluation: Evaluation, cars: list[tuple[CarResult, str, bytes]], metadata: dict[str, Any] | None
+) -> Iterator[Part]:
+    stamp = f"{evaluation.ended_at:%Y%m%d%H%M%S}-{evaluation.public_id}"
+    for car, suffix, trace in cars:
+        name, own = f"{stamp}{suffix}", None if suffix else metadata
+        yield part_of(f"sim-trace/evaluation/{name}/evaluation-simtrace/0-iteration.csv", [trace])
+        yield part_of(f"metrics/evaluation/evaluation-{name}.json", [json.dumps(car.metrics, indent=1).encode()])
+        head = settings_lines(evaluation.track.slug, metadata=own)
+        yield part_of(f"logs/evaluation/{name}-simulation.log", [head, *trace_lines([trace])])
+    if metadata is not None:
+        yield part_of(METADATA, [json.dumps(metadata, indent=1).encode()])
 
 
 def as_download(response: HttpResponseBase, name: str) -> HttpResponseBase:

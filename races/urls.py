@@ -34,6 +34,7 @@ urlpatterns = [
     path("evaluations/<str:public_id>/replay.json", evaluations.evaluation_replay, name="evaluation_replay"),
     path("evaluations/<str:public_id>/trace.csv", evaluations.evaluation_trace, name="evaluation_trace"),
     path("evaluations/<str:public_id>/metrics.json", evaluations.evaluation_metrics, name="evaluation_metrics"),
+    path("evaluations/<str:public_id>/logs.zip", evaluations.evaluation_logs, name="evaluation_logs"),
     path("evaluations/<str:public_id>/video/", videos.evaluation_video, name="evaluation_video"),
     path("videos/<str:public_id>/live/", videos.video_live, name="video_live"),
     path("videos/<str:public_id>/stop/", videos.video_stop, name="video_stop"),

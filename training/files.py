@@ -10,7 +10,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from .archive import Part, part_of, part_of_gzip, zipped
+from evaluation.archive import Part, part_of, part_of_gzip, zipped
+from evaluation.robomaker import HYPERPARAMETERS, METADATA, settings_lines, trace_lines
+
 from .models import BestMetric, TrainingIteration, TrainingJob
 
 VERSION = 2.0
@@ -93,22 +95,35 @@ def sb3_of(job: TrainingJob) -> bytes | None:
 
 def logs_zip(job: TrainingJob) -> Iterator[bytes]:
     """Everything that was written down, as a zip in pieces: metrics, the newest sim-traces, the log, and what the
-    training was made of. Names are those of the console, as deepracer-utils looks for them."""
+    training was made of. Laid out as the console's, so that deepracer-utils reads the unpacked folder."""
     return zipped(_parts(job))
 
 
 def _parts(job: TrainingJob) -> Iterator[Part]:
     yield part_of("metrics/training/training-metrics.json", metrics_json(job))
-    yield part_of(f"logs/training/{job.name}-robomaker.log", [job.log.encode()])
     yield part_of("reward_function.py", [job.reward_code.encode()])
-    yield part_of("model_metadata.json", [json.dumps(job.metadata, indent=1).encode()])
-    yield part_of("hyperparameters.json", [json.dumps(job.hyperparameters, indent=1).encode()])
-    traces = job.iterations.exclude(simtrace="").order_by("number").only("number", "simtrace", "job_id")
-    for iteration in traces:
-        name = f"sim-trace/training/training-simtrace/{iteration.number - 1}-iteration.csv"
+    yield part_of(METADATA, [json.dumps(job.metadata, indent=1).encode()])
+    yield part_of(HYPERPARAMETERS, [json.dumps(job.hyperparameters, indent=1).encode()])
+    for number, packed in _traces(job):
+        yield part_of_gzip(f"sim-trace/training/training-simtrace/{number - 1}-iteration.csv", packed)
+    yield part_of(f"logs/training/{job.name}-robomaker.log", _log(job))
+
+
+def _log(job: TrainingJob) -> Iterator[bytes]:
+    """The log as the console's: what was set, what the training said, every step of the sim-traces that are kept."""
+    yield settings_lines(job.track.slug, job.hyperparameters, job.metadata)
+    yield job.log.encode()
+    if job.log and not job.log.endswith("\n"):
+        yield b"\n"
+    yield from trace_lines(gzip.decompress(packed) for _, packed in _traces(job))
+
+
+def _traces(job: TrainingJob) -> Iterator[tuple[int, bytes]]:
+    """Number and gzip of each iteration's sim-trace that is kept, one at a time."""
+    for iteration in job.iterations.exclude(simtrace="").order_by("number").only("number", "simtrace", "job_id"):
         try:
             with iteration.simtrace.open("rb") as file:
                 packed = file.read()
         except OSError:  # cleared away in this very moment
             continue
-        yield part_of_gzip(name, packed)
+        yield iteration.number, packed

@@ -48,6 +48,7 @@ version_1 = [
     path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
     path("evaluations/<slug:public_id>/course/", evaluations.CourseView.as_view(), name="api-course"),
+    path("evaluations/<slug:public_id>/logs/", evaluations.LogsView.as_view(), name="api-evaluation-logs"),
     path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),
     path("evaluations/<slug:public_id>/videos/", videos.VideosView.as_view(), name="api-videos"),
     path("videos/<slug:public_id>/", videos.VideoView.as_view(), name="api-video"),

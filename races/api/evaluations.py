@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from django.http import HttpResponse
+from django.http import HttpResponse, HttpResponseBase
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from drf_spectacular.types import OpenApiTypes
@@ -16,6 +16,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
@@ -344,6 +345,25 @@ class TraceView(FileView):
         car, suffix = _car(request, public_id)
         headers = _as_file(f"{public_id}{suffix}-sim-trace.csv")
         return HttpResponse(read_trace(car), content_type="text/csv; charset=utf-8", headers=headers)
+
+
+class LogsView(FileView):
+    """All files in one."""
+
+    permission_classes = [AllowAny]
+
+    @extend_schema(
+        operation_id="download_evaluation_logs",
+        summary="All files of a finished evaluation as one zip",
+        description=(
+            "Sim-trace, metrics and simulation log of every car, laid out as deepracer-utils looks for them; "
+            "model_metadata.json too where you may see the model."
+        ),
+        responses={(200, "application/zip"): OpenApiTypes.BINARY},
+        tags=["evaluations"],
+    )
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
+        return logs_of(_result(request, public_id).evaluation, request.user)
 
 
 def _result(request: Request, public_id: str) -> Result:

@@ -6,13 +6,14 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from django.contrib.auth.decorators import login_required
-from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
 from django.views.decorators.http import require_POST, require_safe
 
+from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
@@ -105,6 +106,13 @@ def evaluation_metrics(request: HttpRequest, public_id: str) -> HttpResponse:
     response = JsonResponse(result.metrics, json_dumps_params={"indent": 1})
     response["Content-Disposition"] = f'attachment; filename="{shown.public_id}{suffix}-metrics.json"'
     return response
+
+
+@require_safe
+def evaluation_logs(request: HttpRequest, public_id: str) -> HttpResponseBase:
+    """Traces, metrics and log of all cars of the run in one zip, as the community's tools read it."""
+    shown, _ = _finished(request, public_id)
+    return logs_of(shown, request.user)
 
 
 def _finished(request: HttpRequest, public_id: str) -> tuple[Evaluation, Result]:

@@ -28,7 +28,8 @@ from training.vehicles import save_vehicle
 # Addresses that show no page of their own: files, parts of pages, and what is only written to.
 NO_PAGES = {
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
-    *("evaluation_live", "evaluation_metrics", "evaluation_replay", "evaluation_stop", "evaluation_trace"),
+    *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
+    "evaluation_trace",
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_package", "model_sensors", "model_share"),
     *("notice_open", "notices_read", "race_course", "race_draw", "race_invitation_reset", "race_live"),
     *("race_racer_restore", "reward_validate", "season_calendar_file", "season_now", "set_language"),

@@ -5,15 +5,19 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import re
 import zipfile
+from functools import partial
 
 import pytest
+from deepracer.logs import AnalysisUtils, DeepRacerLog
 from deepracer.logs.metrics import TrainingMetrics
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
+from evaluation.archive import part_of, part_of_gzip, zipped
+from tests.evaluation.stubs import trace_csv
 from tests.training.jobs import REWARD, a_training
-from training.archive import part_of, part_of_gzip, zipped
 from training.files import logs_zip, metrics_json, training_metrics
 from training.models import TrainingIteration, TrainingJob
 
@@ -102,7 +106,8 @@ class TestTheFilesOfATraining:
         with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
             assert archive.testzip() is None
             assert archive.read("reward_function.py").decode() == REWARD
-            assert archive.read("logs/training/first-robomaker.log").decode() == "한 줄\n"
+            log = archive.read("logs/training/first-robomaker.log").decode()
+            assert "한 줄\n" in log and " * /WORLD_NAME: oval\n" in log
             traces = [name for name in archive.namelist() if name.startswith("sim-trace/")]
             assert [name[-15:] for name in traces] == ["0-iteration.csv", "2-iteration.csv"]
             assert archive.read(traces[1]) == b"3\n"
@@ -116,3 +121,59 @@ class TestTheFilesOfATraining:
         training = table.getTraining()
         assert list(training["reward"]) == [2, 2, 2] and list(training["completion"]) == [20, 20, 20]
         assert len(table.getEvaluation()) == 2
+
+    @pytest.fixture
+    def unpacked(self, job, tmp_path):
+        """The folder that somebody unpacks; three iterations with traces as they are driven."""
+        for iteration in job.iterations.order_by("number"):
+            csv = trace_csv(laps=4, steps=6, salt=iteration.number)
+            csv = re.sub(rb"^([0-9]+),([0-9]+),", partial(_counted, iteration.number), csv, flags=re.MULTILINE)
+            with default_storage.open(iteration.simtrace.name, "wb") as file:
+                file.write(gzip.compress(csv))
+        with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
+            archive.extractall(tmp_path)
+        return tmp_path
+
+    def test_the_communitys_reader_loads_the_unpacked_folder_as_the_consoles(self, job, unpacked):
+        log = DeepRacerLog(str(unpacked))
+        log.load()
+        # the first cells of the community's notebook Training_analysis
+        frame = log.dataframe()
+        assert len(frame) == 3 * 4 * 6
+        assert frame["episode"].tolist() == sorted(frame["episode"].tolist())
+        assert log.hyperparameters() == job.hyperparameters
+        assert log.action_space() == job.action_space
+        assert log.agent_and_network() == {
+            "world": "oval",
+            "sensor_list": job.sensors,
+            "network": job.neural_network,
+            "simapp_version": "5",
+        }
+        table = AnalysisUtils.simulation_agg(frame)
+        assert table["steps"].tolist() == [6] * 12
+        AnalysisUtils.analyze_training_progress(table, title="Training progress")
+
+    def test_its_traces_alone_are_read_as_well(self, job, unpacked):
+        log = DeepRacerLog(str(unpacked))
+        log.load_training_trace()
+        assert sorted(log.dataframe()["iteration"].unique()) == [0, 1, 2]
+        assert log.hyperparameters() == job.hyperparameters
+        assert log.agent_and_network()["sensor_list"] == job.sensors
+
+    def test_a_continuous_car_and_a_log_without_its_last_line_end_are_read(self, job, unpacked, tmp_path):
+        ranges = {"steering_angle": {"low": -30.0, "high": 30.0}, "speed": {"low": 0.5, "high": 2.0}}
+        TrainingJob.objects.filter(pk=job.pk).update(
+            action_space_type="continuous", action_space=ranges, log="cut off in the mid"
+        )
+        job.refresh_from_db()
+        with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
+            archive.extractall(tmp_path / "again")
+        log = DeepRacerLog(str(tmp_path / "again"))
+        log.load()
+        assert log.action_space() == ranges
+        assert len(log.dataframe()) == 3 * 4 * 6
+
+
+def _counted(number: int, row: re.Match) -> bytes:
+    """Episodes go on from iteration to iteration, and steps are floats, as the trainer writes them."""
+    return b"%d,%d.0," % (int(row[1]) + 4 * (number - 1), int(row[2]))

@@ -83,6 +83,10 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
     traces.load_training_trace()
     assert sorted(traces.df["iteration"].unique()) == list(range(job.iterations.count()))
     assert traces.df["episode"].nunique() > 10
+    whole = DeepRacerLog(str(tmp_path))
+    whole.load()
+    assert len(whole.df) == len(traces.df)
+    assert whole.hyperparameters() == job.hyperparameters
 
     from stable_baselines3 import PPO
 
