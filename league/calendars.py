@@ -10,6 +10,8 @@ from functools import lru_cache
 from django.conf import settings
 from icalendar import Calendar, Event
 
+from races.names import named
+
 from .models import Round, Season
 
 REFRESH = timedelta(hours=6)
@@ -32,7 +34,7 @@ def season_calendar(season: Season, *, address: Callable[[str], str]) -> bytes:
     calendar.add("version", "2.0")
     calendar.add("calscale", "GREGORIAN")
     calendar.add("method", "PUBLISH")
-    calendar.add("x-wr-calname", season.name)
+    calendar.add("x-wr-calname", named(season.name))
     calendar.add("refresh-interval", REFRESH, parameters={"value": "DURATION"})
     rounds = season.rounds.select_related("race__track").order_by("race__opens_at", "pk")
     for one in rounds:
@@ -48,7 +50,7 @@ def _event(round_: Round, address: Callable[[str], str]) -> Event:
     event.add("dtstamp", _utc(race.cancelled_at or race.created_at))
     event.add("dtstart", _utc(race.opens_at))
     event.add("dtend", _utc(race.closes_at))
-    event.add("summary", race.name)
+    event.add("summary", named(race.name))
     event.add("location", race.track.name)
     event.add("url", address(race.get_absolute_url()))
     event.add("categories", [str(round_.get_stage_display())])

@@ -10,6 +10,8 @@ from typing import Any
 from django.utils.feedgenerator import Atom1Feed
 from django.utils.translation import gettext as _
 
+from races.names import named
+
 from .models import Season
 from .selectors.overview import STANDINGS_OF, divisions_with_points, standings_table
 from .selectors.seasons import Month
@@ -69,9 +71,9 @@ def standings_feed(season: Season, rows: Sequence[Mapping[str, Any]], *, address
     """The first ten of each division's racers; an entry is new when somebody's points have changed."""
     page = f"{season.get_absolute_url()}standings/"
     feed = Atom1Feed(
-        title=_("Standings of %(season)s") % {"season": season.name},
+        title=_("Standings of %(season)s") % {"season": named(season.name)},
         link=address(page),
-        description=season.name,
+        description=named(season.name),
         feed_url=address(f"{season.get_absolute_url()}standings.atom"),
     )
     latest = season.rounds.filter(closed_at__isnull=False).order_by("-closed_at").first()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from races.names import named
+
 from .models import Notice, NoticeKind
 
 SENTENCES = {
@@ -33,7 +35,11 @@ def sentence(notice: Notice) -> str:
     said = _(SENTENCES[NoticeKind(notice.kind)])
     if notice.kind == NoticeKind.DISQUALIFIED and "until" in notice.params:
         said = f"{said} {_(APPEAL_UNTIL if notice.params['until'] else APPEAL)}"
-    return said % _Params(notice.params)
+    names = {key: named(notice.params[key]) for key in _NAMES if isinstance(notice.params.get(key), str)}
+    return said % _Params({**notice.params, **names})
+
+
+_NAMES = ("race", "season", "month")
 
 
 class _Params(dict):

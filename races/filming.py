@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
+from django.utils import translation
 
 from evaluation.models import Evaluation, State
 from evaluation.services.results import read_course, read_trace
@@ -18,6 +19,7 @@ from faults import UserFault
 from .cars import CarRow, car_rows
 from .honours import race_of_marks
 from .models import WHOLE, Race, Video
+from .names import named, names_track
 
 if TYPE_CHECKING:
     from evaluation.film import Scene
@@ -78,7 +80,7 @@ class FilmedRun:
         track = self.evaluation.track
         return [
             FORMAT,
-            *self._titles,
+            *self._titles("en"),
             track.fingerprint,
             self._direction,
             *(
@@ -102,7 +104,7 @@ class FilmedRun:
         from evaluation.film import FilmedCar, Scene, Words
 
         evaluation = self.evaluation
-        title, subtitle = self._titles
+        title, subtitle = self._titles(language)
         marked = race_of_marks(evaluation)
         return Scene(
             track=evaluation.track.geometry.in_direction(self._direction),
@@ -131,10 +133,13 @@ class FilmedRun:
     def _direction(self) -> str:
         return self.evaluation.spec["rules"].get("direction", "ccw")
 
-    @property
-    def _titles(self) -> tuple[str, str]:
+    def _titles(self, language: str) -> tuple[str, str]:
         track = self.evaluation.track.name
-        return (self.race.name, track) if self.race else (track, "")
+        if self.race is None:
+            return track, ""
+        with translation.override(language):
+            name = named(self.race.name)
+        return name, "" if names_track(self.race.name, track) else track
 
 
 def race_of(evaluation: Evaluation) -> Race | None:

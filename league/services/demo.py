@@ -12,6 +12,7 @@ from django.db import transaction
 from django.utils import timezone
 
 from races.models import DuelFormat, Opponents, RaceType, RankingMethod
+from races.names import house_text as _
 from races.sensors import OFFERABLE
 from races.services import create_community_race
 from races.services.races import add_months
@@ -153,8 +154,8 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
         (
             12,
             {
-                "name": "First laps on the oval",
-                "description": "The place for a first car: a short track, one complete lap is enough.",
+                "name": _("First laps on the oval"),
+                "description": _("The place for a first car: a short track, one complete lap is enough."),
                 "track": tracks["oval"],
                 "ranking_method": RankingMethod.BEST,
                 "laps": 3,
@@ -165,8 +166,8 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
         (
             3,
             {
-                "name": "Turnpike three laps",
-                "description": "Three laps, all of them count: a race for cars that stay on the road.",
+                "name": _("Turnpike three laps"),
+                "description": _("Three laps, all of them count: a race for cars that stay on the road."),
                 "track": tracks["baja-turnpike"],
                 "ranking_method": RankingMethod.TOTAL,
                 "laps": 3,
@@ -177,8 +178,8 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
         (
             2,
             {
-                "name": "No second chance",
-                "description": "The first fault ends the run. The best two laps in a row count, out of ten.",
+                "name": _("No second chance"),
+                "description": _("The first fault ends the run. The best two laps in a row count, out of ten."),
                 "track": tracks["cosmic-loop"],
                 "ranking_method": RankingMethod.AVERAGE,
                 "laps": 10,
@@ -190,8 +191,10 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
         (
             12,
             {
-                "name": "Boxes on the oval",
-                "description": "Three boxes stand in the way. One complete lap is enough; a crash costs three seconds.",
+                "name": _("Boxes on the oval"),
+                "description": _(
+                    "Three boxes stand in the way. One complete lap is enough; a crash costs three seconds."
+                ),
                 "track": tracks["oval"],
                 "race_type": RaceType.OBJECT_AVOIDANCE,
                 "boxes": [
@@ -210,8 +213,8 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
         (
             3,
             {
-                "name": "Traffic on the loop",
-                "description": "Four bots at a walking pace, and they change lanes. Overtake without touching them.",
+                "name": _("Traffic on the loop"),
+                "description": _("Four bots at a walking pace, and they change lanes. Overtake without touching them."),
                 "track": tracks["cosmic-loop"],
                 "race_type": RaceType.HEAD_TO_HEAD,
                 "opponents": Opponents.BOTS,
@@ -228,9 +231,11 @@ def _community_races(tracks: dict[str, Track], now: datetime) -> None:
         (
             1,
             {
-                "name": "Duels on the turnpike",
-                "description": "Qualify alone; when the race has closed, the best cars meet two at a time, everybody "
-                "against everybody.",
+                "name": _("Duels on the turnpike"),
+                "description": _(
+                    "Qualify alone; when the race has closed, the best cars meet two at a time, everybody against "
+                    "everybody."
+                ),
                 "track": tracks["baja-turnpike"],
                 "race_type": RaceType.HEAD_TO_HEAD,
                 "opponents": Opponents.MODELS,

@@ -31,6 +31,7 @@ from league.selectors.overview import (
 )
 from league.selectors.racers import racer_shown
 from races.models import Division, Race, RaceState
+from races.names import named
 from races.ranking import RULES, order_rule
 
 ROWS = 50
@@ -177,7 +178,7 @@ def season_racer(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
         return redirect("season_racer", shown.slug, racer.alias, permanent=True)
     rows = racer_season(shown, racer)
     points = [
-        ChartPoint(row.rank, row.round.stage, str(row.round.number), f"{row.round.race.name}: {row.rank}")
+        ChartPoint(row.rank, row.round.stage, str(row.round.number), f"{named(row.round.race.name)}: {row.rank}")
         for row in rows
         if row.rank is not None
     ]

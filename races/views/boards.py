@@ -12,6 +12,7 @@ from races.badge import badge
 from races.exports import board_data, csv_lines
 from races.facts import score_words
 from races.models import Race, Visibility
+from races.names import named
 from races.selectors import board, podiums, whole_board
 
 from .common import visible_race
@@ -38,7 +39,7 @@ def board_atom(request: HttpRequest, slug: str) -> HttpResponse:
     race = visible_race(request, slug)
     address = request.build_absolute_uri(race.get_absolute_url())
     feed = Atom1Feed(
-        title=_("Board of %(race)s") % {"race": race.name},
+        title=_("Board of %(race)s") % {"race": named(race.name)},
         link=address,
         description=race.track.name,
         feed_url=request.build_absolute_uri(),
@@ -67,7 +68,7 @@ def board_badge(request: HttpRequest, slug: str) -> HttpResponse:
     race = visible_race(request, slug)
     alias = request.GET.get("racer", "")
     value = _rank_words(race, alias) if alias else _leader_words(race)
-    image = badge(race.name, value or _("nobody classified"), good=bool(value))
+    image = badge(named(race.name), value or _("nobody classified"), good=bool(value))
     return _cached(HttpResponse(image, content_type="image/svg+xml"), race)
 
 

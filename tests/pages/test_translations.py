@@ -60,6 +60,14 @@ def test_every_message_is_translated_and_none_is_a_guess() -> None:
     assert not [msgid for flags, msgid, _, _ in entries if "fuzzy" in flags]
 
 
+def test_korean_has_one_word_for_each_thing() -> None:
+    """A race is 레이스, to train is 훈련 and to learn 배우기; 학습 stays where the field's own terms have it."""
+    lessons = [path.read_text() for path in (CHECKOUT / "training" / "templates" / "lessons" / "ko").iterdir()]
+    for text in [*(text for _, _, _, text in messages()), *lessons]:
+        assert "경주" not in text
+        assert "학습" not in re.sub("강화 학습|기계 학습|지도 학습|학습률", "", text), text
+
+
 def test_every_translation_keeps_the_placeholders() -> None:
     wrong = [
         msgid

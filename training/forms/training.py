@@ -17,6 +17,7 @@ from faults import UserFault
 from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
 from races.models import Opponents, Race, RaceType
+from races.names import named, names_track
 from races.selectors import racing_now
 from races.selectors.offers import likest_first
 from tracks.forms import add_fault
@@ -184,7 +185,9 @@ class TrainingForm(HyperparametersForm, CourseForm):
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
         self.fields["clone"].offer(owner, self["clone"].value())
         self.fields["submit_to_race"].queryset = likest_first(racing_now(now, owner), self._course())
-        self.fields["submit_to_race"].label_from_instance = lambda race: f"{race.name} · {race.track.name}"
+        self.fields["submit_to_race"].label_from_instance = lambda race: (
+            named(race.name) if names_track(race.name, race.track.name) else f"{named(race.name)} · {race.track.name}"
+        )
 
     def _course(self) -> Course:
         """Where it will learn, as far as the form says: races like that are offered first."""

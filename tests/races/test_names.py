@@ -1,0 +1,48 @@
+"""Names that the house gives are shown in the reader's language; everybody else's stay as they are."""
+
+from __future__ import annotations
+
+import pytest
+from django.utils import translation
+
+from league.models import Round, Season
+from league.services import open_demo_season
+from races.models import Kind, Race
+from races.names import named, names_track
+
+
+@pytest.mark.django_db
+def test_all_that_a_fresh_installation_names_is_korean_for_who_reads_korean(now):
+    open_demo_season(now=now)
+    texts = [race.description for race in Race.objects.filter(kind=Kind.COMMUNITY)]
+    texts += [race.name for race in Race.objects.all()]
+    texts += [season.name for season in Season.objects.all()] + [round_.name for round_ in Round.objects.all()]
+    with translation.override("ko"):
+        english = [text for text in texts if text and named(text) == text]
+    assert len(texts) > 70 and not english
+    assert [named(text) for text in texts] == texts
+
+
+@pytest.mark.parametrize(
+    ("name", "korean"),
+    [
+        ("November · Kuei Raceway", "11월 · Kuei Raceway"),
+        ("November pro · Cosmic Circuit", "11월 프로 · Cosmic Circuit"),
+        ("March finale · A · B", "3월 결승 · A · B"),
+        ("Season 2026-27", "2026-27 시즌"),
+        ("Season 2027 · championship", "2027 시즌 · 챔피언십"),
+        ("November rain", "November rain"),
+        ("Races", "Races"),
+        ("First laps on the oval and beyond", "First laps on the oval and beyond"),
+        ("", ""),
+    ],
+)
+def test_a_name_is_put_together_from_its_parts(name, korean):
+    with translation.override("ko"):
+        assert named(name) == korean
+    assert named(name) == name
+
+
+def test_a_name_that_says_the_track_needs_it_not_said_again():
+    assert names_track("December · Cosmic Loop", "Cosmic Loop")
+    assert not names_track("No second chance", "Cosmic Loop")
