@@ -64,6 +64,105 @@ CHAMPIONSHIP_TYPE: dict[str, Any] = {
     "duel_cars": 2,
 }
 
+# The house's own races: for how many months, and what.
+COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
+    (
+        12,
+        {
+            "name": _("First laps on the oval"),
+            "description": _("The place for a first car: a short track, one complete lap is enough."),
+            "track": "oval",
+            "ranking_method": RankingMethod.BEST,
+            "laps": 3,
+            "minimum_laps": 1,
+            "off_track_penalty_ms": 2000,
+        },
+    ),
+    (
+        3,
+        {
+            "name": _("Turnpike three laps"),
+            "description": _("Three laps, all of them count: a race for cars that stay on the road."),
+            "track": "baja-turnpike",
+            "ranking_method": RankingMethod.TOTAL,
+            "laps": 3,
+            "minimum_laps": 3,
+            "direction": Direction.CW,
+        },
+    ),
+    (
+        2,
+        {
+            "name": _("No second chance"),
+            "description": _("The first fault ends the run. The best two laps in a row count, out of ten."),
+            "track": "cosmic-loop",
+            "ranking_method": RankingMethod.AVERAGE,
+            "laps": 10,
+            "minimum_laps": 2,
+            "max_resets": 0,
+            "max_simulated_ms": 900_000,
+        },
+    ),
+    (
+        12,
+        {
+            "name": _("Boxes on the oval"),
+            "description": _("Three boxes stand in the way. One complete lap is enough; a crash costs three seconds."),
+            "track": "oval",
+            "race_type": RaceType.OBJECT_AVOIDANCE,
+            "boxes": [
+                {"fraction": 0.2, "lane": "outer"},
+                {"fraction": 0.5, "lane": "inner"},
+                {"fraction": 0.8, "lane": "outer"},
+            ],
+            "collision_penalty_ms": 3000,
+            "ranking_method": RankingMethod.BEST,
+            "laps": 3,
+            "minimum_laps": 1,
+            "max_simulated_ms": 360_000,
+            "sensors": list(OFFERABLE),
+        },
+    ),
+    (
+        3,
+        {
+            "name": _("Traffic on the loop"),
+            "description": _("Four bots at a walking pace, and they change lanes. Overtake without touching them."),
+            "track": "cosmic-loop",
+            "race_type": RaceType.HEAD_TO_HEAD,
+            "opponents": Opponents.BOTS,
+            "bots": 4,
+            "bot_speed_mps": 1.0,
+            "bot_lane_changes": True,
+            "ranking_method": RankingMethod.AVERAGE,
+            "laps": 3,
+            "minimum_laps": 2,
+            "max_simulated_ms": 360_000,
+            "sensors": list(OFFERABLE),
+        },
+    ),
+    (
+        1,
+        {
+            "name": _("Duels on the turnpike"),
+            "description": _(
+                "Qualify alone; when the race has closed, the best cars meet two at a time, everybody against "
+                "everybody."
+            ),
+            "track": "baja-turnpike",
+            "race_type": RaceType.HEAD_TO_HEAD,
+            "opponents": Opponents.MODELS,
+            "duel_format": DuelFormat.ROUND_ROBIN,
+            "duel_cars": 2,
+            "ranking_method": RankingMethod.BEST,
+            "laps": 3,
+            "minimum_laps": 1,
+            "max_simulated_ms": 360_000,
+            "sensors": list(OFFERABLE),
+        },
+    ),
+)
+
 
 @transaction.atomic
 def open_demo_season(*, now: datetime) -> Season:
@@ -150,106 +249,9 @@ def _schedule(
 
 def _community_races(tracks: dict[str, Track], now: datetime) -> None:
     organiser = house_racer(name="paddock", display_name=ORGANISER, now=now)
-    for months, race in (
-        (
-            12,
-            {
-                "name": _("First laps on the oval"),
-                "description": _("The place for a first car: a short track, one complete lap is enough."),
-                "track": tracks["oval"],
-                "ranking_method": RankingMethod.BEST,
-                "laps": 3,
-                "minimum_laps": 1,
-                "off_track_penalty_ms": 2000,
-            },
-        ),
-        (
-            3,
-            {
-                "name": _("Turnpike three laps"),
-                "description": _("Three laps, all of them count: a race for cars that stay on the road."),
-                "track": tracks["baja-turnpike"],
-                "ranking_method": RankingMethod.TOTAL,
-                "laps": 3,
-                "minimum_laps": 3,
-                "direction": Direction.CW,
-            },
-        ),
-        (
-            2,
-            {
-                "name": _("No second chance"),
-                "description": _("The first fault ends the run. The best two laps in a row count, out of ten."),
-                "track": tracks["cosmic-loop"],
-                "ranking_method": RankingMethod.AVERAGE,
-                "laps": 10,
-                "minimum_laps": 2,
-                "max_resets": 0,
-                "max_simulated_ms": 900_000,
-            },
-        ),
-        (
-            12,
-            {
-                "name": _("Boxes on the oval"),
-                "description": _(
-                    "Three boxes stand in the way. One complete lap is enough; a crash costs three seconds."
-                ),
-                "track": tracks["oval"],
-                "race_type": RaceType.OBJECT_AVOIDANCE,
-                "boxes": [
-                    {"fraction": 0.2, "lane": "outer"},
-                    {"fraction": 0.5, "lane": "inner"},
-                    {"fraction": 0.8, "lane": "outer"},
-                ],
-                "collision_penalty_ms": 3000,
-                "ranking_method": RankingMethod.BEST,
-                "laps": 3,
-                "minimum_laps": 1,
-                "max_simulated_ms": 360_000,
-                "sensors": list(OFFERABLE),
-            },
-        ),
-        (
-            3,
-            {
-                "name": _("Traffic on the loop"),
-                "description": _("Four bots at a walking pace, and they change lanes. Overtake without touching them."),
-                "track": tracks["cosmic-loop"],
-                "race_type": RaceType.HEAD_TO_HEAD,
-                "opponents": Opponents.BOTS,
-                "bots": 4,
-                "bot_speed_mps": 1.0,
-                "bot_lane_changes": True,
-                "ranking_method": RankingMethod.AVERAGE,
-                "laps": 3,
-                "minimum_laps": 2,
-                "max_simulated_ms": 360_000,
-                "sensors": list(OFFERABLE),
-            },
-        ),
-        (
-            1,
-            {
-                "name": _("Duels on the turnpike"),
-                "description": _(
-                    "Qualify alone; when the race has closed, the best cars meet two at a time, everybody against "
-                    "everybody."
-                ),
-                "track": tracks["baja-turnpike"],
-                "race_type": RaceType.HEAD_TO_HEAD,
-                "opponents": Opponents.MODELS,
-                "duel_format": DuelFormat.ROUND_ROBIN,
-                "duel_cars": 2,
-                "ranking_method": RankingMethod.BEST,
-                "laps": 3,
-                "minimum_laps": 1,
-                "max_simulated_ms": 360_000,
-                "sensors": list(OFFERABLE),
-            },
-        ),
-    ):
-        create_community_race(organiser=organiser, now=now, opens_at=now, closes_at=add_months(now, months), **race)
+    for months, race in COMMUNITY_RACES:
+        wanted = race | {"track": tracks[race["track"]]}
+        create_community_race(organiser=organiser, now=now, opens_at=now, closes_at=add_months(now, months), **wanted)
 
 
 def _start_of_month(now: datetime) -> datetime:
