@@ -24,7 +24,7 @@ from .names import named, names_track
 if TYPE_CHECKING:
     from evaluation.film import Scene
 
-FORMAT = 1  # raise it whenever the picture changes: videos of another format are made anew
+FORMAT = 2  # raise it whenever the picture changes: videos of another format are made anew
 
 
 @dataclass(frozen=True)
