@@ -285,6 +285,7 @@ DEFAULT_FROM_EMAIL = env_sender("PADDOCK_FROM_EMAIL", "paddock@localhost")
 # --- languages and time --------------------------------------------------------------------------------------------
 LANGUAGE_CODE = "en"
 LANGUAGES = [("en", _("English")), ("ko", _("Korean"))]
+FORMAT_MODULE_PATH = ["league.formats"]
 LOCALE_PATHS = [BASE_DIR / "locale"]
 TIME_ZONE = env_time_zone("PADDOCK_TIME_ZONE", "UTC")
 USE_TZ = True

@@ -170,7 +170,8 @@ class Panel:
         room = round(_TITLE_W * unit - 2 * pad)
         title = shortened(take.scene.title, 20 * unit, True, room)
         subtitle = shortened(take.scene.subtitle, 14 * unit, False, room)
-        high = 64 * unit + (12 * unit + len(take.actors) * _ROW_H * unit if several else 0)
+        high = (64 if several or subtitle else 42) * unit
+        high += (12 + len(take.actors) * _ROW_H) * unit if several else 0
         card = Sticker.card(round(_TITLE_W * unit), round(high), 10 * unit, palette.SURFACE, palette.LINE)
         used = write(card.pixels, title, pad, 9 * unit, 20 * unit, palette.TEXT, palette.SURFACE, bold=True)
         used = max(used, write(card.pixels, subtitle, pad, 36 * unit, 14 * unit, palette.MUTED, palette.SURFACE))

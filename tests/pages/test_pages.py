@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime
 
 import pytest
+from django.utils import translation
+from django.utils.formats import date_format, localize
 
+from league.templatetags import paddock
 from tests.pages.conftest import VIEWERS, World
 
 ALL = dict.fromkeys(VIEWERS, 200)
@@ -204,3 +208,12 @@ def test_a_racer_who_is_switched_off_is_not_shown(world: World) -> None:
     world.bob.is_active = False
     world.bob.save()
     assert world.client("alice").get("/racers/bob/").status_code == 404
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_date_is_written_in_one_style_on_pages_and_in_the_admin(language: str) -> None:
+    moment = datetime(2026, 3, 9, 8, 5, tzinfo=UTC)
+    with translation.override(language):
+        assert date_format(moment, "DATETIME_FORMAT") == "2026-03-09 08:05"
+        assert date_format(moment, "DATE_FORMAT") == localize(moment.date()) == "2026-03-09"
+        assert ">2026-03-09 08:05 UTC<" in paddock.moment(moment)
