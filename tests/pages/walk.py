@@ -36,8 +36,9 @@ NO_PAGES = {
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_test"),
-    # allauth's, which lead elsewhere unless something has just happened
+    # which lead elsewhere unless something has just happened
     *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
+    "sign_up_invitation",
 }
 
 
@@ -114,11 +115,12 @@ def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str
             *("/seasons/", at, f"{at}standings/", f"{at}finales/", f"{at}rules/", f"{at}calendar/"),
             *(f"{at}racers/alice/", "/hall-of-fame/", "/racers/alice/", "/racers/house-steady/", "/notices/"),
             *("/settings/", "/settings/notices/", "/settings/webhooks/", "/settings/tokens/", "/accounts/email/"),
+            "/settings/usage/",
             *("/accounts/password/change/", "/accounts/logout/"),
         ],
         "bob": [f"/evaluations/{runs['running']}/"],
         "newcomer": ["/", "/models/", "/train/", "/vehicles/", "/notices/", "/races/open-race/", "/racers/newcomer/"],
-        "admin": ["/", "/seasons/new/", "/races/open-race/"],
+        "admin": ["/", "/seasons/new/", "/races/open-race/", "/usage/"],
     }
 
 
