@@ -121,7 +121,7 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded(f"reset cars {np.flatnonzero(waiting).tolist()}: their episodes are over")
         decoded = self._decoded(actions, waiting)
         for number, action in decoded.items():
-            self._drives[number].command(action)
+            self._drives[number].take(action)
         if not waiting.all():
             self._world.step()
         # Whose episode is over begins anew only now: a car at its start must not move on with the others.

@@ -103,8 +103,12 @@ class Drive:
             return Action(*actions.actions[index], index)
         return actions.decode(_pair(action), self.car.referee.step + 1)
 
-    def command(self, action: Action) -> None:
-        """Take an action (see :meth:`decode`); the world must then move on by one step."""
+    def command(self, action: Any) -> None:
+        """Take an action of the action space; the world must then move on by one step. Raises as :meth:`decode`."""
+        self.take(self.decode(action))
+
+    def take(self, action: Action) -> None:
+        """The same for an action that is decoded."""
         assert self._stage is not None, "no episode has begun"
         self._stage.command((action,))
 

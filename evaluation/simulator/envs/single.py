@@ -63,7 +63,7 @@ class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         if self._drive.car.done:
             raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
-        self._drive.command(self._drive.decode(action))
+        self._drive.command(action)
         self._drive.world.step()
         outcome = self._drive.judge()
         self._readings = self._drive.observe()
