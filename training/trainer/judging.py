@@ -125,7 +125,7 @@ class Judge:
             going = []
             for number, output in zip(live, outputs, strict=True):
                 drive = drives[number]
-                drive.command(drive.decode(self._action(output)))
+                drive.command(self._action(output))
                 drive.world.step()
                 outcome = drive.judge()
                 earned[number] += outcome.reward
