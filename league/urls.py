@@ -34,6 +34,7 @@ urlpatterns = [
     path("settings/webhooks/", webhooks.webhooks, name="webhooks"),
     path("settings/webhooks/<int:pk>/remove/", webhooks.webhook_remove, name="webhook_remove"),
     path("settings/webhooks/<int:pk>/test/", webhooks.webhook_test, name="webhook_test"),
+    path("settings/webhooks/<int:pk>/secret/", webhooks.webhook_secret, name="webhook_secret"),
     path("settings/tokens/", account.api_tokens, name="api_tokens"),
     path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
     path("favicon.ico", site.favicon, name="favicon"),

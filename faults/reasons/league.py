@@ -43,6 +43,7 @@ REASONS = table(
         "postpone_hours": _("A race is postponed by 1 to %(most)s whole hours."),
         # webhooks
         "webhook_address": _("A webhook is an http or https address without a name and password in it."),
+        "webhook_event": _("There is no event “%(event)s”. These can be told: %(known)s."),
         "webhook_private": _("%(host)s leads into a private network or to this machine. Use a public address."),
         "webhook_limit": _("You have %(limit)s webhooks, as many as you may have. Remove one first."),
         "webhook_test_limit": _(

@@ -9,7 +9,7 @@ from evaluation import api as models
 from races.api import boards, duels, entries, evaluations, races, videos
 from tracks import api as tracks
 
-from . import notices, organising, reference, seasons, views
+from . import notices, organising, reference, seasons, views, webhooks
 
 version_1 = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
@@ -21,6 +21,11 @@ version_1 = [
     path("notices/read/", notices.NoticesReadView.as_view(), name="api-notices-read"),
     path("notices/settings/", notices.NoticeSettingsView.as_view(), name="api-notice-settings"),
     path("notices/<int:number>/read/", notices.NoticeReadView.as_view(), name="api-notice-read"),
+    path("webhooks/", webhooks.WebhooksView.as_view(), name="api-webhooks"),
+    path("webhooks/<int:number>/", webhooks.WebhookView.as_view(), name="api-webhook"),
+    path("webhooks/<int:number>/secret/", webhooks.WebhookSecretView.as_view(), name="api-webhook-secret"),
+    path("webhooks/<int:number>/test/", webhooks.WebhookTestView.as_view(), name="api-webhook-test"),
+    path("webhooks/<int:number>/deliveries/", webhooks.DeliveriesView.as_view(), name="api-deliveries"),
     path("models/", models.ModelsView.as_view(), name="api-models"),
     path("models/shared/", models.SharedModelsView.as_view(), name="api-shared-models"),
     path("models/<slug:public_id>/package/", models.ModelPackageView.as_view(), name="api-model-package"),

@@ -1,4 +1,4 @@
-"""Programs of organisers that are told what happens in their races."""
+"""Programs of racers and organisers that are told what happens to their cars and in their races."""
 
 from __future__ import annotations
 
@@ -12,25 +12,38 @@ from .racer import Racer
 
 
 def new_secret() -> str:
-    """What the deliveries of a webhook are signed with (40 characters, 238 bits)."""
+    """What the deliveries of a webhook are signed with (40 letters and digits, which are Base64 of 30 bytes)."""
     return get_random_string(40)
 
 
 class Webhook(models.Model):
-    """An address that is told what happens in a race, or in all races that its owner organises (``race`` None)."""
+    """An address that is told what happens to its owner and in races that they organise, or in one ``race`` only.
+
+    ``events``: the names (:data:`league.happenings.EVENTS`) that it is told; empty for all. For a day after a new
+    secret was made the ``old_secret`` signs as well.
+    """
 
     owner = models.ForeignKey(Racer, models.CASCADE, related_name="webhooks", verbose_name=_("owner"))
     race = models.ForeignKey(
         "races.Race", models.CASCADE, null=True, blank=True, related_name="webhooks", verbose_name=_("race")
     )
     url = models.URLField(_("address"), max_length=500)
+    events = models.JSONField(_("events"), default=list, blank=True)
     secret = models.CharField(_("secret"), max_length=40, default=new_secret, editable=False)
+    old_secret = models.CharField(_("secret before"), max_length=40, blank=True, editable=False)
+    old_secret_until = models.DateTimeField(_("signs until"), null=True, blank=True, editable=False)
     created_at = models.DateTimeField(_("made"), default=timezone.now, editable=False)
 
     class Meta:
         verbose_name = _("webhook")
         verbose_name_plural = _("webhooks")
         ordering = ["pk"]
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(old_secret="", old_secret_until=None) | ~Q(old_secret="") & ~Q(old_secret_until=None),
+                name="webhook_old_secret_ends",
+            )
+        ]
 
     def __str__(self) -> str:
         return self.url

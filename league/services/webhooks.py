@@ -1,4 +1,4 @@
-"""Telling programs of organisers what happens in their races: signed, once, tried again for a while."""
+"""Telling programs of racers and organisers what happened: signed, once, tried again for a while."""
 
 from __future__ import annotations
 
@@ -9,22 +9,25 @@ import json
 import logging
 import socket
 import ssl
-from collections.abc import Iterator
+from collections.abc import Sequence
 from datetime import datetime, timedelta
-from typing import Any
 
 from django.conf import settings
 from django.core.cache import cache
 from django.db import transaction
-from django.db.models import F, Q, QuerySet
+from django.db.models import F
+from django.utils import translation
 
-from evaluation.models import Evaluation, State
 from evaluation.services.bell import send
 from faults import UserFault
-from races.models import Kind, Race
+from races.models import Entry, Race
 
-from .. import outgoing
+from .. import chats, outgoing
+from ..happenings import EVENTS, TEST, Happening, happenings
 from ..models import Racer, Webhook, WebhookDelivery
+from ..models.webhook import new_secret
+from ..signing import signed_headers
+from .notices import choice_of
 
 logger = logging.getLogger(__name__)
 REACH = timedelta(days=3)
@@ -33,10 +36,7 @@ PER_RACER = 10
 TRIES = 6  # after 1, 4, 16, 64 and 256 minutes: given up after less than six hours
 LEASE = timedelta(minutes=5)
 AT_A_TIME = 20
-OPENED, CLOSED, OFFICIAL, RESULT = "race.opened", "race.closed", "race.official", "race.result"
-EVENTS = (OPENED, CLOSED, OFFICIAL, RESULT)
-# asked for by the owner and tried once: whoever watches asks again
-TEST = "webhook.test"
+OLD_SECRET = timedelta(days=1)  # for so long the secret before signs as well
 TESTS_AN_HOUR, AN_HOUR_S = 10, 3600
 # what went wrong on the way, the first that fits; the page has a sentence for each
 _ERRORS = (
@@ -49,16 +49,37 @@ _ERRORS = (
 
 
 @transaction.atomic
-def add_webhook(*, owner: Racer, url: str, race: Race | None = None) -> Webhook:
-    """Add an address. Raises UserFault("webhook_address" | "webhook_limit" | "race_not_yours")."""
+def add_webhook(*, owner: Racer, url: str, race: Race | None = None, events: Sequence[str] = ()) -> Webhook:
+    """Add an address that is told ``events``, all of them if none is named.
+
+    Raises UserFault("webhook_address" | "webhook_event" | "webhook_limit" | "race_not_yours").
+    """
     outgoing.checked(url)
+    if unknown := sorted(set(events) - set(EVENTS)):
+        raise UserFault("webhook_event", event=unknown[0], known=", ".join(EVENTS))
     Racer.objects.select_for_update(no_key=True).get(pk=owner.pk)
     if Webhook.objects.filter(owner=owner).count() >= PER_RACER:
         raise UserFault("webhook_limit", limit=PER_RACER)
-    if race is not None and not (owner.is_staff or race.organiser_id == owner.pk):
+    if race is not None and not _may_hear_of(owner, race):
         raise UserFault("race_not_yours")
-    hook = Webhook(owner=owner, url=url, race=race)
+    named = [event for event in EVENTS if event in events]
+    hook = Webhook(owner=owner, url=url, race=race, events=[] if len(named) == len(EVENTS) else named)
     hook.save(force_insert=True)
+    return hook
+
+
+def remove_webhook(*, webhook: Webhook) -> None:
+    """Take an address away: it is told nothing more, also not what waits."""
+    webhook.delete()
+
+
+@transaction.atomic
+def change_secret(*, webhook: Webhook, now: datetime) -> Webhook:
+    """Make a new secret. For a day the one before signs as well, so that no delivery fails while a program is changed;
+    one before that signs no more."""
+    hook = Webhook.objects.select_for_update().get(pk=webhook.pk)
+    hook.old_secret, hook.old_secret_until, hook.secret = hook.secret, now + OLD_SECRET, new_secret()
+    hook.save(update_fields=["secret", "old_secret", "old_secret_until"])
     return hook
 
 
@@ -69,10 +90,10 @@ def send_test(*, webhook: Webhook, now: datetime) -> WebhookDelivery:
     """
     _count_test(webhook.owner_id)
     with transaction.atomic():
-        body = json.dumps({"event": TEST, "race": None, "data": {"url": webhook.url}}, separators=(",", ":"))
-        queued = WebhookDelivery.objects.create(
-            webhook=webhook, event=TEST, about=f"{now:%Y%m%d%H%M%S%f}", at=now, next_at=now, body=body
-        )
+        # tried once: whoever watches asks again
+        test = Happening(TEST, f"{now:%Y%m%d%H%M%S%f}", now, "/settings/webhooks/", data={"url": webhook.url})
+        queued = _delivery(webhook, test, now)
+        queued.save(force_insert=True)
         transaction.on_commit(_ring, robust=True)
     return queued
 
@@ -86,10 +107,7 @@ def queue_deliveries(*, now: datetime) -> int:
     before = queued.count()
     for hook in Webhook.objects.select_related("owner", "race").filter(owner__is_active=True):
         since = max(now - REACH, hook.created_at)
-        rows = [
-            WebhookDelivery(webhook=hook, event=event, about=about, at=now, next_at=now, body=_body(event, race, data))
-            for event, about, race, data in _events(_races_of(hook), since, now)
-        ]
+        rows = [_delivery(hook, one, now) for one in happenings(hook, since, now)]
         WebhookDelivery.objects.bulk_create(rows, ignore_conflicts=True)
     count = queued.count() - before
     WebhookDelivery.objects.filter(at__lt=now - KEPT).exclude(state="due").delete()
@@ -107,20 +125,52 @@ def deliver_due(*, now: datetime) -> int:
     return taken
 
 
+def secrets_of(hook: Webhook, now: datetime) -> list[str]:
+    """What signs at ``now``: the secret, and for a day after it was changed the one before."""
+    keeps_old = hook.old_secret_until is not None and now < hook.old_secret_until
+    return [hook.secret, hook.old_secret] if keeps_old else [hook.secret]
+
+
 def signature(secret: str, body: bytes) -> str:
-    """HMAC-SHA256 of a body as it stands in the header X-Paddock-Signature."""
+    """HMAC-SHA256 of a body as it stands in the header X-Paddock-Signature, for programs that were written for it."""
     return "sha256=" + hmac.new(secret.encode(), body, hashlib.sha256).hexdigest()
+
+
+def _may_hear_of(racer: Racer, race: Race) -> bool:
+    """Whether one may ask to be told of this race: its organiser, who is in it, and admins."""
+    if racer.is_staff or race.organiser_id == racer.pk:
+        return True
+    return Entry.objects.filter(race=race, racer=racer, withdrawn_at=None).exists()
+
+
+def _delivery(hook: Webhook, one: Happening, now: datetime) -> WebhookDelivery:
+    chat = chats.chat_of(hook.url)
+    if chat is None:
+        body = json.dumps(one.body(), separators=(",", ":"))
+    else:
+        with translation.override(choice_of(hook.owner).language):
+            body = chats.message(chat, one.words(), f"{settings.SITE_URL}{one.path}").decode()
+    return WebhookDelivery(webhook=hook, event=one.event, about=one.about, at=now, next_at=now, body=body)
+
+
+def _headers(delivery: WebhookDelivery, body: bytes, now: datetime) -> dict[str, str]:
+    hook = delivery.webhook
+    headers = {"Content-Type": "application/json", "User-Agent": "Paddock"}
+    if chats.chat_of(hook.url):
+        return headers  # a chat checks nothing
+    secrets = secrets_of(hook, now)
+    return {
+        **headers,
+        **signed_headers(secrets=secrets, message=f"msg_{delivery.pk}", now=now, body=body),
+        "X-Paddock-Event": delivery.event,
+        "X-Paddock-Delivery": str(delivery.pk),
+        "X-Paddock-Signature": signature(hook.secret, body),
+    }
 
 
 def _deliver(delivery: WebhookDelivery, now: datetime) -> bool:
     body = delivery.body.encode()
-    headers = {
-        "Content-Type": "application/json",
-        "User-Agent": "Paddock",
-        "X-Paddock-Event": delivery.event,
-        "X-Paddock-Delivery": str(delivery.pk),
-        "X-Paddock-Signature": signature(delivery.webhook.secret, body),
-    }
+    headers = _headers(delivery, body, now)
     status, error = None, ""
     try:
         status = outgoing.post(delivery.webhook.url, body, headers, allow_private=settings.WEBHOOKS_PRIVATE)
@@ -156,50 +206,3 @@ def _ring() -> None:
     from ..tasks import webhooks
 
     send(webhooks, 1)
-
-
-def _races_of(hook: Webhook) -> QuerySet[Race]:
-    """The races that a webhook may be told of, judged anew each time: who no longer organises hears no more."""
-    races = Race.objects.filter(cancelled_at=None, imported_at=None)
-    if not hook.owner.is_staff:
-        races = races.filter(organiser=hook.owner)
-    elif hook.race_id is None:
-        races = races.filter(Q(organiser=hook.owner) | Q(kind=Kind.LEAGUE))
-    return races if hook.race_id is None else races.filter(pk=hook.race_id)
-
-
-def _events(races: QuerySet[Race], since: datetime, now: datetime) -> Iterator[tuple[str, str, Race, dict[str, Any]]]:
-    for race in races.filter(opens_at__gt=since, opens_at__lte=now):
-        yield OPENED, f"{race.slug}:{race.opens_at:%Y%m%d%H%M}", race, {}
-    for race in races.filter(closes_at__gt=since, closes_at__lte=now):
-        yield CLOSED, f"{race.slug}:{race.closes_at:%Y%m%d%H%M}", race, {}
-    for race in races.filter(round__closed_at__gt=since, round__closed_at__lte=now).select_related("round"):
-        yield OFFICIAL, f"{race.slug}:{race.round.closed_at:%Y%m%d%H%M%S}", race, {}
-    ended = Evaluation.objects.filter(
-        submission__entry__race__in=races, ended_at__gt=since, ended_at__lte=now, state=State.FINISHED
-    )
-    for one in ended.select_related("submission__entry__race", "submission__entry__racer").order_by("ended_at", "pk"):
-        entry = one.submission.entry
-        data = {
-            "evaluation": one.public_id,
-            "racer": entry.racer.alias,
-            "is_best": entry.best_id == one.submission.pk,
-            "classified": entry.classified,
-            "score_ms": entry.score_ms,
-            "best_lap_ms": entry.best_lap_ms,
-        }
-        yield RESULT, one.public_id, entry.race, data
-
-
-def _body(event: str, race: Race, data: dict[str, Any]) -> str:
-    told = {
-        "event": event,
-        "race": {
-            "slug": race.slug,
-            "name": race.name,
-            "url": f"{settings.SITE_URL}{race.get_absolute_url()}",
-            "opens_at": race.opens_at.isoformat(),
-            "closes_at": race.closes_at.isoformat(),
-        },
-    }
-    return json.dumps(told | ({"data": data} if data else {}), separators=(",", ":"))

@@ -1,7 +1,9 @@
-"""Webhooks of an organiser: add, try, look at the last deliveries, remove."""
+"""A racer's webhooks: add, try, look at the last deliveries, give another secret, remove."""
 
 from __future__ import annotations
 
+from datetime import datetime
+from typing import Any
 from urllib.parse import urlsplit
 
 from django import forms
@@ -16,8 +18,19 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
 from faults import UserFault
+from league.chats import chat_of
+from league.happenings import EVENTS, LABELS, TEST
 from league.models import Webhook, WebhookDelivery
-from league.services.webhooks import EVENTS, PER_RACER, TEST, add_webhook, send_test
+from league.selectors.webhooks import deliveries_of, races_to_hear_of, webhooks_of
+from league.services.webhooks import (
+    PER_RACER,
+    add_webhook,
+    change_secret,
+    remove_webhook,
+    secrets_of,
+    send_test,
+)
+from league.signing import shown
 from races.models import Race
 from races.views.common import tell_fault
 from tracks.forms import add_fault
@@ -37,9 +50,20 @@ FAILED_FOR = {
 
 
 class WebhookForm(forms.Form):
-    """An address, and a race or all of the organiser's."""
+    """An address, what it is told, and a race or all of them."""
 
-    url = forms.URLField(label=gettext_lazy("Address"), max_length=500, assume_scheme="https")
+    url = forms.URLField(
+        label=gettext_lazy("Address"),
+        max_length=500,
+        assume_scheme="https",
+        help_text=gettext_lazy("Of a program of yours, or one that Discord or Slack gave you for a channel."),
+    )
+    events = forms.MultipleChoiceField(
+        label=gettext_lazy("Tell it when"),
+        choices=[(event, gettext_lazy(label)) for event, label in LABELS.items()],
+        initial=EVENTS,
+        widget=forms.CheckboxSelectMultiple,
+    )
     race = forms.ModelChoiceField(
         label=gettext_lazy("Race"),
         queryset=Race.objects.none(),
@@ -49,7 +73,7 @@ class WebhookForm(forms.Form):
 
     def __init__(self, *args, racer, **kwargs) -> None:
         super().__init__(*args, **kwargs)
-        self.fields["race"].queryset = Race.objects.filter(organiser=racer).order_by("-opens_at", "pk")
+        self.fields["race"].queryset = races_to_hear_of(racer)
 
 
 @login_required
@@ -60,22 +84,32 @@ def webhooks(request: HttpRequest) -> HttpResponse:
     form = WebhookForm(request.POST or None, racer=request.user)
     if request.method == "POST" and form.is_valid():
         try:
-            add_webhook(owner=request.user, url=form.cleaned_data["url"], race=form.cleaned_data["race"])
+            add_webhook(owner=request.user, **form.cleaned_data)
         except UserFault as fault:
             add_fault(form, fault)
         else:
             messages.success(request, _("The webhook is made."))
             return redirect("webhooks")
-    deliveries = WebhookDelivery.objects.filter(webhook__owner=request.user).select_related("webhook")[:SHOWN]
+    deliveries = deliveries_of(request.user)[:SHOWN]
+    now = timezone.now()
     context = {
         "form": form,
-        "hooks": Webhook.objects.filter(owner=request.user).select_related("race"),
+        "hooks": [_row(hook, now) for hook in webhooks_of(request.user)],
         "deliveries": [(one, urlsplit(one.webhook.url).hostname, _answer(one)) for one in deliveries],
         "test_waits": any(one.event == TEST and one.state == "due" for one in deliveries),
-        "events": EVENTS,
         "limit": PER_RACER,
     }
     return render(request, "league/webhooks.html", context, status=422 if form.errors else 200)
+
+
+def _row(hook: Webhook, now: datetime) -> dict[str, Any]:
+    return {
+        "hook": hook,
+        "chat": chat_of(hook.url),
+        "secret": shown(hook.secret),
+        "old_until": hook.old_secret_until if len(secrets_of(hook, now)) > 1 else None,
+        "events": hook.events or list(EVENTS),
+    }
 
 
 def _answer(delivery: WebhookDelivery) -> str:
@@ -90,7 +124,7 @@ def _answer(delivery: WebhookDelivery) -> str:
 @require_POST
 def webhook_test(request: HttpRequest, pk: int) -> HttpResponse:
     """Send a test delivery to one of the racer's webhooks: queued here, sent by the task that sends all of them."""
-    hook = get_object_or_404(Webhook, pk=pk, owner=request.user)
+    hook = get_object_or_404(webhooks_of(request.user), pk=pk)
     try:
         send_test(webhook=hook, now=timezone.now())
     except UserFault as fault:
@@ -102,8 +136,18 @@ def webhook_test(request: HttpRequest, pk: int) -> HttpResponse:
 
 @login_required
 @require_POST
+def webhook_secret(request: HttpRequest, pk: int) -> HttpResponse:
+    """Give one of the racer's webhooks another secret."""
+    hook = get_object_or_404(webhooks_of(request.user), pk=pk)
+    change_secret(webhook=hook, now=timezone.now())
+    messages.success(request, _("The webhook has a new secret. For a day the one before signs as well."))
+    return redirect("webhooks")
+
+
+@login_required
+@require_POST
 def webhook_remove(request: HttpRequest, pk: int) -> HttpResponse:
     """Take one of the racer's webhooks away."""
-    get_object_or_404(Webhook, pk=pk, owner=request.user).delete()
+    remove_webhook(webhook=get_object_or_404(webhooks_of(request.user), pk=pk))
     messages.success(request, _("The webhook is gone; it is told nothing more."))
     return redirect("webhooks")

@@ -45,6 +45,10 @@ SAME: dict[str, set[str]] = {
     "vehicle_edit": {"change_vehicle"},
     "vehicle_new": {"add_vehicle"},
     "video_stop": {"stop_video"},
+    "webhook_remove": {"remove_webhook"},
+    "webhook_secret": {"change_webhook_secret"},
+    "webhook_test": {"test_webhook"},
+    "webhooks": {"add_webhook"},
     "withdraw": {"withdraw"},
 }
 # what a program cannot do, and why that is right
@@ -66,9 +70,6 @@ ONLY_ON_PAGES: dict[str, str] = {
     "season_new": "an admin's form",
     "set_language": "of a browser: a program sends Accept-Language",
     "theme": "of a browser",
-    "webhook_remove": "not yet",
-    "webhook_test": "not yet",
-    "webhooks": "not yet",
 }
 
 

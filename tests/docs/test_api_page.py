@@ -36,7 +36,7 @@ def test_every_operation_has_its_row(routes):
 
 
 def test_no_page_names_an_operation_that_does_not_exist(routes):
-    for page in ("api.md", "organisers.md", "operators.md", "racers.md"):
+    for page in ("api.md", "organisers.md", "operators.md", "racers.md", "webhooks.md"):
         assert set(ROUTE.findall(text(page))) <= routes, page
 
 
@@ -89,6 +89,6 @@ def test_examples_of_answers_have_the_fields_of_the_schema(schema):
 
 
 def test_every_json_example_is_json():
-    for page in ("api.md", "racers.md"):
+    for page in ("api.md", "racers.md", "webhooks.md"):
         for block in code_blocks(text(page), "json"):
             json.loads(block)

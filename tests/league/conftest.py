@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
+from league.models import Webhook
+from league.services.webhooks import add_webhook
 from tests.league.histories import write_season
 from tests.league.records import FEW
+from tests.listening import Listener, listening
 
 
 @pytest.fixture(autouse=True)
@@ -18,3 +23,18 @@ def _no_broker(bell: list[dict]) -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return write_season(tmp_path / "record", FEW)
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    with listening() as made:
+        yield made
+
+
+@pytest.fixture
+def hook(db, now, alice, listener, settings) -> Webhook:
+    """Alice's webhook for all that may be told her, on a site that allows private addresses."""
+    settings.WEBHOOKS_PRIVATE = True
+    made = add_webhook(owner=alice, url=listener.url)
+    Webhook.objects.filter(pk=made.pk).update(created_at=now - timedelta(days=30))
+    return Webhook.objects.get()

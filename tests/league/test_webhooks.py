@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
-from collections.abc import Iterator
 from datetime import timedelta
-from http.server import BaseHTTPRequestHandler, HTTPServer
-from threading import Thread
 
 import pytest
 from django.core.cache import cache
@@ -17,6 +14,7 @@ from django.utils import timezone
 
 from faults import UserFault
 from league import outgoing, tasks
+from league.happenings import EVENTS
 from league.models import Stage, Webhook, WebhookDelivery
 from league.services import close_round
 from league.services.webhooks import (
@@ -40,50 +38,6 @@ PRIVATE = (
     *("::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::", "2001:db8::1"),
     *("fec0::1", "::127.0.0.1", "::ffff:0:7f00:1", "64:ff9b:1::7f00:1", "2001:0:7f00:1::", "192.0.0.1", "240.0.0.1"),
 )
-
-
-class Listener:
-    """A program of an organiser: what it heard, and how it answers."""
-
-    def __init__(self) -> None:
-        self.heard: list[tuple[dict[str, str], bytes]] = []
-        self.status = 204
-        listener = self
-
-        class Handler(BaseHTTPRequestHandler):
-            def do_POST(self) -> None:
-                body = self.rfile.read(int(self.headers["Content-Length"]))
-                listener.heard.append((dict(self.headers), body))
-                self.send_response(listener.status)
-                if listener.status == 302:
-                    self.send_header("Location", "/elsewhere")
-                self.end_headers()
-
-            def log_message(self, *args: object) -> None:
-                pass
-
-        self.server = HTTPServer(("127.0.0.1", 0), Handler)
-        self.url = f"http://127.0.0.1:{self.server.server_port}/hook?x=1"
-
-
-@pytest.fixture
-def listener() -> Iterator[Listener]:
-    made = Listener()
-    thread = Thread(target=made.server.serve_forever, kwargs={"poll_interval": 0.05})
-    thread.start()
-    yield made
-    made.server.shutdown()
-    made.server.server_close()
-    thread.join()
-
-
-@pytest.fixture
-def hook(db, now, alice, listener, settings) -> Webhook:
-    """Alice's webhook for all her races, on a site that allows private addresses."""
-    settings.WEBHOOKS_PRIVATE = True
-    made = add_webhook(owner=alice, url=listener.url)
-    Webhook.objects.filter(pk=made.pk).update(created_at=now - timedelta(days=30))
-    return Webhook.objects.get()
 
 
 class TestAddresses:
@@ -142,6 +96,7 @@ class TestDeliveries:
         for headers, body in listener.heard:
             assert headers["X-Paddock-Signature"] == signature(hook.secret, body)
             events[headers["X-Paddock-Event"]] = json.loads(body)
+            assert json.loads(body)["type"] == json.loads(body)["event"] == headers["X-Paddock-Event"]
         assert set(events) == {"race.opened", "race.result", "race.closed"}
         assert events["race.result"]["data"]["racer"] == "bob" and events["race.result"]["data"]["score_ms"] == 9_000
         assert events["race.opened"]["race"]["slug"] == race.slug
@@ -290,21 +245,28 @@ class TestThePage:
 
     def test_an_organiser_adds_and_removes_a_hook_and_sees_its_secret(self, client, alice, now):
         race = a_race(now, organiser=alice)
-        assert client.post("/settings/webhooks/", {"url": "https://example.org/x", "race": race.pk}).status_code == 302
+        said = {"url": "https://example.org/x", "race": race.pk, "events": ["race.closed", "run.finished"]}
+        assert client.post("/settings/webhooks/", said).status_code == 302
         hook = Webhook.objects.get()
+        assert hook.events == ["run.finished", "race.closed"]
         assert hook.race == race and hook.secret in client.get("/settings/webhooks/").content.decode()
         client.post(f"/settings/webhooks/{hook.pk}/remove/")
         assert not Webhook.objects.exists()
 
     def test_not_for_the_races_of_others_and_not_without_end(self, client, alice, bob, now):
         race = a_race(now, organiser=bob)
-        assert client.post("/settings/webhooks/", {"url": "https://example.org/", "race": race.pk}).status_code == 422
+        assert (
+            client.post(
+                "/settings/webhooks/", {"url": "https://example.org/", "race": race.pk, "events": EVENTS}
+            ).status_code
+            == 422
+        )
         with pytest.raises(UserFault) as refused:
             add_webhook(owner=alice, url="https://example.org/", race=race)
         assert refused.value.code == "race_not_yours"
         for _ in range(PER_RACER):
             add_webhook(owner=alice, url="https://example.org/")
-        page = client.post("/settings/webhooks/", {"url": "https://example.org/"})
+        page = client.post("/settings/webhooks/", {"url": "https://example.org/", "events": EVENTS})
         assert page.status_code == 422 and 'data-code="webhook_limit"' in page.content.decode()
 
     def test_the_owner_sends_a_test_and_sees_its_answer(self, client, hook, listener, settings):
