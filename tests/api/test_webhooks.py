@@ -47,7 +47,7 @@ def test_a_webhook_is_added_tried_given_a_new_secret_and_removed(alice, as_racer
 @pytest.mark.parametrize(
     ("changes", "status", "code"),
     [
-        ({"url": "ftp://example.org/"}, 400, "invalid"),
+        ({"url": "ftp://example.org/"}, 400, "webhook_address"),
         ({"url": "https://user:word@example.org/"}, 400, "webhook_address"),
         ({"events": ["rain.began"]}, 400, "invalid"),
         ({"race": "nowhere"}, 404, "not_found"),
