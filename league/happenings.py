@@ -15,6 +15,7 @@ from django.utils.translation import gettext_noop
 from evaluation.models import Evaluation, State
 from races.facts import clock
 from races.models import Kind, Race
+from races.names import named
 
 from .models import ChampionshipPlace, FinalePlace, Membership, NoticeKind, Racer, Stage, Webhook
 from .notices import SENTENCES
@@ -77,9 +78,10 @@ class Happening:
     def words(self) -> str:
         """What people in a chat are told, in the active language."""
         said = {
-            "race": self.race.name if self.race else "–",
+            "race": named(self.race.name) if self.race else "–",
             "time": clock(self.data.get("best_lap_ms")),
-            **{name: self.data.get(name, "–") for name in ("racer", "model", "reason", "season")},
+            "season": named(self.data.get("season", "–")),
+            **{name: self.data.get(name, "–") for name in ("racer", "model", "reason")},
         }
         return _(WORDS[self.event]) % said
 
