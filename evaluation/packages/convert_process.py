@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from onnxruntime.capi import onnxruntime_pybind11_state as pybind
 
-from evaluation.sandbox.frames import read_message, write_message
+from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from evaluation.sandbox.policy_process import Refused, load
 from faults import UserFault
 
@@ -29,11 +29,13 @@ def main(frames_in: int, frames_out: int) -> int:
     """Answer one question: ``{kind, limits, weights}`` with the network, the metadata and the files of weights that
     ``weights`` names as blobs in, the canonical network out."""
     write_message(frames_out, LOCKED)
-    header, (network, metadata_json, *_weights) = read_message(frames_in)
+    header, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)
     limits = PackageLimits.from_dict(header["limits"])
     try:
-        metadata = parse_metadata(metadata_json, limits)
-        canonical = admit_network(header["kind"], network, metadata, limits)
+        metadata = parse_metadata(blobs.pop(1), limits)
+        network, weights = [blobs.pop(0)], dict(zip(header["weights"], blobs, strict=True))
+        del blobs
+        canonical = admit_network(header["kind"], network, metadata, limits, weights)
     except UserFault as fault:
         write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
         return 0
@@ -42,11 +44,23 @@ def main(frames_in: int, frames_out: int) -> int:
     return 0
 
 
-def admit_network(kind: str, network: bytes, metadata: ModelMetadata, limits: PackageLimits) -> Canonical:
-    """Convert, gate and try out one network. Raises UserFault of the conversion and gate sections."""
+def admit_network(
+    kind: str,
+    network: bytes | list[bytes],
+    metadata: ModelMetadata,
+    limits: PackageLimits,
+    weights: dict[str, bytes] | None = None,
+) -> Canonical:
+    """Convert, gate and try out one network. Raises UserFault of the conversion and gate sections.
+
+    ``network``: its bytes, or a list of just these, which is emptied so that a large one is not held for longer than
+    it is read. ``weights``: files beside an ONNX file, by name.
+    """
+    held = network if isinstance(network, list) else [network]
+    del network
     if kind == TENSORFLOW:
-        network = convert(network, metadata.inputs, limits)
-    canonical = check_onnx(network, metadata, limits)
+        held.append(convert(held.pop(), metadata.inputs, limits))
+    canonical = check_onnx(held.pop(), metadata, limits)
     _try_out(canonical, metadata)
     return canonical
 

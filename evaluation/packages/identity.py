@@ -9,4 +9,6 @@ from .metadata import ModelMetadata
 
 def identity(onnx: bytes, metadata: ModelMetadata) -> str:
     """sha-256 of the canonical network, a zero byte, and the metadata that counts (action space and sensors)."""
-    return hashlib.sha256(onnx + b"\0" + metadata.canonical_json()).hexdigest()
+    digest = hashlib.sha256(onnx)
+    digest.update(b"\0" + metadata.canonical_json())
+    return digest.hexdigest()

@@ -7,6 +7,7 @@ the sender may be hostile. What an error means (whose fault it is) only the call
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import select
@@ -18,6 +19,7 @@ from typing import Any
 LENGTH = struct.Struct("<I")
 MAX_JSON = 4 * 1024 * 1024
 MAX_BLOB = 64 * 1024 * 1024
+MAX_NETWORK = 1024 * 1024 * 1024  # in a locked process, which has its network from us and its memory bounded
 _READ_CHUNK = 1024 * 1024
 _SHORT = 64 * 1024
 _PIPE_BUF = 4096  # Linux: a pipe that polls writable takes this much without blocking
@@ -122,7 +124,7 @@ def _refuse_constant(name: str) -> float:
 
 
 def _read_exactly(fd: int, count: int, deadline: float | None) -> bytes:
-    chunks = []
+    taken = io.BytesIO()  # gives its bytes away without a copy, which a list of parts does not
     left = count
     while left:
         wait_for(fd, select.POLLIN, deadline)
@@ -132,9 +134,9 @@ def _read_exactly(fd: int, count: int, deadline: float | None) -> bytes:
             continue
         if not chunk:
             raise FrameClosed(f"the stream ended {left} bytes before the end of {count}")
-        chunks.append(chunk)
+        taken.write(chunk)
         left -= len(chunk)
-    return b"".join(chunks)
+    return taken.getvalue()
 
 
 def _write_all(fd: int, view: memoryview, deadline: float | None) -> None:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
-from .frames import FrameClosed, read_message, write_message
+from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
 from .lock import EXIT_MEMORY
 from .policy_wire import STEP, reply_buffer, request_buffer
 
@@ -48,7 +48,7 @@ def main(frames_in: int, frames_out: int) -> int:
     write_message(frames_out, {"state": "locked"})
     keep_freed_memory()
     fetch_memory(frames_in)
-    _, [onnx] = read_message(frames_in)
+    _, [onnx] = read_message(frames_in, blob_limit=MAX_NETWORK)
     try:
         session = load(onnx)
         del onnx  # the session has its own copy

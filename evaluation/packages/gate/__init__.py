@@ -16,13 +16,15 @@ from evaluation.packages.metadata import ModelMetadata
 from evaluation.packages.wire import printable
 from faults import UserFault
 
-from .canonical import Network, canonicalise, to_model_proto
+from .canonical import Network, canonicalise, write_model
 from .cost import measure
 from .dense import dense_as_convolutions
 from .model import DTYPES, FLOAT, UINT8, Port, read_model
 from .operators import check_operator
 
 __all__ = ["Canonical", "check_onnx"]
+
+_SMALL = 4 << 20
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,12 @@ def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEF
     if len(data) > limits.model_bytes:
         raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
     model = read_model(data, limits)
+    del data  # its weights are views into it: they go one by one as they are written anew
     for node in model.nodes:
         check_operator(node)
     network = canonicalise(model)
+    del model
+    network.weights = {name: _detached(array) for name, array in network.weights.items()}
     _fix_inputs(network, metadata)
     if not all(np.isfinite(array).all() for array in network.weights.values() if array.dtype.kind == "f"):
         raise UserFault("non_finite_weights")
@@ -59,7 +64,7 @@ def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEF
         raise UserFault("onnx_output", expected=metadata.output_size, found=str(list(cost.output[1])))
     network = dense_as_convolutions(network, cost.shapes)
     network.output = Port(network.output.name, FLOAT, list(cost.output[1]))
-    written = to_model_proto(network).SerializeToString(deterministic=True)
+    written = write_model(network)
     return Canonical(
         onnx=written,
         sha256=identity(written, metadata),
@@ -68,6 +73,11 @@ def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEF
         parameters=network.parameters,
         macs=cost.macs,
     )
+
+
+def _detached(array: np.ndarray) -> np.ndarray:
+    """A small weight without the file that it was read from, so that the large ones alone keep that."""
+    return array.copy() if array.nbytes < _SMALL else array
 
 
 def _described(port: Port) -> tuple[str, str, tuple[int, ...]]:

@@ -15,6 +15,7 @@ import numpy as np
 import onnx
 from onnx import helper
 
+from evaluation.packages.written import model_bytes
 from faults import UserFault
 
 from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Model, Node, Port
@@ -187,25 +188,35 @@ def _constant(node: Node) -> np.ndarray:
     return np.array(value, dtype)
 
 
-def to_model_proto(network: Network, *, light: bool = False) -> onnx.ModelProto:
-    """Write the network as a ModelProto.
+def write_model(network: Network) -> bytes:
+    """The network as an ONNX file."""
+    return model_bytes(_graph(network, _ports(network), []), network.weights, network.opset, IR_VERSION)
 
-    ``light`` leaves the large weights out and declares them as inputs instead: enough for shape inference.
-    """
-    inputs = [_value_info(port) for port in network.inputs]
-    initializers = []
+
+def to_light_proto(network: Network) -> onnx.ModelProto:
+    """The network without its large weights, which are declared as inputs instead: enough for shape inference."""
+    inputs, initializers = _ports(network), []
     for name, array in network.weights.items():
         number = _NUMBERS[array.dtype.str[1:]]
-        if light and (array.size > 64 or array.dtype.kind == "f"):
+        if array.size > 64 or array.dtype.kind == "f":
             inputs.append(_value_info(Port(name, number, list(array.shape))))
         else:
             initializers.append(
                 onnx.TensorProto(name=name, data_type=number, dims=array.shape, raw_data=array.tobytes())
             )  # fmt: skip
+    graph = _graph(network, inputs, initializers)
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", network.opset)], ir_version=IR_VERSION)
+
+
+def _ports(network: Network) -> list[onnx.ValueInfoProto]:
+    return [_value_info(port) for port in network.inputs]
+
+
+def _graph(
+    network: Network, inputs: list[onnx.ValueInfoProto], initializers: list[onnx.TensorProto]
+) -> onnx.GraphProto:
     nodes = [_node_proto(node) for node in network.nodes]
-    graph = helper.make_graph(nodes, "car", inputs, [_value_info(network.output)], initializers)
-    opset = helper.make_opsetid("", network.opset)
-    return helper.make_model(graph, opset_imports=[opset], ir_version=IR_VERSION)
+    return helper.make_graph(nodes, "car", inputs, [_value_info(network.output)], initializers)
 
 
 def _node_proto(node: Node) -> onnx.NodeProto:

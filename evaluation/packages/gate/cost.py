@@ -11,7 +11,7 @@ from onnx import shape_inference
 from evaluation.packages.limits import PackageLimits
 from faults import UserFault
 
-from .canonical import Network, to_model_proto
+from .canonical import Network, to_light_proto
 from .model import DTYPES, FLOAT, FLOAT16, Node
 from .operators import FLOAT_ONLY
 
@@ -53,7 +53,7 @@ def measure(network: Network, limits: PackageLimits) -> Cost:
 
 def _infer(network: Network) -> dict[str, tuple[int, Shape]]:
     """The element type and shape of every value, by ONNX's own rules."""
-    light = to_model_proto(network, light=True)
+    light = to_light_proto(network)
     light.graph.output[0].type.tensor_type.ClearField("shape")
     try:
         inferred = shape_inference.infer_shapes(light, check_type=True, strict_mode=True, data_prop=True)

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import onnx
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 
 from evaluation.packages.limits import PackageLimits
+from evaluation.packages.written import model_bytes
 from faults import UserFault
 
 from .values import Known, Tensor, Value
@@ -26,8 +27,7 @@ class Emitter:
         self._limits = limits
         self._nodes: list[onnx.NodeProto] = []
         self._weights: dict[tuple, str] = {}
-        self._initializers: list[onnx.TensorProto] = []
-        self._kept: list[np.ndarray] = []  # an array's id is its key only as long as the array lives
+        self._arrays: dict[str, np.ndarray] = {}  # also keeps them: an array's id is a key as long as the array lives
         self._inputs: list[onnx.ValueInfoProto] = []
         self._made_by: dict[str, tuple[str, tuple[Tensor, ...], tuple]] = {}
         self._relaid: dict[tuple[str, bool], Tensor] = {}
@@ -67,10 +67,9 @@ class Emitter:
         array = np.asarray(array, order="C")  # (ascontiguousarray would give a single number a dimension)
         key = (array.dtype.str, array.shape, array.tobytes() if array.size <= 64 else id(array))
         if key not in self._weights:
-            name = f"w{len(self._initializers) + 1}"
+            name = f"w{len(self._arrays) + 1}"
             self._weights[key] = name
-            self._kept.append(array)
-            self._initializers.append(numpy_helper.from_array(array, name))
+            self._arrays[name] = array
         return self._weights[key]
 
     def made_by(self, value: Value) -> tuple[str, tuple[Tensor, ...], tuple]:
@@ -125,7 +124,5 @@ class Emitter:
             "car",
             self._inputs,
             [helper.make_tensor_value_info(output.name, TensorProto.FLOAT, output.shape)],
-            self._initializers,
         )
-        opset = helper.make_opsetid("", OPSET)
-        return helper.make_model(graph, opset_imports=[opset], ir_version=IR_VERSION).SerializeToString()
+        return model_bytes(graph, self._arrays, OPSET, IR_VERSION)
