@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
@@ -33,6 +33,7 @@ PROCESSES: dict[str, tuple[str, Limits]] = {}
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
+Answer = tuple[bytes, int, int, str]  # canonical bytes, parameters, multiplications, which of several outputs
 _LOCKED = {"state": "locked"}
 
 
@@ -50,6 +51,7 @@ class AdmittedPackage:
     # what the racer is told of the upload
     taken: str = ""  # the network's name in the archive
     reason: str = ""  # why this checkpoint: a word of .choose
+    output: str = ""  # which of several outputs was taken
     ignored: tuple[str, ...] = ()  # files of the archive that were not needed, printable
 
 
@@ -71,7 +73,9 @@ def admit(
     with upload_slot(limits.slots, limits.slot_wait_s, slots_directory, waiting=limits.waiting, who=who):
         package = read_upload(files, limits, checkpoint=checkpoint)
         metadata = parse_metadata(package.metadata_json, limits)
-        onnx, parameters, macs = _ask(package, limits)
+        contents = [package.model, package.metadata_json, *package.weights.values()]
+        package = replace(package, model=b"", weights=dict.fromkeys(package.weights, b""))
+        onnx, parameters, macs, output = _ask(package, contents, limits)
     return AdmittedPackage(
         onnx=onnx,
         sha256=identity(onnx, metadata),
@@ -82,21 +86,25 @@ def admit(
         macs=macs,
         taken=printable(package.taken, 255),
         reason=package.reason,
+        output=output,
         ignored=tuple(printable(name, 255) for name in package.ignored),
     )
 
 
-def _ask(package: RawPackage, limits: PackageLimits) -> tuple[bytes, int, int]:
-    """Have the sandboxed process admit the network: its canonical bytes, parameters and multiplications."""
+def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> Answer:
+    """Have the sandboxed process admit the network.
+
+    ``contents``: network, metadata and weights beside it; emptied when they are sent, so that a large network is not
+    held twice."""
     module, process_limits = PROCESSES.get(package.kind, (MODULE, CONVERTER))
     with launch(module, limits=process_limits) as process:
         widen_pipe(process.stdin)
         widen_pipe(process.stdout)
         _wait_for_lock(process)
         question = {"kind": package.kind, "limits": limits.to_dict(), "weights": list(package.weights)}
-        contents = [package.model, package.metadata_json, *package.weights.values()]
         try:
             write_message(process.stdin, question, contents, process.deadline)
+            contents.clear()
             header, blobs = read_message(
                 process.stdout, process.deadline, json_limit=_HEADER_LIMIT, blob_limit=limits.model_bytes
             )
@@ -141,11 +149,11 @@ def _death(process: SandboxedProcess) -> UserFault:
     return fault
 
 
-def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> tuple[bytes, int, int]:
+def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
     """The answer, if it has the form of an answer."""
     if header.get("state") == "refused":
         raise _refusal(header.get("error"))
-    parameters, macs = header.get("parameters"), header.get("macs")
+    parameters, macs, output = header.get("parameters"), header.get("macs"), header.get("output", "")
     sane = (
         header.get("state") == "admitted"
         and len(blobs) == 1
@@ -154,10 +162,11 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> tuple[b
         and 0 <= parameters <= limits.model_bytes
         and type(macs) is int
         and 0 <= macs <= limits.macs
+        and isinstance(output, str)
     )
     if not sane:
         raise UserFault("conversion_crashed")
-    return blobs[0], parameters, macs
+    return blobs[0], parameters, macs, printable(output, 80)
 
 
 def _refusal(error: object) -> UserFault:

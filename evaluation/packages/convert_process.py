@@ -39,7 +39,7 @@ def main(frames_in: int, frames_out: int) -> int:
     except UserFault as fault:
         write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
         return 0
-    facts = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs}
+    facts = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs, "output": canonical.taken}
     write_message(frames_out, facts, [canonical.onnx])
     return 0
 
@@ -60,7 +60,7 @@ def admit_network(
     del network
     if kind == TENSORFLOW:
         held.append(convert(held.pop(), metadata.inputs, limits))
-    canonical = check_onnx(held.pop(), metadata, limits)
+    canonical = check_onnx(held.pop(), metadata, limits, weights)
     _try_out(canonical, metadata)
     return canonical
 

@@ -8,12 +8,12 @@ REASONS = table(
     {
         "empty": _("The file is empty. Choose the model's file again and upload it."),
         "too_large": _(
-            "The upload is larger than %(limit_mb)s MB. A car's archive is about 22 MB; leave out checkpoints, "
-            "logs and videos."
+            "The upload is larger than %(limit_mb)s MB. A car needs its network and model_metadata.json only: if "
+            "there are checkpoints (.ckpt), logs or videos in it, leave them out."
         ),
         "model_too_large": _(
-            "The network is larger than %(limit_mb)s MB. Train a smaller one, or store its weights as 32-bit "
-            "floats once only."
+            "The network is larger than %(limit_mb)s MB, the most that this site takes. Store its weights as 32-bit "
+            "floats and once only, train a smaller one, or ask an operator for more."
         ),
         "not_a_model": _(
             "This is not a model. Upload the car's model.tar.gz, or an .onnx file together with its "
@@ -57,14 +57,15 @@ REASONS = table(
         "too_many_members": _("The archive holds more than %(limit)s files. Leave out logs and traces."),
         "archive_corrupt": _("The archive is damaged or incomplete. Download or pack it again, then upload it."),
         "archive_unsupported": _(
-            "The archive uses a feature that is not accepted here (encryption, zip64 or a rare compression). "
-            "Pack it as an ordinary .tar.gz or .zip."
+            "The archive uses a feature that is not accepted here (encryption, more than 65,534 files, or a rare "
+            "compression). Pack it as an ordinary .tar.gz or .zip."
         ),
         "archive_overlap": _(
             "Files in the archive lie on top of each other, as in a zip bomb. Pack it again with an ordinary tool."
         ),
         "expanded_size": _(
-            "The archive unpacks to far more than a car needs. Pack the network and model_metadata.json only."
+            "The archive unpacks to far more than a car or its training needs. Pack the network and "
+            "model_metadata.json only."
         ),
         "garage_full": _(
             "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."

@@ -88,6 +88,18 @@ def one_node(op: str, inputs: list[str], weights: dict[str, np.ndarray] | None =
     return pair(network([helper.make_node(op, inputs, ["x"], **attributes)], weights))
 
 
+def outside(place: dict[str, str], content: bytes, again: dict[str, str] | None = None) -> Upload:
+    """A network whose five weights of the bias lie, as it says, at ``place``, with ``content`` in car.onnx.data."""
+    model = network()
+    tensor = TensorProto(name="far", data_type=TensorProto.FLOAT, dims=[5], data_location=TensorProto.EXTERNAL)
+    for said in (place, again or {}):
+        for key, value in said.items():
+            tensor.external_data.add(key=key, value=value)
+    model.graph.initializer.append(tensor)
+    model.graph.node[-1].input[2] = "far"
+    return [("car.onnx", model.SerializeToString()), ("car.onnx.data", content), ("model_metadata.json", metadata())]
+
+
 # --- TensorFlow
 
 

@@ -5,7 +5,9 @@ Runs inside the sandboxed admission process, for uploaded and for converted netw
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,10 +19,12 @@ from evaluation.packages.wire import printable
 from faults import UserFault
 
 from .canonical import Network, canonicalise, write_model
-from .cost import measure
+from .cost import Cost, measure
 from .dense import dense_as_convolutions
-from .model import DTYPES, FLOAT, UINT8, Port, read_model
+from .model import DTYPES, FLOAT, UINT8, Model, Port, read_model
 from .operators import check_operator
+from .outputs import select
+from .sizes import fold_sizes
 
 __all__ = ["Canonical", "check_onnx"]
 
@@ -37,31 +41,29 @@ class Canonical:
     output: tuple[str, str, tuple[int, ...]]
     parameters: int
     macs: int
+    taken: str = ""  # the output's name in the file, where that has several
 
 
-def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEFAULT_LIMITS) -> Canonical:
+def check_onnx(
+    data: bytes,
+    metadata: ModelMetadata,
+    limits: PackageLimits = DEFAULT_LIMITS,
+    weights: Mapping[str, bytes] | None = None,
+) -> Canonical:
     """Check a serialised ONNX model against the contract and write it anew.
 
-    The contract: one input for each sensor, named as the sensor (pictures uint8 or float32, 0-255, NHWC or NCHW);
-    one float32 output, ``[1, n]`` scores over n discrete actions or ``[1, 2]`` in [-1, 1]. A batch size that is not
-    fixed is fixed to one. Raises UserFault with a code of the gate section.
+    The contract: one input for each sensor, named as the sensor unless there is one only (pictures uint8 or float32,
+    0-255, NHWC or NCHW); a float32 output, ``[1, n]`` scores over n discrete actions or ``[1, 2]`` in [-1, 1], of which
+    others may stand beside (:mod:`.outputs`). A batch size that is not fixed is fixed to one. ``weights``: the files of
+    weights beside it, by name. Raises UserFault with a code of the gate section.
     """
-    if len(data) > limits.model_bytes:
+    if len(data) + sum(map(len, (weights or {}).values())) > limits.model_bytes:
         raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
-    model = read_model(data, limits)
-    del data  # its weights are views into it: they go one by one as they are written anew
-    for node in model.nodes:
-        check_operator(node)
-    network = canonicalise(model)
-    del model
-    network.weights = {name: _detached(array) for name, array in network.weights.items()}
-    _fix_inputs(network, metadata)
-    if not all(np.isfinite(array).all() for array in network.weights.values() if array.dtype.kind == "f"):
-        raise UserFault("non_finite_weights")
-    _check_declared_output(network.output, metadata)
-    cost = measure(network, limits)
-    if cost.output != (FLOAT, (1, metadata.output_size)):
-        raise UserFault("onnx_output", expected=metadata.output_size, found=str(list(cost.output[1])))
+    model = read_model(data, limits, weights)
+    del data, weights  # its weights are views into them, and go one by one as they are written anew
+    check = partial(_drawn_from, model, metadata, limits)
+    (network, cost), output = select(model, metadata, check)
+    del model, check
     network = dense_as_convolutions(network, cost.shapes)
     network.output = Port(network.output.name, FLOAT, list(cost.output[1]))
     written = write_model(network)
@@ -72,7 +74,24 @@ def check_onnx(data: bytes, metadata: ModelMetadata, limits: PackageLimits = DEF
         output=_described(network.output),
         parameters=network.parameters,
         macs=cost.macs,
+        taken=output,
     )
+
+
+def _drawn_from(model: Model, metadata: ModelMetadata, limits: PackageLimits, port: Port) -> tuple[Network, Cost]:
+    """The part of the model that makes this output, checked, and what it costs."""
+    network = canonicalise(model, port)
+    for node in network.nodes:
+        check_operator(node)
+    network = fold_sizes(network)
+    _fix_inputs(network, metadata)
+    if not all(np.isfinite(array).all() for array in network.weights.values() if array.dtype.kind == "f"):
+        raise UserFault("non_finite_weights")
+    network.weights = {name: _detached(array) for name, array in network.weights.items()}
+    cost = measure(network, limits)
+    if cost.output != (FLOAT, (1, metadata.output_size)):
+        raise UserFault("onnx_output", expected=metadata.output_size, found=str(list(cost.output[1])))
+    return network, cost
 
 
 def _detached(array: np.ndarray) -> np.ndarray:
@@ -87,12 +106,21 @@ def _described(port: Port) -> tuple[str, str, tuple[int, ...]]:
 def _fix_inputs(network: Network, metadata: ModelMetadata) -> None:
     """Check the inputs against the sensors, fix the batch to one and order them by name."""
     specs = {spec.sensor: spec for spec in metadata.inputs}
+    if len(specs) == len(network.inputs) == 1:  # whatever its name, there is nothing to mistake it for
+        ((sensor,), (port,)) = specs, network.inputs
+        _rename_input(network, port, sensor)
     found = {port.name: port for port in network.inputs}
     if set(found) != set(specs):
         raise UserFault(
             "onnx_inputs", found=printable(", ".join(sorted(found)) or "none"), expected=", ".join(sorted(specs))
         )
     network.inputs = [_fixed(found[name], specs[name]) for name in sorted(specs)]
+
+
+def _rename_input(network: Network, port: Port, sensor: str) -> None:
+    for node in network.nodes:
+        node.inputs = [sensor if name == port.name else name for name in node.inputs]
+    network.inputs = [Port(sensor, port.dtype, port.dims)]
 
 
 def _fixed(port: Port, spec: InputSpec) -> Port:
@@ -106,11 +134,3 @@ def _fixed(port: Port, spec: InputSpec) -> Port:
         expected = " or ".join(str(list(shape)) for shape in dict.fromkeys((spec.channels_last, spec.channels_first)))
         raise UserFault("onnx_input_shape", sensor=spec.sensor, found=str(port.dims), expected=expected)
     return Port(port.name, port.dtype, dims)
-
-
-def _check_declared_output(port: Port, metadata: ModelMetadata) -> None:
-    """What the file says about its output; what it really is comes from shape inference."""
-    fits = port.dtype == FLOAT and len(port.dims) == 2 and port.dims[0] in (None, 1)
-    if not fits or port.dims[1] not in (None, metadata.output_size):
-        kind = DTYPES[port.dtype].name
-        raise UserFault("onnx_output", expected=metadata.output_size, found=f"{kind} {port.dims}")

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import onnx
-from onnx import helper
+from onnx import helper, numpy_helper
 
+from evaluation.packages.wire import printable
 from evaluation.packages.written import model_bytes
 from faults import UserFault
 
@@ -41,13 +42,13 @@ class Network:
         return sum(array.size for array in self.weights.values() if array.ndim and array.dtype.kind == "f")
 
 
-def canonicalise(model: Model) -> Network:
-    """Bring a checked model into the one form. Raises UserFault ``onnx_graph`` or ``onnx_output``."""
+def canonicalise(model: Model, target: Port | None = None) -> Network:
+    """Bring a model into the one form, with what ``target`` (of its only output, unless given) needs and nothing else.
+    Raises UserFault ``onnx_graph``."""
     inputs = [port for port in model.inputs if port.name not in model.weights]
-    if len(model.outputs) != 1:
-        raise UserFault("onnx_output", expected="n", found=f"{len(model.outputs)} outputs")
     plain = _Plain(model, inputs)
-    target = model.outputs[0]
+    if target is None:
+        (target,) = model.outputs
     network = _Numbering(model.opset, inputs, plain).network(target)
     _transpose_dense(network)
     return network
@@ -94,7 +95,12 @@ class _Plain:
             if len(node.inputs) > 2 and node.inputs[2]:
                 mode = self.weights.get(self.original(node.inputs[2]))
                 if mode is None or mode.any():
-                    raise UserFault("onnx_attribute", operator="Dropout", attribute="training_mode")
+                    raise UserFault(
+                        "onnx_attribute",
+                        operator="Dropout",
+                        attribute="training_mode",
+                        where=printable(node.name, 80) or "-",
+                    )
             self._alias(node)
         else:
             for name in filter(None, node.outputs):
@@ -161,7 +167,8 @@ class _Numbering:
                 continue
             inputs = [self._rename(self._plain.original(name)) if name else "" for name in node.inputs]
             outputs = [self._rename(name) if name else "" for name in node.outputs]
-            self._network.nodes.append(Node(node.op, inputs, outputs, dict(sorted(node.attributes.items()))))
+            attributes = dict(sorted(node.attributes.items()))
+            self._network.nodes.append(Node(node.op, inputs, outputs, attributes, node.name))
             self._placed.add(id(node))
             stack.pop()
 
@@ -198,7 +205,7 @@ def to_light_proto(network: Network) -> onnx.ModelProto:
     inputs, initializers = _ports(network), []
     for name, array in network.weights.items():
         number = _NUMBERS[array.dtype.str[1:]]
-        if array.size > 64 or array.dtype.kind == "f":
+        if array.size > 64:
             inputs.append(_value_info(Port(name, number, list(array.shape))))
         else:
             initializers.append(
@@ -229,6 +236,8 @@ def _attribute(name: str, value: Attribute) -> onnx.AttributeProto:
     if isinstance(value, list):  # the type of an empty list cannot be guessed; only whole numbers may be empty here
         kind = onnx.AttributeProto.FLOATS if value and isinstance(value[0], float) else onnx.AttributeProto.INTS
         return helper.make_attribute(name, value, attr_type=kind)
+    if isinstance(value, np.ndarray):
+        return helper.make_attribute(name, numpy_helper.from_array(value))
     return helper.make_attribute(name, value)
 
 

@@ -16,6 +16,7 @@ from .model import DTYPES, FLOAT, FLOAT16, Node
 from .operators import FLOAT_ONLY
 
 Shape = tuple[int, ...]
+_TAPS = {"nearest": 1, "linear": 4, "cubic": 16}  # values that one of a resized picture is made of
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,8 @@ def _macs(node: Node, values: dict[str, tuple[int, Shape]]) -> int:
         return out * (shapes[0][-1] if shapes[0] else 1)
     if node.op == "Gemm":
         return out * shapes[0][0 if node.attributes.get("transA") else 1]
+    if node.op == "Resize":
+        return out * _TAPS.get(node.attributes.get("mode", "nearest"), 16)
     if node.op in ("MaxPool", "AveragePool"):
         return out * math.prod(node.attributes.get("kernel_shape", [1]))
     return 0

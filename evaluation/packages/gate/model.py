@@ -7,7 +7,7 @@ reader refuses all of that. Message layouts: onnx/onnx.proto (IR version 13).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,8 @@ from evaluation.packages import wire
 from evaluation.packages.limits import PackageLimits
 from evaluation.packages.wire import Budget, TooManyFields, WireError, printable
 from faults import UserFault
+
+from .outside import OutsideWeights
 
 OPSET_LOW, OPSET_HIGH = 11, 21
 IR_LOW, IR_HIGH = 3, 13
@@ -47,12 +49,13 @@ Attribute = int | float | str | list[int] | list[float] | np.ndarray | Rejected
 
 @dataclass
 class Node:
-    """One operation; an empty input name is an optional input left out."""
+    """One operation; an empty input name is an optional input left out. ``name``: the exporter's, for messages only."""
 
     op: str
     inputs: list[str]
     outputs: list[str]
     attributes: dict[str, Attribute]
+    name: str = ""
 
 
 @dataclass
@@ -73,9 +76,12 @@ class Model:
     outputs: list[Port] = field(default_factory=list)
 
 
-def read_model(data: bytes, limits: PackageLimits) -> Model:
-    """Parse a serialised ModelProto. Raises UserFault with a code of the gate section."""
-    reader = _Reader(limits)
+def read_model(data: bytes, limits: PackageLimits, weights: Mapping[str, bytes] | None = None) -> Model:
+    """Parse a serialised ModelProto. ``weights``: the files beside it, by name.
+
+    Raises UserFault with a code of the gate section.
+    """
+    reader = _Reader(limits, OutsideWeights(weights or {}, limits))
     try:
         return reader.model(memoryview(data))
     except TooManyFields as error:
@@ -88,8 +94,9 @@ Field = int | memoryview
 
 
 class _Reader:
-    def __init__(self, limits: PackageLimits) -> None:
+    def __init__(self, limits: PackageLimits, outside: OutsideWeights) -> None:
         self._limits = limits
+        self._outside = outside
         self._budget = Budget(limits.wire_fields)
 
     # --- helpers
@@ -193,6 +200,8 @@ class _Reader:
                 node.inputs.append(self._name(value))
             elif number == 2:
                 node.outputs.append(self._name(value))
+            elif number == 3:
+                node.name = self._name(value)
             elif number == 4:
                 node.op = self._name(value)
             elif number == 5:
@@ -205,7 +214,7 @@ class _Reader:
             elif number == 8 and wire.message(value):
                 raise UserFault("onnx_functions")
         if domain not in ("", "ai.onnx"):
-            raise UserFault("onnx_domain", domain=printable(domain, 40))
+            raise UserFault("onnx_domain", domain=printable(domain, 40), operator=printable(node.op, 40))
         return node
 
     def _attribute(self, data: Field) -> tuple[str, Attribute]:
@@ -297,6 +306,8 @@ class _Reader:
         dims: list[int] = []
         floats: list[memoryview] = []
         whole: list[int] = []
+        is_outside = False
+        place: dict[str, str] = {}
         for number, kind, value in self._fields(data, {2, 3, 8, 9, 12, 14}, {1, 4, 5, 6, 7, 10, 11, 13, 16}):
             if number == 1:
                 dims.extend(self._integers(kind, value))
@@ -310,8 +321,13 @@ class _Reader:
                 name = self._name(value)
             elif number == 9:
                 raw = wire.message(value)
-            elif number == 13 or (number == 14 and wire.number(value)):
-                raise UserFault("onnx_external_data")
+            elif number == 13:
+                key, said = self._entry(value)
+                if key in place:
+                    raise WireError("one entry twice")
+                place[key] = said
+            elif number == 14:
+                is_outside = wire.number(value) != 0
             elif number in (3, 6, 10, 11):
                 raise UserFault("onnx_tensor")
         dtype = self._dtype(number_of_type)
@@ -319,10 +335,24 @@ class _Reader:
             raise UserFault("onnx_tensor")
         count = math.prod(dims)
         self._cap(count, "weights in one tensor", self._limits.tensor_elements)
+        if is_outside or place:
+            if not is_outside or raw is not None or floats or whole:
+                raise UserFault("onnx_external_data", problem="both in the file and outside of it")
+            return name, self._outside.read(place, dtype, dims)
         array = self._values(dtype, raw, floats, whole)
         if array.size != count:
             raise UserFault("onnx_tensor")
         return name, array.reshape(dims)
+
+    def _entry(self, data: Field) -> tuple[str, str]:
+        """A StringStringEntryProto."""
+        key = said = ""
+        for number, _, value in self._fields(data, {1, 2}, set()):
+            if number == 1:
+                key = self._name(value)
+            else:
+                said = self._name(value)
+        return key, said
 
     @staticmethod
     def _values(dtype: np.dtype, raw: memoryview | None, floats: list[memoryview], whole: list[int]) -> np.ndarray:

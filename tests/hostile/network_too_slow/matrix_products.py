@@ -5,6 +5,8 @@ from onnx import helper
 
 from tests.hostile.parts import Upload, network, pair
 
+LIMITS = {"macs": 250_000_000}
+
 
 def build() -> Upload:
     nodes = [helper.make_node("Gemm", ["row", "wide"], ["v0"])]
