@@ -24,6 +24,7 @@ from . import services
 from .files import download_of
 from .looks import Look, Shell
 from .models import TrainedModel
+from .packages.kinds import is_weights_file
 from .packages.read import UploadPart
 from .selectors import is_shared, models_of, shared_models, visible_models
 
@@ -56,6 +57,31 @@ class ModelSerializer(serializers.Serializer):
         return is_shared(model)
 
 
+class TakenSerializer(serializers.Serializer):
+    """What was taken of an upload."""
+
+    network = serializers.CharField(
+        source="taken", allow_blank=True, help_text="The network's name in the archive; empty for a loose file."
+    )
+    checkpoint = serializers.ChoiceField(
+        ["", "best", "last", "asked"],
+        source="reason",
+        help_text="Of a training's folder: why this one. best: by deepracer_checkpoints.json.",
+    )
+    output = serializers.CharField(allow_blank=True, help_text="Of a network with several outputs: which one drives.")
+    ignored = serializers.ListField(child=serializers.CharField(), help_text="Files that were not needed.")
+
+
+class UploadedSerializer(ModelSerializer):
+    """A model, and what was taken of the upload."""
+
+    upload = TakenSerializer()
+
+    def to_representation(self, uploaded: services.UploadedModel) -> dict:
+        model = ModelSerializer(uploaded.model).data
+        return {**model, "upload": TakenSerializer(uploaded.package).data}
+
+
 class ListFilter(serializers.Serializer):
     """What a list of models may be asked for."""
 
@@ -64,13 +90,25 @@ class ListFilter(serializers.Serializer):
 
 
 class UploadSerializer(Body):
-    """``package``, or ``model`` and ``metadata``."""
+    """``package`` (with ``metadata`` if it has none), or ``model`` and ``metadata`` (and ``weights``)."""
 
     package = serializers.FileField(
-        required=False, allow_empty_file=True, help_text="A car's model.tar.gz, or a zip of an ONNX and its metadata."
+        required=False,
+        allow_empty_file=True,
+        help_text="A car's model.tar.gz, a training's folder as .tar.gz or .zip, or a zip of an ONNX and its metadata.",
     )
     model = serializers.FileField(required=False, allow_empty_file=True, help_text="An ONNX file or a frozen graph.")
     metadata = serializers.FileField(required=False, allow_empty_file=True, help_text="Its model_metadata.json.")
+    weights = serializers.FileField(
+        required=False, allow_empty_file=True, help_text="The .onnx.data file, of a model that keeps its weights there."
+    )
+    checkpoint = serializers.CharField(
+        required=False,
+        allow_blank=True,
+        max_length=20,
+        help_text="Of a training's folder: best, last, or the number in model_<number>.pb. The best by "
+        "deepracer_checkpoints.json, else the last, unless given.",
+    )
     name = serializers.CharField(
         required=False, allow_blank=True, help_text="At most 64 characters; the file's name unless given."
     )
@@ -105,6 +143,19 @@ class ModelsView(generics.ListAPIView):
     parser_classes = [MultiPartParser]
     serializer_class = ModelSerializer
     throttle_scope = "upload"
+    throttle_refused_scope = "refused_upload"
+
+    def get_throttles(self) -> list:
+        if not hasattr(self, "_throttles"):
+            self._throttles = super().get_throttles()
+        return self._throttles
+
+    def finalize_response(self, request: Request, response: Response, *args: object, **kwargs: object) -> Response:
+        response = super().finalize_response(request, response, *args, **kwargs)
+        if 400 <= response.status_code < 500 and response.status_code != status.HTTP_429_TOO_MANY_REQUESTS:
+            for throttle in self.get_throttles():
+                throttle.count_as_refused()
+        return response
 
     def get_queryset(self) -> QuerySet[TrainedModel]:
         models = models_of(self.request.user)
@@ -120,7 +171,7 @@ class ModelsView(generics.ListAPIView):
         description="Reads, converts and checks it before it answers: 201 with the new model, 200 with the one that "
         "is in your garage already when the network is the same, or the reason why it is refused.",
         request={"multipart/form-data": UploadSerializer},
-        responses={201: ModelSerializer, 200: ModelSerializer},
+        responses={201: UploadedSerializer, 200: UploadedSerializer},
         tags=["models"],
     )
     def post(self, request: Request) -> Response:
@@ -132,10 +183,11 @@ class ModelsView(generics.ListAPIView):
             files=_parts(sent),
             name=sent.get("name"),
             description=sent.get("description", ""),
+            checkpoint=sent.get("checkpoint", ""),
             now=timezone.now(),
         )
         return Response(
-            ModelSerializer(uploaded.model).data,
+            UploadedSerializer(uploaded).data,
             status=status.HTTP_201_CREATED if uploaded.created else status.HTTP_200_OK,
         )
 
@@ -233,9 +285,11 @@ class ModelView(APIView):
 
 
 def _parts(sent: dict) -> list[UploadPart]:
-    """The uploaded files. Raises UserFault("upload_parts") for a package with other files beside it."""
-    package = sent.get("package")
-    files = [sent[key] for key in ("model", "metadata") if key in sent]
-    if package is not None and files:
+    """The uploaded files. Raises UserFault("upload_parts") for a package with a network beside it."""
+    if "package" in sent and ("model" in sent or "weights" in sent):
         raise UserFault("upload_parts")
-    return [UploadPart(file.name, file) for file in ([package] if package is not None else files)]
+    parts = [UploadPart(sent[key].name, sent[key]) for key in ("package", "model", "metadata") if key in sent]
+    if "weights" in sent:
+        name = sent["weights"].name
+        parts.append(UploadPart(name if is_weights_file(name) else f"{name}.data", sent["weights"]))
+    return parts

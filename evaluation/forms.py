@@ -35,14 +35,14 @@ class FilesField(forms.FileField):
 
 
 class UploadForm(forms.Form):
-    """One archive, or a network together with its metadata."""
+    """One archive, or a network together with its metadata (and its weights, where they are a file of their own)."""
 
     files = FilesField(
         label=_("Files"),
         allow_empty_file=True,
         max_length=None,
         error_messages={"required": _("Choose the car's archive, or a network and its model_metadata.json.")},
-        widget=FilesInput(attrs={"accept": ".gz,.tgz,.tar,.zip,.onnx,.json,.pb"}),
+        widget=FilesInput(attrs={"accept": ".gz,.tgz,.tar,.zip,.onnx,.data,.onnx_data,.bin,.json,.pb"}),
     )
     name = forms.CharField(
         label=_("Name"),
@@ -51,6 +51,16 @@ class UploadForm(forms.Form):
         help_text=_("Left empty, the model is named after its file."),
     )
     description = forms.CharField(label=_("Description"), required=False, max_length=DESCRIPTION_LIMIT)
+    checkpoint = forms.CharField(
+        label=_("Checkpoint"),
+        required=False,
+        max_length=20,
+        widget=forms.TextInput(attrs={"autocomplete": "off", "autocapitalize": "none"}),
+        help_text=_(
+            "For a training's folder only: best, last, or a number (48 for model_48.pb). Left empty, the best one by "
+            "deepracer_checkpoints.json is taken, else the last."
+        ),
+    )
 
     def parts(self) -> list[UploadPart]:
         """The files as the package reader takes them."""

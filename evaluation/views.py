@@ -26,6 +26,7 @@ from .forms import DescribeForm, UploadForm
 from .quotas import MODELS
 from .selectors import can_stop_sharing, can_use_model, models_of, visible_models
 from .simulator.engine import ENGINE_ID
+from .told import sentences
 
 MODELS_PER_PAGE = 50
 PICTURED_TRACK = "oval"
@@ -55,6 +56,7 @@ def model_upload(request: HttpRequest) -> HttpResponse:
                     files=form.parts(),
                     name=form.cleaned_data["name"] or None,
                     description=form.cleaned_data["description"],
+                    checkpoint=form.cleaned_data["checkpoint"],
                     now=timezone.now(),
                 )
             except UserFault as fault:
@@ -67,6 +69,8 @@ def model_upload(request: HttpRequest) -> HttpResponse:
                     messages.success(request, _("The model is in your garage."))
                 else:
                     messages.info(request, _("This very network is in your garage already, under this name."))
+                for sentence in sentences(uploaded.package):
+                    messages.info(request, sentence)
                 return redirect(uploaded.model)
     context = {"form": form, "limit_mb": settings.UPLOAD_LIMIT_MB}
     return render(request, "evaluation/upload.html", context, status=status)

@@ -9,7 +9,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 MEGABYTE = 1024 * 1024
-# A track file is at most 2 MB; a model's page has the limit of uploads.
+# A track file is at most 2 MB; a model's page has the limit of uploads, for who may upload.
 FORM_MB = 4
 OVERHEAD_BYTES = MEGABYTE  # form fields and boundaries beside the file itself
 
@@ -26,7 +26,8 @@ class PageBodyLimit:
 
     def __call__(self, request: HttpRequest) -> HttpResponse:
         if not request.path.startswith("/api/"):
-            limit_mb = settings.UPLOAD_LIMIT_MB if request.path == "/models/upload/" else FORM_MB
+            takes_models = request.path == "/models/upload/" and request.user.is_authenticated
+            limit_mb = settings.UPLOAD_LIMIT_MB if takes_models else FORM_MB
             if _announced(request) > limit_mb * MEGABYTE + OVERHEAD_BYTES:
                 return render(request, "413.html", {"limit_mb": limit_mb}, status=413)
         return self.get_response(request)

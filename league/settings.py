@@ -184,7 +184,22 @@ except ValueError as problem:
 LEASE_SECONDS = env_int("PADDOCK_LEASE_SECONDS", 30, minimum=5)
 EVALUATION_WALL_SECONDS = env_int("PADDOCK_EVALUATION_WALL_SECONDS", 300, minimum=10)
 EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 3, minimum=1)
-UPLOAD_LIMIT_MB = env_int("PADDOCK_UPLOAD_LIMIT_MB", 64, minimum=1)
+# what an upload may weigh, and what its network may cost; the defaults take every network of the console
+UPLOAD_LIMIT_MB = env_int("PADDOCK_UPLOAD_LIMIT_MB", 512, minimum=1)
+NETWORK_LIMIT_MB = env_int("PADDOCK_NETWORK_LIMIT_MB", 256, minimum=1, maximum=1000)
+UNPACKED_LIMIT_MB = env_int("PADDOCK_UNPACKED_LIMIT_MB", 2048, minimum=1)
+ARCHIVE_FILES = env_int("PADDOCK_ARCHIVE_FILES", 10000, minimum=2, maximum=65534)
+NETWORK_LAYER_MILLIONS = env_int("PADDOCK_NETWORK_LAYER_MILLIONS", 64, minimum=1)
+NETWORK_MULTIPLICATIONS_MILLIONS = env_int("PADDOCK_NETWORK_MULTIPLICATIONS_MILLIONS", 600, minimum=1)
+NETWORK_VALUES_MILLIONS = env_int("PADDOCK_NETWORK_VALUES_MILLIONS", 8, minimum=1)
+NETWORK_OPERATORS = env_int("PADDOCK_NETWORK_OPERATORS", 512, minimum=1, maximum=4096)
+UPLOADS_AT_ONCE = env_int("PADDOCK_UPLOADS_AT_ONCE", 2, minimum=1)
+UPLOAD_WAIT_SECONDS = env_int("PADDOCK_UPLOAD_WAIT_SECONDS", 20, minimum=0)
+# the sandbox reads these itself
+CONVERTER_MEMORY_MB = env_int("PADDOCK_CONVERTER_MEMORY_MB", 2048, minimum=512)
+CONVERTER_SECONDS = env_int("PADDOCK_CONVERTER_SECONDS", 30, minimum=5)
+POLICY_MEMORY_MB = env_int("PADDOCK_POLICY_MEMORY_MB", 2048, minimum=512)
+POLICY_SECONDS = env_int("PADDOCK_POLICY_SECONDS", 120, minimum=10)
 MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
 STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
@@ -320,7 +335,7 @@ REST_FRAMEWORK = {
     "DEFAULT_SCHEMA_CLASS": "league.api.schema.Schema",
     "DEFAULT_VERSIONING_CLASS": None,
     "DEFAULT_THROTTLE_CLASSES": ["league.api.throttles.WriteThrottle"],
-    "DEFAULT_THROTTLE_RATES": {"upload": "60/hour", "write": "600/hour"},
+    "DEFAULT_THROTTLE_RATES": {"upload": "60/hour", "refused_upload": "240/hour", "write": "600/hour"},
     "EXCEPTION_HANDLER": "league.api.errors.handle",
     "NUM_PROXIES": env_int("PADDOCK_TRUSTED_PROXIES", 0),
     "TEST_REQUEST_DEFAULT_FORMAT": "json",

@@ -124,9 +124,12 @@ def read_upload(
 def _roles(parts: list[_Metered], heads: list[bytes]) -> list[str]:
     """What each part is: an archive's kind, or what a loose file is for."""
     roles = []
-    for part, head in zip(parts, heads, strict=True):
-        kind = kinds.sniff(head)
-        if len(parts) > 1 and kinds.is_weights_file(part.name):
+    said = [kinds.sniff(head) for head in heads]
+    named = [kinds.is_weights_file(part.name) for part in parts]
+    # beside a network only: alone or with its metadata, a file of such a name is the network
+    accompany = any(not is_named and kind != kinds.JSON for is_named, kind in zip(named, said, strict=True))
+    for is_named, kind in zip(named, said, strict=True):
+        if is_named and accompany:
             roles.append(_WEIGHTS)
         elif kind in kinds.ARCHIVES:
             roles.append(kind)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict, dataclass
 from typing import Any
 
 STDERR_LIMIT = 64 * 1024
+
+
+def _set(text: str | None, default: int) -> int:
+    """A whole number that an operator may set (the site's settings say what is wrong with another)."""
+    return int(text) if text and text.isascii() and text.isdigit() else default
 
 
 @dataclass(frozen=True)
@@ -33,8 +39,15 @@ class Limits:
         return cls(**data)
 
 
-POLICY = Limits("policy", address_space_mb=1024, cpu_s=300, open_files=16, wall_s=600)
-CONVERTER = Limits("converter", address_space_mb=2048, cpu_s=30, open_files=16, wall_s=60)
+# what the console's largest network, of 57 million weights, takes of them: docs/operators.md
+_POLICY_MB = _set(os.environ.get("PADDOCK_POLICY_MEMORY_MB"), 2048)
+POLICY_S = _set(os.environ.get("PADDOCK_POLICY_SECONDS"), 120)  # of wall time, for all steps of a run
+_CONVERTER_MB = _set(os.environ.get("PADDOCK_CONVERTER_MEMORY_MB"), 2048)
+_CONVERTER_S = _set(os.environ.get("PADDOCK_CONVERTER_SECONDS"), 30)
+POLICY = Limits("policy", address_space_mb=_POLICY_MB, cpu_s=5 * POLICY_S // 2, open_files=16, wall_s=5 * POLICY_S)
+CONVERTER = Limits(
+    "converter", address_space_mb=_CONVERTER_MB, cpu_s=_CONVERTER_S, open_files=16, wall_s=2 * _CONVERTER_S
+)
 RUNNER = Limits("runner", address_space_mb=1024, cpu_s=1200, open_files=64, wall_s=1200)
 # torch alone maps 0.85 GB; processor and wall time are those of the job, see training.trainer.client
 TRAINER = Limits("trainer", address_space_mb=2560, cpu_s=2 * 86_400, open_files=16, wall_s=2 * 86_400)

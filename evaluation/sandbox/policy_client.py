@@ -13,11 +13,12 @@ import numpy as np
 
 from faults import UserFault
 
+from .limits import POLICY_S
 from .policy_wire import STEP, reply_buffer, request_buffer
 
 STEP_DEADLINE_S = 1.0
 OVERAGE_S = 10.0
-TOTAL_S = 120.0
+TOTAL_S = float(POLICY_S)
 
 
 class PolicyClient:

@@ -6,7 +6,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -22,10 +22,10 @@ from accounts.quotas import limit_of, used_by
 from faults import UserFault
 from tracks.locks import hold
 
+from ..bounds import package_limits
 from ..looks import COLOUR, Look, Shell
 from ..models import Network, TrainedModel
 from ..packages.admit import AdmittedPackage, admit
-from ..packages.limits import DEFAULT_LIMITS, MEGABYTE
 from ..packages.read import UploadPart
 from ..quotas import MODELS, STORAGE
 from ..signals import model_deleted
@@ -37,6 +37,7 @@ KEEP_DELETED = timedelta(days=1)
 NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
 DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
 _ENDINGS = re.compile(r"(\.(tar|t?gz|tgz|zip|onnx|pb|json))+$", re.IGNORECASE)
+_COMPANION = re.compile(r"(\.json|\.data|_data|\.bin)$", re.IGNORECASE)
 _INVISIBLE = ("Cc", "Cf", "Cs", "Co", "Cn")  # control characters, text-direction overrides and the like
 
 
@@ -46,6 +47,7 @@ class UploadedModel:
 
     model: TrainedModel
     created: bool
+    package: AdmittedPackage | None = None  # what was taken of the upload, and what was not needed
 
 
 def upload_model(
@@ -56,12 +58,14 @@ def upload_model(
     description: str = "",
     look: Look = Look(),  # noqa: B008  a tuple
     has_place: bool = False,
+    checkpoint: str = "",
     now: datetime,
 ) -> UploadedModel:
     """Read, check and keep a model. Nothing is stored unless all of it is in order.
 
     ``name=None`` names it after its file. ``look``: of a new model; one that is there already keeps its own.
-    ``has_place``: it was promised a place when there was one, so a garage that is full by now takes it.
+    ``checkpoint``: which one of a training's folder: ``best``, ``last``, an iteration's number, or nothing for the best
+    that is known. ``has_place``: it was promised a place when there was one, so a garage that is full by now takes it.
     Raises UserFault (a code of the upload, metadata, conversion or gate section, or ``garage_full``,
     ``storage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
     """
@@ -70,8 +74,7 @@ def upload_model(
     description = _valid_description(description)
     if not has_place:
         refuse_full_garage(owner)
-    limits = replace(DEFAULT_LIMITS, upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE)
-    admitted = admit(files, limits, who=owner.pk)
+    admitted = admit(files, package_limits(), who=owner.pk, checkpoint=checkpoint.strip().lower())
     # once before anything is stored, and once more under the lock
     known = _known_model(owner, admitted.sha256, name, has_place)
     while known is None:
@@ -83,7 +86,7 @@ def upload_model(
             if known is None and network is not None:  # else it was purged in this very moment
                 model = TrainedModel.objects.create(
                     owner=owner,
-                    name=name or _free_name(owner, _name_of_file(files[0].name)),
+                    name=name or _free_name(owner, _name_of_upload(files)),
                     description=description,
                     shell=look.shell,
                     colour=look.colour,
@@ -93,8 +96,8 @@ def upload_model(
                     source_sha256=admitted.source_sha256,
                     created_at=now,
                 )
-                return UploadedModel(model, created=True)
-    return UploadedModel(known, created=False)
+                return UploadedModel(model, created=True, package=admitted)
+    return UploadedModel(known, created=False, package=admitted)
 
 
 @transaction.atomic
@@ -245,6 +248,12 @@ def _valid_description(description: str) -> str:
     if len(description) > DESCRIPTION_LIMIT:
         raise UserFault("description_too_long", limit=DESCRIPTION_LIMIT)
     return description
+
+
+def _name_of_upload(files: Sequence[UploadPart]) -> str:
+    """After the first file that is not there to accompany another."""
+    named = [file.name for file in files if not _COMPANION.search(file.name)]
+    return _name_of_file((named or [files[0].name])[0])
 
 
 def _name_of_file(file_name: str) -> str:

@@ -17,12 +17,45 @@ class WriteThrottle(ScopedRateThrottle):
 
     Anonymous requests are not counted: the only ones that write anything are attempts to log in, which allauth
     limits together with those of the site's form.
+
+    A view with a ``throttle_refused_scope`` counts what it refused against that instead (see
+    :meth:`count_as_refused`): who tries until a file is right shall not have to wait an hour for it.
     """
+
+    _refused: WriteThrottle | None = None
 
     def allow_request(self, request: Request, view: APIView) -> bool:
         if request.method in SAFE_METHODS or not request.user.is_authenticated:
             return True
-        self.scope = getattr(view, "throttle_scope", "write")
+        scope = getattr(view, "throttle_refused_scope", None)
+        if scope in self.THROTTLE_RATES:  # else they count as all others
+            self._refused = WriteThrottle()
+            if not self._refused._look(request, view, scope):
+                self.wait = self._refused.wait
+                return False
+        if not self._look(request, view, getattr(view, "throttle_scope", "write")):
+            return False
+        return self.throttle_success()
+
+    def count_as_refused(self) -> None:
+        """Take back what this request has used up, and count it in the wider allowance of refused ones."""
+        if self._refused is None or not getattr(self, "history", None):
+            return
+        history = self.cache.get(self.key, [])
+        if self.now in history:
+            history.remove(self.now)
+            self.cache.set(self.key, history, self.duration)
+        self._refused.throttle_success()
+        self._refused = None
+
+    def _look(self, request: Request, view: APIView, scope: str) -> bool:
+        """Whether there is something left of this allowance; counts nothing."""
+        self.scope = scope
         self.rate = self.get_rate()
         self.num_requests, self.duration = self.parse_rate(self.rate)
-        return super(ScopedRateThrottle, self).allow_request(request, view)
+        self.key = self.get_cache_key(request, view)
+        self.history = self.cache.get(self.key, [])
+        self.now = self.timer()
+        while self.history and self.history[-1] <= self.now - self.duration:
+            self.history.pop()
+        return len(self.history) < self.num_requests

@@ -11,6 +11,7 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 
 from evaluation.models import TrainedModel
 from tests.factories import a_model
+from tests.hostile.parts import outside, small_car, training_folder
 from tests.sandbox.networks import METADATA, constant_network, small_network
 from tests.shared import CONSOLE_CAR, needs_shared
 
@@ -45,7 +46,9 @@ def test_a_model_is_uploaded_once_and_recognised_the_second_time(alice, as_racer
     again = upload(client, package=SimpleUploadedFile("another name.zip", packed.getvalue()))
     assert again.status_code == 200
     assert (again.data["public_id"], again.data["sha256"]) == (first.data["public_id"], first.data["sha256"])
-    assert client.get(f"{ADDRESS}{first.data['public_id']}/").data == first.data
+    told = {"upload": {"network": "", "checkpoint": "", "output": "", "ignored": []}}
+    assert {**client.get(f"{ADDRESS}{first.data['public_id']}/").data, **told} == first.data
+    assert again.data["upload"]["network"] == "bolt.onnx"
 
 
 @needs_shared
@@ -65,7 +68,7 @@ def test_a_car_of_the_console_is_uploaded_as_it_is(alice, as_racer):
         ({"model": onnx_file}, "metadata_missing"),
         ({"metadata": metadata_file}, "model_missing"),
         ({"model": onnx_file, "metadata": lambda: metadata_file(b"{")}, "metadata_not_json"),
-        ({"package": onnx_file, "metadata": metadata_file}, "upload_parts"),
+        ({"package": onnx_file, "model": onnx_file}, "upload_parts"),
         ({}, "empty"),
         ({"model": onnx_file, "metadata": metadata_file, "name": "  "}, "model_name_missing"),
         ({"model": onnx_file, "metadata": metadata_file, "name": "x" * 65}, "model_name_too_long"),
@@ -104,7 +107,7 @@ def test_a_full_garage_refuses_before_it_reads(alice, as_racer, settings):
 def test_uploads_are_counted_for_each_racer(alice, bob, as_racer, monkeypatch):
     from rest_framework.throttling import ScopedRateThrottle
 
-    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "2/hour", "write": "600/hour"})
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "9/hour", "refused_upload": "2/hour"})
     client = as_racer(alice)
     assert [upload(client).status_code for _ in range(3)] == [400, 400, 429]
     assert client.get(ADDRESS).status_code == 200, "reading is not limited"
@@ -157,3 +160,27 @@ def test_a_model_is_its_owners_alone(alice, cast, method):
         assert getattr(cast[role], method)(address).status_code == 404, role
     assert getattr(cast["anonymous"], method)(address).status_code == 401
     assert getattr(cast["owner"], method)(address).status_code in (200, 204)
+
+
+def test_an_upload_says_what_was_taken_of_it(alice, as_racer):
+    [(name, folder)] = training_folder({4: small_car()}, b'{"best_checkpoint": {"name": "4_Step-90.ckpt"}}')
+    file = SimpleUploadedFile(name, folder)
+    answer = as_racer(alice).post("/api/v1/models/", {"package": file, "checkpoint": "last"}, format="multipart")
+    assert answer.status_code == 201, answer.data
+    told = answer.data["upload"]
+    assert (told["network"], told["checkpoint"], told["output"]) == ("model/model_4.pb", "asked", "")
+    assert "checksum.txt" in told["ignored"]
+
+
+def test_weights_beside_an_onnx_file_are_a_part_of_their_own(alice, as_racer):
+    (_, network), (_, data), (_, metadata) = outside({"location": "car.onnx.data"}, bytes(20))
+    files = {
+        "model": SimpleUploadedFile("car.onnx", network),
+        "metadata": SimpleUploadedFile("m.json", metadata),
+        "weights": SimpleUploadedFile("car.onnx.data", data),
+    }
+    assert as_racer(alice).post("/api/v1/models/", files, format="multipart").status_code == 201
+    without = {key: SimpleUploadedFile(key, file) for key, file in (("model", network), ("metadata", metadata))}
+    refused = as_racer(alice).post("/api/v1/models/", without, format="multipart")
+    assert (refused.status_code, refused.data["code"]) == (400, "onnx_external_missing")
+    assert "car.onnx.data" in refused.data["message"]

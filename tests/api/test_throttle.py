@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import zlib
+
+import numpy as np
 import pytest
 from rest_framework.test import APIClient
 from rest_framework.throttling import ScopedRateThrottle
+
+from tests.hostile.parts import network, pair
 
 pytestmark = pytest.mark.django_db
 
@@ -33,3 +39,33 @@ def test_another_token_is_no_second_budget(alice, as_racer):
 def test_who_is_not_logged_in_is_told_so_and_not_counted(db):
     answers = [APIClient().post("/api/v1/races/", {}) for _ in range(5)]
     assert {answer.status_code for answer in answers} == {401}
+
+
+def named_network(name: str) -> bytes:
+    """Another network for every name."""
+    return network(weights={"bias": np.full(5, zlib.crc32(name.encode()) % 1000, np.float32)}).SerializeToString()
+
+
+def test_refused_uploads_use_up_an_allowance_of_their_own(alice, as_racer, monkeypatch):
+    rates = {"upload": "2/hour", "refused_upload": "4/hour", "write": "3/hour"}
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", rates)
+    client = as_racer(alice)
+
+    def send(**files):
+        return client.post("/api/v1/models/", files, format="multipart").status_code
+
+    assert [send(package=io.BytesIO(b"no model at all")) for _ in range(3)] == [400] * 3, "one more than good ones"
+    for name in ("a", "b"):
+        (_, network), (_, metadata) = pair(named_network(name))
+        assert send(model=io.BytesIO(network), metadata=io.BytesIO(metadata)) == 201
+    (_, network), (_, metadata) = pair(named_network("c"))
+    assert send(model=io.BytesIO(network), metadata=io.BytesIO(metadata)) == 429, "good ones count as before"
+
+
+def test_refused_uploads_have_an_end_too(alice, as_racer, monkeypatch):
+    rates = {"upload": "9/hour", "refused_upload": "2/hour", "write": "9/hour"}
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", rates)
+    sent = [
+        as_racer(alice).post("/api/v1/models/", {"package": io.BytesIO(b"x")}, format="multipart") for _ in range(3)
+    ]
+    assert [answer.status_code for answer in sent] == [400, 400, 429]

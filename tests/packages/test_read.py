@@ -107,6 +107,10 @@ def test_files_are_told_apart_by_content_and_not_by_name() -> None:
     assert package.metadata_json == metadata()
 
 
+def test_a_network_may_be_called_as_weights_are() -> None:
+    assert read([("policy.bin", good_network()), ("m.json", metadata())]).model == good_network()
+
+
 def test_the_digest_is_of_the_file_as_sent() -> None:
     content = gzip(tar(("agent/model.pb", GRAPH), ("model_metadata.json", metadata())))
     assert read_one(content).source_sha256 == hashlib.sha256(content).hexdigest()

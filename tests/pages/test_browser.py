@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.hostile.parts import small_car, training_folder
 from tests.shared import CONSOLE_CAR, needs_shared
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -180,13 +181,31 @@ def test_too_large_a_file_is_told_before_it_is_sent(page: playwright.Page, tmp_p
     sign_up(page, "heavy")
     huge = tmp_path / "model.tar.gz"
     with huge.open("wb") as file:
-        file.truncate(65 * 1024 * 1024)
+        file.truncate(513 * 1024 * 1024)
     page.goto("/models/upload/")
     page.locator("input[type=file]").set_input_files(huge)
-    playwright.expect(page.locator("[data-chosen]")).to_contain_text("More than 64 MB")
+    playwright.expect(page.locator("[data-chosen]")).to_contain_text("More than 512 MB")
     page.get_by_role("main").get_by_role("button", name="Upload").click()
     assert page.evaluate("document.querySelector('input[type=file]').validity.customError")
     assert page.url.endswith("/models/upload/")
+
+
+def test_a_trainings_folder_is_uploaded_and_one_of_its_checkpoints_chosen(
+    page: playwright.Page, tmp_path: Path
+) -> None:
+    [(name, folder)] = training_folder({4: small_car(), 9: small_car()}, lead="rl-deepracer/")
+    (tmp_path / name).write_bytes(folder)
+    sign_up(page, "trainee")
+    page.goto("/models/upload/")
+    page.locator("input[type=file]").set_input_files(tmp_path / name)
+    page.get_by_label("Checkpoint").fill("5")
+    page.get_by_role("main").get_by_role("button", name="Upload").click()
+    playwright.expect(page.get_by_text("It holds: 4, 9.")).to_be_visible()
+    page.locator("input[type=file]").set_input_files(tmp_path / name)
+    page.get_by_label("Checkpoint").fill("4")
+    page.get_by_role("main").get_by_role("button", name="Upload").click()
+    playwright.expect(page.get_by_text("model_4.pb, as you chose")).to_be_visible()
+    playwright.expect(page.get_by_text("files were not needed")).to_be_visible()
 
 
 def test_the_skip_link_and_the_menu_work_from_the_keyboard(page: playwright.Page) -> None:

@@ -17,6 +17,8 @@ from evaluation.models import TrainedModel
 from evaluation.services import UploadedModel
 from faults import PlatformFault, UserFault
 from tests.factories import a_model, a_race
+from tests.hostile.parts import training_folder
+from tests.packages.coach import coach_graph
 from tests.pages.conftest import World
 from tests.shared import SHARED, needs_shared
 from tracks.geometry import TrackGeometry
@@ -43,7 +45,7 @@ def zipped(**members: bytes) -> bytes:
         ("car.tar.gz", b"", "empty"),
         ("car.tar.gz", b"this is no archive", "not_a_model"),
         ("car.zip", zipped(model__onnx=b"\x08\x0a"), "metadata_missing"),
-        ("car.zip", zipped(notes__txt=b"hello"), "unexpected_member"),
+        ("car.zip", zipped(notes__txt=b"hello"), "model_missing"),
         ("car.zip", zipped(model__onnx=b"x")[:-9], "archive_corrupt"),
     ],
 )
@@ -69,7 +71,7 @@ def test_nothing_chosen_is_told_beside_the_field(world: World) -> None:
 def test_a_model_is_uploaded_and_shown(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     got: dict = {}
 
-    def keep(*, owner, files, name, description, now):
+    def keep(*, owner, files, name, description, checkpoint, now):
         got.update(owner=owner, name=name, description=description, sent=[(f.name, f.stream.read()) for f in files])
         return UploadedModel(a_model(world.newcomer, name=name or "model"), created=True)
 
@@ -231,3 +233,22 @@ def test_the_clock_of_a_page_is_the_sites(world: World) -> None:
     html = world.client("anonymous").get("/races/open-race/").content.decode()
     moments = re.findall(r'<time datetime="([^"]+)" data-local>([^<]+)</time>', html)
     assert moments and all(shown.endswith(timezone.get_current_timezone_name()) for _, shown in moments)
+
+
+def test_of_a_trainings_folder_the_racer_chooses_the_checkpoint_and_is_told_what_was_ignored(world: World) -> None:
+    first, other = (coach_graph(middleware=[8], seed=seed) for seed in (1, 2))
+    best = b'{"best_checkpoint": {"name": "4_Step-90.ckpt"}}'
+    [(name, folder)] = training_folder({4: first, 9: other}, best, lead="rl-deepracer/")
+    client = world.client("newcomer")
+    shown = []
+    for checkpoint in ("", "9"):
+        response = upload(client, SimpleUploadedFile(name, folder), checkpoint=checkpoint)
+        assert response.status_code == 302, response.content.decode()
+        shown.append(client.get(response.url).content.decode())
+    assert "model_4.pb, the best by deepracer_checkpoints.json" in shown[0]
+    assert "model_9.pb, as you chose" in shown[1]
+    assert all("files were not needed" in html and "notes.md" in html for html in shown)
+    assert len(set(TrainedModel.objects.filter(owner=world.newcomer).values_list("network", flat=True))) == 2
+    refused = upload(client, SimpleUploadedFile(name, folder), checkpoint="<b>5</b>")
+    assert 'data-code="checkpoint_missing"' in refused.content.decode()
+    assert "<b>5</b>" not in refused.content.decode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from django.contrib.auth.models import AnonymousUser
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client, override_settings
 
@@ -157,7 +158,7 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
 
         readline = read
 
-    def post(path: str, size: int):
+    def post(path: str, size: int, user: Racer | AnonymousUser = AnonymousUser()):  # noqa: B008  it is nobody
         from django.core.handlers.wsgi import WSGIRequest
 
         from league.body_limit import PageBodyLimit
@@ -171,13 +172,16 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
             "SERVER_NAME": "testserver",
             "SERVER_PORT": "80",
         }
-        return PageBodyLimit(lambda request: None)(WSGIRequest(environ))
+        request = WSGIRequest(environ)
+        request.user = user
+        return PageBodyLimit(lambda request: None)(request)
 
     refused = post("/theme/", 6 * 1024 * 1024)
     assert refused.status_code == 413
     assert b"too_large" in refused.content
-    assert post("/models/upload/", 60 * 1024 * 1024) is None
-    assert post("/models/upload/", 66 * 1024 * 1024).status_code == 413
+    assert post("/models/upload/", 500 * 1024 * 1024, Racer()) is None
+    assert post("/models/upload/", 514 * 1024 * 1024, Racer()).status_code == 413
+    assert post("/models/upload/", 60 * 1024 * 1024).status_code == 413, "who is not logged in uploads nothing"
 
 
 def test_the_limit_on_bodies_is_switched_on(settings) -> None:

@@ -32,7 +32,7 @@ import stable_baselines3
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from evaluation.sandbox.frames import read_message, write_message
+from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from evaluation.simulator.rewards import RewardFunction, follow_centre_line
 from evaluation.simulator.world import make_ready
 from faults import PaddockError, UserFault
@@ -64,7 +64,7 @@ def main(frames_in: int, frames_out: int) -> None:
     write_message(
         frames_out, {"ready": {"torch": torch.__version__, "stable-baselines3": stable_baselines3.__version__}}
     )
-    message, blobs = read_message(frames_in)
+    message, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)  # one of another layout is refused by its layout
     try:
         training = Training(TrainerSpec.from_dict(message["spec"]), frames_in, frames_out)
         training.begin(message.get("start", ""), blobs[0] if blobs else b"")

@@ -14,6 +14,7 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import CommandError
 
+from evaluation.bounds import package_limits
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.read import UploadPart
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
@@ -21,6 +22,7 @@ from evaluation.rivals import check_rivals
 from evaluation.simulator.camera.theme import THEMES
 from evaluation.simulator.course import lay_course
 from evaluation.simulator.rules import MAX_CARS
+from evaluation.told import sentences
 from faults import PaddockError, UserFault, fault_from_dict
 from league.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from league.management.race_options import add_race_options, rules_of
@@ -40,11 +42,26 @@ class Command(JsonCommand):
     requires_system_checks = []
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("package", type=Path, help="a car's archive (.tar.gz, .zip) or an .onnx file")
+        parser.add_argument(
+            "package", type=Path, help="a car's archive or a training's folder (.tar.gz, .zip), or an .onnx file"
+        )
         parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
         parser.add_argument("--track", required=True, help=TRACK_HELP)
         parser.add_argument(
             "--look", choices=sorted(THEMES), help="what cameras see of it; default: the track's own, as on the site"
+        )
+        parser.add_argument(
+            "--checkpoint",
+            default="",
+            metavar="WHICH",
+            help="of a training's folder: best, last, or the number in model_<number>.pb; default: the best by "
+            "deepracer_checkpoints.json, else the last",
+        )
+        parser.add_argument(
+            "--weights",
+            type=Path,
+            metavar="FILE",
+            help="the .onnx.data file beside an .onnx file, if it has one",
         )
         add_race_options(parser)
         parser.add_argument(
@@ -52,7 +69,8 @@ class Command(JsonCommand):
             action="append",
             default=[],
             metavar="PACKAGE",
-            help=f"another car in the same race: an archive, or ONNX,METADATA; repeat it, at most {MAX_CARS - 1} times",
+            help="another car in the same race: an archive, or ONNX,METADATA[,WEIGHTS]; repeat it, at most "
+            f"{MAX_CARS - 1} times",
         )
         parser.add_argument(
             "--trace",
@@ -74,7 +92,10 @@ class Command(JsonCommand):
             geometry = found.geometry.in_direction(rules.direction)
             lay_course(geometry, rules)  # before anything takes long
             started = time.monotonic()
-            cars = [_admit([package] if metadata is None else [package, metadata])]
+            paths = [path for path in (package, metadata, options["weights"]) if path is not None]
+            cars = [_admit(paths, options["checkpoint"])]
+            for sentence in sentences(cars[0]):
+                self.stderr.write(sentence)
             cars += [_admit(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
             first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict()) for car in cars]
@@ -183,13 +204,13 @@ def _said(retired: dict[str, Any]) -> dict[str, Any]:
     return {**retired, "message": str(fault_from_dict(retired))}
 
 
-def _admit(paths: list[Path]) -> AdmittedPackage:
+def _admit(paths: list[Path], checkpoint: str = "") -> AdmittedPackage:
     with ExitStack() as stack:
         try:
             parts = [UploadPart(path.name, stack.enter_context(path.open("rb"))) for path in paths]
         except OSError as error:
             raise Refusal.unreadable(error) from error
-        return admit(parts)
+        return admit(parts, package_limits(), checkpoint=checkpoint.strip().lower())
 
 
 def _files_of(rival: str) -> list[Path]:
@@ -197,7 +218,7 @@ def _files_of(rival: str) -> list[Path]:
     whole = Path(rival)
     if whole.exists():
         return [whole]
-    return [Path(part) for part in rival.split(",", 1)]
+    return [Path(part) for part in rival.split(",", 2)]
 
 
 def _write_traces(path: Path, outcome: EvaluationOutcome) -> None:
