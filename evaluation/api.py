@@ -28,7 +28,7 @@ from .packages.kinds import is_weights_file
 from .packages.read import UploadPart
 from .selectors import is_shared, models_of, shared_models, visible_models
 
-SOURCE_KINDS = [("onnx", "ONNX"), ("tensorflow", "frozen TensorFlow graph")]
+SOURCE_KINDS = [("onnx", "ONNX"), ("tensorflow", "frozen TensorFlow graph"), ("sb3", "zip of stable-baselines3")]
 
 
 class ModelSerializer(serializers.Serializer):
@@ -95,7 +95,8 @@ class UploadSerializer(Body):
     package = serializers.FileField(
         required=False,
         allow_empty_file=True,
-        help_text="A car's model.tar.gz, a training's folder as .tar.gz or .zip, or a zip of an ONNX and its metadata.",
+        help_text="A car's model.tar.gz, a training's folder as .tar.gz or .zip, a zip of an ONNX and its metadata, "
+        "or the zip of stable-baselines3.",
     )
     model = serializers.FileField(required=False, allow_empty_file=True, help_text="An ONNX file or a frozen graph.")
     metadata = serializers.FileField(required=False, allow_empty_file=True, help_text="Its model_metadata.json.")

@@ -96,7 +96,9 @@ class TrainedModel(models.Model):
             models.CheckConstraint(condition=Q(shell__in=Shell.values), name="model_shell_known"),
             models.CheckConstraint(condition=Q(colour__regex=COLOUR), name="model_colour_form"),
             models.CheckConstraint(condition=Q(source_sha256__regex=SHA256), name="model_source_sha256_form"),
-            models.CheckConstraint(condition=Q(source_kind__in=["onnx", "tensorflow"]), name="model_source_kind_known"),
+            models.CheckConstraint(
+                condition=Q(source_kind__in=["onnx", "tensorflow", "sb3"]), name="model_source_kind_known"
+            ),
         ]
 
     def __str__(self) -> str:

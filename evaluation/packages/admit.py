@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
@@ -21,6 +22,7 @@ from faults import PlatformFault, UserFault
 from faults.reasons import REASONS
 
 from .identity import identity
+from .kinds import SB3
 from .limits import DEFAULT_LIMITS, PackageLimits
 from .metadata import ModelMetadata, parse_metadata
 from .read import RawPackage, UploadPart, read_upload
@@ -28,13 +30,24 @@ from .slots import upload_slot
 from .wire import printable
 
 MODULE = "evaluation.packages.convert_process"
-# By kind (a word of .kinds) the process that reads such a network, and what it may use; for others MODULE, CONVERTER.
-PROCESSES: dict[str, tuple[str, Limits]] = {}
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
 Answer = tuple[bytes, int, int, str]  # canonical bytes, parameters, multiplications, which of several outputs
 _LOCKED = {"state": "locked"}
+
+
+class Reader(NamedTuple):
+    """A sandboxed process that reads one kind of network. ``random``: as in ``launch``."""
+
+    module: str
+    limits: Limits
+    start_s: float = _START_S
+    random: bool = False
+
+
+# By kind (a word of .kinds); for others MODULE, CONVERTER. Training registers what reads stable-baselines3's.
+PROCESSES: dict[str, Reader] = {}
 
 
 @dataclass(frozen=True)
@@ -68,7 +81,8 @@ def admit(
     ``checkpoint``: which one of a training's folder: ``best``, ``last``, a number, or nothing for the best known.
 
     Takes about a second. Raises UserFault (upload, metadata, conversion, gate sections) or PlatformFault
-    (``upload_busy``, ``conversion_failed``, and those of the sandbox). Leaves no file and no process behind.
+    (``upload_busy``, ``conversion_failed``, ``sb3_needs_torch``, and those of the sandbox). Leaves no file and no
+    process behind.
     """
     with upload_slot(limits.slots, limits.slot_wait_s, slots_directory, waiting=limits.waiting, who=who):
         package = read_upload(files, limits, checkpoint=checkpoint)
@@ -96,11 +110,15 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
 
     ``contents``: network, metadata and weights beside it; emptied when they are sent, so that a large network is not
     held twice."""
-    module, process_limits = PROCESSES.get(package.kind, (MODULE, CONVERTER))
-    with launch(module, limits=process_limits) as process:
+    reader = PROCESSES.get(package.kind)
+    if reader is None:
+        if package.kind == SB3:
+            raise PlatformFault("sb3_needs_torch")
+        reader = Reader(MODULE, CONVERTER)
+    with launch(reader.module, limits=reader.limits, random=reader.random) as process:
         widen_pipe(process.stdin)
         widen_pipe(process.stdout)
-        _wait_for_lock(process)
+        _wait_for_lock(process, reader.start_s)
         question = {"kind": package.kind, "limits": limits.to_dict(), "weights": list(package.weights)}
         try:
             write_message(process.stdin, question, contents, process.deadline)
@@ -117,10 +135,10 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
         return _checked(header, blobs, limits)
 
 
-def _wait_for_lock(process: SandboxedProcess) -> None:
+def _wait_for_lock(process: SandboxedProcess, start_s: float) -> None:
     """Until the process is locked it has seen nothing of the upload: what goes wrong before is our fault."""
     try:
-        header, _ = read_message(process.stdout, time.monotonic() + _START_S, json_limit=_HEADER_LIMIT, blob_limit=0)
+        header, _ = read_message(process.stdout, time.monotonic() + start_s, json_limit=_HEADER_LIMIT, blob_limit=0)
     except FrameError as error:
         fault = PlatformFault("conversion_failed")
         fault.add_note(process.stderr_text())

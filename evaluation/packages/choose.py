@@ -5,7 +5,8 @@ An archive may be
 - a car's, as the console and DeepRacer-for-Cloud write it: ``agent/model.pb`` and ``model_metadata.json``;
 - a training's folder of either: ``model/model_<iteration>.pb`` beside checkpoints, logs, metrics and notes. The best
   one by ``deepracer_checkpoints.json`` is taken, else the last, else the one that the racer asks for;
-- an ONNX file with its metadata, and the file of its weights where the exporter put them beside it.
+- an ONNX file with its metadata, and the file of its weights where the exporter put them beside it;
+- what ``model.save`` of stable-baselines3 writes: ``policy.pth`` and ``data``, of a dozen members.
 
 Each may lie in folders. What is not needed is not read. Layouts: deepracer.md 1.1.
 """
@@ -19,17 +20,20 @@ from dataclasses import dataclass
 
 from faults import UserFault
 
-from .kinds import is_weights_file
+from .kinds import SB3, is_weights_file
 from .limits import PackageLimits
 from .wire import printable
 
 METADATA = "model_metadata.json"
 CHECKPOINTS = "deepracer_checkpoints.json"
+_DATA = "data"  # what a zip of stable-baselines3 says of itself, as JSON
 BEST, LAST, ASKED = "best", "last", "asked"
 
 _CAR = re.compile(r"(.*/)?model\.pb\Z", re.DOTALL)
 _ITERATION = re.compile(r"(?P<folder>.*/)?model_(?P<number>\d{1,9})\.pb\Z", re.DOTALL)
 _ONNX = re.compile(r".*\.onnx\Z", re.IGNORECASE | re.DOTALL)
+_POLICY = re.compile(r"(.*/)?policy\.pth\Z", re.DOTALL)
+_PICKLED = re.compile(r"([^/]+/)?data\.pkl\Z")  # of torch.save and TorchScript: the zip's own name, then this
 _RAW_CHECKPOINT = re.compile(
     r"(.*/)?(\.coach_checkpoint|checkpoint|.*\.ckpt(-\d+)?(\.(index|meta|data.*))?)\Z", re.DOTALL
 )
@@ -39,24 +43,26 @@ _NAMED = 3  # files that a sentence names
 
 @dataclass(frozen=True)
 class Choice:
-    """What to read. ``weights``: files beside an ONNX file that may hold its weights. ``reason``: why this
+    """What to read. ``weights``: files beside an ONNX file that may hold its weights; of stable-baselines3 ``data``.
+    ``kind``: a word of :mod:`.kinds`, empty where the network's own bytes tell. ``reason``: why this
     checkpoint (:data:`BEST`, :data:`LAST`, :data:`ASKED`), empty where there was nothing to choose."""
 
     network: str
     metadata: str | None
     weights: tuple[str, ...] = ()
     reason: str = ""
+    kind: str = ""
 
 
 def is_wanted_early(name: str) -> bool:
     """Whether the choice, or a car without a choice, needs this file: a stream keeps it in passing."""
     base = name.rsplit("/", 1)[-1]
-    return base in (METADATA, CHECKPOINTS)
+    return base in (METADATA, CHECKPOINTS, _DATA)
 
 
 def is_network(name: str) -> bool:
     """Whether a file of this name may be chosen as the network."""
-    return any(pattern.match(name) for pattern in (_CAR, _ITERATION, _ONNX))
+    return any(pattern.match(name) for pattern in (_CAR, _ITERATION, _ONNX, _POLICY))
 
 
 def choose(
@@ -66,18 +72,27 @@ def choose(
     racer asks for: ``best``, ``last``, an iteration's number, or nothing.
 
     Raises UserFault ``model_missing``, ``several_networks``, ``duplicate_member``, ``training_folder_incomplete``,
-    ``checkpoint_missing``, ``checkpoints_unreadable``.
+    ``checkpoint_missing``, ``checkpoints_unreadable``, ``torch_file``.
     """
     reason = ""
     cars = [name for name in sizes if _CAR.match(name)]
     iterations = {name: int(found["number"]) for name in sizes if (found := _ITERATION.match(name))}
     onnx = [name for name in sizes if _ONNX.match(name)]
+    policies = [name for name in sizes if _POLICY.match(name) and _folder(name) + _DATA in sizes]
+    if len(policies) == 1 and not (checkpoint or cars or iterations or onnx):
+        (network,) = policies
+        folder = _folder(network)
+        return Choice(network, _metadata_of(folder, sizes), (folder + _DATA,), kind=SB3)
     if checkpoint or (iterations and not cars and not onnx):
         network, reason = _iteration(iterations, sizes, read, limits, checkpoint)
     elif len(cars) + len(onnx) == 1:
         (network,) = cars + onnx
     elif cars or onnx:
         raise UserFault("several_networks", members=_list(cars + onnx))
+    elif policies:
+        raise UserFault("several_networks", members=_list(policies))
+    elif any(_PICKLED.match(name) for name in sizes):
+        raise UserFault("torch_file")
     elif any(_RAW_CHECKPOINT.match(name) for name in sizes):
         raise UserFault("training_folder_incomplete", missing="model/model_<iteration>.pb")
     else:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 
-TENSORFLOW, ONNX = "tensorflow", "onnx"
+TENSORFLOW, ONNX, SB3 = "tensorflow", "onnx", "sb3"
 GZIP, ZIP, TAR, JSON, BINARY = "gzip", "zip", "tar", "json", "binary"
 ARCHIVES = (GZIP, ZIP, TAR)
 HEAD = 512  # bytes that :func:`sniff` and :func:`network_kind` want to see
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_PICKLED = re.compile(rb"\x80[\x02-\x05]")  # a pickle of protocol 2 and later: what torch wrote before its zips
 # torch writes car.onnx.data, onnx's own helper whatever it is told; optimum model.onnx_data
 _WEIGHTS = re.compile(r".*(\.onnx\.data|\.data|\.onnx_data|\.bin|\.weights)\Z", re.IGNORECASE | re.DOTALL)
 
@@ -41,6 +42,11 @@ def network_kind(model: bytes) -> str | None:
     if first in (0x08, 0x12, 0x1A, 0x22, 0x28, 0x32, 0x3A, 0x42) and not model.startswith((b"BZ", b'"', b"(", b":")):
         return ONNX
     return None
+
+
+def is_pickle(head: bytes) -> bool:
+    """Whether a file begins as a pickle: Python objects, which are never opened."""
+    return _PICKLED.match(head) is not None
 
 
 def is_weights_file(name: str) -> bool:

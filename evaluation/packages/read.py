@@ -16,10 +16,10 @@ from faults import UserFault
 from . import choose, kinds
 from .archive_tar import TarArchive, gzip_chunks, plain_chunks
 from .archive_zip import ZipArchive
-from .kinds import ONNX, TENSORFLOW, network_kind
+from .kinds import ONNX, SB3, TENSORFLOW, network_kind
 from .limits import DEFAULT_LIMITS, PackageLimits
 
-__all__ = ["ONNX", "TENSORFLOW", "RawPackage", "UploadPart", "network_kind", "read_upload"]
+__all__ = ["ONNX", "SB3", "TENSORFLOW", "RawPackage", "UploadPart", "network_kind", "read_upload"]
 
 _CHUNK = 64 * 1024
 _NETWORK, _METADATA, _WEIGHTS = "network", "metadata", "weights"
@@ -36,7 +36,8 @@ class UploadPart:
 
 @dataclass(frozen=True)
 class RawPackage:
-    """What was in the upload, unread. ``kind`` is one of :mod:`.kinds`: a GraphDef, or an ONNX file."""
+    """What was in the upload, unread. ``kind`` is one of :mod:`.kinds`: a GraphDef, an ONNX file, or the
+    ``policy.pth`` of stable-baselines3."""
 
     kind: str
     model: bytes
@@ -174,6 +175,7 @@ def _read_packed(
         weights={name.rsplit("/", 1)[-1]: members[name] for name in choice.weights},
         taken=choice.network,
         reason=choice.reason,
+        kind=choice.kind,
         ignored=ignored,
     )
 
@@ -205,7 +207,7 @@ def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], lim
     left = limits.model_bytes
     for role, part, head in zip(roles, parts, heads, strict=True):
         if role == _NETWORK and network_kind(head) is None:
-            raise UserFault("not_a_model")
+            raise UserFault("torch_file" if kinds.is_pickle(head) else "not_a_model")
         content = part.read_all(head, limits.metadata_bytes if role == _METADATA else left)
         if role == _METADATA:
             found[role] = content
@@ -232,8 +234,13 @@ def _joint_digest(*digests: bytes) -> str:
     return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
-def _package(model: bytes | None, metadata: bytes | None, limits: PackageLimits, **rest: object) -> RawPackage:
-    if model is not None:
+def _package(
+    model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", **rest: object
+) -> RawPackage:
+    if kind == SB3:
+        if metadata is None:
+            raise UserFault("sb3_metadata_missing")
+    elif model is not None:
         kind = network_kind(model)
         if kind is None:
             raise UserFault("not_a_model") if model else UserFault("empty")

@@ -48,6 +48,10 @@ POLICY = Limits("policy", address_space_mb=_POLICY_MB, cpu_s=5 * POLICY_S // 2, 
 CONVERTER = Limits(
     "converter", address_space_mb=_CONVERTER_MB, cpu_s=_CONVERTER_S, open_files=16, wall_s=2 * _CONVERTER_S
 )
+# the same with torch, which alone maps 0.85 GB
+SB3_CONVERTER = Limits(
+    "sb3 converter", address_space_mb=_CONVERTER_MB + 1024, cpu_s=_CONVERTER_S, open_files=16, wall_s=2 * _CONVERTER_S
+)
 RUNNER = Limits("runner", address_space_mb=1024, cpu_s=1200, open_files=64, wall_s=1200)
 # torch alone maps 0.85 GB; processor and wall time are those of the job, see training.trainer.client
 TRAINER = Limits("trainer", address_space_mb=2560, cpu_s=2 * 86_400, open_files=16, wall_s=2 * 86_400)

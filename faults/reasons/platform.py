@@ -22,6 +22,10 @@ REASONS = table(
             "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
         ),
         "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
+        "sb3_needs_torch": _(
+            "This site cannot read zips of stable-baselines3: PyTorch is not installed on it. Export the policy "
+            "with torch.onnx.export() and upload the .onnx file, or ask the site's operator for training."
+        ),
         "submit_failed": _(
             "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
         ),

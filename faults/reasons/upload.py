@@ -31,6 +31,15 @@ REASONS = table(
             "model_metadata.json is missing. Add it: it says which actions the network chooses from and which "
             "sensors it reads."
         ),
+        "torch_file": _(
+            "This is a file of Python objects, as PyTorch writes them (.pt, .pth): it is not opened here. Upload the "
+            "zip that model.save() of stable-baselines3 writes, or export the network with torch.onnx.export() and "
+            "upload the .onnx file; each with its model_metadata.json."
+        ),
+        "sb3_metadata_missing": _(
+            "This is a zip of stable-baselines3. Add model_metadata.json, beside it or in it: it says which sensors "
+            "the policy reads and what its actions mean, which the zip does not."
+        ),
         "unexpected_member": _(
             "The archive holds something that is no plain file in a folder: %(member)s. Pack it again with plain "
             "files, and with names that do not lead out of it."

@@ -16,6 +16,7 @@ SECTIONS = {
     "Upload": reasons.upload.REASONS,
     "model_metadata.json": reasons.metadata.REASONS,
     "Conversion of a TensorFlow graph": reasons.conversion.REASONS,
+    "Policies of stable-baselines3": reasons.sb3.REASONS,
     "The network": reasons.gate.REASONS,
     "On the track": reasons.run_time.REASONS,
     "Paddock's own faults": reasons.platform.REASONS,

@@ -19,7 +19,7 @@ from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
 from evaluation.packages.read import UploadPart
 from faults import PaddockError
-from faults.reasons import conversion, gate, metadata
+from faults.reasons import conversion, gate, metadata, sb3
 from faults.reasons import upload as upload_reasons
 
 from .parts import Upload, good_network, pair
@@ -31,7 +31,7 @@ UNREACHABLE = {
     "conversion_time",
     "conversion_crashed",
 }
-SECTIONS = (upload_reasons, metadata, conversion, gate)
+SECTIONS = (upload_reasons, metadata, conversion, sb3, gate)
 
 
 def load(case: str) -> ModuleType:
@@ -80,7 +80,9 @@ def test_after_all_of_them_a_good_model_is_admitted() -> None:
 
 def test_every_reason_for_refusing_a_package_has_a_case() -> None:
     from evaluation import packages
+    from training import sb3 as policies
 
-    source = "".join(path.read_text() for path in Path(packages.__file__).parent.rglob("*.py"))
+    folders = (Path(package.__file__).parent for package in (packages, policies))
+    source = "".join(path.read_text() for folder in folders for path in folder.rglob("*.py"))
     codes = {code for section in SECTIONS for code in section.REASONS if f'"{code}"' in source}
     assert codes - {case.split("/")[0] for case in CASES} == UNREACHABLE

@@ -23,6 +23,8 @@ from django.db import connections
 from django.utils import timezone
 
 from evaluation.models import TrainedModel
+from evaluation.packages.admit import admit
+from evaluation.packages.read import UploadPart
 from evaluation.simulator.trace import COLUMNS
 from races.models import Submission
 from tests.evaluation.processes import environment
@@ -91,8 +93,11 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
     from stable_baselines3 import PPO
 
     with job.sb3_zip.open("rb") as file:
-        learner = PPO.load(io.BytesIO(file.read()))
+        handed_out = file.read()
+    learner = PPO.load(io.BytesIO(handed_out))
     assert learner.num_timesteps == job.steps_done
+    uploaded = admit([UploadPart("first-sb3.zip", io.BytesIO(handed_out))])
+    assert uploaded.sha256 == job.last_model.network_id, "uploaded as it is, it is the very model"
 
     clone = run(a_training(alice, oval, now, name="clone", clone_from=job.best_model, stop_steps=1, **SHORT))
     assert clone.state == JobState.FINISHED

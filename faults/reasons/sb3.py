@@ -1,0 +1,34 @@
+"""Why a policy of stable-baselines3 cannot become ONNX."""
+
+from .reason import gettext_noop as _
+from .reason import table
+
+REASONS = table(
+    "user",
+    {
+        "sb3_unreadable": _(
+            "%(member)s in this zip of stable-baselines3 cannot be read. Save the model anew with model.save() of a "
+            "current version and upload that."
+        ),
+        "sb3_custom": _(
+            "This policy of stable-baselines3 uses %(what)s, which cannot be rebuilt from its weights. Export it with "
+            "torch.onnx.export() and upload the .onnx file."
+        ),
+        "sb3_layer": _(
+            "%(layer)s has no place in a policy of stable-baselines3 as it is built for these sensors. Check "
+            "model_metadata.json, or export the policy with torch.onnx.export() and upload the .onnx file."
+        ),
+        "sb3_observation": _(
+            "The policy was trained on %(found)s; the sensors in model_metadata.json give %(expected)s. What a wrapper "
+            "did to the picture (stacking, resizing) is not in the zip: export the policy with it to ONNX."
+        ),
+        "sb3_actions": _(
+            "The policy answers %(found)s values, the action space in model_metadata.json needs %(expected)s. Upload "
+            "the file that it was trained with."
+        ),
+        "sb3_action_space": _(
+            "The policy was trained to answer %(found)s. Here continuous actions are from -1 to 1, which "
+            "model_metadata.json scales to degrees and m/s: train it with such actions."
+        ),
+    },
+)

@@ -1,0 +1,86 @@
+"""The admission of a policy of stable-baselines3, inside the wall: the only process of the site that imports torch
+besides the trainer.
+
+Started by ``evaluation.packages.admit``, asked and answered as ``evaluation.packages.convert_process`` is. Of the
+pickle inside ``policy.pth`` torch itself makes tensors and nothing else (``weights_only=True``); ``data`` is JSON.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+
+import numpy as np
+
+from evaluation.packages.convert_process import LOCKED, admit_network
+from evaluation.packages.kinds import ONNX
+from evaluation.packages.limits import PackageLimits
+from evaluation.packages.metadata import parse_metadata
+from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
+from faults import UserFault
+
+from ..trainer import lean  # noqa: F401  before torch: without its compiler, and one thread
+from .facts import read_facts
+from .rebuild import rebuild
+
+import torch  # isort: skip
+
+DATA = "data"
+_FLOATS = (torch.float32, torch.float64, torch.float16, torch.bfloat16)
+
+
+def main(frames_in: int, frames_out: int) -> int:
+    """Answer one question: ``{limits, weights: ["data"]}`` with ``policy.pth``, the metadata and ``data`` as blobs in,
+    the canonical network out."""
+    write_message(frames_out, LOCKED)
+    header, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)
+    limits = PackageLimits.from_dict(header["limits"])
+    policy, metadata_json, *rest = blobs
+    del blobs
+    try:
+        metadata = parse_metadata(metadata_json, limits)
+        facts = read_facts(dict(zip(header["weights"], rest, strict=True)).get(DATA, b""))
+        tensors = read_tensors(policy, limits)
+        del policy
+        shapes = {name: tuple(tensor.shape) for name, tensor in tensors.items()}
+        network = rebuild(shapes, lambda name: as_array(tensors[name]), facts, metadata)
+        tensors.clear()
+        canonical = admit_network(ONNX, network, metadata, limits)
+    except UserFault as fault:
+        write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
+        return 0
+    told = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs}
+    write_message(frames_out, told, [canonical.onnx])
+    return 0
+
+
+def read_tensors(policy: bytes, limits: PackageLimits) -> dict[str, torch.Tensor]:
+    """The weights of ``policy.pth`` by name. Raises UserFault ``sb3_unreadable``; MemoryError."""
+    try:
+        found = torch.load(io.BytesIO(policy), map_location="cpu", weights_only=True)
+    except Exception as error:  # whatever torch says of bytes that are not what they should be
+        if "alloc" in str(error):
+            raise MemoryError from error
+        raise UserFault("sb3_unreadable", member="policy.pth") from error
+    if not isinstance(found, Mapping) or not found or not all(isinstance(name, str) for name in found):
+        raise UserFault("sb3_unreadable", member="policy.pth")
+    for tensor in found.values():
+        plain = type(tensor) is torch.Tensor and tensor.layout is torch.strided and tensor.device.type == "cpu"
+        if not plain or tensor.dtype not in _FLOATS or tensor.numel() > limits.tensor_elements:
+            raise UserFault("sb3_unreadable", member="policy.pth")
+    return dict(found)
+
+
+def as_array(tensor: torch.Tensor) -> np.ndarray:
+    """A weight as float32."""
+    return tensor.detach().to(torch.float32).contiguous().numpy()
+
+
+def _warm_up() -> None:
+    """Have torch import, while files can still be read, what it imports at the first load."""
+    file = io.BytesIO()
+    torch.save({"weight": torch.zeros(2, 2)}, file)
+    as_array(read_tensors(file.getvalue(), PackageLimits())["weight"])
+
+
+_warm_up()
