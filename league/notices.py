@@ -5,6 +5,9 @@ from __future__ import annotations
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from evaluation.models import reason_sentence
+from races.change import sentence as change_sentence
+from races.facts import clock
 from races.names import named
 
 from .models import Notice, NoticeKind
@@ -12,7 +15,7 @@ from .models import Notice, NoticeKind
 SENTENCES = {
     NoticeKind.OPENS: gettext_noop("%(race)s is open."),
     NoticeKind.CLOSES: gettext_noop("%(race)s closes in less than a day, at %(closes)s."),
-    NoticeKind.RESULT: gettext_noop("The result of your car in %(race)s is in."),
+    NoticeKind.RESULT: gettext_noop("The result of your car in %(race)s is in."),  # of an old one, which says no more
     NoticeKind.LOST_LEAD: gettext_noop("%(leader)s has taken the lead of %(race)s from you."),
     NoticeKind.PROMOTED: gettext_noop("You are promoted: from now on you race in the pro division of %(season)s."),
     NoticeKind.FINALE: gettext_noop("You are in the finale of %(month)s."),
@@ -32,14 +35,32 @@ APPEAL_UNTIL = gettext_noop(
 
 def sentence(notice: Notice) -> str:
     """What the notice says. Parameters that are missing from an old one stand as dashes."""
+    names = {key: named(notice.params[key]) for key in _NAMES if isinstance(notice.params.get(key), str)}
+    params = _Params({**notice.params, **names})
+    if notice.kind == NoticeKind.RESULT and len(notice.params) > 1:
+        return _result(params)
     said = _(SENTENCES[NoticeKind(notice.kind)])
     if notice.kind == NoticeKind.DISQUALIFIED and "until" in notice.params:
         said = f"{said} {_(APPEAL_UNTIL if notice.params['until'] else APPEAL)}"
-    names = {key: named(notice.params[key]) for key in _NAMES if isinstance(notice.params.get(key), str)}
-    return said % _Params({**notice.params, **names})
+    return said % params
 
 
 _NAMES = ("race", "season", "month")
+
+
+def _result(said: _Params) -> str:
+    """The result itself: what ranks and the place, or why there is none, and what it changed."""
+    if "reason" in said:
+        why = reason_sentence(said["reason"], said.get("reason_params") or {})
+        return " ".join([_("Your car in %(race)s was not timed.") % said, why])
+    if said.get("score_ms") is None:
+        text = _("Your car in %(race)s is not classified: %(streak)s of %(needed)s complete laps in a row.") % said
+    elif said.get("rank") is None:
+        text = _("Your car in %(race)s: %(score)s.") % _Params(said, score=clock(said["score_ms"]))
+    else:
+        score = _Params(said, score=clock(said["score_ms"]))
+        text = _("Your car in %(race)s: %(score)s. You are in place %(rank)s of %(of)s.") % score
+    return " ".join([text, change_sentence(said.get("change", ""), said.get("by", 0))]).strip()
 
 
 class _Params(dict):

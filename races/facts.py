@@ -11,9 +11,12 @@ from evaluation.simulator.rules import RaceRules
 from evaluation.templatetags.garage import SENSOR_NAMES
 
 from .models import DuelFormat, Opponents, RankingMethod
+from .ranking import rule_for
 from .sensors import OFFERABLE
 
 if TYPE_CHECKING:
+    from evaluation.models import Evaluation
+
     from .models import Entry, Race
     from .selectors.results import Place, Rival
 
@@ -78,6 +81,22 @@ def score_name(race: Race) -> str:
     if race.ranking_method == RankingMethod.TOTAL and laps > 1:
         return _("Total of %(laps)s laps") % {"laps": laps}
     return _("Best lap") if race.ranking_method != RankingMethod.TOTAL else _("Total")
+
+
+def worth_words(run: Evaluation) -> tuple[str, str] | None:
+    """What a run came to by what ranks it where it was driven, and what that is: a score, in a heat the place of the
+    car whose run it is, for a test drive the best lap. None before it has a result."""
+    result, submission = getattr(run, "result", None), getattr(run, "submission", None)
+    if result is None:
+        return None
+    if submission is not None:
+        race = submission.entry.race
+        standing = rule_for(race).standing(result.laps, race.minimum_laps)
+        return clock(standing.score_ms), score_name(race) if standing.classified else _("not classified")
+    if getattr(run, "duel", None) is not None:
+        place = _("place %(place)s of %(cars)s")
+        return place % {"place": result.order.index(0) + 1, "cars": len(result.order)}, _("in a heat")
+    return clock(result.best_lap_ms), _("Best lap")
 
 
 def behind(place: Place, rival: Rival) -> str:

@@ -28,6 +28,7 @@ from django.utils.translation import gettext as _
 from evaluation.models import Evaluation, State
 from races.models import Division, Entry, Kind, Race
 from races.selectors import podiums
+from races.selectors.results import result_of
 from races.services.gates import moment
 
 from ..models import (
@@ -305,10 +306,29 @@ def _results(now: datetime) -> int:
     notice = Notice.objects.filter(kind=NoticeKind.RESULT, about=OuterRef("public_id"), racer=OuterRef("owner"))
     new = ended.exclude(Exists(notice)).filter(owner__is_house=False, owner__is_active=True)
     told = 0
-    for one in new.select_related("submission__entry__race").order_by("ended_at", "pk"):
-        params = {"race": one.submission.entry.race.name}
+    for one in new.select_related("submission__entry__race", "result").order_by("ended_at", "pk"):
+        params = _result_told(one)
         told += _tell(_Told(NoticeKind.RESULT, one.public_id, [one.owner_id], one.get_absolute_url(), params), now)
     return told
+
+
+def _result_told(one: Evaluation) -> dict[str, Any]:
+    """What the notice of a run says: its score and the place by it as they are now, or why it has none."""
+    told: dict[str, Any] = {"race": one.submission.entry.race.name}
+    if one.state == State.FAILED:
+        return told | {"reason": one.reason_code, "reason_params": one.reason_params}
+    found = result_of(one.submission, one.result.laps, tell_earlier=True)
+    if found is None or found.change is None:
+        return told
+    return told | {
+        "score_ms": found.standing.score_ms,
+        "streak": found.streak,
+        "needed": found.race.minimum_laps,
+        "rank": None if found.place.is_drawn else found.place.rank,
+        "of": found.place.totals.racers,
+        "change": found.change.kind.value,
+        "by": found.change.by,
+    }
 
 
 def _leads(now: datetime) -> int:

@@ -11,7 +11,7 @@ from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Value, When
 from evaluation.models import TrainedModel
 
 from ..eligibility import refusal
-from ..models import Entry, Race, Submission
+from ..models import Entry, Kind, Race, Submission, Visibility
 from ..sensors import not_offered
 from .lists import racing_now
 
@@ -70,6 +70,28 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
     ).select_related("evaluation", "entry")
     by_race = {submission.entry.race_id: submission for submission in sent}
     return [Offer(race, by_race.get(race.pk), _fits(race, learned)) for race in taken]
+
+
+def beginners_race(
+    *, racer: Racer, track_slug: str, direction: str, race_type: str, sensors: list[str], now: datetime
+) -> Race | None:
+    """The race that a racer's first car goes to, trained for this track, direction and type: one of the house if there
+    is one, that asks for the fewest laps; None if none takes it. Two queries, and what says who may enter."""
+    mine = Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk)
+    gone = mine.filter(Q(withdrawn_at__isnull=False) | Q(submission_count__gte=F("race__max_submissions")))
+    races = racing_now(now, racer).filter(
+        ~Exists(gone),
+        track__slug=track_slug,
+        direction=direction,
+        race_type=race_type,
+        visibility=Visibility.PUBLIC,
+        kind=Kind.COMMUNITY,
+    )
+    house_first = Case(When(organiser__is_house=True, then=Value(0)), default=Value(1))
+    for race in races.order_by(house_first, "minimum_laps", "-max_resets", "closes_at", "pk")[:MOST]:
+        if not not_offered(sensors, race.sensors) and refusal(race, racer, now) is None:
+            return race
+    return None
 
 
 def likest_first(races: QuerySet[Race], learned: Learned) -> QuerySet[Race]:

@@ -153,6 +153,12 @@ def score_name(race: Race) -> str:
 
 
 @register.filter
+def worth_words(run: Evaluation) -> tuple[str, str] | None:
+    """What a run came to by what ranks it where it was driven, and what that is; nothing before it has a result."""
+    return facts.worth_words(run)
+
+
+@register.filter
 def behind(place: Place, rival: Rival) -> str:
     """How far somebody is ahead of a place on a board."""
     return facts.behind(place, rival)

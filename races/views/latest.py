@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from evaluation.models import Evaluation, State
 from evaluation.selectors import expected_wait_s, queue_position
 from races.models import Entry, Submission
+from races.ranking import Standing, rule_for
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,7 @@ class LatestRun:
     """A submission, its evaluation, and while it waits its place in the queue and the seconds until it is done, where
     these were looked up."""
 
+    entry: Entry
     submission: Submission
     position: int | None
     wait_s: float | None
@@ -21,6 +23,18 @@ class LatestRun:
     @property
     def evaluation(self) -> Evaluation:
         return self.submission.evaluation
+
+    @property
+    def standing(self) -> Standing | None:
+        """What its finished run is worth in the race; None until then."""
+        result = getattr(self.evaluation, "result", None)
+        race = self.entry.race
+        return None if result is None else rule_for(race).standing(result.laps, race.minimum_laps)
+
+    @property
+    def counts(self) -> bool:
+        """Whether the racer's place on the board is of this run."""
+        return self.entry.best_id == self.submission.pk
 
     @property
     def mark(self) -> str:
@@ -47,4 +61,4 @@ def latest_run(entry: Entry | None, *, queue: bool = True) -> LatestRun | None:
         return None
     position = queue_position(submission.evaluation) if queue else None
     wait_s = expected_wait_s(submission.evaluation, position) if position else None
-    return LatestRun(submission, position, wait_s)
+    return LatestRun(entry, submission, position, wait_s)

@@ -16,6 +16,7 @@ from races.selectors.results import heat_of, place_of, result_of
 from races.services import withdraw
 from tests.duels import drawn, driving, end, end_all
 from tests.factories import a_race, a_racer, drive, lap, laps
+from tests.league.test_telling_costs import read_whole
 
 pytestmark = pytest.mark.django_db
 
@@ -239,5 +240,7 @@ def test_it_costs_no_more_on_a_longer_board(now, django_assert_num_queries):
         drive(race, a_racer(), laps(*[10_000 + 10 * number] * 3), now)
     submission = drive(race, a_racer("alice"), laps(*ALICE), now)
     submission = Submission.objects.select_related("entry__race", "evaluation__result").get(pk=submission.pk)
+    driven = submission.evaluation.result.laps
     with django_assert_num_queries(4):
-        assert result_of(submission, submission.evaluation.result.laps, tell_earlier=True).place.rank == 13
+        assert result_of(submission, driven, tell_earlier=True).place.rank == 13
+    assert read_whole(lambda: result_of(submission, driven, tell_earlier=True)) == set()

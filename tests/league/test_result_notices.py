@@ -1,0 +1,64 @@
+"""The notice of a result says the result."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.utils import translation
+
+from evaluation.models import Evaluation
+from faults import UserFault
+from league.models import Notice, Racer
+from league.notices import sentence
+from league.services.notices import tell_what_happened
+from races.services import submit_model
+from tests.factories import a_model, a_race, a_racer, drive, fail, lap, laps
+
+pytestmark = pytest.mark.django_db
+
+
+def said(racer: Racer, now) -> str:
+    """The last result that the racer is told."""
+    tell_what_happened(now=now)
+    return sentence(Notice.objects.filter(racer=racer, kind="result").order_by("-pk").first())
+
+
+@pytest.fixture
+def alice(bell) -> Racer:
+    return a_racer("alice")
+
+
+def test_it_says_what_ranks_the_place_and_what_changed(alice, now):
+    race = a_race(now, name="Oval")
+    drive(race, a_racer(), laps(11_000, 11_000, 11_000), now)
+    drive(race, alice, laps(12_000, 13_000, 12_500), now)
+    assert said(alice, now) == ("Your car in Oval: 0:12.500. You are in place 2 of 2. Your first result in this race.")
+    drive(race, alice, laps(12_000, 12_000, 12_000), now)
+    assert said(alice, now) == "Your car in Oval: 0:12.000. You are in place 2 of 2. 0.500 s faster than before."
+    drive(race, alice, laps(12_000, 12_000, 12_300), now)
+    assert said(alice, now) == (
+        "Your car in Oval: 0:12.100. You are in place 2 of 2. 0.100 s slower than before: the board did not change."
+    )
+
+
+def test_it_says_what_a_car_lacks_that_is_not_classified(alice, now):
+    drive(a_race(now, name="Oval"), alice, [lap(1), lap(2, complete=False, percentage=40)], now)
+    assert said(alice, now) == (
+        "Your car in Oval is not classified: 1 of 3 complete laps in a row. Your first result in this race."
+    )
+
+
+def test_it_says_why_a_car_was_not_timed_in_the_reader_s_language(alice, now):
+    race = a_race(now, name="Oval")
+    failed = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(failed, UserFault("non_finite_action", step=7), now)
+    reason = Evaluation.objects.get(submission=failed).reason
+    assert reason and said(alice, now) == f"Your car in Oval was not timed. {reason}"
+    with translation.override("ko"):
+        assert reason not in said(alice, now)
+
+
+def test_a_notice_of_before_says_what_it_said(alice, now):
+    notice = Notice(racer=alice, kind="result", about="x", params={"race": "Oval"}, at=now - timedelta(days=9))
+    assert sentence(notice) == "The result of your car in Oval is in."
