@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
-
-from django.db.models import Q
 
 from evaluation.models import TrainedModel
 from evaluation.packages.inputs import lidar_settings
@@ -20,6 +17,7 @@ from .hyperparameters import DEFAULTS, PPO
 from .models import TrainingJob, Vehicle
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models
+from .services.first import free_name
 from .trainer.network import CONSOLE
 from .vehicles import vehicles_of
 
@@ -39,6 +37,7 @@ NAMED = (
     *("batch_size", "num_epochs", "lr", "beta_entropy", "sac_alpha", "discount_factor", "loss_type"),
     *("num_episodes_between_training", "action_space_type", *GRANULARITIES, "steering_low", "steering_high"),
     *("speed_low", "speed_high", "stop_minutes", "stop_steps", "stop_clean_laps", "trials", "best_metric", "seed"),
+    "submit_to_race",
 )
 
 
@@ -60,22 +59,13 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
     initial["reward_code"] = LESSON_CODE.get(asked.get("lesson", ""), initial["reward_code"])
     said = {name: asked[name][:LONGEST] for name in NAMED if asked.get(name)}
     if "name" in said:
-        said["name"] = _free_name(owner, said["name"])
+        said["name"] = free_name(owner, said["name"])
     initial |= said
     initial = {**DEFAULTS.get(initial.get("algorithm", ""), {}), **initial}
     initial["usual_of"] = initial.get("algorithm", PPO)
     if said.keys() & set(GRANULARITIES):
         initial["actions"] = table({**INITIAL, **said})
     return initial
-
-
-def _free_name(owner: Racer, wanted: str) -> str:
-    """``wanted``, or with a number behind it, whichever no model or training of the racer has."""
-    mine = Q(owner=owner, name__startswith=wanted)
-    used = set(TrainedModel.objects.filter(mine, deleted_at=None).values_list("name", flat=True))
-    used |= set(TrainingJob.objects.filter(mine).values_list("name", flat=True))
-    names = itertools.chain([wanted], (f"{wanted}-{number}" for number in itertools.count(2)))
-    return next(name for name in names if name not in used)
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, float]]:

@@ -11,6 +11,7 @@ from accounts.quotas import limit_of, used_by
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model, visible_models
 
+from .cloning import build_of_model
 from .models import JobState, TrainingJob
 from .quotas import MINUTES
 
@@ -49,6 +50,14 @@ def clonable_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
     shared ones. Whether the network is one that is trained here shows at :func:`training.services.create_training`.
     Twin of :func:`can_clone_model`."""
     return visible_models(racer)
+
+
+def house_cars() -> list[TrainedModel]:
+    """The house's own models that a training can begin with, by their names: one query."""
+    models = TrainedModel.objects.filter(owner__is_house=True, owner__is_active=True, deleted_at=None)
+    return [model for model in models.select_related("network").order_by("name", "pk")[:12] if build_of_model(model)][
+        :4
+    ]
 
 
 def can_clone_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:

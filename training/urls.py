@@ -7,6 +7,7 @@ from .views import files, lab, learn, shared, trainings, vehicles, wizard
 urlpatterns = [
     path("train/", trainings.trainings, name="trainings"),
     path("train/new/", wizard.training_new, name="training_new"),
+    path("train/first/", trainings.training_first, name="training_first"),
     path("train/validate/", wizard.reward_validate, name="reward_validate"),
     path("train/<str:public_id>/", trainings.training, name="training"),
     path("train/<str:public_id>/live/", trainings.training_live, name="training_live"),

@@ -9,6 +9,7 @@ from django.views.decorators.http import require_safe
 
 from evaluation.models import Evaluation
 from evaluation.selectors import models_of
+from league.selectors.steps import first_steps, league_race_now
 from races.selectors import podiums, racing_now, to_beat, upcoming
 
 RACES = 6
@@ -31,5 +32,10 @@ def home(request: HttpRequest) -> HttpResponse:
     if request.user.is_authenticated:
         related = ("model", "track", "result", "submission__entry__race", "duel__race")
         mine = Evaluation.objects.filter(owner=request.user).select_related(*related).order_by("-queued_at")
-        context |= {"models": list(models_of(request.user)[:OWN]), "runs": list(mine[:OWN])}
+        context |= {
+            "models": list(models_of(request.user)[:OWN]),
+            "runs": list(mine[:OWN]),
+            "steps": first_steps(request.user, now),
+            "league_race": league_race_now(races),
+        }
     return render(request, "league/home.html", context)

@@ -3,6 +3,7 @@
 from .bell import ring_training_bell
 from .create import clone_settings, create_training
 from .evaluate import evaluate_training
+from .first import begun_by, race_of_first_car, train_first_car
 from .leases import (
     beat,
     claim_next_training,
@@ -17,6 +18,7 @@ from .work import run_next_training, spec_of
 
 __all__ = [
     "beat",
+    "begun_by",
     "claim_next_training",
     "clone_settings",
     "create_training",
@@ -25,6 +27,7 @@ __all__ = [
     "finish_training",
     "keep_checkpoint",
     "purge_trainings",
+    "race_of_first_car",
     "record_iteration",
     "release_training",
     "ring_training_bell",
@@ -32,4 +35,5 @@ __all__ = [
     "spec_of",
     "stop_training",
     "sweep_trainings",
+    "train_first_car",
 ]

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode
 
 from django import template
 from django.db.models import Q
+from django.middleware.csrf import get_token
 from django.template import Context
+from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
+from races.models import Race, RaceType
+from races.sensors import not_offered
 from training.cloning import build_of_model
 from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
 from training.models import NeuralNetwork, TrainingJob
+from training.selectors import house_cars
+from training.services import begun_by, race_of_first_car
+from training.views.common import closed_because
 
 register = template.Library()
 
@@ -55,6 +64,42 @@ def origin_of(context: Context, model: TrainedModel) -> Origin | None:
     named = visible or reader.pk == job.owner_id
     another_s = named and origin.owner_id != reader.pk
     return Origin(origin, visible, named, origin.owner.alias if another_s else "")
+
+
+@register.inclusion_tag("training/parts/ways.html", takes_context=True)
+def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") -> dict[str, Any]:
+    """The three ways to a car: upload one, train one, begin with a house car's weights; for ``race`` where one is asked
+    for there. ``but``: a way that the page itself is (``upload``, ``train``).
+
+    Who has no car yet trains the first one by one click, or is led to it while it is being trained.
+    """
+    request, user = context["request"], context["user"]
+    now = timezone.now()
+    begun = begun_by(user)
+    return {
+        "race": race,
+        "but": but,
+        "closed": closed_because(),
+        "first": begun.first,
+        "first_race": None if begun.has_car or begun.first else race_of_first_car(user, now),
+        "has_car": begun.has_car,
+        "house_cars": [model for model in house_cars() if race is None or not not_offered(model.sensors, race.sensors)],
+        "course": course_query(race),
+        "csrf_token": get_token(request),
+    }
+
+
+@register.filter
+def course_query(race: Race | None) -> str:
+    """What the wizard is asked for so that it trains for ``race``, as the query of its address."""
+    if race is None:
+        return ""
+    asked: dict[str, Any] = {"track": race.track.slug, "direction": race.direction, "submit_to_race": race.slug}
+    if race.race_type == RaceType.OBJECT_AVOIDANCE:
+        asked |= {"race_type": race.race_type, "random_boxes": race.random_boxes or len(race.boxes)}
+    elif race.bots:
+        asked |= {"race_type": race.race_type, "bots": race.bots}
+    return urlencode(asked)
 
 
 @register.filter

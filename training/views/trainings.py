@@ -12,9 +12,9 @@ from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.views.decorators.http import require_POST, require_safe
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from faults import UserFault
+from faults import PaddockError, UserFault
 from races.course import box_marks
 from races.models import Race, RaceType
 from races.replay import map_point, map_size
@@ -24,7 +24,7 @@ from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
 from training.models import TrainingIteration, TrainingJob
 from training.selectors import can_stop_training, training_queue_position, trainings_of
-from training.services import evaluate_training, stop_training
+from training.services import evaluate_training, stop_training, train_first_car
 
 from .common import usage_of, visible_training
 
@@ -39,6 +39,25 @@ def trainings(request: HttpRequest) -> HttpResponse:
     """My trainings, newest first."""
     page = Paginator(trainings_of(request.user), PER_PAGE).get_page(request.GET.get("page"))
     return render(request, "training/trainings.html", {"page": page, "usage": usage_of(request.user, timezone.now())})
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def training_first(request: HttpRequest) -> HttpResponse:
+    """Train my first car: one click, no form. Who comes back here from logging in finds the button on the list."""
+    if request.method != "POST":
+        return redirect("trainings")
+    try:
+        job = train_first_car(owner=request.user, now=timezone.now())
+    except PaddockError as fault:
+        tell_fault(request, fault)
+        return redirect("trainings")
+    if job.submit_to_race is None:
+        messages.success(request, _("Your first car is being trained. This page follows it."))
+    else:
+        text = _("Your first car is being trained, and then drives in %(race)s by itself. This page follows it.")
+        messages.success(request, text % {"race": job.submit_to_race.name})
+    return redirect(job)
 
 
 @login_required

@@ -1,0 +1,198 @@
+"""Nobody without a car stands before a dead end: three ways wherever one is asked for, and steps that tick themselves
+off."""
+
+from __future__ import annotations
+
+import html
+import re
+from datetime import timedelta
+
+import pytest
+from django.test import Client
+from django.utils import timezone
+
+from league.models import Racer
+from races.models import Race
+from races.services import withdraw
+from tests.factories import a_model, a_race, a_racer, drive, laps
+from tests.pages.conftest import World
+from tests.pages.test_queries import LIMIT, queries
+from training.models import JobState, TrainingJob
+from training.services import train_first_car
+from training.trainer.network import Layout
+
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("trainings_taken_on", "bell")]
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+@pytest.fixture
+def beginners(now) -> Race:
+    """The house's race for first cars, among others that are less like it."""
+    house = a_racer("Paddock", is_house=True)
+    easy = {"ranking_method": "best", "minimum_laps": 1}
+    a_race(now, name="Somebody's", closes_at=now + timedelta(days=1), **easy)
+    a_race(now, name="The other way", organiser=house, direction="cw", **easy)
+    a_race(now, name="Boxes", organiser=house, race_type="object_avoidance", random_boxes=2, **easy)
+    a_race(now, name="Three laps", organiser=house)
+    return a_race(now, name="First laps", organiser=house, **easy)
+
+
+@pytest.fixture
+def house_car(now):
+    """A car of the house whose weights can be learned on here."""
+    model = a_model(a_racer("house-steady", is_house=True), name="Steady")
+    model.network.parameters = Layout.of(model.metadata).parameters
+    model.network.save()
+    return model
+
+
+def browser(racer: Racer) -> Client:
+    client = Client()
+    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+def read(racer: Racer, path: str) -> str:
+    response = browser(racer).get(path)
+    assert response.status_code == 200
+    return html.unescape(response.content.decode())
+
+
+def words(page: str) -> str:
+    return " ".join(re.sub(r"<[^>]*>", " ", page).split())
+
+
+def test_one_click_trains_the_first_car_for_the_race_of_first_laps(beginners, now):
+    alice = a_racer("alice")
+    response = browser(alice).post("/train/first/", follow=True)
+    job = TrainingJob.objects.get(owner=alice)
+    assert response.redirect_chain == [(job.get_absolute_url(), 302)]
+    assert "and then drives in First laps by itself" in response.content.decode()
+    assert (job.submit_to_race, job.track.slug, job.sensors) == (beginners, "oval", ["FRONT_FACING_CAMERA"])
+    assert (job.name, job.stop_clean_laps, job.state) == ("first-car", 3, JobState.QUEUED)
+
+
+def test_a_second_click_makes_no_second_car_and_leads_to_the_first(beginners):
+    alice = a_racer("alice")
+    for _ in range(2):
+        browser(alice).post("/train/first/")
+    job = TrainingJob.objects.get(owner=alice)
+    assert f'href="{job.get_absolute_url()}">Watch your first car being trained' in read(alice, "/")
+
+
+def test_a_later_first_car_takes_a_name_that_is_free(beginners, now):
+    alice = a_racer("alice")
+    a_model(alice, name="first-car")
+    assert train_first_car(owner=alice, now=now).name == "first-car-2"
+
+
+def test_without_such_a_race_it_is_trained_all_the_same(now):
+    alice = a_racer("alice")
+    a_race(now, direction="cw")
+    browser(alice).post("/train/first/")
+    assert TrainingJob.objects.get(owner=alice).submit_to_race is None
+
+
+def test_a_race_that_its_racer_has_left_is_not_the_one(beginners, now):
+    alice = a_racer("alice")
+    withdraw(entry=drive(beginners, alice, laps(9_000, 9_000, 9_000), now).entry, now=now)
+    assert train_first_car(owner=alice, now=now).submit_to_race.name == "Three laps"
+
+
+def test_where_nothing_can_be_trained_the_click_says_why_and_only_uploading_is_offered(beginners, settings, house_car):
+    settings.TRAINING_PAUSED = True
+    alice = a_racer("alice")
+    response = browser(alice).post("/train/first/", follow=True)
+    assert "training_paused" in response.content.decode() and not TrainingJob.objects.exists()
+    page = read(alice, "/models/")
+    assert "/train/first/" not in page and "?clone=" not in page and "/models/upload/" in page
+
+
+def test_who_must_log_in_first_comes_back_to_the_button(client):
+    assert client.post("/train/first/").status_code == 302
+    assert browser(a_racer("alice")).get("/train/first/").url == "/train/"
+
+
+@pytest.mark.parametrize("path", ["/", "/models/", "/train/", "/races/{race}/"])
+def test_who_has_no_car_is_offered_three_ways_wherever_one_is_asked_for(beginners, house_car, path):
+    page = read(a_racer("alice"), path.format(race=beginners.slug))
+    assert "/models/upload/" in page
+    assert re.search(r'<form method="post" action="/train/first/">.*?Train my first car', page, re.S)
+    assert "stands on the board of First laps within a minute" in page
+    assert re.search(rf'href="/train/new/\?clone={house_car.public_id}[^"]*">Steady</a>', page)
+
+
+def test_the_page_for_uploading_offers_the_two_other_ways(beginners, house_car):
+    page = read(a_racer("alice"), "/models/upload/")
+    assert "Train my first car" in page and f"?clone={house_car.public_id}" in page
+
+
+def test_a_race_asks_the_wizard_for_a_car_of_its_own_course(now, house_car):
+    boxes = a_race(now, direction="cw", race_type="object_avoidance", random_boxes=2)
+    alice = a_racer("alice")
+    page = read(alice, f"/races/{boxes.slug}/")
+    query = f"track=oval&direction=cw&submit_to_race={boxes.slug}&race_type=object_avoidance&random_boxes=2"
+    assert f'href="/train/new/?{query}">Train one for this race' in page
+    wizard = read(alice, f"/train/new/?{query}")
+    assert re.search(rf'<option value="{boxes.slug}"[^>]* selected', wizard)
+
+
+def test_who_has_sent_every_car_is_led_to_training_or_uploading_another(now, house_car):
+    race, alice = a_race(now), a_racer("alice")
+    drive(race, alice, laps(9_000, 9_000, 9_000), now)
+    page = read(alice, f"/races/{race.slug}/")
+    assert '<a class="button" href="#send">Train or upload another</a>' in page
+    assert "so train or upload another" in page and "Train one for this race" in page
+    assert (
+        "Upload another model" in page and "Train my first car" not in page and f"?clone={house_car.public_id}" in page
+    )
+
+
+def test_a_car_that_waits_to_be_sent_is_what_the_button_offers_first(now):
+    race, alice = a_race(now), a_racer("alice")
+    a_model(alice)
+    page = read(alice, f"/races/{race.slug}/")
+    assert '<a class="button" href="#send">Submit a car</a>' in page and "Train one for this race" in page
+
+
+def test_the_steps_tick_themselves_off_and_go_away(now, beginners):
+    alice = a_racer("alice")
+
+    def steps() -> tuple[str, list[bool]]:
+        page = read(alice, "/")
+        found = re.search(r'id="steps".*?</section>', page, re.S)
+        if not found:
+            return "", []
+        return re.search(r"\d of 4 done", found[0])[0], [
+            kind == "done" for kind in re.findall(r'<li class="(\w*)">', found[0])
+        ]
+
+    assert steps() == ("0 of 4 done", [False, False, False, False])
+    car = a_model(alice)
+    assert steps() == ("1 of 4 done", [True, False, False, False])
+    assert car.get_absolute_url() in read(alice, "/")
+    race = a_race(now)
+    drive(race, alice, laps(9_000), now)
+    assert steps() == ("2 of 4 done", [True, True, False, False])
+    drive(race, alice, laps(9_000, 9_000, 9_000), now)
+    assert steps() == ("3 of 4 done", [True, True, True, False])
+    league = a_race(now, kind="league", division="all", name="January")
+    assert "January" in words(re.search(r'id="steps".*?</section>', read(alice, "/"), re.S)[0])
+    drive(league, alice, laps(9_000, 9_000, 9_000), now)
+    assert steps() == ("", [])
+
+
+def test_who_has_raced_for_long_has_no_steps_but_all_the_ways(now, beginners):
+    old = a_racer("old", joined_at=now - timedelta(days=200))
+    page = read(old, "/")
+    assert 'id="steps"' not in page and "Train my first car" in page
+
+
+@pytest.mark.parametrize("path", ["/", "/models/", "/train/", "/races/open-race/"])
+def test_the_ways_cost_few_queries(world: World, path):
+    sent = queries(world.client("newcomer"), path)
+    assert len(sent) <= LIMIT + 2 * (path in ("/", "/train/")), "\n".join(sent)
