@@ -16,10 +16,19 @@ from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, R
 from ..rules import Line, Result
 from .outcomes import outcome_of
 from .seasons import Month
-from .standings import country_standings, season_standings, standings_of, team_key, team_standings
+from .standings import (
+    country_standings,
+    points_as_they_stand,
+    season_standings,
+    standings_of,
+    team_key,
+    team_standings,
+)
 
 RACERS, COUNTRIES, TEAMS = "racers", "countries", "teams"
 STANDINGS_OF = (RACERS, COUNTRIES, TEAMS)
+# The stage whose rounds give the points of a division.
+STAGE_OF = {Division.PRO: Stage.PRO, Division.OPEN: Stage.OPEN, Division.ALL: Stage.SINGLE}
 
 
 @dataclass(frozen=True)
@@ -51,10 +60,14 @@ class StandingsRow:
 
 @dataclass(frozen=True)
 class StandingsTable:
-    """Standings with a column for each official round. ``rounds``: in their order, the latest last."""
+    """Standings with a column for each round that counts. ``rounds``: in their order, the latest last.
+
+    ``is_provisional``: whether rounds that are not official yet count as they stand.
+    """
 
     rounds: list[Round]
     rows: list[StandingsRow]
+    is_provisional: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,6 +86,16 @@ class MonthFields:
     month: Month
     finale: Field
     qualified: Field
+
+    def is_over(self) -> bool:
+        """Whether nothing of it will change: the finale, or the pro race without one, is official or cancelled."""
+        last = self.qualified.round or self.finale.round
+        return last is not None and (last.closed_at is not None or last.race.cancelled_at is not None)
+
+    def has_begun(self, now: datetime) -> bool:
+        """Whether the race that its field comes from has opened."""
+        first = self.finale.round or self.qualified.round
+        return first is not None and first.race.state_at(now) in (RaceState.OPEN, RaceState.CLOSED)
 
 
 @dataclass(frozen=True)
@@ -109,15 +132,18 @@ def month_races(months: Sequence[Month], now: datetime) -> dict[int, MonthRace]:
     return {one.pk: MonthRace(one, one.race.state_at(now), next(iter(leaders[one.race_id]), None)) for one in rounds}
 
 
-def standings_table(season: Season, division: str, of: str, months: Sequence[Month]) -> StandingsTable:
-    """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round.
+def standings_table(
+    season: Season, division: str, of: str, months: Sequence[Month], running: Sequence[Round] = ()
+) -> StandingsTable:
+    """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round, and with those of
+    ``running`` as they stand.
 
-    Three queries, four for teams.
+    Three queries, four for teams; for each of ``running`` two more.
     """
     by = {RACERS: season_standings, COUNTRIES: country_standings, TEAMS: team_standings}[of]
-    lines = by(season, division)
-    rounds = _official_rounds(months, division)
-    spelled = _spellings(rounds) if of == TEAMS else {}
+    lines = by(season, division, running)
+    rounds = _counted_rounds(months, division, running)
+    spelled = _spellings(rounds, running) if of == TEAMS else {}
     racers = Racer.objects.in_bulk([line.who for line in lines]) if of == RACERS else {}
     rows = []
     for line in lines:
@@ -132,22 +158,52 @@ def standings_table(season: Season, division: str, of: str, months: Sequence[Mon
                 line.place, racer.alias if racer else spelled.get(line.who, str(line.who)), racer, line.points, cells
             )
         )
-    return StandingsTable(rounds, rows)
+    return StandingsTable(rounds, rows, bool(running))
 
 
-def leaders_shown(season: Season, size: int) -> list[tuple[Division, list[tuple[Line, Racer]]]]:
-    """The first of the standings of each division that has points, the pro division first: three queries."""
+@dataclass(frozen=True)
+class Leaders:
+    """The first of a division's standings. ``is_provisional``: of rounds that are not official, as they stand."""
+
+    division: Division
+    rows: list[tuple[Line, Racer]]
+    is_provisional: bool
+
+
+def leaders_shown(season: Season, size: int, months: Sequence[Month], now: datetime) -> list[Leaders]:
+    """The first of the standings of each division, the pro division first: three queries.
+
+    Where nobody has points yet they are of the races that have opened, as these stand: five queries for each of them.
+    """
     lines = {division: own[:size] for division, own in standings_of([season])[season.pk].items()}
+    official = frozenset(lines)
+    for division in divisions_with_points(months):
+        running = [] if division in official else running_rounds(months, division, now)
+        if running:
+            lines[division] = season_standings(season, division, running)[:size]
     racers = Racer.objects.in_bulk({line.who for own in lines.values() for line in own})
-    order = (Division.PRO, Division.OPEN, Division.ALL)
-    return [(name, [(line, racers[line.who]) for line in lines[name]]) for name in order if name in lines]
+    return [
+        Leaders(name, [(line, racers[line.who]) for line in lines[name]], name not in official)
+        for name in (Division.PRO, Division.OPEN, Division.ALL)
+        if lines.get(name)
+    ]
+
+
+def running_rounds(months: Iterable[Month], division: str, now: datetime) -> list[Round]:
+    """The rounds of a division that give points, whose races have opened and whose results are not official yet."""
+    started = (RaceState.OPEN, RaceState.CLOSED)
+    return [
+        one
+        for month in months
+        for one in month
+        if one.stage == STAGE_OF[Division(division)] and one.closed_at is None and one.race.state_at(now) in started
+    ]
 
 
 def divisions_with_points(months: Iterable[Month]) -> list[Division]:
     """The divisions that a season's standings are kept for, in their usual order."""
     stages = {one.stage for month in months for one in month}
-    kept = {Division.PRO: Stage.PRO, Division.OPEN: Stage.OPEN, Division.ALL: Stage.SINGLE}
-    return [division for division, stage in kept.items() if stage in stages]
+    return [division for division, stage in STAGE_OF.items() if stage in stages]
 
 
 def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[list[MonthFields], Field]:
@@ -183,6 +239,25 @@ def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[l
     return shown, Field(final, total, bool(total))
 
 
+@dataclass(frozen=True)
+class FieldsInTime:
+    """The months of a season's finales as one reads them. ``next``: those that are on, the next finale first, or the
+    one that comes where none is; ``coming``: after these, in time; ``past``: the latest first."""
+
+    next: list[MonthFields]
+    coming: list[MonthFields]
+    past: list[MonthFields]
+
+
+def fields_in_time(months: Iterable[MonthFields], now: datetime) -> FieldsInTime:
+    """The months of :func:`fields_of` from the next finale on, and those that are over."""
+    months = list(months)
+    left = [one for one in reversed(months) if not one.is_over()]
+    shown = [one for one in left if one.has_begun(now)] or left[:1]
+    coming = [one for one in left if one not in shown]
+    return FieldsInTime(shown, coming, [one for one in months if one.is_over()])
+
+
 def standpoint_of(season: Season, racer: Racer) -> Standpoint:
     """Where a racer stands in a season: four queries."""
     member = Membership.objects.filter(season=season, racer=racer).select_related("promoted_in__race").first()
@@ -194,22 +269,22 @@ def standpoint_of(season: Season, racer: Racer) -> Standpoint:
     return Standpoint(division, None if member is None else member.promoted_in, place, lines)
 
 
-def _official_rounds(months: Sequence[Month], division: str) -> list[Round]:
+def _counted_rounds(months: Sequence[Month], division: str, running: Sequence[Round]) -> list[Round]:
     """In the order that the standings number them by."""
-    stages = {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO, Division.ALL: Stage.SINGLE}
     rounds = [
         one
         for month in months
         for one in month
-        if one.stage == stages[Division(division)] and one.closed_at is not None
+        if one.stage == STAGE_OF[Division(division)] and (one.closed_at is not None or one in running)
     ]
     return sorted(rounds, key=lambda one: (one.race.closes_at, one.pk))
 
 
-def _spellings(rounds: Sequence[Round]) -> dict[str, str]:
+def _spellings(rounds: Sequence[Round], running: Sequence[Round]) -> dict[str, str]:
     """How the racers of each team write its name, the latest of several spellings: what standings add up as one."""
     teams = RoundPoints.objects.filter(round__in=rounds).exclude(team="").order_by("round__race__closes_at", "-rank")
-    return {team_key(team): " ".join(team.split()) for team in teams.values_list("team", flat=True)}
+    now = [row.team for one in running for row in reversed(points_as_they_stand(one)) if row.team]
+    return {team_key(team): " ".join(team.split()) for team in (*teams.values_list("team", flat=True), *now)}
 
 
 def _field(round_: Round | None, season: Season, official: dict, chosen: Any, now: datetime) -> tuple:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from ..models import Round, RoundPoints, Season, Stage
+from django.db.models import Q
+
+from ..models import Racer, Round, RoundPoints, Season, Stage
 from ..models.season import DIVISION_OF, WITH_POINTS
 from ..rules import Line, Result, Standings
+from .outcomes import outcome_of
 
 if TYPE_CHECKING:
     from races.models import Division
 
 
-def season_standings(season: Season, division: Division | str) -> list[Line]:
+def season_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[Line]:
     """The standings of one division after its official rounds: lines whose ``who`` is a racer's id.
 
-    Two queries, however many raced: only places with points stand in the table.
+    Two queries, however many raced: only places with points stand in the table. ``running``: rounds that are not
+    official whose boards count too as they stand; one query more for each.
     """
-    rounds = _official(season, division)
-    return Standings(season.drop_worst).lines(_results(rounds, lambda row: row.racer_id), len(rounds))
+    rounds = _counted(season, division, running)
+    results = _results(rounds, running, lambda row: row.racer_id)
+    return Standings(season.drop_worst).lines(results, len(rounds))
 
 
 def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
@@ -42,14 +47,14 @@ def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
     return found
 
 
-def country_standings(season: Season, division: Division | str) -> list[Line]:
+def country_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[Line]:
     """The standings of countries (``who``: the two-letter code): the points of all their racers, none dropped."""
-    return _summed(season, division, lambda row: row.country)
+    return _summed(season, division, running, lambda row: row.country)
 
 
-def team_standings(season: Season, division: Division | str) -> list[Line]:
+def team_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[Line]:
     """The standings of teams (``who``: the name, in small letters): the points of all their racers, none dropped."""
-    return _summed(season, division, lambda row: team_key(row.team))
+    return _summed(season, division, running, lambda row: team_key(row.team))
 
 
 def team_key(team: str) -> str:
@@ -57,22 +62,46 @@ def team_key(team: str) -> str:
     return " ".join(team.split()).casefold()
 
 
-def _official(season: Season, division: Division | str) -> dict[int, int]:
-    """The official rounds of a division that give points: their places in time by id."""
+def points_as_they_stand(round_: Round) -> list[RoundPoints]:
+    """The points that a round would give if it became official now, as rows that are not saved: two queries."""
+    outcome = outcome_of(round_)
+    racers = Racer.objects.in_bulk([racer for _rank, racer, _points in outcome.points])
+    return [
+        RoundPoints(
+            round=round_,
+            racer_id=racer,
+            rank=rank,
+            points=points,
+            country=racers[racer].country,
+            team=racers[racer].team,
+        )
+        for rank, racer, points in outcome.points
+    ]
+
+
+def _counted(season: Season, division: Division | str, running: Sequence[Round]) -> dict[int, int]:
+    """The rounds of a division that give points, official ones and ``running``: their places in time by id."""
     stages = [stage for stage in WITH_POINTS if DIVISION_OF[stage] == division]
-    rounds = season.rounds.filter(stage__in=stages, closed_at__isnull=False).order_by("race__closes_at", "pk")
+    counted = Q(closed_at__isnull=False) | Q(pk__in=[one.pk for one in running])
+    rounds = season.rounds.filter(counted, stage__in=stages).order_by("race__closes_at", "pk")
     return {pk: place for place, pk in enumerate(rounds.values_list("pk", flat=True), start=1)}
 
 
-def _results(rounds: dict[int, int], who: Callable[[RoundPoints], int | str]) -> Iterable[Result]:
-    for row in RoundPoints.objects.filter(round__in=rounds, points__gt=0):
-        yield Result(who(row), rounds[row.round_id], row.rank, row.points)
+def _results(
+    rounds: dict[int, int], running: Sequence[Round], who: Callable[[RoundPoints], int | str]
+) -> Iterable[Result]:
+    standing = [row for round_ in running for row in points_as_they_stand(round_)]
+    for row in (*RoundPoints.objects.filter(round__in=rounds, points__gt=0), *standing):
+        if row.round_id in rounds and row.points:
+            yield Result(who(row), rounds[row.round_id], row.rank, row.points)
 
 
-def _summed(season: Season, division: Division | str, who: Callable[[RoundPoints], str]) -> list[Line]:
-    rounds = _official(season, division)
+def _summed(
+    season: Season, division: Division | str, running: Sequence[Round], who: Callable[[RoundPoints], str]
+) -> list[Line]:
+    rounds = _counted(season, division, running)
     by: dict[tuple[str, int], list[Result]] = defaultdict(list)
-    for result in _results(rounds, who):
+    for result in _results(rounds, running, who):
         if result.who:
             by[result.who, result.round].append(result)
     summed = [

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zoneinfo
+from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
 from django.core.paginator import Paginator
@@ -15,16 +17,19 @@ from django.views.decorators.http import require_safe
 from league.calendars import season_calendar, zone_names
 from league.drawing import ChartPoint, progress_chart
 from league.exports import standings_csv, standings_data, standings_feed
-from league.models import Season, Stage
+from league.models import Round, Season, Stage
 from league.selectors import hall_of_fame, months_of, racer_season, rules_of
 from league.selectors.overview import (
     RACERS,
+    STAGE_OF,
     STANDINGS_OF,
     current_season,
     divisions_with_points,
+    fields_in_time,
     fields_of,
     leaders_shown,
     month_races,
+    running_rounds,
     seasons_listed,
     standings_table,
     standpoint_of,
@@ -62,7 +67,7 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
     races = month_races(months, now)
     context = _context(request, shown, "overview") | {
         "months": [(month, [races[one.pk] for one in month]) for month in months],
-        "tables": leaders_shown(shown, LEADERS),
+        "tables": leaders_shown(shown, LEADERS, months, now),
         "state": _state(shown, now),
         "official": sum(one.closed_at is not None for month in months for one in month),
         "race_count": len(races),
@@ -73,15 +78,20 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
 
 @require_safe
 def standings(request: HttpRequest, slug: str) -> HttpResponse:
-    """Standings by ``division`` of ``of`` (racers, countries, teams) with every round, dropped results marked."""
-    shown = _season(slug)
+    """Standings by ``division`` of ``of`` (racers, countries, teams) with every round, dropped results marked; with
+    ``as=now``, and as long as no round is official, with the rounds that are on as they stand."""
+    shown, now = _season(slug), timezone.now()
     months = months_of(shown)
     divisions = divisions_with_points(months) or [Division.OPEN]
     wanted = request.GET.get("division", "")
     division = wanted if wanted in divisions else divisions[0]
     of = request.GET.get("of", RACERS)
     of = of if of in STANDINGS_OF else RACERS
-    table = standings_table(shown, division, of, months)
+    running = running_rounds(months, division, now)
+    rounds = [one for month in months for one in month if one.stage == STAGE_OF[division]]
+    has_official = any(one.closed_at is not None for one in rounds)
+    as_it_stands = bool(running) and (not has_official or request.GET.get("as") == "now")
+    table = standings_table(shown, division, of, months, running if as_it_stands else ())
     mine = next((row for row in table.rows if row.racer is not None and row.racer.pk == request.user.pk), None)
     page = Paginator(table.rows, ROWS).get_page(request.GET.get("page"))
     context = _context(request, shown, "standings") | {
@@ -89,10 +99,19 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
         "divisions": divisions,
         "of": of,
         "table": table,
+        "running": running,
+        "has_official": has_official,
+        "opens_next": _opens_next(rounds, now),
         "page": page,
         "mine": mine if mine is not None and mine not in list(page.object_list) else None,
     }
     return render(request, "league/standings.html", context)
+
+
+def _opens_next(rounds: Sequence[Round], now: datetime) -> Round | None:
+    """The next of the rounds that opens; None after the last."""
+    coming = [one for one in rounds if one.race.state_at(now) == RaceState.UPCOMING]
+    return min(coming, key=lambda one: one.race.opens_at, default=None)
 
 
 @require_safe
@@ -115,8 +134,12 @@ def standings_file(request: HttpRequest, slug: str, form: str) -> HttpResponse:
 def fields(request: HttpRequest, slug: str) -> HttpResponse:
     """Finales and championship: whose the fields are, official or as they stand."""
     shown = _season(slug)
-    months, championship = fields_of(shown, months_of(shown), timezone.now())
-    context = _context(request, shown, "fields") | {"months": months, "championship": championship}
+    now = timezone.now()
+    months, championship = fields_of(shown, months_of(shown), now)
+    context = _context(request, shown, "fields") | {
+        "fields": fields_in_time(months, now),
+        "championship": championship,
+    }
     return render(request, "league/fields.html", context)
 
 

@@ -17,6 +17,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from faults import PaddockError, UserFault
 from races.course import box_marks
 from races.models import Race, RaceType
+from races.names import named
 from races.replay import map_point, map_size
 from races.views.common import tell_fault
 from tracks.drawing import BoxMark
@@ -56,7 +57,7 @@ def training_first(request: HttpRequest) -> HttpResponse:
         messages.success(request, _("Your first car is being trained. This page follows it."))
     else:
         text = _("Your first car is being trained, and then drives in %(race)s by itself. This page follows it.")
-        messages.success(request, text % {"race": job.submit_to_race.name})
+        messages.success(request, text % {"race": named(job.submit_to_race.name)})
     return redirect(job)
 
 

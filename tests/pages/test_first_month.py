@@ -1,0 +1,176 @@
+"""The first month of a season: what stands is shown, marked provisional, and nothing is a list of nobodies."""
+
+from __future__ import annotations
+
+import html
+import re
+from datetime import timedelta
+
+import pytest
+from django.test import Client
+from django.utils import timezone
+
+from league.models import Round, Season, Stage
+from league.selectors import months_of
+from league.selectors.overview import fields_in_time, fields_of, leaders_shown, running_rounds, standings_table
+from league.services import close_round, create_season, schedule_round
+from races.models import Race
+from tests.factories import a_racer, a_track
+from tests.league.seasons import board
+from tests.pages.test_queries import queries
+
+pytestmark = pytest.mark.django_db
+MONTHS = 12
+DAYS = timedelta(days=30)
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+@pytest.fixture
+def season(now) -> Season:
+    """Twelve months of open and pro races with their finales, the first of them half over."""
+    begins = now - DAYS / 2
+    season = create_season(
+        slug="new",
+        name="New",
+        starts_on=begins.date(),
+        ends_on=(begins + DAYS * 14).date(),
+        points=[25, 18, 15],
+        finale_size=3,
+        championship_places=2,
+    )
+    for number in range(1, MONTHS + 1):
+        opens = begins + DAYS * (number - 1)
+        for stage, at, lasts in (
+            (Stage.OPEN, opens, DAYS),
+            (Stage.PRO, opens, DAYS),
+            (Stage.FINALE, opens + DAYS + timedelta(days=9), timedelta(days=1)),
+        ):
+            schedule_round(
+                season=season,
+                number=number,
+                stage=stage,
+                month=f"Month {number}",
+                now=now,
+                track=a_track(),
+                name=f"Month {number} {stage.value}",
+                opens_at=at,
+                closes_at=at + lasts,
+            )
+    return season
+
+
+def race(season: Season, number: int, stage: Stage) -> Race:
+    return Round.objects.get(season=season, number=number, stage=stage).race
+
+
+def words(path: str) -> str:
+    response = Client().get(path)
+    assert response.status_code == 200
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", response.content.decode().split("<main")[1])).split())
+
+
+def test_standings_of_the_first_month_are_of_the_open_race_and_say_so(season):
+    ann, ben = a_racer("ann", country="KR", team="Reds"), a_racer("ben", country="KR", team="reds")
+    board(race(season, 1, Stage.OPEN), [ann, ben])
+    page = words("/seasons/new/standings/?division=open")
+    assert "provisional Rounds that are not official count as they stand: Month 1 open-qualifier" in page
+    assert re.search(r"1 (KR )?ann 25 25.*2 (KR )?ben 18 18", page)
+    assert "1 43 43" not in page and re.search(r"KR .*43", words("/seasons/new/standings/?division=open&of=countries"))
+    assert re.search(r"(?i)reds 43", words("/seasons/new/standings/?division=open&of=teams"))
+
+
+def test_files_hold_official_rounds_only(season):
+    board(race(season, 1, Stage.OPEN), [a_racer("ann")])
+    assert "ann" not in Client().get("/seasons/new/standings.csv").content.decode()
+
+
+def test_once_a_round_is_official_the_standings_are_and_as_it_stands_is_a_click_away(season, now):
+    ann, ben = a_racer("ann"), a_racer("ben")
+    first = race(season, 1, Stage.OPEN)
+    board(first, [ann, ben])
+    Race.objects.filter(pk=first.pk).update(opens_at=now - DAYS, closes_at=now - timedelta(days=1))
+    close_round(round=Round.objects.get(race=first), now=now)
+    second = race(season, 2, Stage.OPEN)
+    Race.objects.filter(pk=second.pk).update(opens_at=now - timedelta(days=1))
+    board(second, [ben])
+    page = words("/seasons/new/standings/?division=open")
+    assert "provisional" not in page.split("Points")[1] and re.search(r"ann 25 25", page)
+    as_it_stands = words("/seasons/new/standings/?division=open&as=now")
+    assert re.search(r"1 .{0,10}ben 43 18 25", as_it_stands) and "2 * (provisional)" in as_it_stands
+
+
+def test_the_overview_shows_who_leads_provisionally_until_a_round_is_official(season, now):
+    months = months_of(season)
+    assert leaders_shown(season, 5, months, now) == []
+    ann = a_racer("ann")
+    board(race(season, 1, Stage.OPEN), [ann])
+    (found,) = leaders_shown(season, 5, months_of(season), now)
+    assert (found.division, [racer for _, racer in found.rows], found.is_provisional) == ("open", [ann], True)
+    assert re.search(r"Open division provisional .*ann 25", words("/seasons/new/"))
+
+
+def test_a_race_that_was_cancelled_or_has_not_opened_is_no_part_of_it(season, now):
+    first = race(season, 1, Stage.OPEN)
+    board(first, [a_racer("ann")])
+    board(race(season, 2, Stage.OPEN), [a_racer("early")])
+    assert [one.race for one in running_rounds(months_of(season), "open", now)] == [first]
+    Race.objects.filter(pk=first.pk).update(cancelled_at=now, cancel_reason="Rain.")
+    assert running_rounds(months_of(season), "open", now) == []
+
+
+def test_where_nobody_is_classified_yet_the_page_leads_to_the_race(season):
+    assert "The first to be classified leads: Month 1 open-qualifier" in words("/seasons/new/standings/?division=open")
+
+
+def test_before_the_first_race_opens_the_page_says_when(season, now):
+    Race.objects.update(opens_at=now + timedelta(days=1), closes_at=now + timedelta(days=40))
+    page = words("/seasons/new/standings/?division=open")
+    assert "No round of this division is official yet. The next one opens" in page
+
+
+def test_the_finales_begin_with_the_next_one_and_nobody_is_listed_twelve_times(season):
+    ann = a_racer("ann")
+    board(race(season, 1, Stage.PRO), [ann])
+    page = words("/seasons/new/finales/")
+    assert "Nobody yet" not in page
+    assert (
+        page.index("Month 1 In the finale provisional") < page.index("Later finales") < page.index("Month 2 pro-finale")
+    )
+    assert page.count("In the finale") == 1 and page.count("pro-finale") == MONTHS
+    assert re.search(r"In the finale provisional 1 .{0,5}ann", page)
+    assert "Qualified for the championship Known from this race, which opens" in page
+
+
+def test_a_month_whose_pro_race_nobody_finished_says_that(season):
+    assert "Nobody is classified in this race yet. It closes" in words("/seasons/new/finales/")
+
+
+def test_finales_that_are_over_come_last_the_latest_first(season, now):
+    for number in (1, 2):
+        for stage in (Stage.PRO, Stage.FINALE):
+            one = race(season, number, stage)
+            at = now - timedelta(days=40 - 10 * number - (5 if stage == Stage.FINALE else 0))
+            Race.objects.filter(pk=one.pk).update(opens_at=at - timedelta(days=1), closes_at=at)
+            board(Race.objects.get(pk=one.pk), [a_racer()])
+            close_round(round=Round.objects.get(race=one), now=at)
+    months, _ = fields_of(season, months_of(season), now)
+    found = fields_in_time(months, now)
+    assert [one.month.number for one in found.past] == [2, 1]
+    assert [one.month.number for one in found.next] == [3]
+    assert [one.month.number for one in found.coming] == list(range(4, MONTHS + 1))
+
+
+def test_provisional_standings_cost_the_same_however_many_race(season):
+    client = Client()
+    first = race(season, 1, Stage.OPEN)
+    board(first, [a_racer() for _ in range(3)])
+    before = len(queries(client, "/seasons/new/standings/?division=open"))
+    board(first, [a_racer() for _ in range(12)], first_ms=90_000)
+    assert len(queries(client, "/seasons/new/standings/?division=open")) == before
+    months = months_of(season)
+    table = standings_table(season, "open", "racers", months, running_rounds(months, "open", timezone.now()))
+    assert len(table.rows) == 3, "places without points are not in it"
