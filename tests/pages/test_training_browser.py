@@ -109,3 +109,26 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     playwright.expect(page.locator("#live-card .pill")).to_have_text("finished", timeout=DRIVE_MS)
     playwright.expect(page.locator("table.board tr.me")).to_contain_text("learner", timeout=DRIVE_MS)
     assert monotonic() - began < 120
+
+
+def test_one_click_brings_a_newcomer_onto_the_board_of_first_laps(page: playwright.Page) -> None:
+    sign_up(page, "clicker")
+    steps = page.locator("#steps")
+    playwright.expect(steps).to_contain_text("0 of 4 done")
+    steps.get_by_role("button", name="Train my first car").click()
+    playwright.expect(page.get_by_role("heading", name="first-car")).to_be_visible(timeout=DRIVE_MS)
+    page.get_by_role("link", name="Submitted to First laps on the oval").click(timeout=TRAIN_MS)
+
+    # the run says first what ranks, and the place
+    worth = page.locator("#worth")
+    playwright.expect(worth).to_contain_text("Best lap", timeout=DRIVE_MS)
+    playwright.expect(worth).to_contain_text("Your first result in this race.")
+    playwright.expect(worth).to_contain_text(re.compile(r"Place\s*\d+ of \d+"))
+    page.get_by_role("link", name="To the board").click()
+    playwright.expect(page.locator("table.board tr.me .place")).to_have_text(re.compile(r"^\d+$"))
+
+    # with this one car sent, the race leads to another; the steps have ticked themselves off
+    playwright.expect(page.get_by_role("link", name="Train or upload another")).to_be_visible()
+    playwright.expect(page.locator("#send")).to_contain_text("Train one for this race")
+    page.goto("/")
+    playwright.expect(steps).to_contain_text("3 of 4 done")

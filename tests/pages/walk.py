@@ -36,6 +36,7 @@ NO_PAGES = {
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
+    "training_first",
     # which lead elsewhere unless something has just happened
     *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
     "sign_up_invitation",
