@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from django.contrib.auth import get_user_model
 from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
 
 from evaluation.models import TrainedModel
@@ -76,7 +77,7 @@ def begun_by(racer: Racer) -> Begun:
     """Whether a racer has a car, and whether their first one is being trained: one query."""
     models = TrainedModel.objects.filter(owner=OuterRef("pk"), deleted_at=None)
     first = _on_their_way(OuterRef("pk")).values("public_id")[:1]
-    found = type(racer).objects.filter(pk=racer.pk).values_list(Exists(models), Subquery(first))
+    found = get_user_model().objects.filter(pk=racer.pk).values_list(Exists(models), Subquery(first))
     return Begun(*found.get())
 
 
