@@ -18,6 +18,7 @@ from .outcomes import outcome_of
 from .seasons import Month
 from .standings import (
     country_standings,
+    lines_as_they_stand,
     points_as_they_stand,
     season_standings,
     standings_of,
@@ -138,7 +139,7 @@ def standings_table(
     """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round, and with those of
     ``running`` as they stand.
 
-    Three queries, four for teams; for each of ``running`` two more.
+    Three queries, four for teams; for each of ``running`` one more, two for teams.
     """
     by = {RACERS: season_standings, COUNTRIES: country_standings, TEAMS: team_standings}[of]
     lines = by(season, division, running)
@@ -173,14 +174,14 @@ class Leaders:
 def leaders_shown(season: Season, size: int, months: Sequence[Month], now: datetime) -> list[Leaders]:
     """The first of the standings of each division, the pro division first: three queries.
 
-    Where nobody has points yet they are of the races that have opened, as these stand: five queries for each of them.
+    Where nobody has points yet they are of the races that have opened, as these stand: one query for each of them.
     """
     lines = {division: own[:size] for division, own in standings_of([season])[season.pk].items()}
     official = frozenset(lines)
     for division in divisions_with_points(months):
         running = [] if division in official else running_rounds(months, division, now)
         if running:
-            lines[division] = season_standings(season, division, running)[:size]
+            lines[division] = lines_as_they_stand(season, running)[:size]
     racers = Racer.objects.in_bulk({line.who for own in lines.values() for line in own})
     return [
         Leaders(name, [(line, racers[line.who]) for line in lines[name]], name not in official)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from django.db.models import Q
 
-from ..models import Racer, Round, RoundPoints, Season, Stage
+from races.selectors.boards import CLASSIFIED, board_entries
+
+from ..models import Round, RoundPoints, Season, Stage
 from ..models.season import DIVISION_OF, WITH_POINTS
-from ..rules import Line, Result, Standings
-from .outcomes import outcome_of
+from ..rules import Line, PointsTable, Result, Standings
 
 if TYPE_CHECKING:
     from races.models import Division
@@ -63,20 +64,25 @@ def team_key(team: str) -> str:
 
 
 def points_as_they_stand(round_: Round) -> list[RoundPoints]:
-    """The points that a round would give if it became official now, as rows that are not saved: two queries."""
-    outcome = outcome_of(round_)
-    racers = Racer.objects.in_bulk([racer for _rank, racer, _points in outcome.points])
+    """The points that a round would give if it became official now, as rows that are not saved: one query."""
+    table = PointsTable(tuple(round_.season.points))
+    ranked = board_entries(round_.race).filter(CLASSIFIED, is_baseline=False)
+    first = ranked.values_list("racer_id", "racer__country", "racer__team")[: len(table)]
     return [
-        RoundPoints(
-            round=round_,
-            racer_id=racer,
-            rank=rank,
-            points=points,
-            country=racers[racer].country,
-            team=racers[racer].team,
-        )
-        for rank, racer, points in outcome.points
+        RoundPoints(round=round_, racer_id=racer, rank=rank, points=table.of(rank), country=country, team=team)
+        for rank, (racer, country, team) in enumerate(first, start=1)
     ]
+
+
+def lines_as_they_stand(season: Season, running: Sequence[Round]) -> list[Line]:
+    """The standings of a division of which no round is official, by those that are on: one query for each."""
+    results = [
+        Result(row.racer_id, number, row.rank, row.points)
+        for number, round_ in enumerate(running, start=1)
+        for row in points_as_they_stand(round_)
+        if row.points
+    ]
+    return Standings(season.drop_worst).lines(results, len(running))
 
 
 def _counted(season: Season, division: Division | str, running: Sequence[Round]) -> dict[int, int]:

@@ -72,13 +72,12 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
     return [Offer(race, by_race.get(race.pk), _fits(race, learned)) for race in taken]
 
 
-def beginners_race(
-    *, racer: Racer, track_slug: str, direction: str, race_type: str, sensors: list[str], now: datetime
-) -> Race | None:
-    """The race that a racer's first car goes to, trained for this track, direction and type: one of the house if there
-    is one, that asks for the fewest laps; None if none takes it. Two queries, and what says who may enter."""
+def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type: str, now: datetime) -> QuerySet[Race]:
+    """Open races of the community that a racer's first car may go to, trained for this track, direction and type: those
+    of the house first, then those that ask for the fewest laps. Whether they take its sensors is not looked at."""
     mine = Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk)
     gone = mine.filter(Q(withdrawn_at__isnull=False) | Q(submission_count__gte=F("race__max_submissions")))
+    house_first = Case(When(organiser__is_house=True, then=Value(0)), default=Value(1))
     races = racing_now(now, racer).filter(
         ~Exists(gone),
         track__slug=track_slug,
@@ -87,11 +86,7 @@ def beginners_race(
         visibility=Visibility.PUBLIC,
         kind=Kind.COMMUNITY,
     )
-    house_first = Case(When(organiser__is_house=True, then=Value(0)), default=Value(1))
-    for race in races.order_by(house_first, "minimum_laps", "-max_resets", "closes_at", "pk")[:MOST]:
-        if not not_offered(sensors, race.sensors) and refusal(race, racer, now) is None:
-            return race
-    return None
+    return races.order_by(house_first, "minimum_laps", "-max_resets", "closes_at", "pk")
 
 
 def likest_first(races: QuerySet[Race], learned: Learned) -> QuerySet[Race]:

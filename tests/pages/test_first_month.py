@@ -21,6 +21,7 @@ from tests.pages.test_queries import queries
 
 pytestmark = pytest.mark.django_db
 MONTHS = 12
+STANDINGS = "/seasons/first/standings/?division=open"
 DAYS = timedelta(days=30)
 
 
@@ -34,7 +35,7 @@ def season(now) -> Season:
     """Twelve months of open and pro races with their finales, the first of them half over."""
     begins = now - DAYS / 2
     season = create_season(
-        slug="new",
+        slug="first",
         name="New",
         starts_on=begins.date(),
         ends_on=(begins + DAYS * 14).date(),
@@ -76,16 +77,18 @@ def words(path: str) -> str:
 def test_standings_of_the_first_month_are_of_the_open_race_and_say_so(season):
     ann, ben = a_racer("ann", country="KR", team="Reds"), a_racer("ben", country="KR", team="reds")
     board(race(season, 1, Stage.OPEN), [ann, ben])
-    page = words("/seasons/new/standings/?division=open")
+    page = words(STANDINGS)
     assert "provisional Rounds that are not official count as they stand: Month 1 open-qualifier" in page
     assert re.search(r"1 (KR )?ann 25 25.*2 (KR )?ben 18 18", page)
-    assert "1 43 43" not in page and re.search(r"KR .*43", words("/seasons/new/standings/?division=open&of=countries"))
-    assert re.search(r"(?i)reds 43", words("/seasons/new/standings/?division=open&of=teams"))
+    assert "1 43 43" not in page and re.search(
+        r"KR .*43", words("/seasons/first/standings/?division=open&of=countries")
+    )
+    assert re.search(r"(?i)reds 43", words("/seasons/first/standings/?division=open&of=teams"))
 
 
 def test_files_hold_official_rounds_only(season):
     board(race(season, 1, Stage.OPEN), [a_racer("ann")])
-    assert "ann" not in Client().get("/seasons/new/standings.csv").content.decode()
+    assert "ann" not in Client().get("/seasons/first/standings.csv").content.decode()
 
 
 def test_once_a_round_is_official_the_standings_are_and_as_it_stands_is_a_click_away(season, now):
@@ -97,9 +100,9 @@ def test_once_a_round_is_official_the_standings_are_and_as_it_stands_is_a_click_
     second = race(season, 2, Stage.OPEN)
     Race.objects.filter(pk=second.pk).update(opens_at=now - timedelta(days=1))
     board(second, [ben])
-    page = words("/seasons/new/standings/?division=open")
+    page = words(STANDINGS)
     assert "provisional" not in page.split("Points")[1] and re.search(r"ann 25 25", page)
-    as_it_stands = words("/seasons/new/standings/?division=open&as=now")
+    as_it_stands = words(f"{STANDINGS}&as=now")
     assert re.search(r"1 .{0,10}ben 43 18 25", as_it_stands) and "2 * (provisional)" in as_it_stands
 
 
@@ -110,7 +113,7 @@ def test_the_overview_shows_who_leads_provisionally_until_a_round_is_official(se
     board(race(season, 1, Stage.OPEN), [ann])
     (found,) = leaders_shown(season, 5, months_of(season), now)
     assert (found.division, [racer for _, racer in found.rows], found.is_provisional) == ("open", [ann], True)
-    assert re.search(r"Open division provisional .*ann 25", words("/seasons/new/"))
+    assert re.search(r"Open division provisional .*ann 25", words("/seasons/first/"))
 
 
 def test_a_race_that_was_cancelled_or_has_not_opened_is_no_part_of_it(season, now):
@@ -123,19 +126,19 @@ def test_a_race_that_was_cancelled_or_has_not_opened_is_no_part_of_it(season, no
 
 
 def test_where_nobody_is_classified_yet_the_page_leads_to_the_race(season):
-    assert "The first to be classified leads: Month 1 open-qualifier" in words("/seasons/new/standings/?division=open")
+    assert "The first to be classified leads: Month 1 open-qualifier" in words(STANDINGS)
 
 
 def test_before_the_first_race_opens_the_page_says_when(season, now):
     Race.objects.update(opens_at=now + timedelta(days=1), closes_at=now + timedelta(days=40))
-    page = words("/seasons/new/standings/?division=open")
+    page = words(STANDINGS)
     assert "No round of this division is official yet. The next one opens" in page
 
 
 def test_the_finales_begin_with_the_next_one_and_nobody_is_listed_twelve_times(season):
     ann = a_racer("ann")
     board(race(season, 1, Stage.PRO), [ann])
-    page = words("/seasons/new/finales/")
+    page = words("/seasons/first/finales/")
     assert "Nobody yet" not in page
     assert (
         page.index("Month 1 In the finale provisional") < page.index("Later finales") < page.index("Month 2 pro-finale")
@@ -146,7 +149,7 @@ def test_the_finales_begin_with_the_next_one_and_nobody_is_listed_twelve_times(s
 
 
 def test_a_month_whose_pro_race_nobody_finished_says_that(season):
-    assert "Nobody is classified in this race yet. It closes" in words("/seasons/new/finales/")
+    assert "Nobody is classified in this race yet. It closes" in words("/seasons/first/finales/")
 
 
 def test_finales_that_are_over_come_last_the_latest_first(season, now):
@@ -168,9 +171,9 @@ def test_provisional_standings_cost_the_same_however_many_race(season):
     client = Client()
     first = race(season, 1, Stage.OPEN)
     board(first, [a_racer() for _ in range(3)])
-    before = len(queries(client, "/seasons/new/standings/?division=open"))
+    before = len(queries(client, STANDINGS))
     board(first, [a_racer() for _ in range(12)], first_ms=90_000)
-    assert len(queries(client, "/seasons/new/standings/?division=open")) == before
+    assert len(queries(client, STANDINGS)) == before
     months = months_of(season)
     table = standings_table(season, "open", "racers", months, running_rounds(months, "open", timezone.now()))
     assert len(table.rows) == 3, "places without points are not in it"

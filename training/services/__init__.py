@@ -3,7 +3,7 @@
 from .bell import ring_training_bell
 from .create import clone_settings, create_training
 from .evaluate import evaluate_training
-from .first import begun_by, race_of_first_car, train_first_car
+from .first import begun_by, train_first_car
 from .leases import (
     beat,
     claim_next_training,
@@ -27,7 +27,6 @@ __all__ = [
     "finish_training",
     "keep_checkpoint",
     "purge_trainings",
-    "race_of_first_car",
     "record_iteration",
     "release_training",
     "ring_training_bell",

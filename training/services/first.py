@@ -11,8 +11,10 @@ from django.contrib.auth import get_user_model
 from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
 
 from evaluation.models import TrainedModel
+from races.eligibility import refusal
 from races.models import Race, RaceType
-from races.selectors.offers import beginners_race
+from races.selectors.offers import beginners_races
+from races.sensors import not_offered
 from tracks.models import Direction, Track
 from tracks.services import load_catalogue
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from league.models import Racer
 
 NAME = "first-car"
+_LOOKED_AT = 12
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING)
 MINUTES = 3  # it ends with three clean laps, on two cores after a few seconds
 
@@ -67,18 +70,24 @@ def first_car_on_its_way(racer: Racer | AnonymousUser) -> TrainingJob | None:
 @dataclass(frozen=True)
 class Begun:
     """How far a racer has come on the way to a car. ``first``: public id of the training of their first one while it
-    waits or runs."""
+    waits or runs. ``race``: the name of the race that a first car goes to."""
 
     has_car: bool
     first: str | None
+    race: str | None
 
 
-def begun_by(racer: Racer) -> Begun:
-    """Whether a racer has a car, and whether their first one is being trained: one query."""
+def begun_by(racer: Racer, now: datetime) -> Begun:
+    """How far a racer has come on the way to a car: one query."""
     models = TrainedModel.objects.filter(owner=OuterRef("pk"), deleted_at=None)
     first = _on_their_way(OuterRef("pk")).values("public_id")[:1]
-    found = get_user_model().objects.filter(pk=racer.pk).values_list(Exists(models), Subquery(first))
-    return Begun(*found.get())
+    races = _races(racer, now)
+    found = get_user_model().objects.filter(pk=racer.pk)
+    found = found.values_list(
+        Exists(models), Subquery(first), Subquery(races.values("name")[:1]), Subquery(races.values("sensors")[:1])
+    )
+    has_car, training, name, sensors = found.get()
+    return Begun(has_car, training, None if name is None or not_offered(default_sensors(), sensors) else name)
 
 
 def _on_their_way(owner: object) -> QuerySet[TrainingJob]:
@@ -87,14 +96,16 @@ def _on_their_way(owner: object) -> QuerySet[TrainingJob]:
 
 
 def race_of_first_car(racer: Racer, now: datetime) -> Race | None:
-    """Where a first car goes when it is trained: see :func:`races.selectors.offers.beginners_race`."""
-    return beginners_race(
-        racer=racer,
-        track_slug=QUICK["track"],
-        direction=Direction.CCW,
-        race_type=RaceType.TIME_TRIAL,
-        sensors=default_sensors(),
-        now=now,
+    """Where a first car goes when it is trained; None if no race takes it."""
+    for race in _races(racer, now)[:_LOOKED_AT]:
+        if not not_offered(default_sensors(), race.sensors) and refusal(race, racer, now) is None:
+            return race
+    return None
+
+
+def _races(racer: Racer, now: datetime) -> QuerySet[Race]:
+    return beginners_races(
+        racer=racer, track_slug=QUICK["track"], direction=Direction.CCW, race_type=RaceType.TIME_TRIAL, now=now
     )
 
 

@@ -23,7 +23,7 @@ from training.cloning import build_of_model
 from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
 from training.models import NeuralNetwork, TrainingJob
 from training.selectors import house_cars
-from training.services import begun_by, race_of_first_car
+from training.services import begun_by
 from training.views.common import closed_because
 
 register = template.Library()
@@ -74,14 +74,13 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
     Who has no car yet trains the first one by one click, or is led to it while it is being trained.
     """
     request, user = context["request"], context["user"]
-    now = timezone.now()
-    begun = begun_by(user)
+    begun = begun_by(user, timezone.now())
     return {
         "race": race,
         "but": but,
         "closed": closed_because(),
         "first": begun.first,
-        "first_race": None if begun.has_car or begun.first else race_of_first_car(user, now),
+        "first_race": begun.race,
         "has_car": begun.has_car,
         "house_cars": [model for model in house_cars() if race is None or not not_offered(model.sensors, race.sensors)],
         "course": course_query(race),
