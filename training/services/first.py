@@ -70,11 +70,13 @@ def first_car_on_its_way(racer: Racer | AnonymousUser) -> TrainingJob | None:
 @dataclass(frozen=True)
 class Begun:
     """How far a racer has come on the way to a car. ``first``: public id of the training of their first one while it
-    waits or runs. ``race``: the name of the race that a first car goes to."""
+    waits or runs. ``race``: the name of the race that a first car goes to. ``has_house_cars``: whether this site has
+    any, whose weights one could begin with."""
 
     has_car: bool
     first: str | None
     race: str | None
+    has_house_cars: bool
 
 
 def begun_by(racer: Racer, now: datetime) -> Begun:
@@ -84,10 +86,15 @@ def begun_by(racer: Racer, now: datetime) -> Begun:
     races = _races(racer, now)
     found = get_user_model().objects.filter(pk=racer.pk)
     found = found.values_list(
-        Exists(models), Subquery(first), Subquery(races.values("name")[:1]), Subquery(races.values("sensors")[:1])
+        Exists(models),
+        Subquery(first),
+        Subquery(races.values("name")[:1]),
+        Subquery(races.values("sensors")[:1]),
+        Exists(TrainedModel.objects.filter(owner__is_house=True, deleted_at=None)),
     )
-    has_car, training, name, sensors = found.get()
-    return Begun(has_car, training, None if name is None or not_offered(default_sensors(), sensors) else name)
+    has_car, training, name, sensors, has_house_cars = found.get()
+    takes_it = name is not None and not not_offered(default_sensors(), sensors)
+    return Begun(has_car, training, name if takes_it else None, has_house_cars)
 
 
 def _on_their_way(owner: object) -> QuerySet[TrainingJob]:

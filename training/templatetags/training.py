@@ -75,6 +75,7 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
     """
     request, user = context["request"], context["user"]
     begun = begun_by(user, timezone.now())
+    house = house_cars() if begun.has_house_cars else ()
     return {
         "race": race,
         "but": but,
@@ -82,7 +83,7 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
         "first": begun.first,
         "first_race": begun.race,
         "has_car": begun.has_car,
-        "house_cars": [model for model in house_cars() if race is None or not not_offered(model.sensors, race.sensors)],
+        "house_cars": [model for model in house if race is None or not not_offered(model.sensors, race.sensors)],
         "course": course_query(race),
         "csrf_token": get_token(request),
     }
