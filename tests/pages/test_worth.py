@@ -61,7 +61,7 @@ def test_a_worse_car_says_so_and_leads_to_the_one_that_counts(now):
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
     text = said(drive(race, alice, laps(12_100, 12_100, 12_100), now), alice)
     assert text == (
-        "Result Total of 3 laps 0:36.300 Place 1 of 1 To the leader the only one classified Than before +0.300 "
+        "Result Total of 3 laps 0:36.300 Place by submission 1 1 of 1 To the leader the only one classified Than before +0.300 "
         "0.300 s slower than before: the board did not change. Submission 1 counts: 0:36.000."
     )
 
