@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
     """The racer's trainings, newest first, without what only single pages need. Twin of :func:`can_see_training`."""
     return (
-        TrainingJob.objects.filter(owner_id=racer.pk).select_related("track", "best_model", "last_model").defer("log")
+        TrainingJob.objects.filter(owner_id=racer.pk)
+        .select_related("track", "best_model", "last_model")
+        .defer("log", "printed")
     )
 
 

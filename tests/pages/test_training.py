@@ -308,6 +308,13 @@ def test_a_running_training_shows_its_graph_and_its_drive(world: World, job: Tra
     TrainingIteration.objects.create(job=job, number=3, steps=6600, seconds=8, eval_progress=77.0, eval_reward=1.0)
     again = client.get(f"/train/{job.public_id}/live/", {"seen": seen}).content.decode()
     assert dots(again) == 8 and 'id="training-graph"' in again, "the number is the same, the iteration another"
+    assert 'id="printed-lines"' not in again, "nothing was printed"
+    TrainingJob.objects.filter(pk=job.pk).update(printed="step 7 <script>\n")
+    printed = client.get(f"/train/{job.public_id}/live/", {"seen": seen}).content.decode()
+    assert (
+        "step 7 &lt;script&gt;" in printed
+        and "step 7 &lt;script&gt;" in client.get(job.get_absolute_url()).content.decode()
+    )
     end(job, world)
     over = client.get(f"/train/{job.public_id}/live/", {"seen": seen})
     assert (over.status_code, over["HX-Refresh"]) == (204, "true")

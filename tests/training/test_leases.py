@@ -31,8 +31,16 @@ from training.services import (
     stop_training,
     sweep_trainings,
 )
-from training.services.records import CHECKPOINTS_KEPT, SIMTRACES_KEPT, TRACES_KEPT, networks_of
+from training.services.records import (
+    CHECKPOINTS_KEPT,
+    SIMTRACES_KEPT,
+    TRACES_KEPT,
+    append_log,
+    networks_of,
+    record_prints,
+)
 from training.trainer.client import SavedState
+from training.trainer.messages import Prints
 
 NETWORKS = (b"best", b"last")
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
@@ -78,10 +86,11 @@ def test_whoever_lost_the_lease_changes_nothing(held, now):
     assert not beat(job_id=held.pk, lease=other, progress={"seconds": 99.0}, now=now).held
     assert not record_iteration(job=held, lease=other, iteration=an_iteration(1), now=now)
     assert not keep_checkpoint(job=held, lease=other, saved=saved(1), networks=NETWORKS, now=now)
+    assert not record_prints(job=held, lease=other, prints=Prints("late\n", "late\n", False), now=now)
     assert not fail_training(job_id=held.pk, lease=other, fault=UserFault("training_over"), now=now)
     assert not release_training(job_id=held.pk, lease=other, now=now)
     held.refresh_from_db()
-    assert (held.state, held.seconds_done) == (JobState.RUNNING, 0.0)
+    assert (held.state, held.seconds_done, held.printed, held.log) == (JobState.RUNNING, 0.0, "", "")
     assert not TrainingIteration.objects.exists() and not Checkpoint.objects.exists()
     assert (
         not default_storage.exists(f"training/{held.public_id}")
@@ -189,6 +198,36 @@ def test_one_iteration_is_the_best(held, now):
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(2), now=now)
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(3, is_best=False), now=now)
     assert list(held.iterations.values_list("is_best", flat=True)) == [False, True, False]
+
+
+def printing(held, now, kept, last="", more=False) -> str:
+    assert record_prints(job=held, lease=held.lease, prints=Prints(kept, last, more), now=now)
+    held.refresh_from_db()
+    return held.log
+
+
+def test_what_is_printed_stands_line_by_line_in_the_log_and_the_newest_beside_it(held, now):
+    log = printing(held, now, "one\n\n<b>two</b>\n", "<b>two</b>\n")
+    assert log == "".join(f"{now:%Y-%m-%d %H:%M:%S} print: {line}\n" for line in ("one", "", "<b>two</b>"))
+    assert held.printed == "<b>two</b>\n"
+    assert printing(held, now, "", "three\n") == log and held.printed == "three\n"
+
+
+def test_the_log_keeps_the_first_of_what_a_training_prints_whoever_its_workers_are(held, now):
+    append_log(job_id=held.pk, line="training starts on w", now=now)
+    for _ in range(3):  # each trainer's process begins anew
+        log = printing(held, now, "x" * 9_999 + "\n", more=True)
+    kept = [line[27:] for line in log.splitlines() if " print: " in line]
+    assert [len(line) for line in kept[:1]] == [9_999] and "and no more" in kept[1]
+    assert len(kept) == 2, "nothing comes after that"
+
+
+def test_the_log_is_cut_where_its_room_ends(held, now):
+    for _ in range(3):
+        log = printing(held, now, "x" * 9_999 + "\n")
+    kept = [line[27:] for line in log.splitlines()]
+    assert [len(line) for line in kept[:2]] == [9_999, 6_000] and "and no more" in kept[2]
+    assert len(kept) == 3
 
 
 def test_old_sim_traces_are_cleared_away(held, now, monkeypatch):

@@ -17,8 +17,10 @@ from evaluation.sandbox.frames import FrameError, write_frame, write_message
 from evaluation.simulator.trace import COLUMNS
 from faults import PaddockError, PlatformFault, UserFault
 from tests.training.jobs import GOOD
+from training.rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
 from training.trainer import client
 from training.trainer.client import Listener, train
+from training.trainer.messages import Prints
 from training.trainer.spec import TrainerSpec
 
 
@@ -86,6 +88,9 @@ class Ear(Listener):
 
     def iteration(self, iteration) -> None:
         self.heard.append(iteration)
+
+    def printed(self, prints) -> None:
+        self.heard.append(prints)
 
 
 def spec(**changes: Any) -> TrainerSpec:
@@ -238,6 +243,41 @@ def test_a_checkpoint_of_another_iteration_is_none(hear):
         write_message(process.says, {"checkpoint": {"iteration": 9, "steps": 1, "seconds": 1.0}}, [b"state"])
 
     assert fault_of(hear, script).code == "reward_stuck"
+
+
+def prints(process: FakeProcess, kept: Any, last: Any = "", more: Any = False) -> None:
+    write_message(process.says, {"printed": {"kept": kept, "last": last, "more": more}})
+
+
+class TestPrints:
+    def test_go_on_as_plain_lines(self, hear):
+        def script(process):
+            prints(process, "step 1\n\x1b[2J\u202e\ud800\x00\n", "\ttwo\n", "yes")
+            iterate(process)
+            write_message(process.says, {"done": "time", "steps": 1, "seconds": 1.0}, [b"zip"])
+
+        _, ear = hear(script)
+        assert ear.heard[0] == Prints("step 1\n?[2J???\n", "\ttwo\n", False)
+
+    @pytest.mark.parametrize(
+        ("kept", "last"), [(1, ""), ("", None), ("x" * (KEPT_CHARACTERS + 1), ""), ("", "x" * (LAST_CHARACTERS + 1))]
+    )
+    def test_of_another_form_or_size_are_none(self, hear, kept, last):
+        assert fault_of(hear, lambda process: prints(process, kept, last)).code == "reward_stuck"
+
+    def test_of_more_than_is_kept_are_none(self, hear):
+        def script(process):
+            for _ in range(3):
+                prints(process, "x" * (KEPT_CHARACTERS // 2))
+
+        assert fault_of(hear, script).code == "reward_stuck"
+
+    def test_that_never_end_are_a_flood(self, hear):
+        def script(process):
+            for _ in range(30):
+                prints(process, "", "again\n")
+
+        assert fault_of(hear, script).code == "reward_stuck"
 
 
 class TestSimTraces:

@@ -12,7 +12,17 @@ from faults import UserFault
 from training.rewards.function import POSITIONAL_NAMES, load_reward, load_rewards, positional
 from training.rewards.modules import preload, wanted_modules
 from training.rewards.states import five_states
-from training.rewards.watch import KEPT_CHARACTERS, LIMIT_S, TICK_S, TooLong, TooMuchPrinted, Watch, line_in, watch
+from training.rewards.watch import (
+    KEPT_CHARACTERS,
+    LAST_CHARACTERS,
+    LIMIT_S,
+    TICK_S,
+    TooLong,
+    TooMuchPrinted,
+    Watch,
+    line_in,
+    watch,
+)
 
 PARAMS = five_states()[1]
 
@@ -213,6 +223,50 @@ def test_what_it_prints_is_kept_up_to_a_limit_and_too_much_in_one_call_ends_it()
         one.write("x" * 64_001)
     one.end()
     assert one.write("x" * 10**6) == 10**6  # not a call: nobody's business
+
+
+def said_by(watch: Watch, *texts: str) -> None:
+    watch.begin()
+    for text in texts:
+        watch.write(text)
+    watch.end()
+
+
+def test_what_was_printed_is_told_once_in_whole_lines():
+    watch = Watch()
+    assert watch.news() is None
+    said_by(watch, "one", "\n", "tw")
+    assert watch.news() == {"kept": "one\n", "last": "one\ntw", "more": False}
+    assert watch.news() is None
+    said_by(watch, "o\n")
+    assert watch.news() == {"kept": "two\n", "last": "one\ntwo\n", "more": False}
+    said_by(watch, "thr")
+    assert watch.news()["kept"] == ""
+    assert watch.news(over=True) == {"kept": "thr", "last": "one\ntwo\nthr", "more": False}
+    assert watch.news(over=True) is None
+
+
+def test_of_much_that_is_printed_the_first_is_kept_and_the_newest_is_told():
+    watch = Watch()
+    for number in range(10_000):
+        said_by(watch, f"line {number}\n")
+    news = watch.news()
+    assert len(news["kept"]) == KEPT_CHARACTERS and news["kept"].startswith("line 0\n") and news["more"]
+    lines = news["last"].splitlines()
+    assert lines[-1] == "line 9999" and len(news["last"]) <= LAST_CHARACTERS
+    assert all(line.startswith("line 9") for line in lines), "no line without its beginning"
+    said_by(watch, "the end\n")
+    news = watch.news()
+    assert (news["kept"], news["last"].splitlines()[-1]) == ("", "the end")
+
+
+def test_what_the_top_level_prints_is_printed_once_however_many_cars_there_are(monkeypatch):
+    watched = Watch()
+    monkeypatch.setattr("training.rewards.function.watch", watched)
+    monkeypatch.setattr("sys.stdout", watched)
+    one, two = load_rewards("print('loaded')\ndef reward_function(params):\n    print('called')\n    return 1", 2)
+    assert (one(PARAMS), two(PARAMS)) == (1.0, 1.0)
+    assert watched.printed == "loaded\ncalled\ncalled\n"
 
 
 def test_an_endless_call_ends_with_the_line_that_it_was_in(monkeypatch):

@@ -263,10 +263,13 @@ def wait_for(condition, worker: subprocess.Popen) -> None:
 
 
 def test_a_reward_function_that_fails_ends_the_training_with_code_and_line(alice, oval, now):
-    code = "def reward_function(params):\n    return 1 / params['nothing']\n"
+    code = "print('loaded')\ndef reward_function(params):\n    print('look:', params['steps'])\n    return 1 / 0\n"
     job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
-    assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 2)
+    assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 4)
     assert job.best_model is None
+    printed = [line[20:] for line in job.log.splitlines() if " print: " in line]
+    assert printed[:2] == ["print: loaded", "print: look: 2"], "what it said before it failed is there to be read"
+    assert job.printed.startswith("loaded\nlook: ")
     assert not TrainedModel.objects.exists()
 
 

@@ -112,6 +112,9 @@ class TrainingSerializer(TrainingSummarySerializer):
         source="submission.evaluation.public_id", default=None, allow_null=True, help_text="Of what was submitted."
     )
     submit_reason_code = serializers.CharField(allow_blank=True, help_text="Why it was not submitted.")
+    printed = serializers.CharField(
+        allow_blank=True, help_text="The newest lines that the reward function printed, at most 2,000 characters."
+    )
     iterations = serializers.SerializerMethodField()
 
     def get_ending(self, job: TrainingJob) -> str:

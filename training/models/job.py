@@ -131,6 +131,7 @@ class TrainingJob(models.Model):
     )
     sb3_zip = models.FileField(_("stable-baselines3 model"), upload_to="training/", blank=True)
     log = models.TextField(_("log"), blank=True)
+    printed = models.TextField(_("newest lines that the reward function printed"), blank=True)
     submission = models.OneToOneField(
         "races.Submission",
         models.SET_NULL,

@@ -24,7 +24,7 @@ from evaluation.sandbox.lock import EXIT_MEMORY
 from faults import PlatformFault, UserFault
 from faults.reasons.training import REWARD_REASONS
 
-from .function import MAX_REWARD, Params, printable
+from .function import MAX_REWARD, Params, printable, readable
 from .modules import wanted_modules
 from .watch import KEPT_CHARACTERS, LIMIT_S, line_in
 from .wire import to_wire
@@ -177,8 +177,7 @@ def _checked(header: dict[str, Any], states: int) -> Answer:
     for reward in rewards:
         if reward is not None and not (type(reward) is float and abs(reward) <= MAX_REWARD):
             raise ValueError("not a reward")
-    text = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in printed)
-    return Answer([_fault(one, states) for one in faults], rewards, text)
+    return Answer([_fault(one, states) for one in faults], rewards, readable(printed))
 
 
 def _fault(told: Any, states: int) -> tuple[UserFault, int | None]:

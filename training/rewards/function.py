@@ -147,7 +147,14 @@ def load_rewards(code: str, count: int) -> list[Reward]:
     """The function ``count`` times, each with globals of its own: one for each car of a vectorised environment, so that
     what it remembers of the step before is of the same car. Raises UserFault."""
     program = compile_reward(code)
-    return [Reward(program) for _ in range(count)]
+    rewards = []
+    try:
+        for _ in range(count):
+            rewards.append(Reward(program))
+            watch.muted = True  # what its top level prints is printed once
+    finally:
+        watch.muted = False
+    return rewards
 
 
 def form_of(names: Sequence[str], by_name: int, line: int) -> str:
@@ -189,6 +196,11 @@ def printable(text: str) -> str:
     """A stranger's text as one short printable line."""
     text = text[:_TEXT]
     return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def readable(text: str) -> str:
+    """A stranger's text as lines that may be shown: without whatever moves a cursor, hides or turns letters round."""
+    return "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in text)
 
 
 def fault_in(error: BaseException) -> UserFault | None:

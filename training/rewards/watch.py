@@ -12,11 +12,13 @@ import re
 import signal
 import sys
 from types import FrameType
+from typing import Any
 
 FILENAME = "<reward function>"  # in tracebacks
 TICK_S = 0.1
 LIMIT_S = 5.0  # DeepRacer on AWS: a validation may take 5 s
 KEPT_CHARACTERS = 16_000  # of what it prints in its life
+LAST_CHARACTERS = 2_000  # the newest of it, for whoever looks on
 PRINTED_CHARACTERS = 64_000  # in one call
 
 
@@ -29,17 +31,21 @@ class TooMuchPrinted(BaseException):
 
 
 class Watch(io.TextIOBase):
-    """The time and the prints of the present call; as ``sys.stdout`` it keeps the first of what is printed.
+    """The time and the prints of the present call; as ``sys.stdout`` it keeps the first of what is printed, and the
+    newest.
 
     ``printed``: the first ``KEPT_CHARACTERS`` of it. ``limit_s``: seconds of processor time that a call may take.
-    Outside of a call nothing is limited, and nothing kept.
+    ``muted``: what is printed is not kept (the same text is loaded for one more car). Outside of a call nothing is
+    limited, and nothing kept.
     """
 
     def __init__(self) -> None:
         self.limit_s = LIMIT_S
         self._ticks: int | None = None
         self._room = 0
-        self.printed = ""
+        self.printed = self._last = ""
+        self.muted = self._news = self._more = False
+        self._told = 0  # of what is kept
 
     def begin(self) -> None:
         """A call begins."""
@@ -64,13 +70,33 @@ class Watch(io.TextIOBase):
     def write(self, text: str) -> int:
         """Take what is printed. Raises TooMuchPrinted."""
         if self._ticks is not None:
-            kept = KEPT_CHARACTERS - len(self.printed)
-            if kept > 0:
-                self.printed += text[:kept]
+            if not self.muted:
+                self._keep(text)
             self._room -= len(text)
             if self._room < 0:
                 raise TooMuchPrinted
         return len(text)
+
+    def _keep(self, text: str) -> None:
+        kept = KEPT_CHARACTERS - len(self.printed)
+        if kept > 0:
+            self.printed += text[:kept]
+        self._more = self._more or len(text) > kept
+        self._last = (self._last + text[-LAST_CHARACTERS:])[-LAST_CHARACTERS:]
+        self._news = True
+
+    def news(self, *, over: bool = False) -> dict[str, Any] | None:
+        """What was printed since the last time this was asked; None for nothing. ``kept``: the next whole lines of
+        ``printed`` (``over``: also one that has no end). ``last``: the newest lines. ``more``: whether there was more
+        than is kept."""
+        whole = len(self.printed) if over or self._more else self.printed.rfind("\n") + 1
+        if not self._news and whole <= self._told:
+            return None
+        kept, self._told, self._news = self.printed[self._told : whole], max(whole, self._told), False
+        last = self._last
+        if len(last) == LAST_CHARACTERS:  # the first of these lines has lost its beginning
+            last = last.partition("\n")[2] or last
+        return {"kept": kept, "last": last, "more": self._more}
 
 
 watch = Watch()

@@ -16,16 +16,22 @@ from django.db import transaction
 from django.db.models import QuerySet
 
 from ..models import Checkpoint, TrainingIteration, TrainingJob
+from ..rewards.watch import KEPT_CHARACTERS
 from .leases import held
 
 if TYPE_CHECKING:
     from ..trainer.client import Iteration, SavedState
+    from ..trainer.messages import Prints
 
 logger = logging.getLogger(__name__)
 TRACES_KEPT = timedelta(days=30)
 SIMTRACES_KEPT = 100  # of a job; the newest
 CHECKPOINTS_KEPT = 2
 _LOG_LIMIT = 100_000
+_MARK = " print: "  # behind the time: a line that the reward function has printed
+_STAMP = len("2000-01-01 00:00:00")
+_PREFIX = _STAMP + len(_MARK)
+_NO_MORE = f"(the first {KEPT_CHARACTERS:,} characters are kept, and no more)"
 
 
 def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration, now: datetime) -> bool:
@@ -127,6 +133,32 @@ def append_log(*, job_id: int, line: str, now: datetime) -> None:
         log = TrainingJob.objects.filter(pk=job_id).values_list("log", flat=True).first()
         if log is not None and len(log) < _LOG_LIMIT:
             TrainingJob.objects.filter(pk=job_id).update(log=f"{log}{now:%Y-%m-%d %H:%M:%S} {line}\n")
+
+
+def record_prints(*, job: TrainingJob, lease: uuid.UUID, prints: Prints, now: datetime) -> bool:
+    """Write what the reward function has printed: the newest lines for whoever looks on, and into the log, line by
+    line, the first 16,000 characters of a training, however often its worker was another. False: the lease is gone."""
+    with transaction.atomic():
+        mine = held(job.pk, lease).update(printed=prints.last)
+        log = held(job.pk, lease).values_list("log", flat=True).first() if mine else None
+        if log is not None:
+            added = _printed_lines(log, prints, now)
+            if added and len(log) < _LOG_LIMIT:
+                held(job.pk, lease).update(log=log + added)
+    return bool(mine)
+
+
+def _printed_lines(log: str, prints: Prints, now: datetime) -> str:
+    """What comes to the log."""
+    before = [line[_PREFIX:] for line in log.split("\n") if line[_STAMP:_PREFIX] == _MARK]
+    if before and before[-1] == _NO_MORE:
+        return ""
+    room = KEPT_CHARACTERS - sum(len(line) + 1 for line in before)
+    kept = prints.kept[: max(0, room)]
+    lines = kept.removesuffix("\n").split("\n") if kept else []
+    if prints.more or len(kept) < len(prints.kept):
+        lines.append(_NO_MORE)
+    return "".join(f"{now:%Y-%m-%d %H:%M:%S}{_MARK}{line}\n" for line in lines)
 
 
 def drop_checkpoints(job: TrainingJob) -> None:

@@ -18,11 +18,12 @@ from faults import PaddockError, PlatformFault
 from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob
 from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
+from ..trainer.messages import Prints
 from ..trainer.network import OURS
 from ..trainer.spec import TrainerSpec
 from .create import course_of
 from .leases import beat, claim_next_training, fail_training, held, last_word, release_training, verdict
-from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration
+from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration, record_prints
 from .results import admit_networks, finish_training, keep_sb3
 
 logger = logging.getLogger(__name__)
@@ -186,6 +187,9 @@ class _Turn(Listener):
             keep_checkpoint(job=self._job, lease=self._lease, saved=state, networks=networks, now=timezone.now())
         except Exception:  # a full disk is no reason to end what may have room again when it is over
             logger.exception("A checkpoint of training %s cannot be kept.", self._job.public_id)
+
+    def printed(self, prints: Prints) -> None:
+        record_prints(job=self._job, lease=self._lease, prints=prints, now=timezone.now())
 
     def _admitted(self) -> tuple[TrainedModel, TrainedModel]:
         """The models; a garage that others keep busy is asked again."""

@@ -21,8 +21,8 @@ from faults.reasons.training import REWARD_REASONS
 
 from ..rewards.ask import line_of
 from ..rewards.modules import wanted_modules
-from ..rewards.watch import line_in
-from .messages import GREATEST, Ended, Iteration, SavedState, iteration_of, whole
+from ..rewards.watch import KEPT_CHARACTERS, line_in
+from .messages import GREATEST, Ended, Iteration, Prints, SavedState, iteration_of, prints_of, whole
 from .spec import TrainerSpec
 
 MODULE = "training.trainer.process"
@@ -39,6 +39,7 @@ _JSON_LIMIT = 1024 * 1024
 _BLOB_LIMIT = 128 * 1024 * 1024  # a checkpoint of the console's network: its weights, and Adam's memory of them, twice
 _ITERATIONS = 2_000  # of one attempt; a day of the shortest updates makes 900
 _CHECKPOINT_EVERY_S = 5.0  # on the average; the trainer saves half as often
+_PRINTS_EVERY_S = 0.5  # on the average; the trainer tells of them half as often
 
 
 class Listener:
@@ -55,6 +56,9 @@ class Listener:
 
     def checkpoint(self, state: SavedState) -> None:
         """The training could go on from here."""
+
+    def printed(self, prints: Prints) -> None:
+        """The reward function has printed something, a second ago at most."""
 
 
 def train(
@@ -112,6 +116,7 @@ class _Run:
         self._last, self._last_cpu = time.monotonic(), 0.0
         self._began: float | None = None  # when it was handed the training, and with it the stranger's code
         self._number = self._steps = self._iterations = self._checkpoints = 0
+        self._prints = self._printed = 0
 
     def begin(self, start: str, blob: bytes) -> None:
         """Wait until the process is locked, and hand it the training."""
@@ -172,6 +177,8 @@ class _Run:
             return partial(self._listener.iteration, self._next_iteration(message, blobs))
         if "checkpoint" in message:
             return partial(self._listener.checkpoint, self._next_checkpoint(message["checkpoint"], blobs))
+        if "printed" in message:
+            return partial(self._listener.printed, self._next_prints(message["printed"]))
         if "error" in message:
             raise self._fault(message["error"])
         why, (sb3_zip,) = message["done"], blobs
@@ -195,6 +202,14 @@ class _Run:
         if about["iteration"] != self._number or self._checkpoints > 2 + self._seconds / _CHECKPOINT_EVERY_S:
             raise ValueError("no checkpoint is due")
         return SavedState(self._number, whole(about["steps"]), self._seconds, state)
+
+    def _next_prints(self, said: dict[str, Any]) -> Prints:
+        prints = prints_of(said)
+        self._prints += 1
+        self._printed += len(prints.kept)
+        if self._printed > KEPT_CHARACTERS or self._prints > 5 + self._seconds / _PRINTS_EVERY_S:
+            raise ValueError("more than a training tells")
+        return prints
 
     def _overdue(self) -> bool:
         """Whether it goes on although it should have ended long ago: what runs in there may not want to end."""

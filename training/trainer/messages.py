@@ -10,6 +10,9 @@ from typing import Any
 from evaluation.packages.limits import DEFAULT_LIMITS
 from evaluation.simulator.trace import COLUMNS, LABELS
 
+from ..rewards.function import readable
+from ..rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
+
 _NETWORK_LIMIT = DEFAULT_LIMITS.model_bytes
 _SIMTRACE_LIMIT, _CSV_LIMIT = 2 * 1024 * 1024, 4 * 1024 * 1024  # 6000 rows are 0.3 and 1.2 MB
 _EPISODES, _TRIALS, _PLACES = 200, 10, 400
@@ -49,6 +52,26 @@ class Ended:
     steps: int
     seconds: float
     sb3_zip: bytes
+
+
+@dataclass(frozen=True)
+class Prints:
+    """What a reward function printed since the last time: see :meth:`training.rewards.watch.Watch.news`; lines that
+    may be shown."""
+
+    kept: str
+    last: str
+    more: bool
+
+
+def prints_of(said: dict[str, Any]) -> Prints:
+    """What was said, if it has the form and the size of prints. Raises KeyError, TypeError, ValueError."""
+    kept, last = said["kept"], said["last"]
+    if not (isinstance(kept, str) and isinstance(last, str)):
+        raise ValueError("no text")
+    if len(kept) > KEPT_CHARACTERS or len(last) > LAST_CHARACTERS:
+        raise ValueError("too much text")
+    return Prints(readable(kept), readable(last), said["more"] is True)
 
 
 def iteration_of(message: dict[str, Any], blobs: list[bytes]) -> Iteration:

@@ -5,6 +5,8 @@ Everything it needs is imported at the top: a locked process opens no file. It s
 
 - ``{"iteration": {...}, "driving": [...]}`` with two blobs: the network as ONNX, and a gzipped sim-trace (or nothing);
 - ``{"alive": {"steps", "seconds"}}`` about once a second;
+- ``{"printed": {"kept", "last", "more"}}`` with it, where the reward function has printed anything
+  (:meth:`training.rewards.watch.Watch.news`);
 - ``{"checkpoint": {"iteration", "steps", "seconds"}}`` with one blob, which is only ever given back to this module;
 - ``{"done": why, "steps", "seconds"}`` with the stable-baselines3 file, or ``{"error": {"code", "params"}}``.
 
@@ -39,7 +41,7 @@ from faults import PaddockError, UserFault
 from tracks.geometry import TrackGeometry
 from training.rewards.function import fault_in, load_rewards
 from training.rewards.modules import preload
-from training.rewards.watch import arm
+from training.rewards.watch import arm, watch
 
 from .cars import Cars
 from .judging import Judge
@@ -72,11 +74,13 @@ def main(frames_in: int, frames_out: int) -> None:
     except MemoryError:
         raise
     except PaddockError as fault:
+        _tell_prints(frames_out, over=True)  # what it said before it failed is what its writer looks for
         write_message(frames_out, {"error": {"code": fault.code, "params": fault.params}})
     except Exception as error:
         traceback.print_exc()  # for operators, on stderr
         theirs = fault_in(error)  # of theirs, put in the place of something of ours
         if theirs is not None:
+            _tell_prints(frames_out, over=True)
             write_message(frames_out, {"error": {"code": theirs.code, "params": theirs.params}})
             return
         detail = f"{type(error).__name__}: {error}"[:500]
@@ -145,6 +149,7 @@ class Training:
         if not self._looked:
             self._look(None)  # stopped at once: what there is is a model all the same
         done = {"done": self._ended or TIME, "steps": learner.model.num_timesteps, "seconds": self.seconds}
+        _tell_prints(self._out, over=True)
         write_message(self._out, done, [learner.to_zip()])
         self._cars.close()
         self._judge.close()
@@ -185,6 +190,7 @@ class Training:
             self._pulse_at = now
             about = {"steps": self._learner.model.num_timesteps, "seconds": self.seconds}
             write_message(self._out, {"alive": about})
+            _tell_prints(self._out)
 
     def _steps_are_up(self) -> bool:
         return self.spec.stop_steps is not None and self._learner.model.num_timesteps >= self.spec.stop_steps
@@ -264,6 +270,13 @@ def reward_functions(code: str, count: int) -> list[RewardFunction]:
     if not code:
         return [follow_centre_line] * count
     return list(load_rewards(code, count))
+
+
+def _tell_prints(frames_out: int, *, over: bool = False) -> None:
+    """Tell what the reward function has printed since the last time."""
+    news = watch.news(over=over)
+    if news is not None:
+        write_message(frames_out, {"printed": news})
 
 
 def _weights(layout: Layout, onnx_bytes: bytes) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from typing import Any
 
 from django.contrib import messages
@@ -86,7 +87,9 @@ def training_live(request: HttpRequest, public_id: str) -> HttpResponse:
             response["HX-Refresh"] = "true"
     else:
         context = _figures(request, job, last)
-        context["graph_is_new"] = seen.partition(APART)[2] != mark.partition(APART)[2]
+        _, graph, prints = _parts(seen)
+        context["graph_is_new"] = graph != _parts(mark)[1]
+        context["prints_are_new"] = prints != _parts(mark)[2]
         if context["graph_is_new"]:
             context |= _graph(request, job)
         response = render(request, "training/parts/live.html", context)
@@ -131,12 +134,19 @@ def _last(job: TrainingJob) -> TrainingIteration | None:
 
 
 def _mark(request: HttpRequest, job: TrainingJob, last: TrainingIteration | None) -> str:
-    """What tells two states of the page apart: its figures, and behind :data:`APART` its graph."""
+    """What tells two states of the page apart: its figures, its graph, and the lines that are printed; between them
+    :data:`APART`."""
     steps = (job.progress or {}).get("steps", 0)
     figures = (training_queue_position(job), steps, bool(job.stop_asked_at))
     # the row, not its number: what goes on from a checkpoint drives the same numbers again
     graph = (job.state, last.pk if last else 0, _window(request))
-    return APART.join("-".join(map(str, part)) for part in (figures, graph))
+    prints = (zlib.crc32(job.printed.encode()),)
+    return APART.join("-".join(map(str, part)) for part in (figures, graph, prints))
+
+
+def _parts(mark: str) -> list[str]:
+    """The three of them; empty where an address says less."""
+    return [*mark.split(APART), "", "", ""][:3]
 
 
 def _window(request: HttpRequest) -> int:
