@@ -1,8 +1,14 @@
 #!/usr/bin/env python
 """Paddock's command line."""
 
+from __future__ import annotations
+
 import os
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from faults import PlatformFault
 
 
 def main() -> None:
@@ -16,6 +22,19 @@ def main() -> None:
         if "--traceback" in sys.argv:
             raise
         sys.exit(f"Paddock cannot start: {error}")
+    except Exception as error:
+        fault = None if "--traceback" in sys.argv else _database_fault(error)
+        if fault is None:
+            raise
+        print(f"{fault.code}: {fault}", file=sys.stderr)
+        sys.exit(3)
+
+
+def _database_fault(error: Exception) -> PlatformFault | None:
+    """What a command ends with that found no database or no tables; None for what is a bug."""
+    from league.management import database_fault
+
+    return database_fault(error)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,10 @@ REASONS = table(
             "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
         ),
         "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
+        "database_not_ready": _(
+            "The database is not ready: %(problem)s. Make it so with “manage.py migrate” (“manage.py run” does it "
+            "itself), or see to what DATABASE_URL and PADDOCK_DATA name."
+        ),
         "storage_failed": _(
             "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
         ),

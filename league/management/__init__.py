@@ -4,13 +4,16 @@ refusal is told."""
 from __future__ import annotations
 
 import json
+import re
 import sys
 from typing import Any, NoReturn
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import DatabaseError, InterfaceError, OperationalError
 
-from faults import PaddockError, UserFault
+from faults import PaddockError, PlatformFault, UserFault
 
+_NO_TABLES = re.compile(r"relation .* does not exist|no such (table|column)|not a database")
 REFUSED, OUR_FAULT = 2, 3
 
 
@@ -41,6 +44,13 @@ class JsonCommand(BaseCommand):
             if options.get("json"):
                 self.stdout.write(told(refusal.fault))
             raise
+        except DatabaseError as error:
+            fault = None if options.get("traceback") else database_fault(error)
+            if fault is None:
+                raise
+            if options.get("json"):
+                self.stdout.write(told(fault))
+            raise Refusal(fault) from error
 
     def create_parser(self, prog_name: str, subcommand: str, **kwargs: Any) -> CommandParser:
         parser = super().create_parser(prog_name, subcommand, **kwargs)
@@ -53,6 +63,19 @@ class JsonCommand(BaseCommand):
 
         parser.error = error
         return parser
+
+
+def database_fault(error: Exception) -> PlatformFault | None:
+    """The fault of a database that is not there, has no tables yet or is none at all; None for any other exception:
+    that is a bug, and its traceback is wanted."""
+    unready = isinstance(error, OperationalError | InterfaceError) or (
+        isinstance(error, DatabaseError) and _NO_TABLES.search(str(error)) is not None
+    )
+    return (
+        PlatformFault("database_not_ready", problem=" ".join(str(error).split())[:200].rstrip(".?"))
+        if unready
+        else None
+    )
 
 
 def told(fault: PaddockError) -> str:

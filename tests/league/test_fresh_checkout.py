@@ -1,0 +1,121 @@
+"""Every command, before there is a database, with an empty one, and without what it asks for: a sentence, no
+traceback, and an exit status that says so."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.shared import CHECKOUT
+from tracks.catalogue import by_slug
+
+COMMANDS = sorted(path.stem for path in (CHECKOUT / "league/management/commands").glob("[a-z]*.py"))
+# of each command: what it is given, so that it comes to its database or its file
+GIVEN = {
+    "evaluate": ["nothing.tar.gz", "--track", "oval"],
+    "export_season": ["2026", "out"],
+    "import_season": ["season"],
+    "import_track": ["track.npy"],
+    "replay_trace": ["nothing.csv", "--track", "a-track-of-ours"],
+    "verify": ["abcdefghijkl"],
+}
+ASKS = ("doctor", "run")  # the one reports what it finds, the other makes what is missing
+Run = Callable[..., subprocess.CompletedProcess]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A folder with files that are good, and a data folder that nothing was ever put into."""
+    made = tmp_path_factory.mktemp("fresh")
+    geometry = by_slug("oval").geometry()
+    np.save(made / "track.npy", np.hstack([geometry.centre, geometry.inner, geometry.outer]))
+    (made / "season").mkdir()
+    return made
+
+
+@pytest.fixture
+def run(folder) -> Run:
+    def call(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+        keep = {name: os.environ[name] for name in ("PATH", "HOME", "LANG") if name in os.environ}
+        return subprocess.run(
+            [sys.executable, CHECKOUT / "manage.py", *arguments],
+            cwd=folder,
+            env={**keep, "PADDOCK_DATA": str(folder / "data"), "OMP_NUM_THREADS": "1", **environment},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+
+    return call
+
+
+def said(done: subprocess.CompletedProcess) -> str:
+    """The one sentence of a command that could not do what it was asked."""
+    assert done.returncode != 0, done.stdout
+    assert "Traceback" not in done.stderr, done.stderr[-2000:]
+    lines = [line for line in done.stderr.splitlines() if "pybullet build time" not in line]
+    assert len(lines) == 1, done.stderr[-2000:]
+    return lines[0]
+
+
+def test_every_command_is_tried_here():
+    assert set(COMMANDS) == {*GIVEN, *ASKS}
+
+
+@pytest.mark.parametrize("command", GIVEN)
+def test_without_a_database(run, command):
+    sentence = said(run(command, *GIVEN[command]))
+    assert "database_not_ready" in sentence or "cannot be " in sentence or "import_no_folder" in sentence
+    assert ("database_not_ready" in sentence) == (command in ("export_season", "import_track", "verify"))
+
+
+@pytest.mark.parametrize(
+    "database",
+    ["postgres://127.0.0.1:1/none", "sqlite:////nowhere/at/all.sqlite3", f"sqlite:///{__file__}"],
+    ids=["no server", "no folder", "another file"],
+)
+def test_with_a_database_that_cannot_be_had(run, database):
+    assert "database_not_ready: " in said(run("verify", "abcdefghijkl", DATABASE_URL=database))
+
+
+def test_djangos_own_commands_say_it_too(run):
+    assert "database_not_ready: " in said(run("clearsessions"))
+
+
+def test_json_says_it_on_standard_output(run):
+    done = run("import_track", "track.npy", "--json")
+    assert said(done)
+    error = json.loads(done.stdout)["error"]
+    assert (error["code"], error["fault"]) == ("database_not_ready", "platform")
+
+
+def test_a_traceback_is_there_for_who_asks(run):
+    assert "Traceback" in run("verify", "abcdefghijkl", "--traceback").stderr
+
+
+@pytest.mark.parametrize("command", GIVEN)
+def test_without_its_arguments(run, command):
+    done = run(command)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "the following arguments are required" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_with_an_empty_database(run, folder):
+    database = f"sqlite:///{folder / 'empty.sqlite3'}"
+    assert run("migrate", "--verbosity", "0", DATABASE_URL=database).returncode == 0
+    for command, sentence in {
+        "verify": "There is no evaluation abcdefghijkl.",
+        "export_season": "2026",
+        "import_season": "import_no_folder",
+        "replay_trace": "a-track-of-ours",
+        "evaluate": "file_unreadable",
+    }.items():
+        assert sentence in said(run(command, *GIVEN[command], DATABASE_URL=database)), command
