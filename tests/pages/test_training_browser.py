@@ -41,6 +41,7 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     page.get_by_role("button", name="Validate").click()
     problems = page.locator(".problems")
     playwright.expect(problems).to_contain_text("Line 2 of the reward function failed", timeout=DRIVE_MS)
+    assert problems.inner_text().count("Line 2") == 1
     playwright.expect(page.locator(".cm-lintRange-error")).to_have_count(1)
     page.locator("[data-examples]").select_option(label="Follow the centre line")
     page.get_by_role("button", name="Validate").click()
