@@ -8,11 +8,11 @@
   function theme() {
     const { EditorView, HighlightStyle, tags } = CM;
     const look = EditorView.theme({
-      "&": { color: "var(--text)", backgroundColor: "var(--sunken)", fontSize: "13.5px" },
+      "&": { color: "var(--text)", backgroundColor: "var(--field)", fontSize: "13.5px" },
       "&.cm-focused": { outline: "2px solid var(--accent)", outlineOffset: "1px" },
       ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.55", minHeight: "300px", maxHeight: "70vh" },
       ".cm-content": { caretColor: "var(--text)", padding: "8px 0" },
-      ".cm-gutters": { backgroundColor: "var(--sunken)", color: "var(--muted)", border: "0" },
+      ".cm-gutters": { backgroundColor: "var(--field)", color: "var(--muted)", border: "0" },
       ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--raised) 70%, transparent)" },
       ".cm-activeLineGutter": { backgroundColor: "var(--raised)", color: "var(--text)" },
       ".cm-cursor": { borderLeftColor: "var(--text)" },
