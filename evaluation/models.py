@@ -333,12 +333,20 @@ class RivalResult(CarResult):
 
 
 class WorkerNode(models.Model):
-    """A worker process that was seen, for the operators' page. Not a lock."""
+    """A worker that was seen, for the operators' page. Not a lock.
+
+    ``seen_at``: its last heartbeat, in the database's time; ``queues``: what it listens to; ``processes``: how many
+    jobs it runs at once; ``stopped_at``: when it was shut down in good order, None for one that runs or that died.
+    """
 
     name = models.CharField(_("name"), max_length=128, unique=True)
-    seen_at = models.DateTimeField(_("last seen"))
-    sandbox = models.JSONField(_("sandbox"), default=dict)
-    engine = models.CharField(_("engine"), max_length=32)
+    seen_at = models.DateTimeField(_("last seen"), db_index=True)
+    started_at = models.DateTimeField(_("started"), null=True, blank=True)
+    stopped_at = models.DateTimeField(_("shut down"), null=True, blank=True)
+    queues = models.JSONField(_("queues"), default=list, blank=True)
+    processes = models.PositiveSmallIntegerField(_("processes"), default=1)
+    sandbox = models.JSONField(_("sandbox"), default=dict, blank=True)
+    engine = models.CharField(_("engine"), max_length=32, blank=True)
 
     class Meta:
         verbose_name = _("worker")

@@ -92,7 +92,7 @@ def _wait_ready() -> None:
 def _fit(worker: str) -> bool:
     """Note the worker; whether untrusted code may run in it."""
     try:
-        note_worker(name=worker, now=timezone.now())
+        note_worker(name=worker)
     except PlatformFault as fault:
         logger.error("%s runs nothing: %s", worker, fault)
         return False

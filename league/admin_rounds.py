@@ -18,6 +18,7 @@ from faults import PaddockError
 from races.admin.actions import ReadOnly, sentence
 
 from .models import Racer, Round
+from .selectors.stewarding import competitors_of
 from .services.closing import close_round
 from .services.notices import announce
 from .services.organising import consequences_of, postpone_round
@@ -25,7 +26,7 @@ from .services.stewards import disqualify, lock_round, put_back, reopen_round
 
 LABELS = {
     "reason": gettext_lazy("Reason"),
-    "racer": gettext_lazy("Alias of the racer"),
+    "racer": gettext_lazy("Racer"),
     "hours": gettext_lazy("Hours"),
     "text": gettext_lazy("What to tell"),
 }
@@ -134,7 +135,8 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     ) -> HttpResponse | None:
         """Ask for ``fields``, then show what would follow, then do it and log it, for each round."""
         given = {name: " ".join(request.POST.get(name, "").split()) for name in fields}
-        asked = "step" in request.POST
+        find = " ".join(request.POST.get("find", "").split())[:64]
+        asked = request.POST.get("step") in ("asked", "confirmed")
         complete = asked and all(given.values())
         rows = list(rounds.select_related("season", "race").order_by("race__closes_at", "pk"))
         lines: list[tuple[Round, list[str]]] = []
@@ -152,6 +154,10 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             "lines": lines,
             "back": rows[0].race.get_absolute_url() if _from_the_race(request, rows) else "",
             "fields": [(name, LABELS[name], given[name]) for name in fields],
+            "choices": competitors_of(rows, given["racer"], find, gone=action == "put_back")
+            if "racer" in fields
+            else None,
+            "find": find,
             "complete": complete,
             "missing": asked and fields and not all(given.values()),
             "opts": self.model._meta,

@@ -5,10 +5,13 @@ import os
 from celery import Celery
 from celery.signals import setup_logging
 
+from evaluation.heartbeat import Heartbeat
+
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
 app = Celery("paddock")
 app.config_from_object("django.conf:settings", namespace="CELERY")
 app.autodiscover_tasks()
+app.steps["consumer"].add(Heartbeat)
 
 
 @setup_logging.connect

@@ -5,7 +5,7 @@ from django.contrib import admin
 from django.urls import include, path, re_path
 
 from .forms import LoginForm, SignUpForm
-from .views import account, home, notices, organising, racers, seasons, site, webhooks
+from .views import account, home, notices, organising, racers, seasons, site, webhooks, workers
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -38,6 +38,8 @@ urlpatterns = [
     path("settings/tokens/", account.api_tokens, name="api_tokens"),
     path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
     path("favicon.ico", site.favicon, name="favicon"),
+    path("workers/", workers.workers, name="workers"),
+    path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),
     path("health/ready", site.health_ready, name="health_ready"),

@@ -11,6 +11,7 @@ class RacesConfig(AppConfig):
         from accounts.quotas import register
         from evaluation.signals import evaluation_ended, model_deleted
 
+        from . import queues
         from .board_triggers import installed_after_migrate
         from .models import Video
         from .quotas import RACES, VIDEOS_A_DAY, VIDEOS_AT_ONCE
@@ -19,6 +20,7 @@ class RacesConfig(AppConfig):
 
         for quota in (RACES, VIDEOS_AT_ONCE, VIDEOS_A_DAY):
             register(quota)
+        queues.register()
         post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")
         model_deleted.connect(take_deleted_model, dispatch_uid="races.take_deleted_model")

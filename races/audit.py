@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from django.contrib.admin.models import CHANGE, LogEntry
@@ -16,6 +17,14 @@ def log(by: Racer, row: Model, action: int, what: str) -> LogEntry:
     return LogEntry.objects.log_actions(
         user_id=by.pk, queryset=[row], action_flag=action, change_message=what, single_object=True
     )
+
+
+def log_many(by: Racer, rows: Sequence[Model], what: str) -> None:
+    """Write a line of the log for each of these rows, which are of one model, that all say the same."""
+    for at in range(0, len(rows), 500):
+        LogEntry.objects.log_actions(
+            user_id=by.pk, queryset=rows[at : at + 500], action_flag=CHANGE, change_message=what
+        )
 
 
 def log_if_admin(by: Racer, row: Model, what: str) -> None:

@@ -32,7 +32,7 @@ def draw(self) -> bool:
     if not settings.VIDEOS:
         return False
     worker = self.request.hostname or "local"
-    note_worker(name=worker, now=timezone.now(), sandboxed=False)
+    note_worker(name=worker, sandboxed=False)
     sweep_videos(now=timezone.now(), ring=False)
     with shutdown_flag() as told_to_stop:
         drawn = not told_to_stop() and run_next_video(worker=worker, interrupted=told_to_stop)

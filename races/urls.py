@@ -24,6 +24,7 @@ urlpatterns = [
     path("races/<slug:slug>/withdraw/", racing.withdraw_page, name="withdraw"),
     path("races/<slug:slug>/edit/", organising.race_edit, name="race_edit"),
     path("races/<slug:slug>/cancel/", organising.race_cancel, name="race_cancel"),
+    path("races/<slug:slug>/close/", organising.race_close, name="race_close"),
     path("races/<slug:slug>/invitation/reset/", organising.invitation_reset, name="race_invitation_reset"),
     path("races/<slug:slug>/racers/", organising.race_racers, name="race_racers"),
     path("races/<slug:slug>/racers/<str:alias>/remove/", organising.racer_remove, name="race_racer_remove"),

@@ -11,10 +11,12 @@ class TrainingConfig(AppConfig):
     def ready(self) -> None:
         from accounts.quotas import register
 
+        from . import queues
         from .quotas import AT_ONCE, MINUTES
 
         register(AT_ONCE)
         register(MINUTES)
+        queues.register()
         _read_policies_of_sb3()
 
 

@@ -27,7 +27,7 @@ def train(self) -> bool:
     if not settings.TRAINING or settings.TRAINING_PAUSED:
         return False
     try:
-        note_worker(name=worker, now=timezone.now())
+        note_worker(name=worker)
     except PlatformFault as fault:
         logger.error("%s trains nothing: %s", worker, fault)
         return False

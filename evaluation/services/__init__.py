@@ -20,7 +20,7 @@ from .leases import (
     sweep_queue,
 )
 from .nodes import note_worker
-from .queue import queue_evaluation, stop_evaluation
+from .queue import queue_again, queue_evaluation, stop_evaluation
 from .work import job_of, run_next_evaluation
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "job_of",
     "note_worker",
     "purge_garages",
+    "queue_again",
     "queue_evaluation",
     "release_evaluation",
     "ring_bell",

@@ -1,15 +1,25 @@
-"""The workers' own rows, for the operators' page."""
+"""The workers' own rows, for the operators' page: a heartbeat that says that one is alive, whatever it works on.
+
+A heartbeat is one UPDATE of one row with the database's time, so that clocks of several machines need not agree.
+"""
 
 from __future__ import annotations
 
-from datetime import datetime
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from django.db.models.functions import Now
 
 from ..models import WorkerNode
 from ..sandbox import probe as probing
 
+BEAT_EVERY_S = 15.0
+SILENT_AFTER = timedelta(seconds=60)  # three beats were missed
+FORGOTTEN_AFTER = timedelta(days=2)
 
-def note_worker(*, name: str, now: datetime, sandboxed: bool = True) -> WorkerNode:
-    """Write down that this worker is alive and how good its sandbox is.
+
+def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
+    """Write down how good this worker's sandbox is.
 
     Raises PlatformFault("sandbox_unavailable") after that when untrusted code may not run here. ``sandboxed=False``: it
     runs no such code, and is not asked.
@@ -18,8 +28,40 @@ def note_worker(*, name: str, now: datetime, sandboxed: bool = True) -> WorkerNo
 
     sandbox = probing.probe().to_dict() if sandboxed else {}
     node, _ = WorkerNode.objects.update_or_create(
-        name=name[:128], defaults={"seen_at": now, "sandbox": sandbox, "engine": ENGINE_ID}
+        name=name[:128], defaults={"seen_at": Now(), "stopped_at": None, "sandbox": sandbox, "engine": ENGINE_ID}
     )
     if sandboxed:
         probing.require()
     return node
+
+
+def start_worker(*, name: str, queues: Sequence[str], processes: int, now: datetime | Now | None = None) -> None:
+    """Write down that a worker has come up, and forget those that nobody has heard of for two days."""
+    now = now or Now()
+    WorkerNode.objects.update_or_create(
+        name=name[:128],
+        defaults={
+            "seen_at": now,
+            "started_at": now,
+            "stopped_at": None,
+            "queues": sorted(queues),
+            "processes": processes,
+        },
+    )
+    forget_workers(now=now)
+
+
+def beat_worker(*, name: str, now: datetime | Now | None = None) -> bool:
+    """A worker is alive: one UPDATE. False: its row is gone, and it has to start again."""
+    return bool(WorkerNode.objects.filter(name=name[:128]).update(seen_at=now or Now(), stopped_at=None))
+
+
+def stop_worker(*, name: str, now: datetime | Now | None = None) -> None:
+    """A worker was shut down in good order."""
+    now = now or Now()
+    WorkerNode.objects.filter(name=name[:128]).update(seen_at=now, stopped_at=now)
+
+
+def forget_workers(*, now: datetime | Now) -> int:
+    """Delete the rows of workers that were last seen long ago. How many."""
+    return WorkerNode.objects.filter(seen_at__lt=now - FORGOTTEN_AFTER).delete()[0]

@@ -63,6 +63,25 @@ def queue_evaluation(
 
 
 @transaction.atomic
+def queue_again(*, evaluation: Evaluation) -> bool:
+    """Put a failed evaluation that belongs to no race back into the queue as if it had never run. False when it is not
+    failed any more. What belongs to a race is run again by its submission."""
+    again = Evaluation.objects.filter(pk=evaluation.pk, state=State.FAILED).update(
+        state=State.QUEUED,
+        attempt=0,
+        worker="",
+        progress={},
+        reason_code="",
+        reason_params={},
+        started_at=None,
+        ended_at=None,
+    )
+    if again:
+        ring_bell()
+    return bool(again)
+
+
+@transaction.atomic
 def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     """Stop a queued or running evaluation for good. False when it had ended already.
 

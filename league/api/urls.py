@@ -34,6 +34,7 @@ version_1 = [
     path("tracks/<slug:slug>/", tracks.TrackView.as_view(), name="api-track"),
     path("races/", races.RacesView.as_view(), name="api-races"),
     path("races/<slug:slug>/", races.RaceView.as_view(), name="api-race"),
+    path("races/<slug:slug>/close/", races.CloseView.as_view(), name="api-race-close"),
     path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
     path("races/<slug:slug>/invitation/", races.InvitationResetView.as_view(), name="api-race-invitation"),
     path("races/<slug:slug>/board/", boards.BoardView.as_view(), name="api-board"),

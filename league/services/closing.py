@@ -13,9 +13,9 @@ from datetime import datetime
 from django.db import transaction
 from django.db.models import Q
 
-from evaluation.models import Evaluation, State
 from faults import UserFault
 from races.models import Opponents, Race, RaceState
+from races.selectors.counting import cars_waiting
 from races.services.gates import moment
 
 from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season
@@ -130,11 +130,7 @@ def _require_ready(round_: Round, now: datetime) -> None:
 
 def cars_on_the_way(race: Race) -> int:
     """How many cars of a race still wait or drive; duels that are not over count as one."""
-    active = Evaluation.objects.filter(
-        submission__entry__race=race,
-        submission__entry__withdrawn_at=None,
-        state__in=(State.QUEUED, State.RUNNING),
-    ).count()
+    active = cars_waiting(race)
     if race.opponents != Opponents.MODELS or race.imported_at is not None:
         return active
     draw = getattr(race, "draw", None)

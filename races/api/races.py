@@ -275,6 +275,24 @@ class CancelView(APIView):
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 
 
+class CloseView(APIView):
+    """Closing a race before its time."""
+
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="close_race",
+        summary="Close a race that you organise now",
+        description="Nobody can send a car any more; those that wait or drive still count.",
+        request=None,
+        responses=RaceDetailSerializer,
+        tags=["races"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        race = services.close_race(race=organised_race(request, slug), now=timezone.now())
+        return Response(RaceDetailSerializer(race, context={"request": request}).data)
+
+
 class InvitationResetView(APIView):
     """Another invitation link."""
 

@@ -9,6 +9,8 @@ from django.db import connection
 from django.db.models import IntegerField, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
+from evaluation.models import Evaluation, State
+
 from ..models import BoardCount, Entry, Race
 from ..models.counting import CLASSIFIED, EVERYBODY, LEVEL_BITS, SHIFTS, TOTAL
 
@@ -122,3 +124,12 @@ def page_of(
         return []
     score, before = found
     return list(entries.filter(rank_score__gte=score)[before : before + size])
+
+
+def cars_waiting(race: Race) -> int:
+    """How many cars that are still in the race wait or drive."""
+    return Evaluation.objects.filter(
+        submission__entry__race=race,
+        submission__entry__withdrawn_at=None,
+        state__in=(State.QUEUED, State.RUNNING),
+    ).count()

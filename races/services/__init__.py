@@ -10,6 +10,7 @@ from .entries import accept_invitation, enter_race, give_field, remove_entry, re
 from .races import (
     cancel_race,
     clone_race,
+    close_race,
     create_community_race,
     create_league_race,
     edit_race,
@@ -22,6 +23,7 @@ __all__ = [
     "accept_invitation",
     "cancel_race",
     "clone_race",
+    "close_race",
     "create_community_race",
     "create_league_race",
     "draw_duels",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from ..errors import RaceRefused, problem
 from ..models import Kind, Race, Submission, new_invitation
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above
-from .gates import require_not_over
+from .gates import require_not_over, require_open
 from .stopping import stop_after_commit
 
 if TYPE_CHECKING:
@@ -128,6 +128,22 @@ def cancel_race(*, race: Race, reason: str, now: datetime) -> Race:
     require_not_over(locked, now)
     Race.objects.filter(pk=race.pk).update(cancelled_at=now, cancel_reason=reason[:limit])
     stop_after_commit(Submission.objects.filter(entry__race=race), now=now)
+    race.refresh_from_db()
+    return race
+
+
+@transaction.atomic
+def close_race(*, race: Race, now: datetime) -> Race:
+    """Close an open race now instead of at its time: no car can be sent any more; those that wait or drive still count.
+
+    Raises UserFault("race_not_open_yet" | "race_closed" | "race_cancelled" | "race_recorded").
+    """
+    hold_above(race)
+    locked = Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    require_open(locked, now)
+    if now == locked.opens_at:  # a race lasts for a moment at least
+        now += timedelta(milliseconds=1)
+    Race.objects.filter(pk=race.pk).update(closes_at=now)
     race.refresh_from_db()
     return race
 

@@ -18,6 +18,7 @@ from races.audit import log_if_admin
 from races.course_form import CourseForm, preview
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.models import Entry, Kind, Race, RaceState
+from races.selectors.counting import cars_waiting
 from races.services.races import has_submissions
 from tracks.models import Track
 
@@ -100,6 +101,25 @@ def race_cancel(request: HttpRequest, slug: str) -> HttpResponse:
             messages.success(request, _("The race is cancelled."))
         return redirect(race)
     return render(request, "races/cancel.html", {"race": race, "form": form}, status=422 if form.errors else 200)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def race_close(request: HttpRequest, slug: str) -> HttpResponse:
+    """Say what follows, then close an open race before its time."""
+    race = organised_race(request, slug)
+    now = timezone.now()
+    if request.method == "POST":
+        try:
+            services.close_race(race=race, now=now)
+        except UserFault as fault:
+            tell_fault(request, fault)
+        else:
+            log_if_admin(request.user, race, "Closed before its time")
+            messages.success(request, _("The race is closed."))
+        return redirect(race)
+    context = {"race": race, "is_open": race.state_at(now) == RaceState.OPEN, "waiting": cars_waiting(race)}
+    return render(request, "races/close.html", context)
 
 
 @login_required

@@ -82,6 +82,23 @@ def test_a_disqualification_is_shown_first_and_moves_the_next_one_up(boss, playe
     assert set(Membership.objects.values_list("racer", flat=True)) == {field[0].pk, field[1].pk}
 
 
+def test_a_steward_chooses_from_the_board(boss, played):
+    round_, field = played
+    page = act(boss, round_, "disqualify").content.decode()
+    offered = re.findall(r'type="radio" name="racer" value="([^"]+)"', page)
+    assert offered == [one.alias for one in field], "in the order of the board"
+    assert 'type="text"' not in page and f"1. {field[0].alias}" in page
+    page = act(boss, round_, "disqualify", step="find", find=field[3].alias[1:], reason="Two accounts").content.decode()
+    assert field[3].alias in re.findall(r'name="racer" value="([^"]+)"', page) and "Two accounts" in page
+    page = act(boss, round_, "disqualify", step="find", find="nobody at all", racer=field[1].alias).content.decode()
+    assert re.findall(r'name="racer" value="([^"]+)" required checked', page) == [field[1].alias], "stays chosen"
+    assert not StewardDecision.objects.exists() and "Fill in all fields" not in page
+    assert "Nobody was taken off the board." in act(boss, round_, "put_back").content.decode()
+    act(boss, round_, "disqualify", step="confirmed", racer=field[0].alias, reason="Two accounts")
+    page = act(boss, round_, "put_back").content.decode()
+    assert re.findall(r'name="racer" value="([^"]+)"', page) == [field[0].alias] and "Two accounts" in page
+
+
 class TestFromTheRace:
     """Everything on a round is one click from its board, and ends there."""
 

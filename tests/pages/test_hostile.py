@@ -113,7 +113,7 @@ def test_a_stranger_stops_nobodys_car(world: World) -> None:
 def test_a_stranger_organises_nobodys_race(world: World) -> None:
     bob = world.client("bob")
     forged = {"name": "Mine now", "reason": "because", "cancel_reason": "because"}
-    for action in ("edit/", "cancel/", "racers/alice/remove/", "racers/alice/restore/", "invitation/reset/"):
+    for action in ("edit/", "cancel/", "close/", "racers/alice/remove/", "racers/alice/restore/", "invitation/reset/"):
         assert bob.post(f"/races/open-race/{action}", forged).status_code == 404, action
     before = world.race.invitation
     world.race.refresh_from_db()

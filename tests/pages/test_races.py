@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from django.utils import timezone
 
+from evaluation.models import Evaluation
 from races.models import Entry, Race, RankingMethod, Submission
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.pages.conftest import World
@@ -282,6 +283,32 @@ def test_cancelling_asks_for_a_reason_that_everybody_reads(world: World) -> None
     alice.post("/races/open-race/cancel/", {"reason": "The track is flooded."})
     html = world.client("anonymous").get("/races/open-race/").content.decode()
     assert "The track is flooded." in html and "cancelled" in html
+
+
+def test_an_organiser_closes_a_race_now_and_what_was_sent_in_time_counts(world: World) -> None:
+    alice, race = world.client("alice"), world.race
+    page = alice.get("/races/open-race/")
+    assert "/races/open-race/close/" in page.content.decode()
+    assert "/races/open-race/close/" not in world.client("bob").get("/races/open-race/").content.decode()
+    asked = alice.get("/races/open-race/close/").content.decode()
+    assert "nobody can send a car" in asked
+    race.refresh_from_db()
+    assert race.closes_at > world.now, "nothing is done before it is said"
+    waiting = list(Evaluation.objects.filter(state="queued").values_list("pk", flat=True))
+    assert alice.post("/races/open-race/close/").status_code == 302
+    race.refresh_from_db()
+    assert race.state_at(timezone.now()) == "closed" and race.cancelled_at is None
+    assert list(Evaluation.objects.filter(state="queued").values_list("pk", flat=True)) == waiting
+    again = alice.post("/races/open-race/close/", follow=True).content.decode()
+    assert "race_closed" in again and "/races/open-race/close/" not in again
+
+
+@pytest.mark.parametrize("slug, code", [("next-race", "race_not_open_yet"), ("no-race", "race_cancelled")])
+def test_only_an_open_race_is_closed_now(world: World, slug: str, code: str) -> None:
+    race = Race.objects.get(slug=slug)
+    assert code in world.client("admin").post(f"/races/{slug}/close/", follow=True).content.decode()
+    assert Race.objects.get(slug=slug).closes_at == race.closes_at
+    assert "The race is not open." in world.client("admin").get(f"/races/{slug}/close/").content.decode()
 
 
 def test_the_live_box_asks_again_only_while_there_is_something_to_see(world: World) -> None:

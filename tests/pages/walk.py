@@ -102,6 +102,7 @@ def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str
             *("/", "/races/", "/races/?show=upcoming", "/races/?show=closed", "/races/?show=mine", "/races/new/"),
             *("/races/open-race/", "/races/open-race/rules/", "/races/open-race/runs/", "/races/open-race/edit/"),
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
+            "/races/open-race/close/",
             *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),
@@ -121,7 +122,9 @@ def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str
         ],
         "bob": [f"/evaluations/{runs['running']}/"],
         "newcomer": ["/", "/models/", "/train/", "/vehicles/", "/notices/", "/races/open-race/", "/racers/newcomer/"],
-        "admin": ["/", "/seasons/new/", "/races/open-race/", "/usage/"],
+        "admin": [
+            *("/", "/seasons/new/", "/workers/", "/workers/evaluations/failed/?hours=0", "/races/open-race/", "/usage/")
+        ],
     }
 
 

@@ -1,5 +1,6 @@
 """Every write to training jobs and what they leave behind."""
 
+from .again import train_again
 from .bell import ring_training_bell
 from .create import clone_settings, create_training
 from .evaluate import evaluate_training
@@ -34,5 +35,6 @@ __all__ = [
     "spec_of",
     "stop_training",
     "sweep_trainings",
+    "train_again",
     "train_first_car",
 ]

@@ -1,6 +1,6 @@
 """Every write to videos of runs. The row is the truth, a message only a bell: as with evaluations."""
 
-from .ask import Asked, ask_for_video, stop_video
+from .ask import Asked, ask_for_video, draw_again, stop_video
 from .bell import ring_video_bell
 from .keep import forget_lost_file, note_watched, purge_videos, remove_videos_of_model
 from .leases import (
@@ -20,6 +20,7 @@ __all__ = [
     "ask_for_video",
     "beat_video",
     "claim_next_video",
+    "draw_again",
     "encoder_problem",
     "fail_video",
     "finish_video",

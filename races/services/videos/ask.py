@@ -107,6 +107,27 @@ def _ask_again(video: Video, by: Racer, now: datetime) -> bool:
 
 
 @transaction.atomic
+def draw_again(*, video: Video, now: datetime) -> bool:
+    """Put a video that failed back into the queue for an admin; it counts for nobody's day. False when it is not failed
+    any more."""
+    again = Video.objects.filter(pk=video.pk, state=VideoState.FAILED).update(
+        state=VideoState.WAITING,
+        attempt=0,
+        worker="",
+        progress=0,
+        reason_code="",
+        reason_params={},
+        asked_at=now,
+        started_at=None,
+        ended_at=None,
+        **NO_FILE,
+    )
+    if again:
+        ring_video_bell()
+    return bool(again)
+
+
+@transaction.atomic
 def stop_video(*, video: Video, now: datetime) -> bool:
     """Take a video that is not done out of the queue. False when it was done already.
 

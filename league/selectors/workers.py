@@ -1,0 +1,105 @@
+"""What operators want to know of the workers and their queues, of evaluations, trainings and videos alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from django.db import connection
+from django.db.models import Count, QuerySet
+
+from evaluation.models import WorkerNode
+from evaluation.queues import Queue, all_queues
+from evaluation.services.nodes import SILENT_AFTER
+from faults.reasons import REASONS
+
+FAILED_WITHIN = timedelta(hours=1)
+
+
+@dataclass(frozen=True)
+class Failures:
+    """How many failed for a reason. ``ours``: whether the platform is at fault."""
+
+    code: str
+    count: int
+    ours: bool
+
+
+@dataclass(frozen=True)
+class QueueNow:
+    """A queue at a moment. ``oldest``: since when the first in it waits; ``failed``: of the last hour, the most
+    frequent reason first; ``listening``: how many live workers serve it."""
+
+    queue: Queue
+    waiting: int
+    running: int
+    oldest: datetime | None
+    failed: list[Failures]
+    listening: int
+
+
+@dataclass(frozen=True)
+class WorkerNow:
+    """A worker at a moment. ``state``: "alive", "stopped" (in good order) or "silent" (it died, or cannot reach the
+    database); ``jobs``: what it does now, by queue."""
+
+    node: WorkerNode
+    state: str
+    jobs: list[tuple[Queue, Any]] = field(default_factory=list)
+
+
+def database_now() -> datetime:
+    """The database's time, which all heartbeats are written in."""
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT CURRENT_TIMESTAMP")
+        (now,) = cursor.fetchone()
+    return datetime.fromisoformat(now).replace(tzinfo=UTC) if isinstance(now, str) else now
+
+
+def workers_at(now: datetime) -> list[WorkerNow]:
+    """All workers that were heard of lately, the live ones first: five queries, however many there are."""
+    shown = [WorkerNow(node, _state(node, now)) for node in WorkerNode.objects.order_by("name")]
+    by_name = {one.node.name: one for one in shown}
+    for queue in all_queues():
+        for job in queue.model.objects.filter(state=queue.running).select_related(*queue.related).order_by("pk"):
+            if job.worker in by_name:
+                by_name[job.worker].jobs.append((queue, job))
+    order = ("alive", "silent", "stopped")
+    return sorted(shown, key=lambda one: (order.index(one.state), one.node.name))
+
+
+def queues_at(now: datetime, workers: Sequence[WorkerNow]) -> list[QueueNow]:
+    """The queues: how long they are, since when the first one waits, and what failed in the last hour."""
+    return [_queue_at(queue, now, workers) for queue in all_queues()]
+
+
+def failed_runs(queue: Queue, *, reason: str = "", worker: str = "", after: datetime | None = None) -> QuerySet:
+    """What failed in a queue, of one reason, by one worker, after a moment, the newest first."""
+    rows = queue.failed_runs()
+    wanted = {"reason_code": reason, "worker": worker}
+    rows = rows.filter(**{name: value for name, value in wanted.items() if value})
+    return rows if after is None else rows.filter(ended_at__gte=after)
+
+
+def _state(node: WorkerNode, now: datetime) -> str:
+    if node.stopped_at is not None:
+        return "stopped"
+    return "alive" if node.seen_at >= now - SILENT_AFTER else "silent"
+
+
+def _queue_at(queue: Queue, now: datetime, workers: Sequence[WorkerNow]) -> QueueNow:
+    rows = queue.model.objects.order_by()
+    counts = dict(rows.filter(state__in=(queue.waiting, queue.running)).values_list("state").annotate(Count("pk")))
+    first = rows.filter(state=queue.waiting).order_by(queue.since).values_list(queue.since, flat=True).first()
+    failed = rows.filter(state=queue.failed, ended_at__gte=now - FAILED_WITHIN)
+    reasons = failed.values_list("reason_code").annotate(many=Count("pk")).order_by("-many", "reason_code")
+    return QueueNow(
+        queue,
+        counts.get(queue.waiting, 0),
+        counts.get(queue.running, 0),
+        first,
+        [Failures(code, many, code in REASONS and REASONS[code].fault == "platform") for code, many in reasons],
+        sum(one.state == "alive" and queue.broker in one.node.queues for one in workers),
+    )

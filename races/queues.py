@@ -1,0 +1,50 @@
+"""Evaluations and videos as the operators' page sees them."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from django.db.models import QuerySet
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.models import Evaluation, State
+from evaluation.queues import Queue, register_queue
+from evaluation.services import queue_again
+
+from .models import Submission, Video, VideoState
+from .services import repeat_submission
+from .services.videos import draw_again
+
+
+def register() -> None:
+    """Register both."""
+    register_queue(
+        Queue(
+            *("evaluations", _("Evaluations"), "celery", Evaluation),
+            *(State.QUEUED, State.RUNNING, State.FAILED, "queued_at"),
+            related=("owner", "model", "track"),
+            repeatable=_evaluations,
+            run_again=_evaluate_again,
+        )
+    )
+    register_queue(
+        Queue(
+            *("videos", _("Videos"), "videos", Video),
+            *(VideoState.WAITING, VideoState.DRAWING, VideoState.FAILED, "asked_at"),
+            related=("asked_by", "evaluation__track"),
+            repeatable=lambda failed: failed,
+            run_again=lambda video, now: draw_again(video=video, now=now),
+        )
+    )
+
+
+def _evaluations(failed: QuerySet[Evaluation]) -> QuerySet[Evaluation]:
+    """Without heats of duels, which are driven anew by themselves, and without what was run again already."""
+    return failed.filter(duel=None).exclude(submission__is_void=True)
+
+
+def _evaluate_again(evaluation: Evaluation, now: datetime) -> object:
+    submission = Submission.objects.filter(evaluation=evaluation).select_related("entry").first()
+    if submission is None:
+        return queue_again(evaluation=evaluation)
+    return repeat_submission(submission=submission, now=now)

@@ -1,0 +1,39 @@
+"""Running a failed training again."""
+
+from __future__ import annotations
+
+from django.db import transaction
+
+from ..models import JobState, TrainingJob
+from .bell import ring_training_bell
+from .records import delete_stored
+
+
+@transaction.atomic
+def train_again(*, job: TrainingJob) -> bool:
+    """Put a training that failed without leaving a model back into the queue: it begins from its start, its log goes
+    on. False when it is not failed any more.
+
+    Raises IntegrityError when its owner has another training of that name under way.
+    """
+    again = TrainingJob.objects.filter(pk=job.pk, state=JobState.FAILED, best_model=None, last_model=None).update(
+        state=JobState.QUEUED,
+        attempt=0,
+        worker="",
+        progress={},
+        steps_done=0,
+        seconds_done=0,
+        stop_asked_at=None,
+        stopped_by=None,
+        ended_because="",
+        reason_code="",
+        reason_params={},
+        started_at=None,
+        ended_at=None,
+    )
+    if again:
+        traces = [name for name in job.iterations.values_list("simtrace", flat=True) if name]
+        job.iterations.all().delete()
+        transaction.on_commit(lambda: delete_stored(traces), robust=True)
+        ring_training_bell()
+    return bool(again)
