@@ -11,7 +11,7 @@ from django.utils.translation import gettext_lazy as _
 
 from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
 from evaluation.templatetags.garage import SENSOR_NAMES
-from races.fields import PlainNumberField, SecondsField
+from races.fields import PlainNumberField, ResetsField, SecondsField
 from races.models import DuelFormat, RankingMethod
 from races.models.course import BOX_DISTANCES_M
 from races.sensors import OFFERABLE
@@ -151,7 +151,7 @@ def _rules() -> dict[str, forms.Field]:
         "minimum_laps": _number(forms.IntegerField, _("Laps in a row"), 1, 20),
         "off_track_penalty_ms": _number(SecondsField, _("Penalty in seconds"), 0, 60),
         "collision_penalty_ms": _number(SecondsField, _("Collision penalty in seconds"), 0, 60),
-        "max_resets": _number(forms.IntegerField, _("Resets allowed"), 0, 10_000),
+        "max_resets": ResetsField(label=_("Resets allowed")),
         "max_simulated_ms": _number(SecondsField, _("Time limit in seconds"), 10, 1200),
         "max_submissions": _number(forms.IntegerField, _("Submissions"), 1, 1000),
     }

@@ -103,7 +103,7 @@ def test_a_season_can_be_made_that_is_like_the_one_of_a_fresh_installation(clien
         f"{stage}_{name}": value for stage in ("open", "pro", "finale", "championship") for name, value in rules.items()
     }
     stages |= {f"{stage}_off_track_penalty_ms": "5" for stage in ("pro", "finale", "championship")}
-    stages["open_collision_penalty_ms"] = "5"
+    stages |= {"open_off_track_penalty_ms": "3", "open_collision_penalty_ms": "5"}
     data = form_data(NOW, slug="mine", year="2026", first_month="11", turning="halves", **months, **stages)
     answer = make(client, data)
     assert answer.status_code == 302, answer.context["form"].errors
