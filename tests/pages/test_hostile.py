@@ -179,8 +179,8 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
     refused = post("/theme/", 6 * 1024 * 1024)
     assert refused.status_code == 413
     assert b"too_large" in refused.content
-    assert post("/models/upload/", 500 * 1024 * 1024, Racer()) is None
-    assert post("/models/upload/", 514 * 1024 * 1024, Racer()).status_code == 413
+    assert post("/models/upload/", 500 * 1024 * 1024, world.alice) is None
+    assert post("/models/upload/", 514 * 1024 * 1024, world.alice).status_code == 413
     assert post("/models/upload/", 60 * 1024 * 1024).status_code == 413, "who is not logged in uploads nothing"
 
 
