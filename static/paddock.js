@@ -190,6 +190,12 @@
   // --- selects that act at once (a button does it without scripts) ---------------------------------------------------
   each("[data-submit-on-change]", (field) => field.addEventListener("change", () => field.form.requestSubmit()));
 
+  // --- what a browser will not send stands open, else it could not be shown ----------------------------------------------
+  document.addEventListener("invalid", (event) => {
+    const closed = event.target.closest("details:not([open])");
+    if (closed) closed.open = true;
+  }, true);
+
   // --- the first error gets the focus --------------------------------------------------------------------------------
   const first = document.querySelector(".fault, .field.wrong input, .field.wrong select, .field.wrong textarea");
   if (first) first.focus();

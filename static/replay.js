@@ -1,4 +1,6 @@
-// Replays a run on its map: play, pause, seek, at 1x to 4x; bots and rivals drive along. Cars are drawn by the page.
+// Replays a run on its map: play, pause, seek, at 1x to 8x; bots and rivals drive along. Cars are drawn by the page.
+// A run that ended while its page was open is played by itself and lands on its result: cars are driven faster than they
+// can be watched.
 // Reads the columns that the page names in data-replay.
 "use strict";
 
@@ -89,10 +91,35 @@
         this.now = Math.min(this.end, this.now + (moment - before) * Number(this.rate.value));
         before = moment;
         this.draw();
-        if (this.now >= this.end || !this.root.isConnected) this.pause();
+        if (this.now >= this.end || !this.root.isConnected) {
+          this.pause();
+          if (this.watching) this.land();
+        }
         else this.frame = requestAnimationFrame(step);
       };
       this.frame = requestAnimationFrame(step);
+    }
+
+    // The whole run at 8x, unless the reader takes over or wants nothing to move.
+    watch() {
+      if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.land(); return; }
+      this.rate.value = "8";
+      this.watching = this.watched = true;
+      for (const taken of ["pointerdown", "keydown", "wheel", "touchmove"]) {
+        addEventListener(taken, () => { this.watched = false; }, { once: true, passive: true });
+      }
+      this.root.scrollIntoView({ block: "center" });
+      this.play();
+    }
+
+    land() {
+      this.now = this.end;
+      this.draw();
+      this.rate.value = "1";
+      this.out.textContent = this.root.dataset.result;
+      this.root.dataset.landed = "";
+      if (this.watched) document.getElementById("evaluation").scrollIntoView({ block: "start" });
+      this.watching = this.watched = false;
     }
 
     pause() {
@@ -137,13 +164,15 @@
     }
   }
 
-  async function start(root) {
+  async function start(root, watched) {
     root.dataset.started = "yes";
     try {
       const answer = await fetch(root.dataset.replay, { headers: { Accept: "application/json" } });
       if (!answer.ok) throw new Error(String(answer.status));
       const run = await answer.json();
-      if (run.t.length > 1) new Player(root, run);
+      if (run.t.length < 2) return;
+      const player = new Player(root, run);
+      if (watched) player.watch();
     } catch {
       const out = root.querySelector("[data-player]");
       out.hidden = false;
@@ -151,7 +180,9 @@
     }
   }
 
-  const startAll = () => document.querySelectorAll("[data-replay]:not([data-started])").forEach(start);
-  startAll();
-  document.addEventListener("htmx:afterSettle", startAll);
+  const startAll = (watched) => document.querySelectorAll("[data-replay]:not([data-started])")
+    .forEach((root) => start(root, watched));
+  startAll(false);
+  // it came in the place of the car that was on track
+  document.addEventListener("htmx:afterSettle", () => startAll(true));
 })();

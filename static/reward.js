@@ -72,6 +72,13 @@
       }),
     });
     area.hidden = true;
+    // the way from the list of what is wrong: a field that is hidden cannot be gone to
+    document.addEventListener("click", (event) => {
+      if (!event.target.closest(`a[href="#${area.id}"]`)) return;
+      event.preventDefault();
+      host.scrollIntoView({ block: "center" });
+      view.focus();
+    });
     area.required = false;
     area.form.addEventListener("reset", () => setTimeout(() => fill(view, area.value)));
     return view;

@@ -84,7 +84,8 @@ def _of_job(job: TrainingJob) -> dict[str, Any]:
     initial: dict[str, Any] = {name: getattr(job, name) for name in TAKEN_OVER}
     initial |= job.hyperparameters | _of_actions(job.action_space)
     initial["track"] = job.track.slug
-    initial["vehicle"] = job.vehicle.public_id if job.vehicle else None
+    # of a vehicle that is deleted since: another one like it
+    initial["vehicle"] = job.vehicle.public_id if job.vehicle else _fitting(job.owner, job.metadata) or ""
     initial["box_choice"] = FIXED if job.boxes else DRAWN
     initial |= {name: INITIAL[name] for name in ("random_boxes", "bots") if not initial[name]}
     return initial
@@ -96,13 +97,19 @@ def _of_model(owner: Racer, model: TrainedModel) -> dict[str, Any]:
     initial = {"clone": model.public_id, "action_space_type": metadata.get("action_space_type", DISCRETE)}
     initial["algorithm"] = "sac" if metadata.get("training_algorithm") == "sac" else "ppo"
     initial |= _of_actions(metadata["action_space"])
-    mine = list(vehicles_of(owner)) or [Vehicle()]
-    fitting = next((vehicle for vehicle in mine if fits(vehicle, metadata)), None)
+    fitting = _fitting(owner, metadata)
     if fitting is None:
         initial[LACKS_VEHICLE] = model
-    elif fitting.pk is not None:
-        initial["vehicle"] = fitting.public_id
+    else:
+        initial["vehicle"] = fitting
     return initial
+
+
+def _fitting(owner: Racer, metadata: Mapping[str, Any]) -> str | None:
+    """What the wizard calls the first vehicle of the racer that goes with a model's metadata, "" for the original car;
+    None if there is no such vehicle."""
+    cars = [("", Vehicle()), *((vehicle.public_id, vehicle) for vehicle in vehicles_of(owner))]
+    return next((name for name, vehicle in cars if fits(vehicle, metadata)), None)
 
 
 def fits(vehicle: Vehicle, metadata: Mapping[str, Any]) -> bool:

@@ -9,6 +9,8 @@ from functools import lru_cache
 from typing import Any
 
 from django import template
+from django.forms.boundfield import BoundField
+from django.forms.widgets import ChoiceWidget
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.html import format_html
@@ -243,3 +245,11 @@ def track_map(track: Track, direction: str = "", lines: Iterable[DrivenLine] = (
     else:
         drawing = _plain_map(track.geometry, direction, title)
     return mark_safe(drawing)  # the only text in it is the title, which draw_svg escapes
+
+
+@register.filter
+def target(field: BoundField) -> str:
+    """The id of what a link to a form's field leads to: its control, or the first of several."""
+    if field.id_for_label:
+        return field.id_for_label
+    return f"{field.auto_id}_0" if isinstance(field.field.widget, ChoiceWidget) else field.auto_id

@@ -89,6 +89,16 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
     return races.order_by(house_first, "minimum_laps", "-max_resets", "closes_at", "pk")
 
 
+def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:
+    """The open races that a racer sees and may enter or is in: not those of another division, of a field that they are
+    not in, or that they were removed from."""
+    races = racing_now(now, racer).filter(
+        ~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False))
+    )
+    closed = [race.pk for race in races.filter(kind=Kind.LEAGUE) if refusal(race, racer, now) is not None]
+    return races.exclude(pk__in=closed)
+
+
 def likest_first(races: QuerySet[Race], learned: Learned) -> QuerySet[Race]:
     """The races in the order of :func:`offers_for`; among equals in the order that they have."""
     return races.order_by(_distance(learned), *races.query.order_by)

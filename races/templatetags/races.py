@@ -174,3 +174,9 @@ def end_reason(code: str) -> str:
 def lap_status(status: str) -> str:
     """How a lap ended, in the reader's language."""
     return _(LAP_STATUS[status]) if status in LAP_STATUS else status
+
+
+@register.filter
+def tens(percent: int) -> int:
+    """Rounded down to tens, for what is said aloud."""
+    return int(percent) // 10 * 10

@@ -14,6 +14,7 @@ from django.utils.html import escape
 
 from evaluation.models import Evaluation
 from evaluation.templatetags.looks import shell_picture
+from races.services import enter_race, remove_entry
 from tests.factories import a_race
 from tests.pages.conftest import VIEWERS, World
 from tests.pages.test_pages import INLINE
@@ -354,6 +355,29 @@ def test_train_on_takes_over_settings_weights_and_a_vehicle(world: World, job: T
     stranger = world.client("bob").get("/train/new/", {"job": job.public_id, "clone": world.model.public_id})
     assert "clone" not in stranger.context["form"].initial
     assert "return 7.0" not in stranger.content.decode()
+
+
+def test_races_that_the_racer_may_not_enter_are_not_offered(world: World) -> None:
+    def offered() -> set[str]:
+        form = world.client("newcomer").get("/train/new/").context["form"]
+        return set(form.fields["submit_to_race"].queryset.values_list("slug", flat=True))
+
+    pros = a_race(world.now, kind="league", division="pro")
+    everybodys = a_race(world.now, kind="league", division="all")
+    assert pros.slug not in offered() and {everybodys.slug, "open-race"} <= offered()
+    entry = enter_race(race=world.race, racer=world.newcomer, now=world.now)
+    remove_entry(entry=entry, by=world.alice, now=world.now, reason="Rude")
+    assert "open-race" not in offered()
+
+
+def test_the_original_car_is_offered_first_and_what_goes_with_it_trains_it(world: World, job: TrainingJob) -> None:
+    Vehicle.objects.create(owner=world.alice, name="A stereo", sensors=["STEREO_CAMERAS"])
+    form = world.client("alice").get("/train/new/").context["form"]
+    assert next(str(value) for value, _ in form.fields["vehicle"].choices) == "" and not form["vehicle"].value()
+    again = world.client("alice").get("/train/new/", {"job": job.public_id}).context["form"]
+    assert again["vehicle"].value() == ""
+    cloned = world.client("alice").get("/train/new/", {"clone": world.model.public_id}).context
+    assert cloned["form"]["vehicle"].value() == "" and cloned["lacking"] is None
 
 
 def test_vehicles_are_added_changed_and_deleted(world: World) -> None:

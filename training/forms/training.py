@@ -9,6 +9,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from django import forms
+from django.core.exceptions import NON_FIELD_ERRORS
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
@@ -18,8 +19,7 @@ from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
 from races.models import Opponents, Race, RaceType
 from races.names import named, names_track
-from races.selectors import racing_now
-from races.selectors.offers import likest_first
+from races.selectors.offers import enterable_now, likest_first
 from tracks.forms import add_fault
 from tracks.models import Track
 from training.actions import (
@@ -44,6 +44,16 @@ _COMMAS_OF_2018 = 11  # its twelve arguments: rewards.function.POSITIONAL_NAMES,
 _ARGUMENTS = re.compile(r"^def[ \t]+reward_function[ \t]*\(([^)]*)\)", re.MULTILINE)
 RANGES = ("steering_low", "steering_high", "speed_low", "speed_high")
 COURSE = ("boxes", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes")
+# The steps of the wizard by the ids of their sections, each with its fields; every other field belongs to "how".
+STEPS: dict[str, tuple[str, ...]] = {
+    "what": ("name", "description", "clone"),
+    "where": ("track", "direction", "race_type", "box_choice", "opponents", *COURSE),
+    "how": ("algorithm",),
+    "actions": ("action_space_type", "actions", *RANGES),
+    "vehicle": ("vehicle",),
+    "reward": ("reward_code",),
+    "stop": ("stop_minutes", "stop_clean_laps", "stop_steps", "trials", "best_metric", "submit_to_race"),
+}
 
 
 def _number(label: Any, least: float, most: float, step: float = 1, kind: type = PlainNumberField, **more: Any) -> Any:
@@ -119,7 +129,8 @@ class TrainingForm(HyperparametersForm, CourseForm):
         label=_("Vehicle"),
         queryset=Vehicle.objects.none(),
         to_field_name="public_id",
-        empty_label=None,
+        empty_label=_("The original car"),
+        blank=True,  # offered among the others, first
         required=False,
         widget=forms.RadioSelect,
         error_messages={"invalid_choice": _("This vehicle is not in your garage. Choose one of yours.")},
@@ -184,7 +195,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
         self.fields["vehicle"].queryset = vehicles_of(owner)
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
         self.fields["clone"].offer(owner, self["clone"].value())
-        self.fields["submit_to_race"].queryset = likest_first(racing_now(now, owner), self._course())
+        self.fields["submit_to_race"].queryset = likest_first(enterable_now(now, owner), self._course())
         self.fields["submit_to_race"].label_from_instance = lambda race: (
             named(race.name) if names_track(race.name, race.track.name) else f"{named(race.name)} · {race.track.name}"
         )
@@ -193,6 +204,12 @@ class TrainingForm(HyperparametersForm, CourseForm):
         """Where it will learn, as far as the form says: races like that are offered first."""
         slug, direction, race_type = (str(self[name].value()) for name in ("track", "direction", "race_type"))
         return Course(Track.objects.filter(slug=slug).values_list("pk", flat=True).first() or 0, direction, race_type)
+
+    @property
+    def wrong_steps(self) -> set[str]:
+        """The steps of the wizard in which something is to be corrected."""
+        step_of = {name: step for step, names in STEPS.items() for name in names}
+        return {step_of.get(name, "how") for name in self.errors if name != NON_FIELD_ERRORS}
 
     def clean_reward_code(self) -> str:
         """The text with line ends as Python counts them; forms send CR LF."""

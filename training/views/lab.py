@@ -25,6 +25,8 @@ from tracks.models import Direction, Track
 from training.checks import one_check
 from training.rewards.examples import DEFAULT, EXAMPLES
 
+from .wizard import report_of
+
 if TYPE_CHECKING:
     from league.models import Racer
 
@@ -87,7 +89,10 @@ def reward_lab(request: HttpRequest) -> HttpResponse:
     form = LabForm(request.POST or None, owner=request.user, initial=initial)
     context: dict[str, Any] = {"form": form, "examples": EXAMPLES}
     status = 200
-    if request.method == "POST":
+    if request.POST.get("do") == "validate":
+        form.errors.clear()
+        context["checked"] = report_of(request.user, request.POST)
+    elif request.method == "POST":
         status = 422
         if form.is_valid():
             try:

@@ -21,7 +21,7 @@ from tracks.forms import add_fault, explain
 from training.checks import one_check, refusals
 from training.forms.fields import MOST
 from training.forms.training import TrainingForm
-from training.models import TrainingJob
+from training.models import TrainingJob, Vehicle
 from training.prefill import LACKS_VEHICLE, proposals, table
 from training.rewards.examples import EXAMPLES
 from training.services import create_training
@@ -32,6 +32,15 @@ from .common import usage_of
 if TYPE_CHECKING:
     from league.models import Racer
 
+STEP_TITLES = (
+    ("what", gettext_lazy("Name")),
+    ("where", gettext_lazy("Track")),
+    ("how", gettext_lazy("Algorithm")),
+    ("actions", gettext_lazy("Action space")),
+    ("vehicle", gettext_lazy("Vehicle")),
+    ("reward", gettext_lazy("Reward function")),
+    ("stop", gettext_lazy("When it ends")),
+)
 STATE_NAMES = {
     "start": gettext_lazy("at the start"),
     "valid": gettext_lazy("on the road"),
@@ -56,7 +65,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
             form.errors.clear()
         elif step == "validate":
             form.errors.clear()
-            checked = _report(owner, request.POST)
+            checked = report_of(owner, request.POST)
         else:
             job, status = _create(form, owner, now)
             if job is not None:
@@ -64,13 +73,13 @@ def training_new(request: HttpRequest) -> HttpResponse:
                 return redirect(job)
     else:
         initial = proposals(owner, request.GET)
-        first = vehicles_of(owner).first()
-        initial.setdefault("vehicle", first.public_id if first else None)
         lacking = initial.pop(LACKS_VEHICLE, None)
         form = TrainingForm(owner=owner, now=now, initial=initial)
     context = {
         "form": form,
         "course": preview(form, submitted=status != 200),
+        "original": Vehicle(),
+        "steps": STEP_TITLES,
         "vehicles": {vehicle.public_id: vehicle for vehicle in vehicles_of(owner)},
         "examples": EXAMPLES,
         "usage": usage_of(owner, now),
@@ -104,11 +113,12 @@ def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJo
 def reward_validate(request: HttpRequest) -> JsonResponse:
     """Check the reward function of the editor: ``{"problems": [{"line", "kind", "code", "message"}], "rewards": {state:
     number}, "printed"}``; 409 while another one of the same racer is checked, 503 when Paddock could not."""
-    answer = _report(request.user, request.POST)
+    answer = report_of(request.user, request.POST)
     return JsonResponse(answer, status=answer.pop("status"))
 
 
-def _report(owner: Racer, said: QueryDict) -> dict[str, Any]:
+def report_of(owner: Racer, said: QueryDict) -> dict[str, Any]:
+    """What :func:`reward_validate` answers, and with it its status: a form says the function and a race type."""
     # brings the physics along, which no other page needs
     from training.rewards.validate import check_reward
 
