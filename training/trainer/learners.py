@@ -12,6 +12,7 @@ How the console's names map onto stable-baselines3's:
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import warnings
@@ -44,6 +45,7 @@ _SAC_TAU = 0.02  # the share of the critics that their targets take over at each
 _CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
 
 cloudpickle.register_pickle_by_value(torso)
+codecs.lookup("cp437")  # of names in a zip that is opened again: a locked process cannot import it
 warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the last one of an update may be smaller
 
 
