@@ -42,7 +42,7 @@ def admitted(monkeypatch):
 
     asked = []
 
-    def admit(files, limits, *, who):
+    def admit(files, limits, *, who, checkpoint):
         asked.append(limits)
         onnx = b"onnx of " + files[0].stream.read()
         return AdmittedPackage(
