@@ -126,6 +126,7 @@ class FirstStart:
     tracks: int
     evaluation: str  # one that has finished
     doctor: subprocess.CompletedProcess
+    heartbeats: list[tuple]  # of the worker for evaluations: whether it was up, before the stop and after it
     status: int
     said: str
 
@@ -139,6 +140,8 @@ def first_start(tmp_path_factory, new_data) -> FirstStart:
         answers = run.answer(), run.answer("/health/ready")
         wait_for(lambda: rows(data, finished), 60, run.log)
         doctor = manage(data, "doctor")
+        beat = "select stopped_at is null from evaluation_workernode where queues like '%celery%'"
+        alive = rows(data, beat)
         status = run.stop(signal.SIGINT)
     return FirstStart(
         data,
@@ -147,6 +150,7 @@ def first_start(tmp_path_factory, new_data) -> FirstStart:
         *rows(data, "select count(*) from tracks_track where is_catalogue")[0],
         *rows(data, finished)[0],
         doctor,
+        alive + rows(data, beat),
         status,
         run.said,
     )
@@ -163,6 +167,7 @@ def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_
     assert first_start.tracks >= 7
     assert first_start.doctor.returncode == 0, first_start.doctor.stdout
     assert "bundled Valkey answers" in first_start.doctor.stdout
+    assert first_start.heartbeats == [(True,), (False,)], "its worker wrote that it was up, and that it was shut down"
     assert first_start.status == 130
     assert "Traceback" not in first_start.said
     assert (first_start.data / "secret-key").stat().st_mode & 0o077 == 0
