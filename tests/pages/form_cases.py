@@ -1,0 +1,186 @@
+"""One entry for every form of the site: who sends it from where, what they fill in, and what they see then.
+
+A form that no entry sends fails the test (tests/pages/test_forms_browser.py), which names it: add an entry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from league.services.house import HOUSE_CARS_DIR
+from tests.pages.form_world import PASSWORD
+from tracks.catalogue import CATALOGUE
+from tracks.npy import write_npy
+
+CAR = HOUSE_CARS_DIR / "flyer.onnx"
+NEW_PASSWORD = "another long passphrase"
+A_CAR = [
+    {"name": "model.onnx", "mimeType": "application/octet-stream", "buffer": CAR.read_bytes()},
+    {"name": "model_metadata.json", "mimeType": "application/json", "buffer": CAR.with_suffix(".json").read_bytes()},
+]
+A_TRACK = {"name": "t.npy", "mimeType": "application/octet-stream", "buffer": write_npy(CATALOGUE[3].geometry())}
+
+
+@dataclass(frozen=True)
+class Case:
+    """``by`` (guest, newcomer, alice who organises, admin) goes to ``at`` ("" stays), fills in fields by their labels,
+    presses the button, and sees ``then``: words that were not there before, or a selector after ``css=``.
+
+    ``inside``: where the button is, where more than one has its name. ``scripts=False``: for what a script does instead
+    of the form where there are scripts.
+    """
+
+    by: str
+    at: str
+    press: str
+    then: str
+    fill: dict[str, object] = field(default_factory=dict)
+    inside: str = "main"
+    scripts: bool = True
+
+
+CHANGE = "css=[value^='change:']"
+STEWARD = "#steward-actions"
+CASES = [
+    # in the head of every page
+    Case("guest", "/about/", "한국어", "css=html[lang=ko]", inside="header"),
+    Case("guest", "/about/", "EN", "css=html[lang=en]", inside="header"),
+    Case("guest", "/about/", "Dark or light", "css=html[data-theme=dark]", inside="header", scripts=False),
+    # an account
+    Case(
+        "guest",
+        "/accounts/signup/",
+        "Sign up",
+        "Welcome, fresh.",
+        {"Alias": "fresh", "Email": "f@example.org", "Password": PASSWORD, "Password (again)": PASSWORD},
+    ),
+    Case("guest", "/", "css=form[action='/train/first/'] button", "css=#training-state"),
+    Case("guest", "", "Log out", "You are logged out.", inside="header"),
+    Case(
+        "guest",
+        "/accounts/login/",
+        "Log in",
+        "Welcome, alice",
+        {"Alias or e-mail address": "alice", "Password": PASSWORD},
+    ),
+    Case("guest", "/accounts/logout/", "Log out", "You are logged out."),
+    Case("guest", "/accounts/password/reset/", "Send the link", "Look into your mail", {"Email": "bob@example.org"}),
+    Case(
+        "guest",
+        "/accounts/password/reset/key/{reset}/",
+        "Save the password",
+        "Your password is changed",
+        {"New Password": NEW_PASSWORD, "New Password (again)": NEW_PASSWORD},
+    ),
+    Case("guest", "/accounts/confirm-email/{confirm}/", "Yes, confirm", "is confirmed"),
+    Case("guest", "/notices/stop/{stop}/", "Turn them off", "Turned off:"),
+    Case("guest", "/races/join/{invitation}/", "Log in and join", "css=input[name=login]"),
+    Case("guest", "/races/join/{invitation}/", "Sign up and join", "css=input[name=password2]"),
+    Case("newcomer", "/races/join/{invitation}/", "Join the race", "You are in."),
+    Case(
+        "newcomer",
+        "/accounts/password/set/",
+        "Save the password",
+        "Your password is changed",
+        {"Password": PASSWORD, "Password (again)": PASSWORD},
+    ),
+    Case("newcomer", "/accounts/reauthenticate/", "Go on", "css=.race-card", {"Password": PASSWORD}),
+    Case(
+        "newcomer", "/accounts/email/", "Change the address", "to new@example.org.", {"New address": "new@example.org"}
+    ),
+    Case("alice", "/accounts/email/", "Send it again", "A link to confirm your address"),
+    Case("alice", "", "Keep the old address", "css=main:not(:has([name=action_remove]))"),
+    Case(
+        "newcomer",
+        "/accounts/password/change/",
+        "Save the password",
+        "Your password is changed",
+        {"Current Password": PASSWORD, "New Password": NEW_PASSWORD, "New Password (again)": NEW_PASSWORD},
+    ),
+    Case("alice", "/settings/", "Save", "Saved.", {"Country": "Germany"}),
+    Case("alice", "/settings/tokens/", "Make a token", "Your new token"),
+    Case("alice", "/settings/tokens/", "Revoke", "The token is revoked"),
+    Case("alice", "/settings/webhooks/", "Send a test", "The test is on its way"),
+    Case("alice", "/settings/webhooks/", "Remove", "The webhook is gone"),
+    Case("alice", "/settings/webhooks/", "Add a webhook", "The webhook is made.", {"Address": "https://example.org/a"}),
+    Case("alice", "/settings/notices/", "Save", "Saved."),
+    Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),
+    Case("alice", "/notices/", "Mark all as read", "css=main:not(:has([action='/notices/read/']))"),
+    # races
+    Case("newcomer", "/races/next-race/", "Enter", "You are in."),
+    Case("newcomer", "/races/open-race/", "Submit", "css=#live-card"),
+    Case("newcomer", "/races/open-race/withdraw/", "Withdraw", "You have withdrawn."),
+    Case("newcomer", "/races/new/?track=oval", "Make the race", "The race is made.", {"Name": "Lunch"}),
+    Case("alice", "/races/later-race/edit/", "Save", "Saved.", {"Name": "Later still"}),
+    Case("alice", "/races/secret-race/edit/", "Make a new link and switch this one off", "The link is new"),
+    Case("alice", "/races/open-race/racers/", "css=[action$='gone/restore/'] button", "gone is back in the race."),
+    Case("alice", "/races/open-race/racers/slowpoke/remove/", "Remove", "slowpoke is removed", {"Reason": "Rude"}),
+    Case("alice", "/races/rain-race/cancel/", "Cancel the race", "The race is cancelled.", {"Reason": "Rain"}),
+    Case("alice", "/races/secret-race/close/", "Close now", "The race is closed."),
+    Case("alice", "/races/duel-race/duels/", "Draw now", "The duels are drawn."),
+    # the garage
+    Case("newcomer", "/models/upload/", "Upload", "The model is in your garage.", {"css=[type=file]": A_CAR}),
+    Case("newcomer", "/tracks/import/", "Import", "The track is imported.", {"Name": "Ours", "Track file": A_TRACK}),
+    Case("alice", "/models/{model}/", "Share with all racers", "The model is shared"),
+    Case("alice", "/models/{shared}/", "Stop sharing", "The model is not shared any more."),
+    Case("admin", "/models/{theirs}/", "Stop sharing (as an admin)", "The model is not shared any more."),
+    Case("alice", "/models/{spare}/", "css=form[action$='/submit/'] button", "css=#live-card"),
+    Case("alice", "/models/{model}/edit/", "Save", "Saved.", {"Name": "Lightning 2"}),
+    Case("alice", "/models/shared/", "Search", "No shared model and no racer", {"Name or racer": "nobody"}),
+    Case("alice", "/vehicles/new/", "Save", "Saved.", {"Name": "Second"}),
+    Case("alice", "/vehicles/{vehicle}/", "Save", "Saved.", {"Name": "Third"}),
+    Case("alice", "/vehicles/{vehicle}/delete/", "Delete", "The vehicle is deleted."),
+    # training
+    Case("alice", "/train/new/", "Create and train", "The training is on its way.", {"Name": "Made-here"}),
+    Case(
+        "alice",
+        "/train/new/",
+        "Make the table anew",
+        "css=[name=actions-7-speed]:not([value=''])",
+        {"Steering angles": "7"},
+        scripts=False,
+    ),
+    Case("alice", "/train/new/", "Validate", "It works:", scripts=False),
+    Case("alice", "/train/{job}/", "Stop the training", "The training is stopped before it began."),
+    Case("alice", "/train/{ended}/", "Evaluate: three laps", "css=#evaluation"),
+    Case("alice", "/train/{ended}/", "css=form[action$='/submit/'] button", "css=#board"),
+    Case("alice", "/learn/laboratory/", "Show it on the track", "css=#maps svg"),
+    Case("alice", "/learn/laboratory/", "Validate", "It works:", scripts=False),
+    # runs
+    Case("alice", "/evaluations/{queued}/", "Stop", "css=.pill.cancelled, .pill.stopped"),
+    Case("alice", "/evaluations/{driven}/?video={waits}", "Stop", "css=#video:not(:has(progress))", inside="#video"),
+    Case("alice", "/evaluations/{driven}/", "css=.film-ask button", "css=#video progress, #video .live-line"),
+    # seasons and stewards
+    Case(
+        "guest",
+        "/seasons/2027/calendar/",
+        "Show",
+        "css=option[value='Asia/Seoul'][selected]",
+        {"Time zone": "Asia/Seoul"},
+    ),
+    Case(
+        "admin", "/admin/races/race/", "Search", "css=#searchbar[value=Open]", {"css=#searchbar": "Open"}, inside="body"
+    ),
+    Case(
+        "admin", "/workers/evaluations/failed/", "Filter", "css=option[value='0'][selected]", {"Ended within": "ever"}
+    ),
+    Case("admin", "", "Run all of them again", "css=.messages li, .messages p"),
+    Case("admin", "/seasons/new/", "css=.actions [value=preview]", CHANGE, {"Name": "Next", "Address": "next"}),
+    Case("admin", "", CHANGE, "css=[value=pattern]"),
+    Case("admin", "", "As the pattern says", CHANGE),
+    Case("admin", "", CHANGE, "css=[value=pattern]"),
+    Case("admin", "", "Back to the season", CHANGE),
+    Case("admin", "", CHANGE, "css=[value=pattern]"),
+    Case("admin", "", "css=.actions [value=keep]", CHANGE),
+    Case("admin", "", "Make the season", "The season is made"),
+    Case("admin", "/races/round-3/", "Announce", "Everybody whom the race concerns is told", inside=STEWARD),
+    Case("admin", "/races/round-3/", "Postpone", "The race closes later", inside=STEWARD),
+    Case("admin", "/races/round-3/", "Disqualify", "The racer leaves the board", inside=STEWARD),
+    Case("admin", "", "Find", "css=#find[value=bob]", {"css=#find": "bob"}, inside="body"),
+    Case("admin", "/races/round-3/", "Put back", "The racer stands on the board again", inside=STEWARD),
+    Case("admin", "/races/round-1/", "Lock results", "This cannot be taken back", inside=STEWARD),
+    Case("admin", "/races/round-2/", "Take results back", "What came of the round is undone", inside=STEWARD),
+    Case("admin", "", "See what will follow", "css=button[value=confirmed]", {"Reason": "Sure"}, inside="body"),
+    Case("admin", "", "Take results back", "css=#stewards", inside="body"),
+    Case("admin", "/races/round-2/", "Publish results", "css=button[value=confirmed]", inside=STEWARD),
+]

@@ -1,0 +1,163 @@
+"""A world in which every form of the site is to be seen by somebody."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import timedelta
+
+from allauth.account.forms import default_token_generator
+from allauth.account.models import EmailAddress, EmailConfirmationHMAC
+from allauth.account.utils import user_pk_to_url_str
+
+from evaluation.services import share_model
+from league.models import NoticeKind, Racer, Round, Stage
+from league.services import close_round
+from league.services.notices import stopping_token, tell_what_happened
+from league.services.webhooks import add_webhook
+from league.tokens import create_token
+from races.models import Race
+from races.services import enter_race, remove_entry, withdraw
+from races.services.videos import ask_for_video, run_next_video
+from tests.duels import a_duel_race, qualify
+from tests.factories import a_model, a_race, a_racer
+from tests.films import a_driven_run
+from tests.league.seasons import a_season, board, racers
+from tests.pages.conftest import World
+from tests.training.jobs import a_training
+from training.course import LESSONS
+from training.models import JobState, TrainingJob
+from training.vehicles import save_vehicle
+
+PASSWORD = "a long enough passphrase"
+
+
+class Cast:
+    """Who looks at the world: a guest, racers, an organiser (alice) and an admin; and the words that stand for its
+    rows in addresses."""
+
+    def __init__(self, world: World) -> None:
+        now = world.now
+        self.racers: dict[str, Racer | None] = {
+            "guest": None,
+            "newcomer": world.newcomer,
+            "alice": world.alice,
+            "admin": world.admin,
+        }
+        alice, bob, newcomer = world.alice, world.bob, world.newcomer
+        for racer in (alice, bob, world.admin):
+            racer.set_password(PASSWORD)
+            racer.save()
+        EmailAddress.objects.create(user=alice, email=alice.email, primary=True, verified=True)
+        EmailAddress.objects.create(user=alice, email="alice.again@example.org")
+        fresh = EmailAddress.objects.create(user=bob, email=bob.email, primary=True)
+
+        left = a_race(now, slug="left-race", name="Left race")
+        withdraw(entry=enter_race(race=left, racer=newcomer, now=now), now=now)
+        enter_race(race=world.race, racer=newcomer, now=now)
+        gone = a_racer("gone")
+        remove_entry(entry=enter_race(race=world.race, racer=gone, now=now), by=alice, now=now, reason="Rude")
+        a_race(now, slug="later-race", name="Later race", opens_at=now + timedelta(days=2), organiser=alice)
+        a_race(now, slug="rain-race", name="Rain race", organiser=alice)
+        duels = a_duel_race(now - timedelta(days=1), slug="duel-race", name="Duel race", organiser=alice)
+        qualify(duels, [a_racer("one"), a_racer("two")], duels.opens_at)
+        a_model(newcomer, name="Spark")
+        spare, shared, theirs = (
+            a_model(alice, name="Spare"),
+            a_model(alice, name="Thunder"),
+            a_model(bob, name="Theirs"),
+        )
+        share_model(model=shared, now=now)
+        share_model(model=theirs, now=now)
+        driven = a_driven_run(world.race, bob, now)
+        ready = ask_for_video(evaluation=driven, by=bob, car=0, part="best", language="en", now=now).video
+        run_next_video(worker="test")
+        waits = ask_for_video(evaluation=driven, by=alice, car=0, part="whole", language="en", now=now).video
+
+        running = a_training(alice, world.track, now, name="Underway")
+        ended = a_training(newcomer, world.track, now, name="Ended")
+        values = {"state": JobState.FINISHED, "ended_because": "time", "ended_at": now, "steps_done": 2000}
+        values |= {"best_model": spare, "last_model": spare, "owner": alice}
+        TrainingJob.objects.filter(pk=ended.pk).update(**values)
+        vehicle = save_vehicle(owner=alice, vehicle=None, name="Buggy", sensors=["FRONT_FACING_CAMERA"])
+
+        create_token(racer=bob)
+        add_webhook(owner=alice, url="https://example.org/hook")
+        self._season(world)
+        tell_what_happened(now=now)
+        key = f"{user_pk_to_url_str(bob)}-{default_token_generator.make_token(bob)}"
+        names = ("finished", "other", "queued", "running", "failed", "ours")
+        self.words = {name: getattr(world, name).evaluation.public_id for name in names} | {
+            "invitation": world.secret.invitation,
+            "driven": driven.public_id,
+            "ready": ready.public_id,
+            "waits": waits.public_id,
+            "model": world.model.public_id,
+            "spare": spare.public_id,
+            "shared": shared.public_id,
+            "theirs": theirs.public_id,
+            "job": running.public_id,
+            "ended": ended.public_id,
+            "vehicle": vehicle.public_id,
+            "stop": stopping_token(alice.pk, NoticeKind.RESULT),
+            "confirm": EmailConfirmationHMAC(fresh).key,
+            "reset": key,
+        }
+
+    def _season(self, world: World) -> None:
+        """A season whose first race is official, whose second is over, and whose third is open."""
+        first = world.now - timedelta(days=41)
+        season = a_season()
+        for number, name in enumerate(("Official", "Over", "Open"), 1):
+            opens = first + timedelta(days=20 * (number - 1))
+            round_ = Round.objects.create(
+                season=season,
+                number=number,
+                stage=Stage.OPEN,
+                name=name,
+                race=a_race(
+                    world.now,
+                    slug=f"round-{number}",
+                    name=f"Round {name}",
+                    kind="league",
+                    division="open",
+                    opens_at=opens,
+                    closes_at=opens + timedelta(days=19),
+                ),
+            )
+            board(round_.race, [world.bob, *racers(4)])
+            if name == "Official":
+                close_round(round=round_, now=world.now)
+
+    def examples(self, viewer: str) -> Mapping[str, list[dict[str, str]]]:
+        """For the beginning of a route: what its parameters may be, as far as it concerns this viewer."""
+        said, is_guest = self.words, viewer == "guest"
+        races = Race.objects.values_list("slug", flat=True)
+        runs = [{"public_id": said[name]} for name in ("finished", "queued", "running", "failed", "driven")]
+        return {
+            "racers/": [{"alias": "alice"}, {"alias": "house-steady"}],
+            "seasons/<slug:slug>/": [{"slug": "2027"}],
+            "seasons/<slug:slug>/racers/<": [{"slug": "2027", "alias": "bob"}],
+            "notices/stop/": [{"token": said["stop"]}],
+            "notices/<int:pk>/": [],
+            "settings/": [],
+            "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
+            "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
+            "learn/": [{"slug": lesson.slug} for lesson in LESSONS[:1]],
+            "join/": [],  # leads to the form for signing up
+            "workers/": [{"name": "evaluations"}],
+            "races/join/": [{"token": said["invitation"]}],
+            "races/<slug:slug>/$": [{"slug": slug} for slug in races],
+            "races/<slug:slug>/": [{"slug": "open-race"}],
+            "races/<slug:slug>/edit/": [{"slug": "open-race"}, {"slug": "secret-race"}],
+            "races/<slug:slug>/duels/": [{"slug": "duel-race"}],
+            "races/<slug:slug>/racers/<": [{"slug": "open-race", "alias": "bob"}],
+            "evaluations/<str:public_id>/$": runs,
+            "evaluations/<str:public_id>/": runs[1:2],
+            "videos/<str:public_id>/": [{"public_id": said["waits"]}],
+            "models/<str:public_id>/": [{"public_id": said[name]} for name in ("model", "spare", "shared", "theirs")],
+            "tracks/<slug:slug>/": [{"slug": "oval"}],
+            "accounts/^confirm-email/": [{"key": said["confirm"]}] if is_guest else [],
+            "accounts/^password/reset/key/": [dict(zip(("uidb36", "key"), said["reset"].split("-", 1), strict=True))]
+            if is_guest
+            else [],
+        }

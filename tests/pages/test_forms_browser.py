@@ -1,0 +1,190 @@
+"""Every form of the site is sent once in a real browser, by somebody who may, and what should come of it comes."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from django.test import Client
+
+from tests.pages.browsing import BACKEND, chromium, visitor
+from tests.pages.conftest import make_world
+from tests.pages.form_cases import CASES, Case
+from tests.pages.form_world import Cast
+from tests.pages.forms import ANYWHERE, SHELL, Form, addresses, admin_addresses, button_of, forms_in, name_of, walk
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not Path("/usr/bin/chromium").exists(), reason="Chromium is not installed"),
+    pytest.mark.django_db(transaction=True),
+]
+WAIT_MS = 10_000
+PRESSED = """button => {
+  const form = button.form, action = form.elements.namedItem("action");
+  return [!!button.closest("header"), form.method, button.getAttribute("formaction") || form.getAttribute("action")
+    || location.pathname, button.name, button.value, action && action.tagName === "SELECT" ? action.value : ""];
+}"""
+
+
+@pytest.fixture
+def cast(monkeypatch: pytest.MonkeyPatch, bell, films, trainings_taken_on) -> Cast:
+    """The world with everybody in it, and no broker."""
+    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+    return Cast(make_world())
+
+
+class Browsing:
+    """The windows of the cast, what was sent in them, and what went wrong."""
+
+    def __init__(self, browser, address: str, cast: Cast) -> None:
+        self.seen: dict[Form, str] = {}
+        self.sent: set[Form] = set()
+        self.wrong: list[str] = []
+        self._browser, self._address, self._cast = browser, address, cast
+        self._admin = Client()
+        self._admin.force_login(cast.racers["admin"], backend=BACKEND)
+        self._pages: dict[tuple[str, bool], object] = {}
+        self._doing = ""
+
+    def look(self, viewer: str, address: str, html: str) -> None:
+        """Note the forms of a page."""
+        for form in forms_in(address, html):
+            self.seen.setdefault(form, f"{viewer} at {address}")
+
+    def page(self, viewer: str, scripts: bool = True):
+        """The window of a viewer, in which nothing may be forbidden, break or complain."""
+        if (viewer, scripts) not in self._pages:
+            context = visitor(self._browser, self._address, self._cast.racers[viewer], java_script_enabled=scripts)
+            page = context.new_page()
+            page.on("response", lambda answer: self._note(answer.status in (400, 403) or answer.status > 499, answer))
+            page.on("pageerror", lambda error: self._note(True, error))
+            page.on("console", self._console)
+            self._pages[viewer, scripts] = page
+        return self._pages[viewer, scripts]
+
+    def check(self, address: str, html: str, headers: Mapping[str, str]) -> None:
+        """A page asks browsers for nothing that would have its forms refused: no policy of its own about referrers
+        (without one a form is sent with ``Origin: null``), and none about what forms may do."""
+        own = 'name="referrer"' in html or headers.get("Referrer-Policy") != "same-origin"
+        if own or "form-action 'self'" not in headers.get("Content-Security-Policy", ""):
+            self.wrong.append(f"{address} has headers of its own: {headers}")
+
+    def search(self, form: Form) -> None:
+        """The search above a list of the admin site is one form of Django's; what it looks in is ours."""
+        answer = self._admin.get(self.seen[form].partition(" at ")[2], {"q": "a"})
+        if answer.status_code != 200:
+            self.wrong.append(f"{form}: {answer.status_code}")
+        self.sent.add(form)
+
+    def do(self, case: Case) -> None:
+        """Send a form and hold what comes of it against what should."""
+        self._doing = f"{case.by} at {case.at or 'the same page'}, {case.press}"
+        page = self.page(case.by, case.scripts)
+        try:
+            if case.at:
+                page.goto(case.at.format(**self._cast.words), wait_until="domcontentloaded")
+            for label, value in case.fill.items():
+                _fill(page, label, value)
+            button = _button(page, case)
+            button.evaluate("button => { const menu = button.closest('details'); if (menu) menu.open = true; }")
+            in_head, method, action, name, value, chosen = button.evaluate(PRESSED)
+            form = Form(
+                SHELL if in_head or name_of(action) in ANYWHERE else name_of(page.url),
+                method,
+                name_of(action),
+                f"action={chosen}" if chosen else button_of(name, value),
+            )
+            outcome = _outcome(page, case.then)
+            assert not outcome.count(), f"{case.then!r} is there before anything is sent"
+            button.click()
+            outcome.first.wait_for(state="attached", timeout=WAIT_MS)
+            self.sent.add(form)
+            self.look(case.by, page.url, page.content())
+        except Exception as error:
+            told = page.locator(".messages, .fault, .errors, .errornote, .errorlist, h1").all_inner_texts()
+            self.wrong.append(f"{self._doing}: {str(error).splitlines()[0]} – the page at {page.url} says {told}")
+
+    def do_admin(self, form: Form) -> None:
+        """Send a form of the admin site as it stands there: what is Django's about it needs no entry of its own."""
+        self._doing = str(form)
+        try:
+            self._send_admin(form)
+        except Exception as error:
+            self.wrong.append(f"{form} at {self.seen[form]}: {str(error).splitlines()[0]}")
+
+    def _send_admin(self, form: Form) -> None:
+        page = self.page("admin")
+        page.goto(self.seen[form].partition(" at ")[2], wait_until="domcontentloaded")
+        if form.button.startswith("action="):
+            page.locator("input.action-select").first.check()
+            page.locator("select[name=action]").first.select_option(form.button.removeprefix("action="))
+            press, then = "#changelist-form button[name=index]", "body"
+        else:
+            press = "#content form[method=post] [type=submit]:not([name=_addanother], [name=_continue])"
+            then = ".messagelist .success, .errornote" if form.page.endswith("_add") else ".messagelist .success"
+        with page.expect_response(lambda answer: answer.request.method == "POST") as answer:
+            page.locator(press).first.click()
+        page.wait_for_load_state("domcontentloaded")
+        if answer.value.status not in (200, 302) or not page.locator(then).count():
+            self.wrong.append(
+                f"{form}: {answer.value.status}, {page.locator('.errornote, .errorlist').all_inner_texts()}"
+            )
+        self.sent.add(form)
+
+    def _console(self, line) -> None:
+        self._note(line.type == "error" and "status of 4" not in line.text, line.text)
+
+    def _note(self, is_wrong: bool, what: object) -> None:
+        if is_wrong:
+            self.wrong.append(f"{self._doing}: {what}")
+
+
+def _button(page, case: Case):
+    if case.press.startswith("css="):
+        return page.locator(case.inside).locator(case.press).first
+    name = re.compile(rf"^{re.escape(case.press)}(?!\w)")
+    return page.locator(case.inside).get_by_role("button", name=name, include_hidden=True).first
+
+
+def _outcome(page, then: str):
+    return page.locator(then) if then.startswith("css=") else page.get_by_text(then)
+
+
+def _fill(page, label: str, value: object) -> None:
+    main = page.locator("main, #content").first
+    field = main.locator(label) if label.startswith("css=") else main.get_by_label(label, exact=True)
+    kind = field.evaluate("field => field.type")
+    if kind == "file":
+        field.set_input_files(value)
+    elif kind.startswith("select"):
+        field.select_option(label=value)
+    elif isinstance(value, bool):
+        field.set_checked(value)
+    else:
+        field.fill(value)
+
+
+def test_every_form_of_the_site_is_sent_once(cast: Cast, live_server) -> None:
+    with chromium() as browser:
+        browsing = Browsing(browser, live_server.url, cast)
+        for viewer, racer in cast.racers.items():
+            client = Client()
+            if racer is not None:
+                client.force_login(racer, backend=BACKEND)
+            pages = [*(admin_addresses() if viewer == "admin" else ()), *addresses(cast.examples(viewer))]
+            for address, html, headers in walk(client, pages):
+                browsing.look(viewer, address, html)
+                browsing.check(address, html, headers)
+        for case in CASES:
+            browsing.do(case)
+        for form in sorted(browsing.seen.keys() - browsing.sent, key=lambda form: (form.page.endswith("delete"), form)):
+            if form.page.startswith("admin:"):
+                (browsing.do_admin if form.method == "post" else browsing.search)(form)
+        missing = [f"{form}, seen by {browsing.seen[form]}" for form in sorted(browsing.seen.keys() - browsing.sent)]
+    assert not browsing.wrong, "\n".join(browsing.wrong)
+    assert not missing, "no case sends:\n" + "\n".join(missing)
