@@ -32,6 +32,23 @@ ERROR = {
     },
 }
 
+FRESHNESS = ("ETag", "Cache-Control")
+LIMITS = ("RateLimit-Limit", "RateLimit-Remaining", "RateLimit-Reset")
+HEADERS = {
+    "ETag": ("string", "Send it back as `If-None-Match`: 304 while nothing has changed."),
+    "Cache-Control": ("string", "Who may keep the answer. Nobody keeps what was said to you for others."),
+    "RateLimit-Limit": ("integer", "Requests of this kind that a racer may make in an hour."),
+    "RateLimit-Remaining": ("integer", "How many of them are left."),
+    "RateLimit-Reset": ("integer", "Seconds until one more is."),
+    "Retry-After": ("integer", "Seconds to wait."),
+}
+
+SIGNED_BY = {
+    "webhook-id": "The same whenever this delivery is tried again.",
+    "webhook-timestamp": "When it was sent, seconds since 1970: refuse what is older than five minutes.",
+    "webhook-signature": "v1 and the HMAC-SHA256 of id, timestamp and body, as Standard Webhooks has it.",
+}
+
 DESCRIPTIONS = {
     "400": "The input is refused: a reason code, or `invalid` with `fields`.",
     "401": "No valid token, and not logged in.",
@@ -52,11 +69,45 @@ class Schema(AutoSchema):
 
 def add_errors(result: dict[str, Any], generator: Any, request: Any, public: bool) -> dict[str, Any]:
     """A drf-spectacular postprocessing hook: describe the error responses of every operation."""
-    result.setdefault("components", {}).setdefault("schemas", {})["Error"] = ERROR
+    components = result.setdefault("components", {})
+    components.setdefault("schemas", {})["Error"] = ERROR
+    components["headers"] = {
+        name: {"description": text, "schema": {"type": kind}} for name, (kind, text) in HEADERS.items()
+    }
+    result["x-webhooks"] = _webhooks()  # "webhooks" from OpenAPI 3.1 on
     for path, operations in result["paths"].items():
         for method, operation in operations.items():
             _describe(operation, path, method)
     return result
+
+
+def _webhooks() -> dict[str, Any]:
+    """What addresses are told, by event: a request that Paddock makes (Standard Webhooks)."""
+    from league.happenings import EVENTS, LABELS, TEST
+
+    return {event: {"post": _delivery(event, str(LABELS.get(event, "a test")))} for event in (*EVENTS, TEST)}
+
+
+def _delivery(event: str, label: str) -> dict[str, Any]:
+    body = {
+        "type": "object",
+        "required": ["type", "timestamp", "race", "data"],
+        "properties": {
+            "type": {"type": "string", "enum": [event]},
+            "timestamp": {"type": "string", "format": "date-time"},
+            "race": {"type": "object", "nullable": True, "description": "The race that it happened in, if any."},
+            "data": {"type": "object", "additionalProperties": {}},
+        },
+    }
+    return {
+        "summary": label,
+        "parameters": [
+            {"name": name, "in": "header", "required": True, "schema": {"type": "string"}, "description": text}
+            for name, text in SIGNED_BY.items()
+        ],
+        "requestBody": {"required": True, "content": {"application/json": {"schema": body}}},
+        "responses": {"2XX": {"description": "Taken; anything else is tried again."}},
+    }
 
 
 def _describe(operation: dict[str, Any], path: str, method: str) -> None:
@@ -73,6 +124,8 @@ def _describe(operation: dict[str, Any], path: str, method: str) -> None:
     if writes:
         possible.add("429")
     responses = operation["responses"]
+    if method == "get":
+        responses.setdefault("304", {"description": "The same as `If-None-Match` names."})
     for code in sorted(possible):
         responses.setdefault(
             code,
@@ -81,3 +134,19 @@ def _describe(operation: dict[str, Any], path: str, method: str) -> None:
                 "content": {"application/json": {"schema": {"$ref": "#/components/schemas/Error"}}},
             },
         )
+    for code, response in responses.items():
+        headers = _headers(method, code)
+        if headers:
+            response.setdefault("headers", {}).update(headers)
+
+
+def _headers(method: str, code: str) -> dict[str, Any]:
+    """What stands in the head of an answer: the middleware of :mod:`league.delivery` and the throttle write it."""
+    names: tuple[str, ...] = ()
+    if method == "get" and code in ("200", "304"):
+        names = FRESHNESS
+    elif method in WRITES and code != "401":
+        names = LIMITS
+    if code in ("429", "503"):
+        names = (*names, "Retry-After")
+    return {name: {"$ref": f"#/components/headers/{name}"} for name in names}

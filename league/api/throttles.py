@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rest_framework.permissions import SAFE_METHODS
@@ -27,15 +28,20 @@ class WriteThrottle(ScopedRateThrottle):
     def allow_request(self, request: Request, view: APIView) -> bool:
         if request.method in SAFE_METHODS or not request.user.is_authenticated:
             return True
+        self._asked = request
         scope = getattr(view, "throttle_refused_scope", None)
         if scope in self.THROTTLE_RATES:  # else they count as all others
             self._refused = WriteThrottle()
             if not self._refused._look(request, view, scope):
                 self.wait = self._refused.wait
+                self._refused._tell(request)
                 return False
         if not self._look(request, view, getattr(view, "throttle_scope", "write")):
+            self._tell(request)
             return False
-        return self.throttle_success()
+        self.throttle_success()
+        self._tell(request)
+        return True
 
     def count_as_refused(self) -> None:
         """Take back what this request has used up, and count it in the wider allowance of refused ones."""
@@ -45,6 +51,8 @@ class WriteThrottle(ScopedRateThrottle):
         if self.now in history:
             history.remove(self.now)
             self.cache.set(self.key, history, self.duration)
+            self.history = history
+            self._tell(self._asked)
         self._refused.throttle_success()
         self._refused = None
 
@@ -59,3 +67,13 @@ class WriteThrottle(ScopedRateThrottle):
         while self.history and self.history[-1] <= self.now - self.duration:
             self.history.pop()
         return len(self.history) < self.num_requests
+
+    def _tell(self, request: Request) -> None:
+        """Leave with the request what its answer's headers say (:class:`league.delivery.Fresh`): the fields that GitHub
+        and others have, by the names of the IETF's draft; seconds until the oldest of what counts does so no more."""
+        oldest = self.history[-1] if self.history else self.now
+        request._request.rate_limit = {
+            "RateLimit-Limit": str(self.num_requests),
+            "RateLimit-Remaining": str(max(0, self.num_requests - len(self.history))),
+            "RateLimit-Reset": str(max(0, math.ceil(oldest + self.duration - self.now))),
+        }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from django.http import HttpRequest, HttpResponse, JsonResponse, StreamingHttpResponse
+from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.utils import timezone
 from django.utils.feedgenerator import Atom1Feed
 from django.utils.translation import gettext as _
@@ -22,7 +22,7 @@ from .common import visible_race
 def board_csv(request: HttpRequest, slug: str) -> HttpResponse:
     """The whole board as CSV."""
     race = visible_race(request, slug)
-    response = StreamingHttpResponse(csv_lines(whole_board(race)), content_type="text/csv; charset=utf-8")
+    response = HttpResponse("".join(csv_lines(whole_board(race))), content_type="text/csv; charset=utf-8")
     response["Content-Disposition"] = f'attachment; filename="{race.slug}.csv"'
     return response
 
