@@ -132,6 +132,7 @@ def own_answer(kind: str, seen) -> np.ndarray:
         observation = policy.obs_to_tensor(seen)[0]
         if hasattr(policy, "action_net"):
             features = policy.extract_features(observation, policy.pi_features_extractor)
+            features = features[0] if isinstance(features, tuple) else features  # of policy and value, not shared
             return policy.action_net(policy.mlp_extractor.forward_actor(features)).numpy()
         if hasattr(policy, "q_net"):
             return policy.q_net(observation).numpy()
