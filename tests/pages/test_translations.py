@@ -31,6 +31,7 @@ SAME = {
     "model_metadata.json",
     "english",
     "openapi",
+    "stable-baselines",
 }
 PLACEHOLDER = re.compile(r"%\(\w+\)[sd]|%[sd]")
 
