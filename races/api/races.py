@@ -289,6 +289,7 @@ class CloseView(APIView):
         tags=["races"],
     )
     def post(self, request: Request, slug: str) -> Response:
+        refuse_fields(request)
         race = services.close_race(race=organised_race(request, slug), now=timezone.now())
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 

@@ -12,15 +12,18 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 from drf_spectacular.generators import SchemaGenerator
+from knox.models import AuthToken
 from rest_framework.test import APIClient
 
-from league.models import Racer
+from league.models import Notice, NoticeKind, Racer
 from league.services import create_season
+from league.services.webhooks import add_webhook
 from races.models import Race, Video, Visibility
 from races.services import accept_invitation
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.training.jobs import a_training
 from tracks.bodies import MAX_NAME, MAX_NAMED
+from training.vehicles import save_vehicle
 
 SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
 WRITES = sorted(
@@ -53,11 +56,16 @@ def places(alice, trainings_taken_on) -> Callable[[str], str]:
     video = Video.objects.create(evaluation=evaluation, asked_by=alice, language="en")
     create_season(slug="tried", name="Tried", starts_on=now.date(), ends_on=now.date() + timedelta(days=9))
     names = {"slug": "tried", "alias": "guest", "token": race.invitation, "stage": "open-qualifier"}
+    names["key"] = AuthToken.objects.create(user=alice)[0].token_key
+    notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Tried"}, at=now)
+    numbers = {"notices": notice.pk, "webhooks": add_webhook(owner=alice, url="https://example.org/hook").pk}
+    vehicle = save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"])
 
     def fill(path: str) -> str:
         owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training, "videos": video}
+        owned["vehicles"] = vehicle
         room = path.removeprefix("/api/v1/").split("/")[0]
-        return path.format(**names, public_id=getattr(owned.get(room), "public_id", ""))
+        return path.format(**names, public_id=getattr(owned.get(room), "public_id", ""), number=numbers.get(room))
 
     return fill
 

@@ -87,7 +87,7 @@ def test_a_reward_function_is_tried_as_in_the_wizard(alice, as_racer):
     client = as_racer(alice)
     good = client.post(CHECK, {"reward_code": REWARD.replace("\n", "\r\n")}).data
     assert good["valid"] and good["problems"] == [] and good["rewards"]["start"] > 0
-    bad = client.post(CHECK, {"reward_code": "def reward_function(params):\n    return params['speeed']\n"}).data
+    bad = client.post(CHECK, {"reward_code": "def reward_function(params):\n    return params['speed'] / 0\n"}).data
     (problem,) = {(each["code"], each["line"], each["kind"]) for each in bad["problems"]}
     assert not bad["valid"] and problem == ("reward_raised", 2, "test")
     empty = client.post(CHECK, {"reward_code": ""}).data
