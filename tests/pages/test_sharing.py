@@ -221,14 +221,16 @@ class TestTheClone:
 
 class TestAVehicleForTheClone:
     def test_is_proposed_and_leads_back(self, world: World, shared: TrainedModel) -> None:
+        """The original car sees with one camera, and so does bob's; this model sees with two."""
         Vehicle.objects.create(owner=world.bob, name="Deep", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
+        TrainedModel.objects.filter(pk=shared.pk).update(metadata=shared.metadata | {"sensor": ["STEREO_CAMERAS"]})
         client = world.client("bob")
         wizard = body(client, f"/train/new/?clone={shared.public_id}")
         assert "None of your vehicles fits" in wizard
         link = f"/vehicles/new/?clone={shared.public_id}"
         assert f'href="{link}"' in wizard
         assert 'value="Lightning"' in body(client, link)
-        sent = {"name": "Like it", "camera": "FRONT_FACING_CAMERA", "lidar": "", "shell": "paddock"}
+        sent = {"name": "Like it", "camera": "STEREO_CAMERAS", "lidar": "", "shell": "paddock"}
         sent |= {"neural_network": "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", "colour": "#ffffff"}
         answer = client.post(link, sent)
         assert answer["Location"] == f"/train/new/?clone={shared.public_id}"

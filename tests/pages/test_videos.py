@@ -80,7 +80,7 @@ def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
 
 def test_with_scripts_the_card_follows_it(world, run):
     card = ask(world, run, **HTMX).content.decode()
-    assert card.startswith('<section class="card" id="video">')
+    assert card.startswith('<section class="card" id="video" data-say="Video: waiting.">')
     client = world.client("newcomer")
     address = re.search(r'hx-get="(/videos/\w+/live/\?seen=[^"]+)"', card)[1].replace("&amp;", "&")
     assert client.get(address).status_code == 204
@@ -164,7 +164,7 @@ def test_a_duel_offers_the_laps_of_each_car_and_names_the_one_that_is_followed(w
     ask(world, duel.evaluation, what="1:best")
     assert Video.objects.get().car == 1
     run_next_video(worker="w")
-    assert re.search(r'id="video">.*?Lap 1 · <span class="name">', page_of(world, "newcomer", duel.evaluation), re.S)
+    assert re.search(r'id="video"[^>]*>.*?Lap 1 · <span class="name">', page_of(world, "newcomer", duel.evaluation), re.S)
 
 
 def test_players_get_the_part_they_ask_for(world, run):

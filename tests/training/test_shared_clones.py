@@ -154,16 +154,28 @@ def test_a_car_of_the_console_is_proposed_to_learn_at_the_consoles_rate(alice, s
 
 
 class TestTheVehicleForIt:
-    def test_is_chosen_where_one_fits(self, alice, shared):
-        Vehicle.objects.create(owner=alice, name="A", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
-        fits = Vehicle.objects.create(owner=alice, name="B")
+    @pytest.fixture
+    def deep(self, shared):
+        """The same model with five layers, which the original car has not."""
+        metadata = METADATA | {"neural_network": "DEEP_CONVOLUTIONAL_NETWORK_DEEP"}
+        TrainedModel.objects.filter(pk=shared.pk).update(metadata=metadata)
+        return shared
+
+    def test_is_the_original_car_where_that_fits(self, alice, shared):
+        Vehicle.objects.create(owner=alice, name="A")
         initial = proposals(alice, {"clone": shared.public_id})
+        assert initial["vehicle"] == "" and LACKS_VEHICLE not in initial
+
+    def test_is_chosen_where_one_fits(self, alice, deep):
+        Vehicle.objects.create(owner=alice, name="A")
+        fits = Vehicle.objects.create(owner=alice, name="B", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
+        initial = proposals(alice, {"clone": deep.public_id})
         assert initial["vehicle"] == fits.public_id
         assert LACKS_VEHICLE not in initial
 
-    def test_is_asked_for_where_none_does(self, alice, shared):
-        Vehicle.objects.create(owner=alice, name="A", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
-        assert proposals(alice, {"clone": shared.public_id})[LACKS_VEHICLE] == shared
+    def test_is_asked_for_where_none_does(self, alice, deep):
+        Vehicle.objects.create(owner=alice, name="A")
+        assert proposals(alice, {"clone": deep.public_id})[LACKS_VEHICLE] == deep
 
     def test_is_not_missed_by_a_racer_without_any_whose_car_is_the_usual_one(self, alice, shared):
         assert LACKS_VEHICLE not in proposals(alice, {"clone": shared.public_id})
