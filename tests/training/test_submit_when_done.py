@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import pytest
 from django.db import connections
+from django.utils import timezone
 
 from evaluation.models import TrainedModel
 from races.models import Race, Submission
@@ -17,6 +18,12 @@ from training.models import JobState
 from training.services import results, run_next_training, sweep_trainings
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell", "bell")]
+
+
+@pytest.fixture
+def now() -> datetime:
+    """A worker reads the real clock, and finds the race open by it."""
+    return timezone.now()
 
 
 @pytest.fixture
