@@ -101,6 +101,7 @@ CASES = [
     Case("alice", "/settings/tokens/", "Make a token", "Your new token"),
     Case("alice", "/settings/tokens/", "Revoke", "The token is revoked"),
     Case("alice", "/settings/webhooks/", "Send a test", "The test is on its way"),
+    Case("alice", "/settings/webhooks/", "New secret", "The webhook has a new secret."),
     Case("alice", "/settings/webhooks/", "Remove", "The webhook is gone"),
     Case("alice", "/settings/webhooks/", "Add a webhook", "The webhook is made.", {"Address": "https://example.org/a"}),
     Case("alice", "/settings/notices/", "Save", "Saved."),
@@ -123,6 +124,7 @@ CASES = [
     Case("newcomer", "/tracks/import/", "Import", "The track is imported.", {"Name": "Ours", "Track file": A_TRACK}),
     Case("alice", "/models/{model}/", "Share with all racers", "The model is shared"),
     Case("alice", "/models/{shared}/", "Stop sharing", "The model is not shared any more."),
+    Case("alice", "/models/{shared}/delete/", "Delete", "The model is deleted."),
     Case("admin", "/models/{theirs}/", "Stop sharing (as an admin)", "The model is not shared any more."),
     Case("alice", "/models/{spare}/", "css=form[action$='/submit/'] button", "css=#live-card"),
     Case("alice", "/models/{model}/edit/", "Save", "Saved.", {"Name": "Lightning 2"}),
@@ -183,4 +185,6 @@ CASES = [
     Case("admin", "", "See what will follow", "css=button[value=confirmed]", {"Reason": "Sure"}, inside="body"),
     Case("admin", "", "Take results back", "css=#stewards", inside="body"),
     Case("admin", "/races/round-2/", "Publish results", "css=button[value=confirmed]", inside=STEWARD),
+    # in a window of its own: the admin of the other cases stays logged in
+    Case("admin", "/admin/", "Log out", "Log in again", inside="#header", scripts=False),
 ]

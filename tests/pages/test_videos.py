@@ -164,7 +164,9 @@ def test_a_duel_offers_the_laps_of_each_car_and_names_the_one_that_is_followed(w
     ask(world, duel.evaluation, what="1:best")
     assert Video.objects.get().car == 1
     run_next_video(worker="w")
-    assert re.search(r'id="video"[^>]*>.*?Lap 1 · <span class="name">', page_of(world, "newcomer", duel.evaluation), re.S)
+    assert re.search(
+        r'id="video"[^>]*>.*?Lap 1 · <span class="name">', page_of(world, "newcomer", duel.evaluation), re.S
+    )
 
 
 def test_players_get_the_part_they_ask_for(world, run):
