@@ -34,7 +34,7 @@ def chromium() -> Iterator[Browser]:
 def visitor(browser: Browser, address: str, racer: Racer | None = None, **options: object) -> BrowserContext:
     """A browser of its own for a guest, or for a racer who is logged in."""
     context = browser.new_context(base_url=address, locale="en-GB", **options)
-    context.set_default_timeout(10_000)
+    context.set_default_timeout(30_000)
     if racer is not None:
         client = Client()
         client.force_login(racer, backend=BACKEND)

@@ -23,7 +23,7 @@ pytestmark = [
     pytest.mark.skipif(not Path("/usr/bin/chromium").exists(), reason="Chromium is not installed"),
     pytest.mark.django_db(transaction=True),
 ]
-WAIT_MS = 10_000
+WAIT_MS = 30_000
 PRESSED = """button => {
   const form = button.form, action = form.elements.namedItem("action");
   return [!!button.closest("header"), form.method, button.getAttribute("formaction") || form.getAttribute("action")
