@@ -236,7 +236,7 @@ def test_the_theme_is_kept_without_a_flash(page: playwright.Page) -> None:
 
 def test_times_are_shown_in_the_readers_time_zone(page: playwright.Page) -> None:
     page.goto("/races/")
-    page.locator(".race-card h3 a").first.click()
+    page.locator(".race-card :is(h2, h3) a").first.click()
     moment = page.locator(".race-side dl time").first
     playwright.expect(moment).to_have_attribute("title", re.compile(r"UTC · Europe/Berlin$"))
     assert page.locator("time[data-local]").count() == 0

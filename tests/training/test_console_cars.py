@@ -162,7 +162,7 @@ class TestTheRealCar:
             hyperparameters=usual,
             reward_code=REWARD,
             stop_seconds=300.0,
-            stop_steps=520,
+            stop_steps=512,
             trials=1,
             build=CONSOLE,
         )
