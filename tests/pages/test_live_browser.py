@@ -152,7 +152,7 @@ def test_how_far_a_video_is_is_said_and_its_button_keeps_the_focus(browser, live
     assert page.evaluate("document.activeElement.closest('#video-now') !== null")
     page.keyboard.press("Enter")
     page.locator("#video:not(:has(#video-now))").wait_for()
-    page.wait_for_function("document.querySelector('#video').contains(document.activeElement)")
+    page.wait_for_function("() => document.querySelector('#video').contains(document.activeElement)")
 
 
 def test_the_wizard_says_what_is_wrong_and_trains_the_original_car_unless_told_otherwise(
