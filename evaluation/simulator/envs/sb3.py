@@ -133,11 +133,11 @@ class SB3VecEnv(VecEnv):
         return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raises NotImplementedError."""
+        """Refused: a car has no environment of its own to change. Raises NotImplementedError."""
         raise NotImplementedError(_ONE_WORLD)
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
-        """Raises NotImplementedError."""
+        """Refused: a car has no environment of its own to call. Raises NotImplementedError."""
         raise NotImplementedError(_ONE_WORLD)
 
     def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper], indices: Any = None) -> list[bool]:
