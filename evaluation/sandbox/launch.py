@@ -28,6 +28,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from .. import exact
 from . import bubblewrap, seccomp, uids
 from .enter import COMMAND
 from .frames import FrameError, wait_for
@@ -334,7 +335,7 @@ def _home() -> bubblewrap.PythonHome:
 def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Sequence[str | Path]) -> dict[str, str]:
     """The whole environment: nothing of ours (keys, addresses) goes in."""
     path = [str(CODE_ROOT), *(str(Path(part).resolve()) for part in python_path), *home.packages]
-    return {
+    ours = {
         "PYTHONPATH": os.pathsep.join(path),
         "PYTHONHASHSEED": "0",
         "PYTHONUTF8": "1",
@@ -348,6 +349,7 @@ def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Seque
         "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
         VARIABLE: spec.to_env(),
     }
+    return exact.environment(ours)
 
 
 def _pipe(theirs: contextlib.ExitStack, ours: contextlib.ExitStack, reads: str) -> tuple[int, int]:

@@ -1,0 +1,44 @@
+"""What a process must have been started with so that its arithmetic is the same on every x86-64 processor.
+
+Libraries choose their code by the processor that they find, and code with fused multiply-add or wider vectors rounds
+otherwise or adds in another order. These variables choose for all processors what x86-64-v2 (of 2008) has. Most are
+read once, before the first line of Python: they belong into the environment of a new process, see :func:`start`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+
+PINS: Mapping[str, str] = {
+    # libm: sine, arctangent, exponential and the like have variants with fused multiply-add
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX",
+    # OpenCV: the kernels for AVX2 fuse; what every supported processor has (SSE4.2) may stay
+    "OPENCV_CPU_DISABLE": "AVX512-SKX,AVX2,FMA3,AVX,FP16",
+    # numpy: its own loops, named as numpy 2.4 names them, and its matrix products
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3,X86_V4,AVX512_ICL,AVX512_SPR",
+    "OPENBLAS_CORETYPE": "Nehalem",
+}
+
+
+def environment(given: Mapping[str, str]) -> dict[str, str]:
+    """``given`` with the pins; other tunables of glibc that it has are kept."""
+    tunables = [part for part in given.get("GLIBC_TUNABLES", "").split(":") if part and ".hwcaps=" not in part]
+    return {**given, **PINS, "GLIBC_TUNABLES": ":".join([*tunables, PINS["GLIBC_TUNABLES"]])}
+
+
+def is_pinned(given: Mapping[str, str] = os.environ) -> bool:
+    """Whether a process of this environment was started with the pins."""
+    return all(value in given.get(name, "").split(":") for name, value in PINS.items())
+
+
+def start(arguments: Sequence[str]) -> None:
+    """Become a Python with the pins that runs ``arguments``: a script with its own arguments, or ``-m`` and a module.
+
+    Does not return."""
+    os.execve(sys.executable, [sys.executable, *arguments], environment(os.environ))
+
+
+if __name__ == "__main__":
+    start(sys.argv[1:])
