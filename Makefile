@@ -13,19 +13,19 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: help setup run training test lint bench clean system-run system-test
+.PHONY: help setup run training test lint bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-setup: system-run $(VENV)/.run $(VENV)/.offered ## virtual environment and dependencies (TRAINING=no: none of training's)
+setup: system-run $(VENV)/.run $(VENV)/.offered compiled ## virtual environment and dependencies (TRAINING=no: none of training's)
 
 run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 	@exec $(BIN)/python manage.py run --host $(HOST) --port $(PORT)
 
 training: system-run $(VENV)/.training ## what training models needs, however large, for the next "make run"
 
-test: system-test $(VENV)/.test $(VENV)/.offered ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
+test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
 lint: $(VENV)/.test ## style, layering, migrations, translations
@@ -36,7 +36,7 @@ lint: $(VENV)/.test ## style, layering, migrations, translations
 	$(BIN)/python manage.py check
 	$(BIN)/python manage.py spectacular --validate --fail-on-warn --file /dev/null
 
-bench: $(VENV)/.test ## all benchmarks, as one JSON object (BENCH_ARGS=--quick: minutes)
+bench: $(VENV)/.test compiled ## all benchmarks, as one JSON object (BENCH_ARGS=--quick: minutes)
 	@$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
 clean: ## the virtual environment (never the data)
@@ -47,6 +47,10 @@ system-run:
 
 system-test:
 	@scripts/system-packages.sh test
+
+# Each time: its source may have changed, or there is a compiler now. Without one the camera is slower, that is all
+compiled: $(VENV)/.run
+	@$(BIN)/python -m evaluation.simulator.camera.compiled || true
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Paddock needs Python 3.11 or newer; name it with make PYTHON=/path/to/python3.11" >&2; exit 1; }

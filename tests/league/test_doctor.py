@@ -77,6 +77,14 @@ def test_storage_that_cannot_be_written_fails(settings, tmp_path):
     assert finding(report, "storage")["status"] == "fail"
 
 
+def test_a_camera_that_is_not_compiled_is_a_warning_with_what_to_do(monkeypatch):
+    monkeypatch.setattr(doctor.compiled, "load", lambda: None)
+    status, report = examine()
+    assert status == 0
+    assert finding(report, "camera")["status"] == "warn"
+    assert "gcc" in finding(report, "camera")["detail"] and "make setup" in finding(report, "camera")["detail"]
+
+
 def test_little_disk_space_is_a_warning(monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda path: usage(10, 5, 5 * 2**20))

@@ -17,10 +17,12 @@ from evaluation.sandbox.frames import FrameClosed, FrameTimeout, read_message, w
 from evaluation.sandbox.launch import LEVEL_NAMESPACES, launch
 from evaluation.sandbox.limits import POLICY, STDERR_LIMIT
 from evaluation.sandbox.lock import EXIT_IMPORT, EXIT_MEMORY, EXIT_NOT_LOCKED
+from evaluation.simulator.camera.warp import best_warp
 from faults import PlatformFault
 from tests.shared import CHECKOUT
 
 from .conftest import PAYLOADS
+from .payloads import draws
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 SMALL = replace(POLICY, address_space_mb=256, wall_s=20)
@@ -44,6 +46,12 @@ def test_nothing_of_the_launchers_environment_goes_in(level, monkeypatch):
         found, _ = read_message(process.stdout, process.deadline)
     assert found["leaked"] == []
     assert found["modules"] == []
+
+
+def test_cars_see_inside_what_they_see_outside_drawn_in_the_same_way(level):
+    with launch("draws", limits=replace(SMALL, address_space_mb=1024), python_path=[PAYLOADS], level=level) as process:
+        found, _ = read_message(process.stdout, process.deadline)
+    assert found == {"way": best_warp().__name__, "frame": draws.digest()}
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only a root launcher hands out user ids")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evaluation.simulator.camera.optics import FRONT_CAMERA
+from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_RIGHT, Optics
 from evaluation.simulator.camera.theme import OFFICIAL
 from evaluation.simulator.camera.view import Camera, Scene
 from evaluation.simulator.car import Pose
@@ -91,13 +91,43 @@ def test_the_horizon_and_the_wall_are_at_the_height_that_geometry_says(camera, s
         assert seen == pytest.approx(foot, abs=0.8)
 
 
-def test_a_pixel_shows_the_ground_that_its_ray_meets():
-    ground = FRONT_CAMERA.ground_from_pixels()
-    x, y, w = ground @ (79.5, 59.5, 1.0)  # the axis
-    assert y == pytest.approx(0.0, abs=1e-12)
-    assert x / w - FRONT_CAMERA.x == pytest.approx(FRONT_CAMERA.height / math.tan(FRONT_CAMERA.pitch))
-    x, y, w = ground @ (0.0, 100.0, 1.0)
-    assert y / w > 0  # the picture's left is the car's left
+@pytest.mark.parametrize("level_m", [0.0, 0.05, 1.0])
+@pytest.mark.parametrize("optics", [FRONT_CAMERA, STEREO_RIGHT, Optics(pitch=0.6, columns=64, rows=48)])
+def test_a_pixel_shows_the_ground_that_its_ray_meets(optics, level_m):
+    eye = np.array((optics.x, optics.y, optics.height))
+    axis = np.array((math.cos(optics.pitch), 0.0, -math.sin(optics.pitch)))
+    down = np.array((-math.sin(optics.pitch), 0.0, -math.cos(optics.pitch)))
+    for row in (0.0, optics.rows / 2, optics.rows - 1.25):
+        ahead, left, step = optics.line_of_row(row, level_m)
+        for column in (0, optics.columns - 1):
+            ray = axis + down * (row - (optics.rows - 1) / 2) / optics.focal
+            ray[1] = -(column - (optics.columns - 1) / 2) / optics.focal
+            met = eye + ray * (level_m - optics.height) / ray[2]
+            if np.dot(met - eye, axis) > 0:
+                assert (ahead, left + column * step) == pytest.approx(tuple(met[:2]))
+            else:  # it looks the other way
+                assert ahead > 5000
+
+
+def test_a_row_at_the_horizon_meets_no_ground_that_there_is():
+    assert FRONT_CAMERA.line_of_row(FRONT_CAMERA.horizon)[0] > 9000
+
+
+@pytest.mark.parametrize("pitch", [-1.2, 0.0, 0.8, 1.5])
+def test_a_camera_may_look_up_or_down_past_its_horizon(scene, pitch):
+    frame = Camera(scene, Optics(pitch=pitch)).render(Pose(0.0, -1.2, 0.0))
+    assert (OFFICIAL.road in frame) == (pitch >= 0.0)
+
+
+@pytest.mark.parametrize("pose", [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.nan)])
+def test_nothing_is_seen_from_nowhere(camera, pose):
+    with pytest.raises(ValueError, match="nothing is seen"):
+        camera.render(Pose(*pose))
+
+
+def test_from_far_outside_there_are_only_walls(camera):
+    for far in (100.0, 1e7, 1e300):
+        assert set(camera.render(Pose(far, -far, 0.7)).ravel().tolist()) == {OFFICIAL.wall}
 
 
 def test_lines_dashes_road_field_and_sky_have_the_themes_greys(camera):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
+FAR_M = 10_000.0  # no hall is as large
 
 
 @dataclass(frozen=True)
@@ -37,23 +37,21 @@ class Optics:
         """Row (pixel centres are whole numbers) of the horizon."""
         return (self.rows - 1) / 2 - self.focal * math.tan(self.pitch)
 
-    def ground_from_pixels(self, level_m: float = 0.0) -> np.ndarray:
-        """(3, 3): homogeneous (column, row, 1) to homogeneous ground (x, y, 1) in the car's frame.
+    def line_of_row(self, row: float, level_m: float = 0.0) -> tuple[float, float, float]:
+        """Where a row of pixels meets a level plane, in the car's frame: as the camera does not roll, on a straight
+        line across. Metres ahead, metres to the left in the first column, and more metres to the left a column.
 
-        ``level_m``: of another level plane above the ground. One below the camera is seen under the horizon, one above
-        it over the horizon.
+        ``row`` may lie between two. ``level_m``: of another plane above the ground; one below the camera is seen under
+        the horizon, one above it over the horizon. Rays that meet the plane at ``FAR_M`` or later, or never, are said
+        to meet it there.
         """
-        focal, cos, sin = self.focal, math.cos(self.pitch), math.sin(self.pitch)
-        centre_u, centre_v = (self.columns - 1) / 2, (self.rows - 1) / 2
-        # A ray goes right by a = (u - cu)/f and down by b = (v - cv)/f for one unit along the axis.
-        right = np.array([1.0, 0.0, -centre_u]) / focal
-        down = np.array([0.0, 1.0, -centre_v]) / focal
-        one = np.array([0.0, 0.0, 1.0])
-        fall = sin * one + cos * down  # how far the ray falls: it meets the plane after above / fall
-        above = self.height - level_m
-        forward = above * (cos * one - sin * down) + self.x * fall
-        left = -above * right + self.y * fall
-        return np.array([forward, left, fall])
+        # A ray goes right by a = (column - centre) / focal and down by this for one unit along the axis.
+        down = (row - (self.rows - 1) / 2) / self.focal
+        cos, sin = math.cos(self.pitch), math.sin(self.pitch)
+        above, fall = self.height - level_m, sin + cos * down
+        units = min(above / fall, FAR_M) if above * fall > 0.0 else FAR_M
+        step = -units / self.focal
+        return self.x + units * (cos - sin * down), self.y - step * (self.columns - 1) / 2, step
 
 
 FRONT_CAMERA = Optics()

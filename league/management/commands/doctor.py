@@ -22,6 +22,7 @@ from django.db.migrations.executor import MigrationExecutor
 from django.utils.crypto import get_random_string
 
 from evaluation.sandbox.probe import SandboxReport, probe
+from evaluation.simulator.camera import compiled
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
 from league.management import JsonCommand
 from races.services.videos import encoder_problem
@@ -67,7 +68,7 @@ class Command(JsonCommand):
 
     def handle(self, **options: Any) -> None:
         report = probe()
-        findings = [*sandbox(report), *database(), *services(), *storage(), *videos(), *versions()]
+        findings = [*sandbox(report), *database(), *services(), *storage(), *simulator(), *videos(), *versions()]
         failed = any(finding.status == FAIL for finding in findings)
         if options["json"]:
             document = {
@@ -181,6 +182,13 @@ def storage() -> Iterator[Finding]:
     free_mb = shutil.disk_usage(settings.DATA_DIR).free // 2**20
     low = free_mb < LOW_DISK_MB
     yield Finding(area, "disk space", WARN if low else OK, f"{free_mb} MB free{', make room' if low else ''}")
+
+
+def simulator() -> Iterator[Finding]:
+    """Whether what cars see is drawn the fast way."""
+    there = compiled.load() is not None
+    missing = "not compiled: runs take longer and end the same; install a C compiler (Debian: gcc), then make setup"
+    yield Finding("Simulator", "camera", OK if there else WARN, "compiled" if there else missing)
 
 
 def videos() -> Iterator[Finding]:

@@ -1,0 +1,128 @@
+"""Fill a frame from pictures of level planes, in whole numbers: the same to the bit on every processor.
+
+A camera that does not roll sees a level plane row by row along straight lines, at a constant step from a column to the
+next. So a row needs no division for each of its pixels, only its line: where its first column looks, and the step, as
+columns and rows of the plane's picture. Places are 64-bit numbers with ``FRACTION`` bits after the point.
+
+A pixel is the mean of its four neighbours in the picture, weighed by how near they are (bilinear) in steps of 1/256;
+what lies outside of the picture is wall. Rows of the frame that cover much ground are the mean of several lines.
+
+There are two ways that draw the same: :class:`NumpyWarp` says what is drawn, :class:`CompiledWarp` is many times as
+fast and needs what :mod:`.compiled` makes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from . import compiled
+
+FRACTION = 32
+HALF_WEIGHT = 1 << (FRACTION - 9)  # added to a place, so that cutting off its weights rounds them
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Rows ``first`` to ``last`` (one past) of the frame, drawn from one picture (uint8 (rows, columns)); each the mean
+    of 2^``doublings`` lines."""
+
+    pixels: np.ndarray
+    first: int
+    last: int
+    doublings: int
+
+    @property
+    def lines(self) -> int:
+        """How many lines it takes."""
+        return (self.last - self.first) << self.doublings
+
+
+class Warp:
+    """Draws ``strips``, which together are all rows of a frame. Write :attr:`lines`, call :meth:`draw`, read
+    :attr:`frame` (uint8 (rows, columns)).
+
+    ``lines``: int64 (4, lines of all strips): column and row of the picture where a line's first pixel looks, plus
+    ``HALF_WEIGHT``, and the steps in both. No place on a line may be farther off than 2^29 pixels.
+    """
+
+    def __init__(self, strips: Sequence[Strip], columns: int, wall: int) -> None:
+        self.strips = [
+            Strip(np.ascontiguousarray(strip.pixels, np.uint8), strip.first, strip.last, strip.doublings)
+            for strip in strips
+        ]
+        self.wall = wall
+        self.lines = np.zeros((4, sum(strip.lines for strip in strips)), np.int64)
+        self.frame = np.zeros((sum(strip.last - strip.first for strip in strips), columns), np.uint8)
+
+    def draw(self) -> None:
+        """Fill the frame from the lines."""
+        raise NotImplementedError
+
+
+class NumpyWarp(Warp):
+    """The one that needs nothing but numpy, and that the other is held against."""
+
+    def draw(self) -> None:
+        along = np.arange(self.frame.shape[1])
+        drawn = 0
+        for strip in self.strips:
+            column, row, column_step, row_step = self.lines[:, drawn : drawn + strip.lines, None]
+            drawn += strip.lines
+            sums = self._blended(strip.pixels, column + along * column_step, row + along * row_step)
+            sums = sums.reshape(strip.last - strip.first, 1 << strip.doublings, len(along)).sum(axis=1)
+            shift = 16 + strip.doublings
+            self.frame[strip.first : strip.last] = (sums + (1 << (shift - 1))) >> shift
+
+    def _blended(self, pixels: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Greys, times 2^16, at these places."""
+        across, up = (place >> (FRACTION - 8) & 255 for place in (column, row))
+        column, row = column >> FRACTION, row >> FRACTION
+        low = self._greys(pixels, column, row) * (256 - across) + self._greys(pixels, column + 1, row) * across
+        row = row + 1
+        high = self._greys(pixels, column, row) * (256 - across) + self._greys(pixels, column + 1, row) * across
+        return low * (256 - up) + high * up
+
+    def _greys(self, pixels: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        rows, columns = pixels.shape
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        greys = pixels.reshape(-1).take(row * columns + column, mode="clip")
+        return np.where(inside, greys, self.wall)
+
+
+class CompiledWarp(Warp):
+    """The one in C, a call for each frame."""
+
+    library: ClassVar[ctypes.CDLL | None] = compiled.load()
+
+    def __init__(self, strips: Sequence[Strip], columns: int, wall: int) -> None:
+        super().__init__(strips, columns, wall)
+        assert self.library is not None
+        self._function = self.library.paddock_warp
+        self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64] * 3 + [ctypes.c_int64]
+        self._function.restype = None
+        # struct strip of warp.c; the arrays stay where they are as long as this object has them
+        self._table = np.array(
+            [
+                (strip.pixels.ctypes.data, *strip.pixels.shape[::-1], strip.first, strip.last, strip.doublings)
+                for strip in self.strips
+            ],
+            np.int64,
+        )
+        self._arguments = (
+            *(self._table.ctypes.data, len(self._table)),
+            *(self.lines.ctypes.data, self.lines.shape[1]),
+            *(self.frame.ctypes.data, columns, wall),
+        )
+
+    def draw(self) -> None:
+        self._function(*self._arguments)
+
+
+def best_warp() -> type[Warp]:
+    """The faster of the two where it is there."""
+    return NumpyWarp if CompiledWarp.library is None else CompiledWarp
