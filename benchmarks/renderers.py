@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.sandbox.policy_process import Policy, load
+from evaluation.network.session import load
+from evaluation.sandbox.policy_process import Policy
 from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.camera.optics import Optics
 from evaluation.simulator.camera.view import Camera
@@ -107,11 +108,6 @@ def _network(car: AdmittedCar) -> Callable[[np.ndarray], None]:
     specs = [sensor_spec(name) for name in sorted(car.metadata["sensor"])]
     space = ActionSpace.from_metadata(car.metadata)
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
-    policy = Policy(load(car.onnx), {"inputs": inputs, "outputs": space.size})
-    request = memoryview(policy.request)
-
-    def run(frame: np.ndarray) -> None:
-        request[-frame.nbytes :] = memoryview(np.ascontiguousarray(frame)).cast("B")
-        policy.run()
-
-    return run
+    policy = Policy(load(car.onnx), {"inputs": inputs, "outputs": space.size, "ranges": space.ranges})
+    (sensor,) = specs
+    return lambda frame: policy.answer({sensor.name: frame.reshape(sensor.shape)})

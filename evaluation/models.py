@@ -36,13 +36,22 @@ def reason_sentence(code: str, params: dict[str, Any]) -> str:
 
 
 class Network(models.Model):
-    """The canonical bytes that run, stored once however many racers upload them. ``sha256`` is a model's identity."""
+    """The canonical bytes that run, stored once however many racers upload them. ``sha256`` is a model's identity.
+
+    ``facts``: as in :class:`evaluation.network.bound.Facts`; None for one that was admitted before there were any.
+    """
 
     sha256 = models.CharField(_("sha-256"), max_length=64, primary_key=True)
     onnx = models.FileField(_("canonical ONNX"), upload_to="networks/")
     size = models.PositiveIntegerField(_("bytes"))
     parameters = models.PositiveIntegerField(_("weights"))
     macs = models.PositiveBigIntegerField(_("multiplications a step"))
+    facts = models.JSONField(
+        _("facts"),
+        null=True,
+        blank=True,
+        help_text=_("What its admission found out of its arithmetic. Empty: it is found out at each start."),
+    )
     created_at = models.DateTimeField(_("first seen"), default=timezone.now)
 
     class Meta:

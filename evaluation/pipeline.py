@@ -1,6 +1,7 @@
 """From models and a race to lap times: a policy process a model, one runner process, and this process between them.
 
-Nothing in an :class:`EvaluationOutcome` but ``wall_s``, ``shares`` and ``peak_mb`` depends on the wall clock.
+Nothing in an :class:`EvaluationOutcome` but ``wall_s``, ``shares`` and ``peak_mb`` depends on the wall clock, and
+nothing but these and ``ways`` on the processor.
 """
 
 from __future__ import annotations
@@ -9,20 +10,22 @@ import contextlib
 import json
 import select
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from tracks.geometry import TrackGeometry
 
 from .crew import Crew
+from .network.bound import Facts
 from .rivals import check_rivals
 from .sandbox.cores import one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from .sandbox.launch import widen_pipe
 from .sandbox.policy import describe, failed_start
 from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
+from .sandbox.policy_wire import EXCEEDED, WAYS
 from .simulator.camera.theme import OFFICIAL
 from .simulator.engine import cpu_model
 from .simulator.rules import RaceRules
@@ -40,11 +43,13 @@ class RivalCar:
 
     onnx: bytes
     metadata: dict[str, Any]
+    facts: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
 class RaceJob:
-    """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes.
+    """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes;
+    ``facts``: what its admission found out (:class:`evaluation.network.bound.Facts`), None if that is not known.
 
     ``rivals``: cars 1, 2 and 3; the model itself is car 0. ``look``: what cameras see of the track, the name of one of
     ``evaluation.simulator.camera.theme.THEMES``. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
@@ -56,6 +61,7 @@ class RaceJob:
     metadata: dict[str, Any]
     rivals: tuple[RivalCar, ...] = ()
     look: str = OFFICIAL.name
+    facts: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         check_rivals(self.rules, len(self.rivals))
@@ -99,7 +105,9 @@ class EvaluationOutcome:
     metres and radians. ``order``: the numbers of all cars, winner first. ``simulated_ms`` and ``steps``: until the last
     car was done. ``shares``: wall seconds in ``start`` (processes, loading), ``physics``, ``camera``, ``policy`` (of
     which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
-    sets of policies and runner added up.
+    sets of policies and runner added up. ``ways``: for each car, how many steps were answered in each of the ways of
+    :data:`evaluation.sandbox.policy_wire.WAYS`. ``inexact``: numbers of cars whose bound did not hold
+    (:class:`evaluation.network.bound.Facts`); all was driven again without it.
     """
 
     laps: list[dict[str, Any]]
@@ -119,6 +127,8 @@ class EvaluationOutcome:
     course: dict[str, list] = field(default_factory=dict)
     order: list[int] = field(default_factory=lambda: [0])
     rivals: list[CarOutcome] = field(default_factory=list)
+    ways: list[list[int]] = field(default_factory=list)
+    inexact: list[int] = field(default_factory=list)
 
 
 def evaluate(
@@ -146,13 +156,42 @@ def evaluate(
     ``sandbox_failed``, ``host_overloaded``, ``runner_timeout``, ``runner_died``, ``runner_protocol``,
     ``runner_error``; notes on it (``__notes__``) carry what the processes wrote to stderr, for operators.
     """
+    outcome = _evaluate(job, on_progress, should_stop, wall_limit_s, budget or PolicyBudget(), level, crew)
+    inexact = [number for number, ways in enumerate(outcome.ways) if ways[EXCEEDED]]
+    if not inexact:
+        return outcome
+    # A bound did not hold, so earlier answers may have been wrong: once more, with exact answers only.
+    job = _exactly(job, inexact)
+    outcome = _evaluate(job, on_progress, should_stop, wall_limit_s, budget or PolicyBudget(), level, None)
+    return replace(outcome, inexact=inexact)
+
+
+def _exactly(job: RaceJob, numbers: Sequence[int]) -> RaceJob:
+    """The job with cars whose answers are all computed in float64."""
+    exact = Facts(bound=None).to_dict()
+    rivals = tuple(
+        replace(rival, facts=exact) if number in numbers else rival for number, rival in enumerate(job.rivals, 1)
+    )
+    return replace(job, facts=exact if 0 in numbers else job.facts, rivals=rivals)
+
+
+def _evaluate(
+    job: RaceJob,
+    on_progress: Callable[[dict[str, Any]], None] | None,
+    should_stop: Callable[[], bool],
+    wall_limit_s: float,
+    budget: PolicyBudget,
+    level: int | None,
+    crew: Crew | None,
+) -> EvaluationOutcome:
+    """:func:`evaluate` without a second look."""
     started = time.monotonic()
     cars = 1 + len(job.rivals)
     with crew or Crew(cars, level) as used:
         used.enlist(cars)
         used.runner.allow(wall_limit_s * cars)
         run = _Run(used, on_progress, should_stop)
-        onnxruntime = run.prepare(job, budget or PolicyBudget())
+        onnxruntime = run.prepare(job, budget)
         prepared = time.monotonic()
         with one_core([process.inner_pid for process in run.processes.values()]):
             message, blobs = run.drive()
@@ -164,6 +203,7 @@ def evaluate(
                 blobs,
                 run.retired,
                 onnxruntime,
+                ways=_ways(message["ways"], cars),
                 cpu_model=cpu_model(),
                 wall_s=wall_s,
                 shares=_shares({**seconds, **message["seconds"]}, wall_s),
@@ -207,7 +247,7 @@ class _Run:
             )
             for number, car in enumerate(cars):
                 with self._retiring(number):
-                    self._policies[number].give(car.onnx)
+                    self._policies[number].give(car.onnx, car.facts)
             answer, _ = read_message(self._runner.stdout, max(deadline, time.monotonic() + _MESSAGE_S))
         except FrameError as error:
             raise failed_start(self._runner, str(error)) from None
@@ -336,6 +376,14 @@ def _outcome(
         rivals=rivals,
         **measured,
     )
+
+
+def _ways(said: Any, cars: int) -> list[list[int]]:
+    """How many steps of each car were answered in each way. Raises ValueError for what is none."""
+    ways = [[int(count) for count in car] for car in said]
+    if len(ways) != cars or any(len(car) != len(WAYS) for car in ways):
+        raise ValueError("not the ways of all cars")
+    return ways
 
 
 def _why(said: dict[str, Any] | None, known: UserFault | None) -> dict[str, Any] | None:

@@ -31,6 +31,7 @@ from tracks.geometry import TrackGeometry
 
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
+from .sandbox.policy_wire import WAYS
 from .simulator.action import ActionSpace
 from .simulator.camera.theme import THEMES
 from .simulator.engine import versions
@@ -113,7 +114,8 @@ def _run(frames_in: int, frames_out: int) -> None:
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
     course = json.dumps(result.course, allow_nan=False, separators=(",", ":")).encode()
     blobs = [course, *(car.trace.to_csv() for car in cars)]
-    write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds}, blobs)
+    ways = [[client.counts[way] for way in WAYS] for client in clients]
+    write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds, "ways": ways}, blobs)
     with contextlib.suppress(FrameError):  # with this process the policies would end, and nobody could measure them
         read_message(frames_in)
 
@@ -201,7 +203,7 @@ def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, 
     """What the policy must take and answer."""
     specs = [sensor_spec(name, metadata.get("lidar_config")) for name in sorted(metadata["sensor"])]
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
-    return {"inputs": inputs, "outputs": space.size}
+    return {"inputs": inputs, "outputs": space.size, "ranges": space.ranges}
 
 
 def _outcome(result: RaceResult, cars: Sequence[RaceResult | CarResult]) -> dict[str, Any]:

@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from evaluation.network.bound import Facts
+from evaluation.network.wire import printable
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import CONVERTER, Limits
@@ -27,13 +29,13 @@ from .limits import DEFAULT_LIMITS, PackageLimits
 from .metadata import ModelMetadata, parse_metadata
 from .read import RawPackage, UploadPart, read_upload
 from .slots import upload_slot
-from .wire import printable
 
 MODULE = "evaluation.packages.convert_process"
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
-Answer = tuple[bytes, int, int, str]  # canonical bytes, parameters, multiplications, which of several outputs
+# canonical bytes, parameters, multiplications, which of several outputs, facts
+Answer = tuple[bytes, int, int, str, Facts]
 _LOCKED = {"state": "locked"}
 
 
@@ -61,6 +63,7 @@ class AdmittedPackage:
     source_sha256: str  # of the upload itself
     parameters: int
     macs: int  # multiplications a step
+    facts: Facts  # of its arithmetic
     # what the racer is told of the upload
     taken: str = ""  # the network's name in the archive
     reason: str = ""  # why this checkpoint: a word of .choose
@@ -89,7 +92,7 @@ def admit(
         metadata = parse_metadata(package.metadata_json, limits)
         contents = [package.model, package.metadata_json, *package.weights.values()]
         package = replace(package, model=b"", weights=dict.fromkeys(package.weights, b""))
-        onnx, parameters, macs, output = _ask(package, contents, limits)
+        onnx, parameters, macs, output, facts = _ask(package, contents, limits)
     return AdmittedPackage(
         onnx=onnx,
         sha256=identity(onnx, metadata),
@@ -98,6 +101,7 @@ def admit(
         source_sha256=package.source_sha256,
         parameters=parameters,
         macs=macs,
+        facts=facts,
         taken=printable(package.taken, 255),
         reason=package.reason,
         output=output,
@@ -182,9 +186,13 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
         and 0 <= macs <= limits.macs
         and isinstance(output, str)
     )
+    try:
+        facts = Facts.from_dict(header["facts"])
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        sane = False
     if not sane:
         raise UserFault("conversion_crashed")
-    return blobs[0], parameters, macs, printable(output, 80)
+    return blobs[0], parameters, macs, printable(output, 80), facts
 
 
 def _refusal(error: object) -> UserFault:

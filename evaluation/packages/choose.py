@@ -18,11 +18,11 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from evaluation.network.wire import printable
 from faults import UserFault
 
 from .kinds import SB3, is_weights_file
 from .limits import PackageLimits
-from .wire import printable
 
 METADATA = "model_metadata.json"
 CHECKPOINTS = "deepracer_checkpoints.json"

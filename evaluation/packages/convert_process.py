@@ -7,15 +7,18 @@ of a stranger's network before its canonical form exists.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from onnxruntime.capi import onnxruntime_pybind11_state as pybind
 
+from evaluation.network.bound import Facts, derive_bound
+from evaluation.network.probes import PLAIN, probes
+from evaluation.network.session import Refused, load
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
-from evaluation.sandbox.policy_process import Refused, load
 from faults import UserFault
 
 from .gate import Canonical, check_onnx
-from .inputs import InputSpec
 from .limits import PackageLimits
 from .metadata import ModelMetadata, parse_metadata
 from .read import TENSORFLOW
@@ -39,8 +42,8 @@ def main(frames_in: int, frames_out: int) -> int:
     except UserFault as fault:
         write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
         return 0
-    facts = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs, "output": canonical.taken}
-    write_message(frames_out, facts, [canonical.onnx])
+    said = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs, "output": canonical.taken}
+    write_message(frames_out, {**said, "facts": canonical.facts.to_dict()}, [canonical.onnx])
     return 0
 
 
@@ -61,34 +64,24 @@ def admit_network(
     if kind == TENSORFLOW:
         held.append(convert(held.pop(), metadata.inputs, limits))
     canonical = check_onnx(held.pop(), metadata, limits, weights)
-    _try_out(canonical, metadata)
-    return canonical
+    return replace(canonical, facts=_try_out(canonical))
 
 
-def _try_out(canonical: Canonical, metadata: ModelMetadata) -> None:
-    """Run the network on a black, a white and a noisy frame: it must run, and answer finite values."""
+def _try_out(canonical: Canonical) -> Facts:
+    """Run the network on a black, a white and a noisy frame: it must run, and answer finite values, in float32 and in
+    float64. What is to be known of it when it races."""
     try:
-        session = load(canonical.onnx)
+        network = load(canonical.onnx, canonical.facts)
     except Refused as refusal:
         raise UserFault("network_fails") from refusal
-    for frame in range(3):
-        feed = {
-            name: _observation(spec, dtype, shape, frame)
-            for (name, dtype, shape), spec in zip(canonical.inputs, metadata.inputs, strict=True)
-        }
+    session, reference = network.session, network.reference
+    for feeds in probes(canonical.inputs, PLAIN):
         try:
-            (answer,) = session.run(None, feed)
-        except _RUN_ERRORS as error:
+            (answer,) = session.run(None, feeds)
+            exact = reference.run(feeds)
+        except (*_RUN_ERRORS, ValueError, IndexError) as error:
             raise UserFault("network_fails") from error
-        if not np.isfinite(answer).all():
+        if not (np.isfinite(answer).all() and np.isfinite(exact).all()):
             raise UserFault("network_non_finite")
-
-
-def _observation(spec: InputSpec, dtype: str, shape: tuple[int, ...], frame: int) -> np.ndarray:
-    """A frame of only the least values, only the greatest, or a fixed noise."""
-    top = 255 if spec.is_picture else 1
-    if frame < 2:
-        return np.full(shape, frame * top, dtype)
-    # Knuth's multiplicative hash (numpy.random would be imported only now, which the lock forbids)
-    scattered = (np.arange(np.prod(shape), dtype=np.uint64) * 2654435761 & 0xFFFFFFFF) >> 16
-    return (scattered % (top + 1)).astype(dtype).reshape(shape)
+    bound = derive_bound(lambda feeds: session.run(None, feeds)[0], reference, canonical.inputs)
+    return replace(canonical.facts, bound=bound)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import re
 
+from evaluation.network.wire import printable
 from faults import UserFault
 
 from .limits import PackageLimits
-from .wire import printable
 
 _DROPPINGS = re.compile(r"(.*/)?(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*)\Z")
 

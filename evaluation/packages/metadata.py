@@ -14,11 +14,11 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from evaluation.network.wire import printable
 from faults import UserFault
 
 from .inputs import CAMERAS, LIDAR_BEAMS, LIDAR_DEFAULTS, LIDARS, SENSOR_NAMES, InputSpec, input_spec, lidar_settings
 from .limits import DEFAULT_LIMITS, PackageLimits
-from .wire import printable
 
 NETWORKS = (
     "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW",

@@ -46,20 +46,21 @@ class PolicyProcess:
     def __exit__(self, *_exc: object) -> None:
         self.process.close()
 
-    def load(self, onnx: bytes, header: dict[str, Any]) -> str:
+    def load(self, onnx: bytes, header: dict[str, Any], facts: dict[str, Any] | None = None) -> str:
         """:meth:`give` and :meth:`agree` in one; the form for a referee in this very process."""
-        self.give(onnx)
+        self.give(onnx, facts)
         return self.agree(header)
 
-    def give(self, onnx: bytes) -> None:
-        """Wait for the lock, then hand over the canonical ONNX bytes.
+    def give(self, onnx: bytes, facts: dict[str, Any] | None = None) -> None:
+        """Wait for the lock, then hand over the canonical ONNX bytes and what is known of them
+        (:class:`evaluation.network.bound.Facts`; None: it is found out now).
 
         Raises UserFault (``policy_died``, ``policy_late``); PlatformFault("sandbox_failed") if the process did not get
         as far as its lock.
         """
         self._wait_for_lock()
         with self._blaming_the_policy():
-            write_message(self.process.stdin, {}, [onnx], time.monotonic() + LOAD_S)
+            write_message(self.process.stdin, {"facts": facts}, [onnx], time.monotonic() + LOAD_S)
 
     def agree(self, header: dict[str, Any]) -> str:
         """Say what goes in and out (a header of :mod:`.policy_wire`) and wait until the network is loaded.
@@ -92,7 +93,8 @@ class PolicyProcess:
         One that wants the processor and hardly got it is not slow, and one that got SIGKILL did not die of itself (it
         may signal nobody; the kernel does so when the host's memory runs out): PlatformFault("host_overloaded").
         """
-        if fault.code == "policy_late" and self._starved(float(fault.params.get("waited_s", 0.0))):
+        late = fault.code in ("policy_late", "policy_late_exact")
+        if late and self._starved(float(fault.params.get("waited_s", 0.0))):
             return PlatformFault("host_overloaded")
         if fault.code != "policy_died":
             return fault

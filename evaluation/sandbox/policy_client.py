@@ -14,7 +14,7 @@ import numpy as np
 from faults import UserFault
 
 from .limits import POLICY_S
-from .policy_wire import STEP, reply_buffer, request_buffer
+from .policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, reply_buffer, request_buffer
 
 STEP_DEADLINE_S = 1.0
 OVERAGE_S = 10.0
@@ -27,8 +27,11 @@ class PolicyClient:
     A step may take ``step_deadline_s``; what is above comes from a bank of ``overage_s`` for the whole run (Kaggle's
     rule), and all steps together may take ``total_s``. Slowness within that budget changes nothing but wall time.
 
-    Raises UserFault: ``policy_late``, ``policy_died``, ``policy_protocol`` (anything but one reply to this step),
-    ``non_finite_action``. After any of them the pipes are of no use any more. ``seconds`` counts the time spent in it.
+    ``counts``: steps by the way they were answered, see :data:`.policy_wire.WAYS`.
+
+    Raises UserFault: ``policy_late``, ``policy_late_exact`` (the same where most steps went the exact way),
+    ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them
+    the pipes are of no use any more. ``seconds`` counts the time spent in it.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class PolicyClient:
         self._started = self._until = 0.0
         self.step = 0
         self.seconds = 0.0
+        self.counts = dict.fromkeys(WAYS, 0)
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """One step. ``observation`` must have exactly the header's sensors, dtypes and shapes (else ValueError)."""
@@ -107,17 +111,23 @@ class PolicyClient:
             if not chunk:
                 raise self._died()
             reply += chunk
-        if len(reply) > self._reply_size or STEP.unpack_from(reply)[0] != self.step:
+        if len(reply) > self._reply_size:
             raise UserFault("policy_protocol", step=self.step)
-        return np.frombuffer(reply, self._action.dtype, offset=STEP.size)
+        step, way = REPLY.unpack_from(reply)
+        if step != self.step or way not in self.counts:
+            raise UserFault("policy_protocol", step=self.step)
+        self.counts[way] += 1
+        return np.frombuffer(reply, self._action.dtype, offset=REPLY.size)
 
     def _wait(self, poller: select.poll) -> None:
         # Looked at once in any case: if this process was not scheduled in time, that is not the network's slowness.
         left = max(0.0, self._until - time.monotonic())
         if not poller.poll(left * 1000):
+            exact = self.counts[EXACT] + self.counts[EXCEEDED]
             raise UserFault(
-                "policy_late",
+                "policy_late_exact" if 2 * exact > self.step else "policy_late",
                 step=self.step,
+                exact=exact,
                 step_s=self._step_deadline_s,
                 overage_s=self._overage_s,
                 total_s=self._total_s,

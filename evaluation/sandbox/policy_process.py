@@ -14,14 +14,19 @@ import ctypes
 import math
 import os
 import select
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import onnxruntime
 
+from evaluation.network.bound import Facts, derive_bound, rounded
+from evaluation.network.session import Loaded, Refused, load, memory_or, plain
+from evaluation.simulator.action import is_clear
+
 from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
 from .lock import EXIT_MEMORY
-from .policy_wire import STEP, reply_buffer, request_buffer
+from .policy_wire import CHECKED, EXACT, EXCEEDED, FAST, REPLY, STEP, WAYS, reply_buffer, request_buffer
 
 _DTYPES = {
     "tensor(float)": np.float32,
@@ -36,11 +41,7 @@ _DTYPES = {
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # malloc.h
 _IDLE_MS = 100  # without a request for so long, there is time to prepare for one
 _BLOCK, _BLOCKS = 4 << 20, 32  # bytes; in all what the largest network takes on its way into a session
-_OPERATIONS = 1 << 16  # in the canonical form a graph's operations come before its weights
-
-
-class Refused(Exception):
-    """The runtime does not take this network, or it does not fit the header."""
+CHECK_EVERY = 256  # steps
 
 
 def main(frames_in: int, frames_out: int) -> int:
@@ -48,12 +49,12 @@ def main(frames_in: int, frames_out: int) -> int:
     write_message(frames_out, {"state": "locked"})
     keep_freed_memory()
     fetch_memory(frames_in)
-    _, [onnx] = read_message(frames_in, blob_limit=MAX_NETWORK)
+    given, [onnx] = read_message(frames_in, blob_limit=MAX_NETWORK)
     try:
-        session = load(onnx)
-        del onnx  # the session has its own copy
+        facts = given.get("facts")
+        network = load(onnx, None if facts is None else Facts.from_dict(facts))
         header, _ = read_message(frames_in)
-        policy = Policy(session, header)
+        policy = Policy(network, header)
     except Refused as refusal:
         write_message(frames_out, {"state": "refused", "detail": str(refusal), "version": onnxruntime.__version__})
         return 0
@@ -86,33 +87,13 @@ def fetch_memory(frames_in: int) -> None:
         wait_ms = 0
 
 
-def load(onnx: bytes) -> onnxruntime.InferenceSession:
-    """A session of one thread that computes the same bits every time. Raises Refused, MemoryError."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-    options.use_deterministic_compute = True
-    options.log_severity_level = 4
-    # Bytes in onnxruntime's own format would be run too, by another parser than the one that judged the network.
-    options.add_session_config_entry("session.load_model_format", "ONNX")
-    if b"MatMul" not in onnx[:_OPERATIONS]:
-        # Weights of dense layers lie as one row wants them (the gate sees to it, and makes convolutions of the large
-        # ones): packed for many rows they would take twice the memory and longer to load. A bare MatMul has them the
-        # other way.
-        options.add_session_config_entry("session.disable_prepacking", "1")
-    try:
-        return onnxruntime.InferenceSession(onnx, options, providers=["CPUExecutionProvider"])
-    except Exception as error:
-        raise _memory_or(error, Refused(_plain(str(error)))) from None
-
-
 def serve(policy: Policy, frames_in: int, frames_out: int) -> int:
     """Answer requests until the input closes."""
     request, reply = policy.request, policy.reply
     while _read_into(frames_in, request):
-        reply[: STEP.size] = request[: STEP.size]
         try:
-            policy.run()
+            way = policy.run()
+            REPLY.pack_into(reply, 0, *STEP.unpack_from(request), way)
         except MemoryError:
             return EXIT_MEMORY
         os.write(frames_out, reply)  # far below PIPE_BUF: one piece
@@ -120,39 +101,98 @@ def serve(policy: Policy, frames_in: int, frames_out: int) -> int:
 
 
 class Policy:
-    """A session whose input and output buffers are allocated once.
+    """A network whose input and output buffers are allocated once, and whose answers decide the same everywhere.
 
-    ``request``: fill it as the module says; :meth:`run`; ``reply`` then holds the output behind the step number.
-    Raises Refused.
+    ``request``: fill it as the module says; :meth:`run`; ``reply`` then holds the output behind its head. ``counts``:
+    of the steps so far, by the ways of :data:`.policy_wire.WAYS`. Raises Refused.
     """
 
-    def __init__(self, session: onnxruntime.InferenceSession, header: dict[str, Any]) -> None:
-        self._session = session
+    def __init__(self, network: Loaded, header: dict[str, Any]) -> None:
+        self._network, self._session = network, network.session
         self._binding = self._session.io_binding()
         self._feeds: list[tuple[np.ndarray, np.ndarray]] = []
-        self.request, observations = request_buffer(header)
+        self._named: dict[str, np.ndarray] = {}
+        self.request, self._observations = request_buffer(header)
         self.reply, self._action = reply_buffer(header)
-        self._bind_inputs(observations)
+        self._bind_inputs(self._observations)
         self._bind_output()
+        self._judges, self._ranges = "ranges" in header, header.get("ranges")
+        self._bound = self._known_bound() if self._judges else None
+        self._steps = 0
+        self.counts = dict.fromkeys(WAYS, 0)
 
-    def run(self) -> None:
-        """One inference. Raises MemoryError; any other failure is the runtime's own exception."""
+    def run(self) -> int:
+        """One inference; how it was answered. Raises MemoryError; any other failure is the runtime's own exception.
+
+        float32 answers where no error within the bound can change the action; else float64 does. Once in
+        :data:`CHECK_EVERY` steps both are computed, to see that the bound holds; when it does not, float64 answers from
+        then on."""
         for feed, observation in self._feeds:
             np.copyto(feed, observation, casting="unsafe")
+        way = self._answered()
+        self.counts[way] += 1
+        return way
+
+    def answer(self, readings: Mapping[str, np.ndarray]) -> np.ndarray:
+        """One step for a referee in this very process: sensors' readings in, the float32 row out, a fresh array."""
+        for name, place in self._observations.items():
+            np.copyto(place, readings[name])
+        self.run()
+        return self._action.copy()
+
+    def _answered(self) -> int:
+        if not self._judges:
+            self._run_fast()
+            return FAST
+        step, self._steps = self._steps, self._steps + 1
+        if self._bound is None:
+            self._action[...] = self._exact()
+            return EXACT
+        self._run_fast()
+        clear = is_clear(self._action.tolist(), self._bound, self._ranges)
+        if clear and step % CHECK_EVERY:
+            return FAST
+        exact = self._exact()
+        # (two infinities differ by no number: then nothing is shown)
+        exceeded = float(np.abs(exact.astype(np.float64) - self._action).max()) > self._bound
+        self._action[...] = exact
+        if exceeded:
+            self._bound = None
+            return EXCEEDED
+        return CHECKED if clear else EXACT
+
+    def _run_fast(self) -> None:
         try:
             self._session.run_with_iobinding(self._binding)
         except Exception as error:
-            raise _memory_or(error, error) from None
+            raise memory_or(error, error) from None
         np.copyto(self._action, self._output, casting="unsafe")
+
+    def _exact(self) -> np.ndarray:
+        return rounded(self._network.reference.run(self._named))
+
+    def _known_bound(self) -> float | None:
+        """The bound of the admission, or one that is derived now: of a network from before there were any."""
+        if self._network.facts is not None:
+            return self._network.facts.bound
+
+        def answer(feeds: dict[str, np.ndarray]) -> np.ndarray:
+            for name, feed in self._named.items():
+                np.copyto(feed, feeds[name])
+            self._run_fast()
+            return self._action.copy()
+
+        return derive_bound(answer, self._network.reference, self._network.inputs)
 
     def _bind_inputs(self, observations: dict[str, np.ndarray]) -> None:
         inputs = {node.name: node for node in self._session.get_inputs()}
         if set(inputs) != set(observations):
-            raise Refused(_plain(f"its inputs are {sorted(inputs)} where the sensors are {sorted(observations)}"))
+            raise Refused(plain(f"its inputs are {sorted(inputs)} where the sensors are {sorted(observations)}"))
         for name, observation in observations.items():
             node = inputs[name]
             feed = np.zeros(_static(node), _dtype(node))
             self._feeds.append((feed, _layout(observation, feed.shape)))
+            self._named[name] = feed
             self._binding.bind_input(node.name, "cpu", 0, feed.dtype.type, feed.shape, feed.ctypes.data)
 
     def _bind_output(self) -> None:
@@ -165,25 +205,9 @@ class Policy:
         self._output = output.reshape(-1)
 
 
-def _memory_or(error: Exception, otherwise: Exception) -> Exception:
-    """onnxruntime reports memory that the limit refused as a message of one of its own exceptions."""
-    text = f"{error}".lower()
-    if isinstance(error, MemoryError) or any(
-        word in text for word in ("bad_alloc", "bad allocation", "allocate memory")
-    ):
-        return MemoryError()
-    return otherwise
-
-
-def _plain(text: str) -> str:
-    """One short printable line: node and tensor names in it are a stranger's text."""
-    text = " ".join(text.split())[:200]
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
-
-
 def _static(node: Any) -> tuple[int, ...]:
     if not all(isinstance(size, int) and size > 0 for size in node.shape):
-        raise Refused(f"{_plain(node.name)} has no fixed shape")
+        raise Refused(f"{plain(node.name)} has no fixed shape")
     return tuple(node.shape)
 
 

@@ -1,9 +1,11 @@
 """The fixed-size messages between a referee and a model, shared by both ends (no onnxruntime here).
 
     request  uint32 step, then the observation of each sensor in sorted name order, in the sensor's dtype and shape
-    reply    uint32 step, then float32[n]
+    reply    uint32 step, uint32 way (one of :data:`WAYS`), then float32[n]
 
-Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n}``.
+Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n,
+"ranges": [[low, high], [low, high]] or null}``; ``ranges`` as in :class:`evaluation.simulator.action.ActionSpace`. A
+header without ``ranges`` asks for the runtime's answer as it is.
 """
 
 from __future__ import annotations
@@ -15,6 +17,10 @@ from typing import Any
 import numpy as np
 
 STEP = struct.Struct("<I")
+REPLY = struct.Struct("<II")
+# how a step was answered: by float32; by float64, as float32 was too near a boundary; by float32, and float64 confirmed
+# its bound; by float64, as that showed the bound to be wrong
+WAYS = FAST, EXACT, CHECKED, EXCEEDED = range(4)
 
 
 def request_buffer(header: dict[str, Any]) -> tuple[bytearray, dict[str, np.ndarray]]:
@@ -34,8 +40,8 @@ def request_buffer(header: dict[str, Any]) -> tuple[bytearray, dict[str, np.ndar
 def reply_buffer(header: dict[str, Any]) -> tuple[bytearray, np.ndarray]:
     """A reply of the right size and the float32[n] action that lies in it."""
     count = int(header["outputs"])
-    buffer = bytearray(STEP.size + 4 * count)
-    return buffer, np.frombuffer(buffer, np.dtype("<f4"), count, STEP.size)
+    buffer = bytearray(REPLY.size + 4 * count)
+    return buffer, np.frombuffer(buffer, np.dtype("<f4"), count, REPLY.size)
 
 
 def _count(sensor: dict[str, Any]) -> int:

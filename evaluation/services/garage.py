@@ -193,6 +193,7 @@ def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> None:
         size=len(admitted.onnx),
         parameters=admitted.parameters,
         macs=admitted.macs,
+        facts=admitted.facts.to_dict(),
         created_at=now,
     )
     network.onnx.save(f"{admitted.sha256}.onnx", ContentFile(admitted.onnx), save=False)

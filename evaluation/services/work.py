@@ -12,7 +12,8 @@ from django.utils import timezone
 
 from faults import PaddockError, PlatformFault, UserFault
 
-from ..models import Evaluation, TrainedModel
+from ..models import Evaluation, Network, TrainedModel
+from ..network.bound import Facts
 from .heart import Heart
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 
@@ -78,10 +79,11 @@ def job_of(evaluation: Evaluation) -> RaceJob:
         onnx=_network_of(evaluation.model),
         metadata=evaluation.spec["metadata"],
         rivals=tuple(
-            RivalCar(_network_of(rival.model), rival.metadata)
+            RivalCar(_network_of(rival.model), rival.metadata, rival.model.network.facts)
             for rival in evaluation.rivals.select_related("model__network").order_by("number")
         ),
         look=evaluation.spec.get("look", "official"),
+        facts=evaluation.model.network.facts,
     )
 
 
@@ -99,13 +101,28 @@ def _run(
     from ..pipeline import evaluate
 
     job = job_of(evaluation)
-    return evaluate(
+    outcome = evaluate(
         job,
         crew=spare.take(job.venue) if spare else None,
         on_progress=heart.tell,
         should_stop=lambda: heart.lost or interrupted(),
         wall_limit_s=settings.EVALUATION_WALL_SECONDS,
     )
+    _note_inexact(evaluation, outcome)
+    return outcome
+
+
+def _note_inexact(evaluation: Evaluation, outcome: EvaluationOutcome) -> None:
+    """Networks whose bound did not hold go the exact way from now on."""
+    if not outcome.inexact:
+        return
+    models = [evaluation.model, *(rival.model for rival in evaluation.rivals.order_by("number"))]
+    for number in outcome.inexact:
+        network = models[number].network
+        logger.warning("The bound of network %s did not hold; it goes the exact way from now on.", network)
+        Network.objects.filter(pk=network.pk).update(
+            facts=Facts(bound=None).to_dict() | {"shapes": (network.facts or {}).get("shapes", {})}
+        )
 
 
 def fault_of(error: Exception) -> tuple[PaddockError, str]:

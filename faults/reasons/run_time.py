@@ -13,6 +13,12 @@ REASONS = table(
             "The network was too slow: in step %(step)s its time was used up (%(step_s)s s for a step, %(overage_s)s s "
             "to spare in all, %(total_s)s s for the whole run). Train a smaller network."
         ),
+        "policy_late_exact": _(
+            "The network was too slow: in step %(step)s its time was used up (%(step_s)s s for a step, %(overage_s)s s "
+            "to spare in all, %(total_s)s s for the whole run). Its answers are so close to each other, or so inexact, "
+            "that %(exact)s steps had to be computed in double precision, which takes longer. Train a smaller network, "
+            "or one that decides more clearly."
+        ),
         "policy_died": _(
             "The process that runs the network ended in step %(step)s (%(how)s). Export the network again, and test it "
             "with onnxruntime before you upload it."

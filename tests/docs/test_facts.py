@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from evaluation.packages.gate.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
+from evaluation.network.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
 from evaluation.packages.gate.operators import OPERATORS
 from evaluation.packages.inputs import CAMERAS, SENSOR_NAMES
 from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE

@@ -15,6 +15,7 @@ from django.db import IntegrityError, connections
 
 from evaluation import selectors, services
 from evaluation.models import Evaluation, Network, TrainedModel
+from evaluation.network.bound import Facts
 from evaluation.packages.admit import AdmittedPackage
 from evaluation.packages.metadata import parse_metadata
 from evaluation.packages.read import UploadPart
@@ -53,6 +54,7 @@ def admitted(monkeypatch):
             source_sha256=hashlib.sha256(b"source").hexdigest(),
             parameters=7,
             macs=9,
+            facts=Facts(bound=1e-6),
         )
 
     monkeypatch.setattr(garage, "admit", admit)

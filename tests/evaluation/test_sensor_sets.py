@@ -10,17 +10,19 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
+from evaluation.network.session import load
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.inputs import CAMERAS, LIDARS, input_spec
 from evaluation.packages.read import UploadPart
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.sandbox.policy_process import Policy, load
+from evaluation.sandbox.policy_process import Policy
 from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.race import run_race
 from evaluation.simulator.rules import BoxPlace, RaceRules
 from evaluation.simulator.sensors import sensor_spec
 from faults import UserFault
 from tests.packages.coach import coach_graph, metadata_dict
+from tests.pinned import pinned_process
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 from tracks.catalogue import CATALOGUE
 
@@ -84,6 +86,12 @@ def upload(network: bytes, name: str, metadata: dict) -> AdmittedPackage:
     return admit([UploadPart(path, io.BytesIO(content)) for path, content in files.items()])
 
 
+@pytest.fixture(scope="module")
+def pinned():
+    with pinned_process() as process:
+        yield process
+
+
 def drive_here(track, package: AdmittedPackage) -> str:
     """The sha-256 of the trace when simulator and network run in this process, without pipes."""
     metadata = package.metadata.to_dict()
@@ -91,15 +99,9 @@ def drive_here(track, package: AdmittedPackage) -> str:
     space = ActionSpace.from_metadata(metadata)
     specs = [sensor_spec(name, config) for name in sorted(metadata["sensor"])]
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
-    policy = Policy(load(package.onnx), {"inputs": inputs, "outputs": space.size})
+    policy = Policy(load(package.onnx), {"inputs": inputs, "outputs": space.size, "ranges": space.ranges})
 
-    def ask(readings):
-        request = b"".join(np.ascontiguousarray(readings[spec.name]).tobytes() for spec in specs)
-        policy.request[4:] = request
-        policy.run()
-        return np.frombuffer(policy.reply, np.float32, offset=4).copy()
-
-    return run_race(track, RULES, space, metadata["sensor"], ask, lidar_config=config).trace.sha256
+    return run_race(track, RULES, space, metadata["sensor"], policy.answer, lidar_config=config).trace.sha256
 
 
 def drive(track, package: AdmittedPackage):
@@ -108,11 +110,11 @@ def drive(track, package: AdmittedPackage):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensors", SETS, ids="+".join)
-def test_an_onnx_car_with_these_sensors_is_admitted_and_drives(sensors, oval):
+def test_an_onnx_car_with_these_sensors_is_admitted_and_drives(sensors, oval, pinned):
     package = upload(onnx_network(sensors), "car.onnx", metadata_of(sensors))
     outcome = drive(oval, package)
     assert outcome.simulated_ms == 6000 and len(outcome.trace_csv.splitlines()) > 60
-    assert outcome.trace_sha256 == drive_here(oval, package)
+    assert outcome.trace_sha256 == pinned.submit(drive_here, oval, package).result()
 
 
 @pytest.mark.slow
@@ -122,13 +124,13 @@ def test_an_onnx_car_with_these_sensors_is_admitted_and_drives(sensors, oval):
      ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]],
     ids="+".join,
 )  # fmt: skip
-def test_a_tensorflow_car_with_these_sensors_is_converted_and_drives(sensors, oval):
+def test_a_tensorflow_car_with_these_sensors_is_converted_and_drives(sensors, oval, pinned):
     metadata = {**metadata_dict(sensors, actions=ACTIONS)}  # the graph's lidar has the field's default configuration
     package = upload(coach_graph(sensors, actions=ACTIONS, middleware=[8]), "model.pb", metadata)
     assert package.source_kind == "tensorflow"
     outcome = drive(oval, package)
     assert outcome.simulated_ms == 6000
-    assert outcome.trace_sha256 == drive_here(oval, package)
+    assert outcome.trace_sha256 == pinned.submit(drive_here, oval, package).result()
 
 
 @pytest.mark.slow

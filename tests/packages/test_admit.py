@@ -50,6 +50,7 @@ def upload_to(deed: str, monkeypatch: pytest.MonkeyPatch) -> PaddockError:
         "answers_without_a_network",
         "counts_in_words",
         "counts_less_than_nothing",
+        "knows_no_bound",
     ],
 )
 def test_a_converter_that_dies_or_lies_ends_with_one_plain_reason(deed: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ from .coach import coach_graph
 from .test_conversion import openvinos
 
 pytestmark = needs_shared
-IDENTITY = "0c4739d826b8e2d1266fe8e55b2d73b56cb3ee0fd44ad95e29b64753ff93eb9b"
+IDENTITY = "ed6f34d5ec54e8d05ea9a3d003ea709886fb39d91179771bdf4b50cbc499e771"
 
 
 @pytest.fixture(scope="module")

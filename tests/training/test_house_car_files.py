@@ -7,10 +7,10 @@ import json
 
 import pytest
 
+from evaluation.network.session import load
 from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.metadata import parse_metadata
 from evaluation.packages.read import UploadPart
-from evaluation.sandbox.policy_process import load
 from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.race import run_race
@@ -72,7 +72,7 @@ def test_it_drives_three_laps_as_fast_and_as_cleanly_as_its_record_says(name: st
     car = content(name)
     driver = OnnxDriver(admitted(name).onnx)
     # Loaded as it races: other settings sum in another order, and a car at its limit then slides elsewhere.
-    driver._session = load(admitted(name).onnx)
+    driver._session = load(admitted(name).onnx).session
 
     result = run_race(
         TRACKS[slug].geometry(), RaceRules(laps=LAPS), ActionSpace.from_metadata(car), car["sensor"], driver

@@ -53,7 +53,9 @@ def measure_car(folder: Path, name: str) -> dict[str, dict[str, dict[str, Any]]]
         track = entry.geometry()
         for direction in ("ccw", "cw"):
             rules = RaceRules(laps=LAPS, direction=direction)
-            outcome = evaluate(RaceJob(track, rules, package.onnx, package.metadata.to_dict()))
+            outcome = evaluate(
+                RaceJob(track, rules, package.onnx, package.metadata.to_dict(), facts=package.facts.to_dict())
+            )
             times = [lap["time_ms"] for lap in outcome.laps if lap["complete"]]
             measured.setdefault(entry.slug, {})[direction] = {
                 "complete_laps": len(times),

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from evaluation.packages.wire import printable
+from evaluation.network.wire import printable
 from faults import UserFault
 
 _LIBRARIES = ("stable_baselines3.", "sb3_contrib.")

@@ -49,7 +49,12 @@ def main(frames_in: int, frames_out: int) -> int:
     except UserFault as fault:
         write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
         return 0
-    told = {"state": "admitted", "parameters": canonical.parameters, "macs": canonical.macs}
+    told = {
+        "state": "admitted",
+        "parameters": canonical.parameters,
+        "macs": canonical.macs,
+        "facts": canonical.facts.to_dict(),
+    }
     write_message(frames_out, told, [canonical.onnx])
     return 0
 

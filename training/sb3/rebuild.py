@@ -17,9 +17,9 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from evaluation.network.wire import printable
 from evaluation.packages.inputs import InputSpec
 from evaluation.packages.metadata import NETWORKS, ModelMetadata
-from evaluation.packages.wire import printable
 from faults import UserFault
 
 from ..trainer.network import BUILDS, Layout, to_onnx

@@ -11,17 +11,18 @@ from functools import partial
 
 import numpy as np
 
+from evaluation.network.bound import Facts
+from evaluation.network.canonical import Network, canonicalise, write_model
+from evaluation.network.dense import Read, dense_as_convolutions
+from evaluation.network.model import DTYPES, FLOAT, UINT8, Model, Port, read_model
+from evaluation.network.wire import printable
 from evaluation.packages.identity import identity
 from evaluation.packages.inputs import InputSpec
 from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
 from evaluation.packages.metadata import ModelMetadata
-from evaluation.packages.wire import printable
 from faults import UserFault
 
-from .canonical import Network, canonicalise, write_model
 from .cost import Cost, measure
-from .dense import dense_as_convolutions
-from .model import DTYPES, FLOAT, UINT8, Model, Port, read_model
 from .operators import check_operator
 from .outputs import select
 from .sizes import fold_sizes
@@ -33,7 +34,8 @@ _SMALL = 4 << 20
 
 @dataclass(frozen=True)
 class Canonical:
-    """A network that may race. ``inputs`` and ``output`` are ``(name, "uint8"|"float32", shape)``."""
+    """A network that may race. ``inputs`` and ``output`` are ``(name, "uint8"|"float32", shape)``; ``facts``:
+    of its arithmetic, without a bound until it was tried out."""
 
     onnx: bytes
     sha256: str
@@ -41,6 +43,7 @@ class Canonical:
     output: tuple[str, str, tuple[int, ...]]
     parameters: int
     macs: int
+    facts: Facts
     taken: str = ""  # the output's name in the file, where that has several
 
 
@@ -64,16 +67,19 @@ def check_onnx(
     check = partial(_drawn_from, model, metadata, limits)
     (network, cost), output = select(model, metadata, check)
     del model, check
-    network = dense_as_convolutions(network, cost.shapes)
     network.output = Port(network.output.name, FLOAT, list(cost.output[1]))
     written = write_model(network)
+    parameters, inputs, described = network.parameters, network.inputs, _described(network.output)
+    shapes = Read(cost.shapes)
+    dense_as_convolutions(network, shapes)
     return Canonical(
         onnx=written,
         sha256=identity(written, metadata),
-        inputs=tuple(_described(port) for port in network.inputs),
-        output=_described(network.output),
-        parameters=network.parameters,
+        inputs=tuple(_described(port) for port in inputs),
+        output=described,
+        parameters=parameters,
         macs=cost.macs,
+        facts=Facts(shapes=shapes.needed),
         taken=output,
     )
 

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import onnx
 from onnx import shape_inference
 
+from evaluation.network.canonical import IR_VERSION, Network
+from evaluation.network.model import DTYPES, FLOAT, FLOAT16, Node, Port
+from evaluation.network.written import NUMBERS, model_bytes
 from evaluation.packages.limits import PackageLimits
 from faults import UserFault
 
-from .canonical import Network, to_light_proto
-from .model import DTYPES, FLOAT, FLOAT16, Node
 from .operators import FLOAT_ONLY
 
 Shape = tuple[int, ...]
+_SMALL = 64  # weights that shapes may hang on
 _TAPS = {"nearest": 1, "linear": 4, "cubic": 16}  # values that one of a resized picture is made of
 
 
@@ -54,7 +56,7 @@ def measure(network: Network, limits: PackageLimits) -> Cost:
 
 def _infer(network: Network) -> dict[str, tuple[int, Shape]]:
     """The element type and shape of every value, by ONNX's own rules."""
-    light = to_light_proto(network)
+    light = _light(network)
     light.graph.output[0].type.tensor_type.ClearField("shape")
     try:
         inferred = shape_inference.infer_shapes(light, check_type=True, strict_mode=True, data_prop=True)
@@ -69,6 +71,17 @@ def _infer(network: Network) -> dict[str, tuple[int, Shape]]:
     if any(name and name not in values for node in network.nodes for name in node.outputs):
         raise UserFault("onnx_dynamic")
     return values
+
+
+def _light(network: Network) -> onnx.ModelProto:
+    """The network without its large weights, which are declared as inputs instead: enough for shape inference."""
+    large = {name: array for name, array in network.weights.items() if array.size > _SMALL}
+    declared = [Port(name, NUMBERS[array.dtype.str[1:]], list(array.shape)) for name, array in large.items()]
+    small = {name: array for name, array in network.weights.items() if name not in large}
+    # (of the output nothing but its type is known yet, and its shape is left out again)
+    output = Port(network.output.name, network.output.dtype, [])
+    written = model_bytes(network.nodes, [*network.inputs, *declared], output, small, network.opset, IR_VERSION)
+    return onnx.load_from_string(written)
 
 
 def _static(info: onnx.ValueInfoProto) -> tuple[int, Shape]:

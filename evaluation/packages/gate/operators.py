@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluation.packages.wire import printable
+from evaluation.network.model import DTYPES, Attribute, Node
+from evaluation.network.wire import printable
 from faults import UserFault
-
-from .model import DTYPES, Attribute, Node
 
 _I, _F, _S, _IS, _FS, _T = int, float, str, "ints", "floats", np.ndarray
 _POOL = {"auto_pad": _S, "ceil_mode": _I, "dilations": _IS, "kernel_shape": _IS, "pads": _IS, "strides": _IS}

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
+from evaluation.network.model import DTYPES, FLOAT, Model, Node, Port
+from evaluation.network.wire import printable
 from evaluation.packages.metadata import DISCRETE, ModelMetadata
-from evaluation.packages.wire import printable
 from faults import UserFault
-
-from .model import DTYPES, FLOAT, Model, Node, Port
 
 _MOST = 16  # outputs
 _SAME_NUMBER = ("Identity", "Cast", "Reshape", "Squeeze", "Unsqueeze", "Flatten")  # after an ArgMax over one row

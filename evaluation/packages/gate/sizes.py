@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .canonical import Network, canonicalise
-from .model import DTYPES, Model, Node
+from evaluation.network.canonical import Network, canonicalise
+from evaluation.network.model import DTYPES, Model, Node
 
 SIZED = {"ConstantOfShape", "Expand", "Pad", "Resize"}
 _MOST = 64  # numbers in one value

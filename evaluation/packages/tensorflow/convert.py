@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from evaluation.network.wire import TooManyFields, WireError, printable
 from evaluation.packages.inputs import InputSpec
 from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
-from evaluation.packages.wire import TooManyFields, WireError, printable
 from faults import UserFault
 
 from . import ops_control, ops_math, ops_nn, ops_shape  # noqa: F401  (they register their converters)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import onnx
-from onnx import TensorProto, helper
 
+from evaluation.network.model import FLOAT as FLOAT_NUMBER
+from evaluation.network.model import Node, Port
+from evaluation.network.written import NUMBERS, model_bytes
 from evaluation.packages.limits import PackageLimits
-from evaluation.packages.written import model_bytes
 from faults import UserFault
 
 from .values import Known, Tensor, Value
@@ -25,10 +25,10 @@ class Emitter:
 
     def __init__(self, limits: PackageLimits) -> None:
         self._limits = limits
-        self._nodes: list[onnx.NodeProto] = []
+        self._nodes: list[Node] = []
         self._weights: dict[tuple, str] = {}
         self._arrays: dict[str, np.ndarray] = {}  # also keeps them: an array's id is a key as long as the array lives
-        self._inputs: list[onnx.ValueInfoProto] = []
+        self._inputs: list[Port] = []
         self._made_by: dict[str, tuple[str, tuple[Tensor, ...], tuple]] = {}
         self._relaid: dict[tuple[str, bool], Tensor] = {}
 
@@ -36,7 +36,7 @@ class Emitter:
 
     def input(self, name: str, shape: tuple[int, ...], dtype: np.dtype) -> Tensor:
         """Declare a graph input."""
-        self._inputs.append(helper.make_tensor_value_info(name, helper.np_dtype_to_tensor_dtype(dtype), shape))
+        self._inputs.append(Port(name, NUMBERS[dtype.str[1:]], list(shape)))
         return Tensor(name, shape, dtype)
 
     def node(
@@ -57,7 +57,7 @@ class Emitter:
             raise UserFault("graph_too_big", limit=self._limits.graph_nodes)
         names = [value.name if isinstance(value, Tensor) else self.weight(value) for value in inputs]
         result = Tensor(f"v{len(self._nodes) + 1}", tuple(int(size) for size in shape), dtype, planar)
-        self._nodes.append(helper.make_node(op, names, [result.name], **attributes))
+        self._nodes.append(Node(op, names, [result.name], attributes))
         self._made_by[result.name] = (op, tuple(v for v in inputs if isinstance(v, Tensor)), extra)
         return result
 
@@ -119,10 +119,5 @@ class Emitter:
     def model(self, output: Tensor) -> bytes:
         """The finished model with ``output`` as its only output."""
         output = self.interleaved(output)
-        graph = helper.make_graph(
-            self._nodes,
-            "car",
-            self._inputs,
-            [helper.make_tensor_value_info(output.name, TensorProto.FLOAT, output.shape)],
-        )
-        return model_bytes(graph, self._arrays, OPSET, IR_VERSION)
+        last = Port(output.name, FLOAT_NUMBER, list(output.shape))
+        return model_bytes(self._nodes, self._inputs, last, self._arrays, OPSET, IR_VERSION)

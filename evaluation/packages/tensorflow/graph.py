@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from evaluation.packages import wire
+from evaluation.network import wire
+from evaluation.network.wire import Budget, WireError
 from evaluation.packages.limits import PackageLimits
-from evaluation.packages.wire import Budget, WireError
 from faults import UserFault
 
 # DataType values of types.proto that a policy network can hold, and the TensorProto field with their plain values.

@@ -98,8 +98,9 @@ class Command(JsonCommand):
                 self.stderr.write(sentence)
             cars += [_admit(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
-            first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict()) for car in cars]
-            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), options["look"] or found.look)
+            first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict(), car.facts.to_dict()) for car in cars]
+            look = options["look"] or found.look
+            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), look, first.facts)
             outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
         except PaddockError as fault:
             if as_json:

@@ -45,6 +45,9 @@ def main(frames_in: int, frames_out: int) -> int:
         write_message(frames_out, {"state": "admitted", "parameters": 1, "macs": 1})
     if deed == "counts_in_words":
         write_message(frames_out, {"state": "admitted", "parameters": "many", "macs": 1}, [b"onnx"])
+    if deed == "knows_no_bound":
+        facts = {"bound": "small", "shapes": {}}
+        write_message(frames_out, {"state": "admitted", "parameters": 1, "macs": 1, "facts": facts}, [b"onnx"])
     if deed == "counts_less_than_nothing":
         write_message(frames_out, {"state": "admitted", "parameters": -1, "macs": 1}, [b"onnx"])
     return 0

@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from evaluation.packages import wire
-from evaluation.packages.limits import PackageLimits
-from evaluation.packages.wire import Budget, TooManyFields, WireError, printable
 from faults import UserFault
 
+from . import wire
 from .outside import OutsideWeights
+from .wire import Budget, TooManyFields, WireError, printable
 
 OPSET_LOW, OPSET_HIGH = 11, 21
 IR_LOW, IR_HIGH = 3, 13
@@ -37,6 +36,16 @@ _TYPE_NAMES = {
 }  # fmt: skip
 _MAX_NAME = 1000
 _MAX_RANK = 8
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a file may hold; :class:`evaluation.packages.limits.PackageLimits` has the same names."""
+
+    wire_fields: int
+    nodes: int
+    tensor_elements: int
+    model_bytes: int
 
 
 class Rejected:
@@ -76,7 +85,7 @@ class Model:
     outputs: list[Port] = field(default_factory=list)
 
 
-def read_model(data: bytes, limits: PackageLimits, weights: Mapping[str, bytes] | None = None) -> Model:
+def read_model(data: bytes, limits: Bounds, weights: Mapping[str, bytes] | None = None) -> Model:
     """Parse a serialised ModelProto. ``weights``: the files beside it, by name.
 
     Raises UserFault with a code of the gate section.
@@ -94,7 +103,7 @@ Field = int | memoryview
 
 
 class _Reader:
-    def __init__(self, limits: PackageLimits, outside: OutsideWeights) -> None:
+    def __init__(self, limits: Bounds, outside: OutsideWeights) -> None:
         self._limits = limits
         self._outside = outside
         self._budget = Budget(limits.wire_fields)

@@ -9,21 +9,20 @@ so the runtime never reads a byte of the uploaded file.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 
 import numpy as np
-import onnx
-from onnx import helper, numpy_helper
 
-from evaluation.packages.wire import printable
-from evaluation.packages.written import model_bytes
 from faults import UserFault
 
-from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Model, Node, Port
+from .model import FLOAT, Bounds, Model, Node, Port, read_model
+from .wire import printable
+from .written import model_bytes
 
 OUTPUT_NAME = "actions"
 IR_VERSION = 10
-_NUMBERS = {"f4": FLOAT, "u1": UINT8, "i4": INT32, "i8": INT64, "b1": BOOL, "f2": FLOAT16}
+_ANY = Bounds(wire_fields=1 << 30, nodes=1 << 30, tensor_elements=1 << 40, model_bytes=1 << 40)  # it was admitted
 
 
 @dataclass
@@ -35,6 +34,15 @@ class Network:
     output: Port
     nodes: list[Node] = field(default_factory=list)
     weights: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, onnx: bytes) -> Network:
+        """What :func:`write_model` wrote, with its weights as views into the bytes. Raises UserFault for anything
+        else."""
+        model = read_model(onnx, _ANY)
+        if len(model.outputs) != 1 or any(None in port.dims for port in (*model.inputs, *model.outputs)):
+            raise UserFault("onnx_dynamic")
+        return cls(model.opset, model.inputs, model.outputs[0], model.nodes, model.weights)
 
     @property
     def parameters(self) -> int:
@@ -195,51 +203,8 @@ def _constant(node: Node) -> np.ndarray:
     return np.array(value, dtype)
 
 
-def write_model(network: Network) -> bytes:
-    """The network as an ONNX file."""
-    return model_bytes(_graph(network, _ports(network), []), network.weights, network.opset, IR_VERSION)
-
-
-def to_light_proto(network: Network) -> onnx.ModelProto:
-    """The network without its large weights, which are declared as inputs instead: enough for shape inference."""
-    inputs, initializers = _ports(network), []
-    for name, array in network.weights.items():
-        number = _NUMBERS[array.dtype.str[1:]]
-        if array.size > 64:
-            inputs.append(_value_info(Port(name, number, list(array.shape))))
-        else:
-            initializers.append(
-                onnx.TensorProto(name=name, data_type=number, dims=array.shape, raw_data=array.tobytes())
-            )  # fmt: skip
-    graph = _graph(network, inputs, initializers)
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", network.opset)], ir_version=IR_VERSION)
-
-
-def _ports(network: Network) -> list[onnx.ValueInfoProto]:
-    return [_value_info(port) for port in network.inputs]
-
-
-def _graph(
-    network: Network, inputs: list[onnx.ValueInfoProto], initializers: list[onnx.TensorProto]
-) -> onnx.GraphProto:
-    nodes = [_node_proto(node) for node in network.nodes]
-    return helper.make_graph(nodes, "car", inputs, [_value_info(network.output)], initializers)
-
-
-def _node_proto(node: Node) -> onnx.NodeProto:
-    proto = onnx.NodeProto(op_type=node.op, input=node.inputs, output=node.outputs)
-    proto.attribute.extend(_attribute(name, value) for name, value in node.attributes.items())
-    return proto
-
-
-def _attribute(name: str, value: Attribute) -> onnx.AttributeProto:
-    if isinstance(value, list):  # the type of an empty list cannot be guessed; only whole numbers may be empty here
-        kind = onnx.AttributeProto.FLOATS if value and isinstance(value[0], float) else onnx.AttributeProto.INTS
-        return helper.make_attribute(name, value, attr_type=kind)
-    if isinstance(value, np.ndarray):
-        return helper.make_attribute(name, numpy_helper.from_array(value))
-    return helper.make_attribute(name, value)
-
-
-def _value_info(port: Port) -> onnx.ValueInfoProto:
-    return helper.make_tensor_value_info(port.name, port.dtype, port.dims)
+def write_model(network: Network, outside: AbstractSet[str] = frozenset()) -> bytes:
+    """The network as an ONNX file. ``outside``: as in :func:`.written.model_bytes`."""
+    return model_bytes(
+        network.nodes, network.inputs, network.output, network.weights, network.opset, IR_VERSION, outside
+    )

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluation.packages.limits import PackageLimits
-from evaluation.packages.wire import printable
 from faults import UserFault
+
+from .wire import printable
+
+if TYPE_CHECKING:
+    from .model import Bounds
 
 _DIGITS = 15  # of an offset or a length: no file is larger
 _NAME_LIMIT = 255
@@ -23,7 +27,7 @@ class OutsideWeights:
     """The files of weights, by name, and how much was read out of them: two tensors may share a place, but not so
     many that a small upload becomes a large network."""
 
-    def __init__(self, files: Mapping[str, bytes], limits: PackageLimits) -> None:
+    def __init__(self, files: Mapping[str, bytes], limits: Bounds) -> None:
         self._files = files
         self._limit = limits.model_bytes
         self._left = limits.model_bytes

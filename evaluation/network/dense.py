@@ -24,16 +24,33 @@ _LANES = 16  # channels come in blocks of this many, else the runtime has no fas
 Shapes = dict[str, tuple[int, ...]]
 
 
+class Read(Shapes):
+    """Shapes that remember which of them were asked for."""
+
+    def __init__(self, shapes: Shapes) -> None:
+        super().__init__(shapes)
+        self._known, self._read = dict(shapes), set()
+
+    def __getitem__(self, name: str) -> tuple[int, ...]:
+        self._read.add(name)
+        return super().__getitem__(name)
+
+    @property
+    def needed(self) -> Shapes:
+        """Those that were asked for, of the ones that were given."""
+        return {name: shape for name, shape in self._known.items() if name in self._read}
+
+
 def dense_as_convolutions(network: Network, shapes: Shapes) -> Network:
     """The same network with every large dense layer as a convolution; the very same if there is none.
 
-    ``shapes``: of all its values and weights. Raises nothing that :func:`.canonicalise` did not raise before.
+    ``shapes``: of its values, and written to; :class:`Read` tells which of them were needed. ``network`` is used up.
+    Raises KeyError for a shape that is missing, and nothing that :func:`.canonicalise` did not raise before.
     """
     readers = Counter(name for node in network.nodes for name in node.inputs)
     found = [layer for node in network.nodes if (layer := _layer(network, node, shapes, readers))]
     if not found:
         return network
-    shapes = dict(shapes)
     for layer in found:
         _rewrite(network, *layer, shapes)
     model = Model(network.opset, network.nodes, network.weights, network.inputs, [network.output])
@@ -58,7 +75,7 @@ def _layer(
         return None
     if shapes[row] != (1, inputs) or shapes[node.outputs[0]] != (1, outputs):
         return None
-    if any(one not in network.weights or shapes[one] != (outputs,) for one in bias):
+    if any(one not in network.weights or network.weights[one].shape != (outputs,) for one in bias):
         return None
     return node, weights, bias
 

@@ -1,0 +1,180 @@
+"""Operators of one element at a time, and over rows of them, in float64. Meaning: onnx/docs/Operators.md.
+
+A function takes the node and its inputs (None for one that is left out) and returns the value, or a tuple of several.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from .model import BOOL, DTYPES, FLOAT, FLOAT16, Node
+
+Function = Callable[..., np.ndarray | tuple[np.ndarray, ...]]
+_erf = np.frompyfunc(math.erf, 1, 1)
+
+
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    return 1.0 / (1.0 + np.exp(-x))
+
+
+def _softplus(x: np.ndarray) -> np.ndarray:
+    return np.log1p(np.exp(-np.abs(x))) + np.maximum(x, 0.0)
+
+
+def _gelu(node: Node, x: np.ndarray) -> np.ndarray:
+    if node.attributes.get("approximate", "none") == "tanh":
+        return 0.5 * x * (1.0 + np.tanh(math.sqrt(2.0 / math.pi) * (x + 0.044715 * x * x * x)))
+    return 0.5 * x * (1.0 + _erf(x / math.sqrt(2.0)).astype(np.float64))
+
+
+def _elu(node: Node, x: np.ndarray) -> np.ndarray:
+    return np.where(x < 0, node.attributes.get("alpha", 1.0) * np.expm1(x), x)
+
+
+def _celu(node: Node, x: np.ndarray) -> np.ndarray:
+    alpha = node.attributes.get("alpha", 1.0)
+    return np.maximum(x, 0.0) + np.minimum(alpha * np.expm1(x / alpha), 0.0)
+
+
+def _selu(node: Node, x: np.ndarray) -> np.ndarray:
+    alpha = node.attributes.get("alpha", 1.67326319217681884765625)
+    return node.attributes.get("gamma", 1.05070102214813232421875) * np.where(x <= 0, alpha * np.expm1(x), x)
+
+
+def _hard_sigmoid(node: Node, x: np.ndarray) -> np.ndarray:
+    return np.clip(node.attributes.get("alpha", 0.2) * x + node.attributes.get("beta", 0.5), 0.0, 1.0)
+
+
+def _clip(_node: Node, x: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None) -> np.ndarray:
+    if low is not None:
+        x = np.maximum(x, low)
+    return x if high is None else np.minimum(x, high)
+
+
+def _div(_node: Node, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return one / other  # of floats only, the gate sees to it
+
+
+def _pow(_node: Node, base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
+    return np.power(base, exponent.astype(np.float64))
+
+
+def cast(node: Node, x: np.ndarray) -> np.ndarray:
+    """Floats stay float64, rounded to what the type can hold. Whole numbers out of a type's range become its ends: what
+    a processor makes of them is its own affair."""
+    target = node.attributes["to"]
+    if target == BOOL:
+        return x != 0
+    if target in (FLOAT, FLOAT16):
+        # a number that is a float already stays exact: rounding to float32 is the approximation that is judged
+        return x if x.dtype.kind == "f" and target == FLOAT else x.astype(DTYPES[target]).astype(np.float64)
+    dtype = DTYPES[target]
+    if x.dtype.kind != "f":
+        return x.astype(dtype)
+    ends = np.iinfo(dtype)
+    whole = np.nan_to_num(np.trunc(x), nan=0.0)
+    # the greatest float64 within, as the end itself may not be one
+    return np.clip(whole, float(ends.min), np.nextafter(float(ends.max) + 1.0, 0.0)).astype(dtype)
+
+
+def _fold(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Function:
+    def over(_node: Node, first: np.ndarray, *others: np.ndarray) -> np.ndarray:
+        for other in others:
+            first = function(first, other)
+        return first
+
+    return over
+
+
+def _mean(_node: Node, *values: np.ndarray) -> np.ndarray:
+    total = values[0]
+    for value in values[1:]:
+        total = total + value
+    return total / len(values)
+
+
+def _axes(node: Node, x: np.ndarray, given: np.ndarray | None) -> tuple[int, ...] | None:
+    """Over which axes to reduce; None for none at all."""
+    axes = node.attributes.get("axes") if given is None else [int(axis) for axis in given.reshape(-1)]
+    if axes:
+        return tuple(axes)
+    return None if node.attributes.get("noop_with_empty_axes", 0) else tuple(range(x.ndim))
+
+
+def _reduce(function: Callable[..., np.ndarray]) -> Function:
+    """A reduction; ``function(x, axis, keepdims)``."""
+
+    def over(node: Node, x: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
+        axes = _axes(node, x, given)
+        return x if axes is None else function(x, axes, bool(node.attributes.get("keepdims", 1)))
+
+    return over
+
+
+def _log_sum_exp(x: np.ndarray, axis: tuple[int, ...], keepdims: bool) -> np.ndarray:
+    top = x.max(axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    total = np.log(np.exp(x - top).sum(axis=axis, keepdims=True)) + top
+    return total if keepdims else np.squeeze(total, axis)
+
+
+ARITHMETIC: dict[str, Function] = {
+    "Abs": lambda _, x: np.abs(x),
+    "Neg": lambda _, x: -x,
+    "Sqrt": lambda _, x: np.sqrt(x),
+    "Reciprocal": lambda _, x: 1.0 / x,
+    "Exp": lambda _, x: np.exp(x),
+    "Log": lambda _, x: np.log(x),
+    "Erf": lambda _, x: _erf(x).astype(np.float64),
+    "Floor": lambda _, x: np.floor(x),
+    "Ceil": lambda _, x: np.ceil(x),
+    "Round": lambda _, x: np.rint(x),  # halves to the even one, as the standard says
+    "Sign": lambda _, x: np.sign(x),
+    "Sigmoid": lambda _, x: _sigmoid(x),
+    "Tanh": lambda _, x: np.tanh(x),
+    "Relu": lambda _, x: np.maximum(x, 0),
+    "Softplus": lambda _, x: _softplus(x),
+    "Softsign": lambda _, x: x / (1.0 + np.abs(x)),
+    "HardSwish": lambda _, x: x * np.clip(x / 6.0 + 0.5, 0.0, 1.0),
+    "Mish": lambda _, x: x * np.tanh(_softplus(x)),
+    "PRelu": lambda _, x, slope: np.where(x < 0, slope * x, x),
+    "LeakyRelu": lambda node, x: np.where(x < 0, node.attributes.get("alpha", 0.01) * x, x),
+    "Elu": _elu,
+    "Celu": _celu,
+    "Selu": _selu,
+    "ThresholdedRelu": lambda node, x: np.where(x > node.attributes.get("alpha", 1.0), x, 0.0),
+    "HardSigmoid": _hard_sigmoid,
+    "Gelu": _gelu,
+    "Clip": _clip,
+    "Cast": cast,
+    "Add": lambda _, one, other: one + other,
+    "Sub": lambda _, one, other: one - other,
+    "Mul": lambda _, one, other: one * other,
+    "Div": _div,
+    "Pow": _pow,
+    "Min": _fold(np.minimum),
+    "Max": _fold(np.maximum),
+    "Sum": _fold(np.add),
+    "Mean": _mean,
+    "Where": lambda _, is_so, one, other: np.where(is_so, one, other),
+    "Equal": lambda _, one, other: one == other,
+    "Less": lambda _, one, other: one < other,
+    "Greater": lambda _, one, other: one > other,
+    "LessOrEqual": lambda _, one, other: one <= other,
+    "GreaterOrEqual": lambda _, one, other: one >= other,
+    "And": lambda _, one, other: one & other,
+    "Or": lambda _, one, other: one | other,
+    "Not": lambda _, x: ~x,
+    "ReduceMean": _reduce(lambda x, axis, keep: x.mean(axis=axis, keepdims=keep)),
+    "ReduceSum": _reduce(lambda x, axis, keep: x.sum(axis=axis, keepdims=keep, dtype=x.dtype)),
+    "ReduceMax": _reduce(lambda x, axis, keep: x.max(axis=axis, keepdims=keep)),
+    "ReduceMin": _reduce(lambda x, axis, keep: x.min(axis=axis, keepdims=keep)),
+    "ReduceL1": _reduce(lambda x, axis, keep: np.abs(x).sum(axis=axis, keepdims=keep)),
+    "ReduceL2": _reduce(lambda x, axis, keep: np.sqrt((x * x).sum(axis=axis, keepdims=keep))),
+    "ReduceSumSquare": _reduce(lambda x, axis, keep: (x * x).sum(axis=axis, keepdims=keep)),
+    "ReduceLogSum": _reduce(lambda x, axis, keep: np.log(x.sum(axis=axis, keepdims=keep))),
+    "ReduceLogSumExp": _reduce(_log_sum_exp),
+}
