@@ -12,9 +12,10 @@ import sys
 from collections.abc import Mapping, Sequence
 
 PINS: Mapping[str, str] = {
-    # libm: sine, arctangent, exponential and the like have variants with fused multiply-add
+    # libm (glibc 2.33 and newer): sine, arctangent, exponential and the like have variants with fused multiply-add.
+    # The one that the simulator's results hang on; the others are for what is computed with a network's numbers
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX",
-    # OpenCV: the kernels for AVX2 fuse; what every supported processor has (SSE4.2) may stay
+    # OpenCV, which only draws grounds and solids: kernels for AVX2 fuse; what every processor has (SSE4.2) may stay
     "OPENCV_CPU_DISABLE": "AVX512-SKX,AVX2,FMA3,AVX,FP16",
     # numpy: its own loops, named as numpy 2.4 names them, and its matrix products
     "NPY_DISABLE_CPU_FEATURES": "X86_V3,X86_V4,AVX512_ICL,AVX512_SPR",

@@ -6,6 +6,7 @@ track table of the field) and narrow enough that a file in centimetres or with s
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def clean_rows(centre: Any, inner: Any, outer: Any) -> tuple[Points, Points, Poi
         raise UserFault("track_too_large", points=len(keep), limit=MAX_WAYPOINTS)
     rows = [np.ascontiguousarray(part[keep]) for part in rows]
     steps = np.linalg.norm(np.diff(rows[0], axis=0), axis=1)
-    gap = float(np.linalg.norm(rows[0][-1] - rows[0][0]))
+    gap = math.dist(rows[0][-1], rows[0][0])
     if gap > OPEN_GAP_FACTOR * float(steps.max()):
         raise UserFault("track_open", gap_m=round(gap, 2))
     return rows[0], rows[1], rows[2]

@@ -84,7 +84,7 @@ class Car:
     def speed(self) -> float:
         """Metres a second over the ground."""
         (vx, vy, _), _ = bullet.getBaseVelocity(self.body, self._client)
-        return math.hypot(vx, vy)
+        return math.sqrt(vx * vx + vy * vy)
 
     def place(self, pose: Pose) -> None:
         """Put the car there, standing still, wheels straight, nothing commanded."""
@@ -146,8 +146,9 @@ class Car:
             math.atan(rise / right),
             spin * left,
             spin * right,
-            spin * math.hypot(left, rise),
-            spin * math.hypot(right, rise),
+            # not math.hypot, whose last bit differs from Python to Python
+            spin * math.sqrt(left * left + rise * rise),
+            spin * math.sqrt(right * right + rise * rise),
         )
 
     def _tell(self, targets: tuple[float, ...]) -> None:

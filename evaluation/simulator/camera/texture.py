@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -40,7 +41,7 @@ def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tu
     """The hall's ground in one level for each reduction (of which the first is 1)."""
     xmin, ymin, xmax, ymax = hall
     width, height = xmax - xmin, ymax - ymin
-    metres = max(FINE_M, (width * height / MAX_PIXELS) ** 0.5)
+    metres = max(FINE_M, math.sqrt(width * height / MAX_PIXELS))
     coarsest = max(reductions)
     columns, rows = (int(np.ceil(side / metres / coarsest)) * coarsest for side in (width, height))
     per_metre = np.array((columns / width, rows / height))
