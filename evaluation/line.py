@@ -4,6 +4,8 @@ Higher priority first. Within a priority, racers take turns: first comes whoever
 where a turn is an evaluation of theirs that is running, or that was started after the one now at the head of their own
 line was queued. Among equals the oldest comes first. So one submission each is first come, first served, with any
 number of workers, and fifty submissions of one racer do not keep a newcomer waiting.
+
+What nobody waits for (:data:`BACKGROUND`) runs when nothing else is there to run, and is no turn of anybody's.
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ from django.db.models import Count, F, IntegerField, OuterRef, Q, Subquery, Wind
 from django.db.models.functions import Coalesce, RowNumber
 
 from .models import Evaluation, State
+
+BACKGROUND = -20  # the lowest priority there is
 
 
 class Waiting(NamedTuple):
@@ -68,6 +72,7 @@ def _turns_taken(heads: list[int]) -> dict[int, int]:
     turns = (
         Evaluation.objects.filter(owner=OuterRef("owner"))
         .exclude(state=State.QUEUED)
+        .filter(priority__gt=BACKGROUND)
         .filter(Q(state=State.RUNNING) | Q(started_at__gte=OuterRef("queued_at")))
         .order_by()
         .values("owner")

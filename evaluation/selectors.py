@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db.models import Avg, DurationField, ExpressionWrapper, F, Q, QuerySet
 
-from .line import queued, whole_line
+from .line import BACKGROUND, queued, whole_line
 from .models import Evaluation, State, TrainedModel
 
 if TYPE_CHECKING:
@@ -79,8 +79,8 @@ def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) ->
 
 
 def queue_length() -> int:
-    """How many evaluations wait."""
-    return queued().count()
+    """How many evaluations wait that somebody waits for."""
+    return queued().filter(priority__gt=BACKGROUND).count()
 
 
 def queue_position(evaluation: Evaluation) -> int | None:

@@ -9,16 +9,19 @@ class LeagueConfig(AppConfig):
     def ready(self) -> None:
         from evaluation.signals import evaluation_ended
         from races.eligibility import register
+        from races.engines import register_official
         from races.signals import board_changed, duels_over
         from races.validation import register_hold, register_time_check
 
         from .eligibility import check_division
         from .receivers import follow_board, follow_late_result, rate_duels
+        from .services.closing import is_official
         from .services.seasons import check_round_times, hold_season
 
         register(check_division)
         register_time_check(check_round_times)
         register_hold(hold_season)
+        register_official(is_official)
         board_changed.connect(follow_board, dispatch_uid="league.follow_board")
         evaluation_ended.connect(follow_late_result, dispatch_uid="league.follow_late_result")
         duels_over.connect(rate_duels, dispatch_uid="league.rate_duels")

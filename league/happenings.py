@@ -8,7 +8,7 @@ from datetime import datetime
 from typing import Any
 
 from django.conf import settings
-from django.db.models import Q, QuerySet
+from django.db.models import F, Q, QuerySet
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
@@ -133,8 +133,14 @@ def _of_races(races: QuerySet[Race], since: datetime, now: datetime) -> Iterator
     for race in races.filter(round__closed_at__gt=since, round__closed_at__lte=now).select_related("round"):
         about = f"{race.slug}:{race.round.closed_at:%Y%m%d%H%M%S}"
         yield Happening(OFFICIAL, about, race.round.closed_at, race.get_absolute_url(), race)
+    # what was driven again is no news, and what is held back is told once it counts
     ended = Evaluation.objects.filter(
-        submission__entry__race__in=races, ended_at__gt=since, ended_at__lte=now, state=State.FINISHED
+        submission__entry__race__in=races,
+        redrive=None,
+        result__engine=F("submission__entry__race__engine"),
+        ended_at__gt=since,
+        ended_at__lte=now,
+        state=State.FINISHED,
     )
     for one in ended.select_related("submission__entry__race", "submission__entry__racer").order_by("ended_at", "pk"):
         entry = one.submission.entry
@@ -145,7 +151,7 @@ def _of_races(races: QuerySet[Race], since: datetime, now: datetime) -> Iterator
 def _runs(hook: Webhook, since: datetime, now: datetime) -> Iterator[Happening]:
     """What the owner's own cars have driven: in races, in duels, and in private."""
     ended = Evaluation.objects.filter(
-        owner=hook.owner, ended_at__gt=since, ended_at__lte=now, state__in=[State.FINISHED, State.FAILED]
+        owner=hook.owner, redrive=None, ended_at__gt=since, ended_at__lte=now, state__in=[State.FINISHED, State.FAILED]
     )
     if hook.race_id is not None:
         ended = ended.filter(Q(submission__entry__race=hook.race_id) | Q(duel__race=hook.race_id))

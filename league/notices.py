@@ -25,6 +25,9 @@ SENTENCES = {
     NoticeKind.CANCELLED: gettext_noop("%(race)s is cancelled: %(text)s"),
     NoticeKind.DISQUALIFIED: gettext_noop("You are disqualified from %(race)s (%(text)s)."),
     NoticeKind.RESTORED: gettext_noop("You are no longer disqualified from %(race)s (%(text)s)."),
+    NoticeKind.RETIMED: gettext_noop(
+        "%(race)s was driven again with the engine %(engine)s. You had %(old)s with %(before)s, and have %(new)s."
+    ),
 }
 # What a racer can do about it. Told while it can be changed: "until" is empty before the results are official.
 APPEAL = gettext_noop("If you think that this is wrong, tell the organisers: they can put you back.")
@@ -40,6 +43,8 @@ def sentence(notice: Notice) -> str:
     if notice.kind == NoticeKind.RESULT and len(notice.params) > 1:
         return _result(params)
     said = _(SENTENCES[NoticeKind(notice.kind)])
+    if notice.kind == NoticeKind.RETIMED:
+        return _retimed(said, params)
     if notice.kind == NoticeKind.DISQUALIFIED and "until" in notice.params:
         said = f"{said} {_(APPEAL_UNTIL if notice.params['until'] else APPEAL)}"
     return said % params
@@ -61,6 +66,22 @@ def _result(said: _Params) -> str:
         score = _Params(said, score=clock(said["score_ms"]))
         text = _("Your car in %(race)s: %(score)s. You are in place %(rank)s of %(of)s.") % score
     return " ".join([text, change_sentence(said.get("change", ""), said.get("by", 0))]).strip()
+
+
+def _retimed(said: str, params: _Params) -> str:
+    """Both scores with their places, and why there is none any more."""
+    old, new = (_placed(params.get(f"{which}_score_ms"), params.get(f"{which}_rank")) for which in ("old", "new"))
+    text = said % _Params(params, old=old, new=new)
+    why = params.get("reason")
+    return f"{text} {reason_sentence(why, params.get('reason_params') or {})}" if why else text
+
+
+def _placed(score_ms: int | None, rank: int | None) -> str:
+    if score_ms is None:
+        return _("no classified time")
+    if rank is None:
+        return clock(score_ms)
+    return _("%(score)s (place %(rank)s)") % {"score": clock(score_ms), "rank": rank}
 
 
 class _Params(dict):

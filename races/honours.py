@@ -10,12 +10,13 @@ from .ranking import rule_for
 
 def race_of_marks(evaluation: Evaluation) -> Race | None:
     """The race whose fastest times the laps of a finished run are held against for purple; None for a run that takes
-    none: one that is not classified, a house car's, a test drive. Cars in duels have all been classified."""
+    none: one that is not classified or of another engine, a house car's, a test drive. Cars in duels have all been
+    classified."""
     submission, duel = getattr(evaluation, "submission", None), getattr(evaluation, "duel", None)
     if submission is None:
         return None if duel is None else duel.race
     entry = submission.entry
-    if entry.is_baseline:
+    if entry.is_baseline or evaluation.result.engine != entry.race.engine:
         return None
     standing = rule_for(entry.race).standing(evaluation.result.laps, entry.race.minimum_laps)
     return entry.race if standing.classified else None

@@ -39,8 +39,9 @@ def register() -> None:
 
 
 def _evaluations(failed: QuerySet[Evaluation]) -> QuerySet[Evaluation]:
-    """Without heats of duels, which are driven anew by themselves, and without what was run again already."""
-    return failed.filter(duel=None).exclude(submission__is_void=True)
+    """Without heats of duels and runs of races that are driven again, which both are queued anew by themselves, and
+    without what was run again already."""
+    return failed.filter(duel=None, redrive=None).exclude(submission__is_void=True)
 
 
 def _evaluate_again(evaluation: Evaluation, now: datetime) -> object:

@@ -7,6 +7,7 @@ from datetime import datetime
 from evaluation.models import Evaluation, Result, TrainedModel
 
 from .services import record_ended_duel, record_ended_evaluation
+from .services.redrives import drive_again_after_commit
 from .services.videos import remove_videos_of_model
 
 
@@ -16,6 +17,7 @@ def take_ended_evaluation(
     """Write the standing, or what a duel gave, in the transaction that ends the evaluation."""
     record_ended_evaluation(evaluation=evaluation, result=result, now=now)
     record_ended_duel(evaluation=evaluation, result=result, now=now)
+    drive_again_after_commit(evaluation, now)
 
 
 def take_deleted_model(sender: object, *, model: TrainedModel, **kwargs: object) -> None:

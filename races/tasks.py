@@ -15,6 +15,7 @@ from evaluation.services import note_worker
 from evaluation.stopping import shutdown_flag
 
 from .services import drive_all_on
+from .services.redrives import sweep_redrives
 from .services.videos import purge_videos, ring_video_bell, run_next_video, sweep_videos
 
 logger = logging.getLogger(__name__)
@@ -24,6 +25,12 @@ logger = logging.getLogger(__name__)
 def duels() -> int:
     """Draw the duels of races that have closed and drive on those under way. Returns how many heats were queued."""
     return drive_all_on(now=timezone.now())
+
+
+@shared_task
+def redrives() -> int:
+    """Drive again what another engine has driven in races that are not over. Returns how many runs were queued."""
+    return sweep_redrives(now=timezone.now())
 
 
 @shared_task(bind=True)

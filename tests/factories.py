@@ -12,6 +12,7 @@ from typing import Any
 from evaluation.models import Evaluation, State
 from evaluation.pipeline import EvaluationOutcome
 from evaluation.services import fail_evaluation, finish_evaluation
+from evaluation.simulator import engine
 from faults import PaddockError
 from league.models import Racer
 from races.models import Kind, Race, Submission
@@ -92,7 +93,7 @@ def a_model(owner: Racer, **fields: Any):
 
 
 def outcome(driven: Sequence[dict[str, Any]]) -> EvaluationOutcome:
-    """What the pipeline returns for these laps."""
+    """What the pipeline returns for these laps, driven with the site's engine."""
     return EvaluationOutcome(
         laps=list(driven),
         end_reason="laps_done",
@@ -101,7 +102,7 @@ def outcome(driven: Sequence[dict[str, Any]]) -> EvaluationOutcome:
         trace_csv=trace_csv(),
         trace_sha256=hashlib.sha256(repr(driven).encode()).hexdigest(),
         metrics={"metrics": []},
-        engine="paddock-v1",
+        engine=engine.ENGINE_ID,
         versions={},
         cpu_model="test",
         wall_s=0.1,

@@ -19,8 +19,8 @@ from .leases import (
     release_evaluation,
     sweep_queue,
 )
-from .nodes import note_worker
-from .queue import queue_again, queue_evaluation, stop_evaluation
+from .nodes import engines_at_work, note_worker
+from .queue import queue_again, queue_copies, queue_evaluation, stop_evaluation
 from .work import job_of, run_next_evaluation
 
 __all__ = [
@@ -30,12 +30,14 @@ __all__ = [
     "claim_next_evaluation",
     "delete_model",
     "describe_model",
+    "engines_at_work",
     "fail_evaluation",
     "finish_evaluation",
     "job_of",
     "note_worker",
     "purge_garages",
     "queue_again",
+    "queue_copies",
     "queue_evaluation",
     "release_evaluation",
     "ring_bell",

@@ -11,6 +11,7 @@ from kombu.exceptions import OperationalError
 
 logger = logging.getLogger(__name__)
 STALE_AFTER_S = 60  # a bell that nobody heard for so long is dropped; the sweep has rung again by then
+BELLS_AT_ONCE = 8
 PATIENCE_S = 1.0  # a page waits no longer than about this for a broker that does not answer
 
 

@@ -22,7 +22,7 @@ from faults import PaddockError, PlatformFault
 from ..line import heads_of_line
 from ..models import Evaluation, State
 from ..signals import evaluation_ended
-from .bell import ring_bell
+from .bell import BELLS_AT_ONCE, ring_bell
 from .results import delete_files, file_names, store_files, write_result
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 DETAIL_LIMIT = 4000
-BELLS_AT_ONCE = 8
 
 
 def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:

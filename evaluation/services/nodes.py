@@ -12,9 +12,11 @@ from django.db.models.functions import Now
 
 from ..models import WorkerNode
 from ..sandbox import probe as probing
+from ..simulator import engine
 
 BEAT_EVERY_S = 15.0
 SILENT_AFTER = timedelta(seconds=60)  # three beats were missed
+EVALUATIONS = "celery"  # the broker's queue that they are in
 FORGOTTEN_AFTER = timedelta(days=2)
 
 
@@ -24,11 +26,9 @@ def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
     Raises PlatformFault("sandbox_unavailable") after that when untrusted code may not run here. ``sandboxed=False``: it
     runs no such code, and is not asked.
     """
-    from ..simulator.engine import ENGINE_ID
-
     sandbox = probing.probe().to_dict() if sandboxed else {}
     node, _ = WorkerNode.objects.update_or_create(
-        name=name[:128], defaults={"seen_at": Now(), "stopped_at": None, "sandbox": sandbox, "engine": ENGINE_ID}
+        name=name[:128], defaults={"seen_at": Now(), "stopped_at": None, "sandbox": sandbox, "engine": engine.ENGINE_ID}
     )
     if sandboxed:
         probing.require()
@@ -46,6 +46,7 @@ def start_worker(*, name: str, queues: Sequence[str], processes: int, now: datet
             "stopped_at": None,
             "queues": sorted(queues),
             "processes": processes,
+            "engine": engine.ENGINE_ID,
         },
     )
     forget_workers(now=now)
@@ -60,6 +61,12 @@ def stop_worker(*, name: str, now: datetime | Now | None = None) -> None:
     """A worker was shut down in good order."""
     now = now or Now()
     WorkerNode.objects.filter(name=name[:128]).update(seen_at=now, stopped_at=now)
+
+
+def engines_at_work(*, now: datetime | Now) -> set[str]:
+    """The engines of all workers that run evaluations and were heard of within :data:`SILENT_AFTER` of ``now``."""
+    alive = WorkerNode.objects.filter(stopped_at=None, seen_at__gt=now - SILENT_AFTER).exclude(engine="")
+    return {name for name, queues in alive.values_list("engine", "queues") if EVALUATIONS in queues}
 
 
 def forget_workers(*, now: datetime | Now) -> int:

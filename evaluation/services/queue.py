@@ -14,7 +14,7 @@ from ..models import Evaluation, EvaluationRival, State, TrainedModel
 from ..rivals import check_rivals
 from ..selectors import can_use_model
 from ..signals import evaluation_ended
-from .bell import ring_bell
+from .bell import BELLS_AT_ONCE, ring_bell
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -60,6 +60,36 @@ def queue_evaluation(
     )
     ring_bell()
     return evaluation
+
+
+@transaction.atomic
+def queue_copies(*, evaluations: Sequence[Evaluation], priority: int, now: datetime) -> list[Evaluation]:
+    """Queue runs of exactly what these evaluations were specified to be, in their order: frozen track, rules, metadata
+    and rivals are taken over as they stand, whatever has become of the models in their owners' garages since."""
+    copies = Evaluation.objects.bulk_create(
+        Evaluation(
+            owner_id=one.owner_id,
+            model_id=one.model_id,
+            track_id=one.track_id,
+            spec=one.spec,
+            priority=priority,
+            queued_at=now,
+        )
+        for one in evaluations
+    )
+    by_source = {one.pk: copy for one, copy in zip(evaluations, copies, strict=True)}
+    EvaluationRival.objects.bulk_create(
+        EvaluationRival(
+            evaluation=by_source[rival.evaluation_id],
+            number=rival.number,
+            model_id=rival.model_id,
+            metadata=rival.metadata,
+        )
+        for rival in EvaluationRival.objects.filter(evaluation__in=by_source).order_by("evaluation", "number")
+    )
+    if copies:
+        ring_bell(times=min(len(copies), BELLS_AT_ONCE))
+    return copies
 
 
 @transaction.atomic

@@ -125,6 +125,10 @@ REASONS = table(
         ),
         "submission_running": _("Your last car is still being timed. Wait for its result, or stop it."),
         "submissions_used_up": _("You have used all %(limit)s submissions that this race allows."),
+        "race_engine_gone": _(
+            "This race was driven with the engine %(engine)s, and is over; a run that the site's %(site)s drives now "
+            "could not be held against its results."
+        ),
         "submission_not_failed": _("Only a run that failed or was stopped can be repeated; this one stands."),
         # tracks that racers import
         "track_known": _("This very track is here already, as %(name)s. Use that one."),

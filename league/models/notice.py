@@ -26,6 +26,7 @@ class NoticeKind(models.TextChoices):
     CANCELLED = "cancelled", _("a race is cancelled")
     DISQUALIFIED = "disqualified", _("disqualified by the stewards")
     RESTORED = "restored", _("put back by the stewards")
+    RETIMED = "retimed", _("a new engine changed your time")
 
 
 # A result comes seconds after sending a car: whoever wants that by mail turns it on.

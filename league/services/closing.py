@@ -15,7 +15,7 @@ from django.db.models import Q
 
 from faults import UserFault
 from races.models import Opponents, Race, RaceState
-from races.selectors.counting import cars_waiting
+from races.selectors.counting import cars_waiting, driven_again
 from races.services.gates import moment
 
 from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season
@@ -128,13 +128,24 @@ def _require_ready(round_: Round, now: datetime) -> None:
         raise UserFault("round_still_driving", waiting=waiting)
 
 
+def is_official(race: Race) -> bool:
+    """Whether the results of a race are those of a round that was closed."""
+    return Round.objects.filter(race=race, closed_at__isnull=False).exists()
+
+
 def cars_on_the_way(race: Race) -> int:
-    """How many cars of a race still wait or drive; duels that are not over count as one."""
-    active = cars_waiting(race)
+    """How many cars of a race still wait or drive, for the first time or again; duels that are not over are one."""
+    active = cars_waiting(race) + _driven_again(race)
     if race.opponents != Opponents.MODELS or race.imported_at is not None:
         return active
     draw = getattr(race, "draw", None)
     return max(active, int(draw is None or draw.over_at is None))
+
+
+def _driven_again(race: Race) -> int:
+    """How many runs of another engine still are to be driven again; at least one until they all count."""
+    again = driven_again(race)
+    return 0 if again is None else max(1, again.runs - again.done)
 
 
 def _write(round_: Round, outcome: Outcome) -> None:

@@ -11,6 +11,8 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from functools import partial
+from itertools import groupby
 from typing import Any
 
 from allauth.account.models import EmailAddress
@@ -26,7 +28,7 @@ from django.utils import translation
 from django.utils.translation import gettext as _
 
 from evaluation.models import Evaluation, State
-from races.models import Division, Entry, Kind, Race
+from races.models import Division, Entry, Kind, Race, Redrive, Retiming
 from races.selectors import podiums
 from races.selectors.results import result_of
 from races.services.gates import moment
@@ -61,6 +63,7 @@ MAILS_A_TIME = 200
 MAIL_TRIES = 3
 BATCH = 500
 _STOPPING = "league.notices.stop"
+_RETIMED = ("old_score_ms", "old_rank", "new_score_ms", "new_rank")
 _DECIDED = {Decision.DISQUALIFIED: NoticeKind.DISQUALIFIED, Decision.RESTORED: NoticeKind.RESTORED}
 
 
@@ -77,7 +80,7 @@ class _Told:
 
 def tell_what_happened(*, now: datetime) -> int:
     """Write every notice that is due at ``now``; returns how many are new."""
-    steps = (_openings, _closings, _cancellations, _results, _leads, _outcomes, _officials, _decisions)
+    steps = (_openings, _closings, _cancellations, _results, _retimings, _leads, _outcomes, _officials, _decisions)
     told = sum(step(now) for step in steps)
     Notice.objects.filter(at__lt=now - KEPT).delete()
     return told
@@ -298,12 +301,19 @@ def _about(race: Race, kind: NoticeKind, now: datetime) -> Callable[[], int]:
 
 def _results(now: datetime) -> int:
     ended = Evaluation.objects.filter(
+        # what another engine than its race's drove is told once it counts
+        Q(state=State.FAILED) | Q(result__engine=F("submission__entry__race__engine")),
         submission__isnull=False,
         ended_at__gt=now - REACH,
         ended_at__lte=now,
         state__in=[State.FINISHED, State.FAILED],
     )
-    notice = Notice.objects.filter(kind=NoticeKind.RESULT, about=OuterRef("public_id"), racer=OuterRef("owner"))
+    # what was driven again is no news to who was told of the car before
+    before = Redrive.objects.filter(submission=OuterRef(OuterRef("submission")), replaced__isnull=False)
+    told_of = Q(about=OuterRef("public_id")) | Q(about__in=before.values("replaced__public_id"))
+    notice = Notice.objects.filter(told_of, kind=NoticeKind.RESULT, racer=OuterRef("owner"))
+    recent = Q(redrive=None) | Q(redrive__replaced__ended_at__gt=now - REACH)
+    ended = ended.filter(recent)
     new = ended.exclude(Exists(notice)).filter(owner__is_house=False, owner__is_active=True)
     told = 0
     for one in new.select_related("submission__entry__race", "result").order_by("ended_at", "pk"):
@@ -329,6 +339,34 @@ def _result_told(one: Evaluation) -> dict[str, Any]:
         "change": found.change.kind.value,
         "by": found.change.by,
     }
+
+
+def _retimings(now: datetime) -> int:
+    """Whose time another engine has changed, with both times and places. Whoever leads since is not told of as if they
+    had driven past the others."""
+    changed = Retiming.objects.filter(at__gt=now - REACH, at__lte=now).select_related("entry__race")
+    told = 0
+    by_race = groupby(changed.order_by("at", "entry__race", "pk"), lambda row: (row.at, row.entry.race))
+    for (at, race), rows in by_race:
+        tell = partial(_tell_retimed, at, race, list(rows), now)
+        told += _announce(f"retimed:{race.slug}:{at:%Y%m%d%H%M%S}", now, tell)
+    return told
+
+
+def _tell_retimed(at: datetime, race: Race, rows: list[Retiming], now: datetime) -> int:
+    for leader in podiums([race], size=1)[race.pk]:
+        Lead.objects.filter(race=race).update(racer=leader.racer)
+    told = 0
+    for row in rows:
+        if row.entry.is_withdrawn:
+            continue
+        params: dict[str, Any] = {"race": race.name, "engine": row.new_engine, "before": row.old_engine}
+        params |= {name: getattr(row, name) for name in _RETIMED}
+        if row.reason_code:
+            params |= {"reason": row.reason_code, "reason_params": row.reason_params}
+        about = f"{race.slug}:{at:%Y%m%d%H%M%S}"
+        told += _tell(_Told(NoticeKind.RETIMED, about, [row.entry.racer_id], race.get_absolute_url(), params), now)
+    return told
 
 
 def _leads(now: datetime) -> int:

@@ -10,6 +10,7 @@ from django.views.decorators.http import require_safe
 from evaluation.models import Evaluation
 from evaluation.selectors import models_of
 from league.selectors.steps import first_steps, league_race_now
+from races.engines import hidden_runs
 from races.selectors import podiums, racing_now, to_beat, upcoming
 
 RACES = 6
@@ -31,7 +32,8 @@ def home(request: HttpRequest) -> HttpResponse:
     }
     if request.user.is_authenticated:
         related = ("model", "track", "result", "submission__entry__race", "duel__race")
-        mine = Evaluation.objects.filter(owner=request.user).select_related(*related).order_by("-queued_at")
+        mine = Evaluation.objects.filter(~hidden_runs(), owner=request.user, replaced_by=None)
+        mine = mine.select_related(*related).order_by("-queued_at")
         context |= {
             "models": list(models_of(request.user)[:OWN]),
             "runs": list(mine[:OWN]),

@@ -22,6 +22,7 @@ from evaluation.queues import Queue, all_queues
 from league.selectors.workers import database_now, failed_runs, queues_at, workers_at
 from league.services.run_again import run_again
 from races.audit import log_many
+from races.selectors.counting import races_driven_again
 
 PER_PAGE = 50
 # How far back a filter may look, in hours; 0: all that there is.
@@ -38,7 +39,7 @@ def workers(request: HttpRequest) -> HttpResponse:
     _require(request, READ)
     now = database_now()
     shown = workers_at(now)
-    context = {"workers": shown, "queues": queues_at(now, shown), "now": now}
+    context = {"workers": shown, "queues": queues_at(now, shown), "driven_again": races_driven_again(), "now": now}
     return render(request, "league/workers.html", context)
 
 

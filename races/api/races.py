@@ -65,6 +65,12 @@ class RaceSerializer(CourseSerializer):
     max_submissions = serializers.IntegerField()
     seed = serializers.IntegerField()
     visibility = serializers.ChoiceField(Visibility.choices)
+    engine = serializers.CharField(
+        allow_blank=True, help_text="The simulator that its counted results are of; empty before the first."
+    )
+    next_engine = serializers.CharField(
+        allow_blank=True, help_text="The one that all its counted runs are being driven again with; else empty."
+    )
 
     def get_state(self, race: Race) -> RaceState:
         return race.state_at(timezone.now())

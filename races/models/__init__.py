@@ -5,6 +5,7 @@ from .counting import BoardCount
 from .duel import Draw, Duel, DuelCar, DuelState
 from .entry import Entry
 from .race import ONE_LINE, Race, default_sensors, new_invitation
+from .redrive import Redrive, RedriveState, Retiming
 from .submission import Submission
 from .video import UNDER_WAY, WHOLE, Video, VideoState
 
@@ -27,6 +28,9 @@ __all__ = [
     "RaceState",
     "RaceType",
     "RankingMethod",
+    "Redrive",
+    "RedriveState",
+    "Retiming",
     "Submission",
     "Video",
     "VideoState",

@@ -144,6 +144,16 @@ class Race(models.Model):
     fastest_sector_2_ms = models.PositiveIntegerField(_("fastest sector 2"), null=True, blank=True, editable=False)
     fastest_sector_3_ms = models.PositiveIntegerField(_("fastest sector 3"), null=True, blank=True, editable=False)
 
+    # A race has one engine: that of its counted results. The first of them says which; see races.services.redrives.
+    engine = models.CharField(_("engine"), max_length=32, blank=True, editable=False)
+    next_engine = models.CharField(
+        _("driven again with"),
+        max_length=32,
+        blank=True,
+        editable=False,
+        help_text=_("The engine that all counted runs are being driven again with; empty when none are."),
+    )
+
     class Meta:
         verbose_name = _("race")
         verbose_name_plural = _("races")
@@ -151,6 +161,7 @@ class Race(models.Model):
         indexes = [
             models.Index(fields=["closes_at", "opens_at"], name="race_by_time"),
             models.Index(fields=["cancelled_at"], condition=Q(cancelled_at__isnull=False), name="race_by_cancelling"),
+            models.Index(fields=["next_engine"], condition=~Q(next_engine=""), name="race_driven_again"),
         ]
         constraints = [
             models.CheckConstraint(condition=Q(closes_at__gt=F("opens_at")), name="race_closes_after_opening"),
@@ -172,6 +183,7 @@ class Race(models.Model):
                 ),
                 *course.CONSTRAINTS,
             ),
+            models.CheckConstraint(condition=Q(next_engine="") | ~Q(engine=""), name="race_driven_again_was_driven"),
             models.CheckConstraint(
                 condition=Q(kind="league") & ~Q(division="") & Q(visibility="public")
                 | Q(kind="community", division=""),

@@ -23,6 +23,7 @@ from .lists import (
     races_of,
     races_on,
     racing_now,
+    replaced_by,
     submissions_of,
     upcoming,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "races_visible_to",
     "racing_now",
     "rank_of",
+    "replaced_by",
     "score_column",
     "submissions_of",
     "to_beat",

@@ -6,13 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from django.db import connection
-from django.db.models import IntegerField, OuterRef, QuerySet, Subquery
+from django.db.models import IntegerField, OuterRef, Q, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
 from evaluation.models import Evaluation, State
+from faults.reasons import REASONS
 
-from ..models import BoardCount, Entry, Race
+from ..models import BoardCount, Entry, Race, Redrive, RedriveState, Submission
 from ..models.counting import CLASSIFIED, EVERYBODY, LEVEL_BITS, SHIFTS, TOTAL
+
+PLATFORM_CODES = frozenset(code for code, reason in REASONS.items() if reason.fault == "platform")
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,43 @@ def page_of(
         return []
     score, before = found
     return list(entries.filter(rank_score__gte=score)[before : before + size])
+
+
+@dataclass(frozen=True)
+class DrivenAgain:
+    """A race whose counted runs are being driven again: with which ``engine``, how many of how many are ``done``."""
+
+    engine: str
+    done: int
+    runs: int
+
+
+def driven_again(race: Race) -> DrivenAgain | None:
+    """How far a race is that another engine drives again; None for every other. Two queries, or none."""
+    if not race.next_engine:
+        return None
+    counted = Submission.objects.filter(entry__race=race, is_void=False, evaluation__result__isnull=False)
+    ended = Redrive.objects.filter(submission__entry__race=race, state=RedriveState.PENDING, engine=race.next_engine)
+    verdict = Q(evaluation__state=State.STOPPED) | Q(evaluation__result__engine=race.next_engine)
+    verdict |= Q(evaluation__state=State.FAILED) & ~Q(evaluation__reason_code__in=PLATFORM_CODES)
+    return DrivenAgain(
+        race.next_engine,
+        ended.filter(verdict).count(),
+        counted.exclude(evaluation__result__engine=race.next_engine).count(),
+    )
+
+
+def races_driven_again() -> list[tuple[Race, DrivenAgain]]:
+    """Every race that another engine drives again, the next to close first."""
+    races = Race.objects.exclude(next_engine="").order_by("closes_at", "pk")
+    return [(race, found) for race in races if (found := driven_again(race)) is not None]
+
+
+def failing_redrives(race: Race) -> list[Redrive]:
+    """Of a race that is driven again the runs that have failed through our fault and wait to be queued once more."""
+    failed = Redrive.objects.filter(submission__entry__race=race, state=RedriveState.PENDING)
+    failed = failed.filter(evaluation__state=State.FAILED, evaluation__reason_code__in=PLATFORM_CODES)
+    return list(failed.select_related("evaluation").order_by("pk"))
 
 
 def cars_waiting(race: Race) -> int:

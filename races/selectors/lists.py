@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from django.db.models import Case, OuterRef, Q, QuerySet, Value, When
 
-from ..models import Entry, Kind, Race, Submission
+from ..models import Entry, Kind, Race, Redrive, Submission
 from ..ranking import Standing, rule_for
 from .boards import ranks_of
 from .counting import racers_on_board
@@ -17,6 +17,7 @@ from .visibility import races_visible_to
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
+    from evaluation.models import Evaluation
     from league.models import Racer
     from tracks.models import Track
 
@@ -110,6 +111,13 @@ def submissions_of(entry: Entry) -> list[SubmissionRow]:
         standing = None if result is None else rule.standing(result.laps, entry.race.minimum_laps)
         rows.append(SubmissionRow(submission, standing, submission.pk == entry.best_id))
     return rows
+
+
+def replaced_by(evaluation: Evaluation) -> Redrive | None:
+    """The run, with its result, that counts in a race since this one was driven again with another engine; None for
+    every other."""
+    related = ("evaluation__result", "submission__entry__race")
+    return Redrive.objects.filter(replaced=evaluation).select_related(*related).first()
 
 
 def racer_history(racer: Racer, viewer: Reader = None, limit: int = HISTORY_LENGTH) -> list[HistoryRow]:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from django.db.models import Q, Subquery
 
+from evaluation.models import Result
+
 from ..change import Change, change
 from ..models import Duel, DuelCar, DuelFormat, Entry, Race, Submission
 from ..ranking import Lap, Standing, longest_streak, rule_for
@@ -85,14 +87,21 @@ class RunResult:
         return None if self.counts else self.place.entry.best
 
     @property
+    def is_held(self) -> bool:
+        """Whether it waits for the other runs of its race to be driven again with its engine."""
+        return self.submission.evaluation.result.engine != self.race.engine
+
+    @property
     def was_overtaken(self) -> bool:
         """Whether it counted until a later car of the same racer was better."""
-        return self.instead is not None and self.instead.number > self.submission.number
+        return not self.is_held and self.instead is not None and self.instead.number > self.submission.number
 
     @property
     def came_late(self) -> bool:
         """Whether it is better than what was there before and yet changed nothing: the duels were drawn."""
-        return not self.counts and not self.was_overtaken and self.change is not None and self.change.is_better
+        if self.counts or self.is_held or self.was_overtaken:
+            return False
+        return self.change is not None and self.change.is_better
 
 
 @dataclass(frozen=True)
@@ -147,10 +156,12 @@ def heat_of(duel: Duel, racer_id: int) -> HeatResult | None:
 
 
 def _best_earlier(submission: Submission) -> tuple[int | None, Standing | None]:
-    """The number and the worth of the racer's best submission before this one: one query of their own runs."""
+    """The number and the worth of the racer's best submission before this one, of the same engine: one query of their
+    own runs."""
     race = submission.entry.race
     runs = Submission.objects.filter(entry=submission.entry, number__lt=submission.number, is_void=False)
-    runs = runs.filter(evaluation__result__isnull=False).order_by("number")
+    same_engine = Result.objects.filter(evaluation=submission.evaluation_id).values("engine")
+    runs = runs.filter(evaluation__result__engine=Subquery(same_engine[:1])).order_by("number")
     rule, number, best = rule_for(race), None, None
     for one, laps in runs.values_list("number", "evaluation__result__laps"):
         standing = rule.standing(laps, race.minimum_laps)

@@ -8,6 +8,7 @@ from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from evaluation.models import Evaluation
 
+from ..engines import hidden_runs, is_hidden
 from ..models import Duel, Entry, Race, Submission, Visibility
 
 if TYPE_CHECKING:
@@ -46,9 +47,14 @@ def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluati
     """Whether the racer may see an evaluation: laps, line, trace. Twin of :func:`evaluations_visible_to`.
 
     Its owner, admins, and who organises the race that it was driven in; for the run that stands on a board and for
-    duels, everybody who may see that race. Other runs are the racer's own business.
+    duels, everybody who may see that race. Other runs are the racer's own business. A run that is driven again with
+    another engine is seen by admins alone until its race has taken it.
     """
-    if _known(racer) and (racer.is_staff or racer.pk == evaluation.owner_id):
+    if _known(racer) and racer.is_staff:
+        return True
+    if is_hidden(evaluation):
+        return False
+    if _known(racer) and racer.pk == evaluation.owner_id:
         return True
     submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
     if submission is None:
@@ -77,7 +83,7 @@ def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Eval
         seen |= Q(Exists(on_board.filter(Exists(shared))))
         member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
         seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member))))
-    return evaluations.filter(seen)
+    return evaluations.filter(~hidden_runs(), seen)
 
 
 def _known(racer: Racer | AnonymousUser | None) -> bool:

@@ -24,6 +24,7 @@ from ..course import race_rules
 from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of
 from ..duels.points import Drive, places, points_lap_time
 from ..duels.schedule import Heat, round_robin
+from ..engines import keeps_engine
 from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
 from ..ranking import drawn_rank
 from ..signals import duels_over
@@ -40,7 +41,7 @@ def draw_duels(*, race: Race, now: datetime) -> Draw:
     """End a race's qualifying: seed the classified cars and write the heats. What was drawn before stays as it is.
 
     Raises UserFault("race_has_no_duels"), "race_cancelled", "duels_before_closing", "duels_wait_for_qualifying" while a
-    car that was sent in time is still waiting or driving.
+    car that was sent in time is still waiting or driving, or the race is to be driven again with another engine.
     """
     if race.opponents != Opponents.MODELS or race.imported_at is not None:
         raise UserFault("race_has_no_duels")
@@ -50,14 +51,15 @@ def draw_duels(*, race: Race, now: datetime) -> Draw:
         raise UserFault("duels_before_closing", closes=moment(race.closes_at))
     qualified = Entry.objects.filter(race=race, classified=True, withdrawn_at=None, is_baseline=False)
     entries = list(qualified.select_for_update(of=("self",)).order_by("pk"))
-    Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    race = Race.objects.select_for_update(no_key=True).get(pk=race.pk)
     drawn = Draw.objects.filter(race=race).first()
     if drawn is not None:
         return drawn
     active = Submission.objects.filter(
         entry__race=race, entry__withdrawn_at=None, evaluation__state__in=(State.QUEUED, State.RUNNING)
     )
-    if count := active.count():
+    # a draw is of one engine: until its runs are driven again with the site's, a race is still in its qualifying
+    if count := active.count() or int(not keeps_engine(race)):
         raise UserFault("duels_wait_for_qualifying", count=count)
     seeded = sorted(entries, key=lambda entry: entry.rank_key)[: field_limit(race)]
     for seed, entry in enumerate(seeded, start=1):
@@ -83,8 +85,8 @@ def drive_on(*, race: Race, now: datetime) -> int:
     entries = Entry.objects.filter(race=race, seed__isnull=False).select_related("racer", "best__evaluation__model")
     by_seed = {entry.seed: entry for entry in entries.select_for_update(of=("self",)).order_by("pk")}
     race = Race.objects.select_for_update(no_key=True, of=("self",)).select_related("track").get(pk=race.pk)
-    draw = Draw.objects.get(race=race)
-    if draw.over_at is not None:
+    draw = Draw.objects.filter(race=race).first()
+    if draw is None or draw.over_at is not None or not keeps_engine(race):
         return 0
     queued = 0
     while not _driving(race).exists():
@@ -133,7 +135,8 @@ def record_ended_duel(*, evaluation: Evaluation, result: Result | None, now: dat
     """Write what an evaluation that has just ended means for its heat; None when it drove none.
 
     Counted once: only the heat's present evaluation decides it, and only while the heat is driving. Without a result
-    the heat is driven again, at most :data:`MAX_TRIES` times; then it is void and nobody scores.
+    the heat is driven again, at most :data:`MAX_TRIES` times; then it is void and nobody scores. It is driven again,
+    as often as it takes, when another engine than the race's has driven it.
     """
     duel = Duel.objects.filter(evaluation=evaluation, state=DuelState.DRIVING).select_related("race").first()
     if duel is None:
@@ -144,8 +147,10 @@ def record_ended_duel(*, evaluation: Evaluation, result: Result | None, now: dat
     )
     if not Duel.objects.filter(pk=duel.pk, evaluation=evaluation, state=DuelState.DRIVING).exists():
         return None
-    if result is not None:
+    if result is not None and result.engine == duel.race.engine:
         _decide(duel, cars, result, now)
+    elif result is not None:  # of another engine than all other heats: nobody's fault, and no try
+        Duel.objects.filter(pk=duel.pk).update(state=DuelState.WAITING, tries=duel.tries - 1)
     else:
         _try_again(duel, entries, now)
     recount(duel.race, entries)

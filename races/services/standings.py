@@ -6,6 +6,7 @@ in which results arrive changes nothing, and recording one twice changes nothing
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime
 
 from django.db import transaction
@@ -14,6 +15,7 @@ from django.db.models.functions import Coalesce, Least
 
 from evaluation.models import Evaluation, Result, State
 
+from ..engines import admit
 from ..models import Entry, Race, Submission
 from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, rule_for
 from .duels import recount
@@ -50,12 +52,14 @@ def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, no
     A result may improve the entry's standing. Without one, a run that says nothing about the car (Paddock failed, or
     its owner stopped it) is void, so the car may be sent again, and the submission is refunded unless its owner stopped
     a car that was already driving: otherwise a race with few submissions could be tried for ever. A run that failed by
-    the car's fault counts.
+    the car's fault counts. A result of another engine than the race's is held back (races.services.redrives).
     """
     submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
     if submission is None:
         return None
     entry = _locked(submission.entry)
+    # read once more under its lock: the runs of the whole race may have been driven again with another engine meanwhile
+    entry.race = Race.objects.select_for_update(no_key=True).get(pk=entry.race_id)
     if result is not None:
         _take_result(entry, submission, result)
     elif evaluation.state == State.STOPPED or evaluation.is_platform_fault:
@@ -76,13 +80,20 @@ def recompute_standing(*, entry: Entry) -> Entry:
     if entry.race.imported_at is not None:  # recorded, not driven here: there is nothing to work it out from
         recompute_fastest(race=entry.race)
         return entry
-    _clear(entry)
-    submissions = entry.submissions.filter(is_void=False, evaluation__result__isnull=False)
-    for submission in submissions.select_related("evaluation__result").order_by("pk"):
-        _improve(entry, submission, _standing(entry.race, submission.evaluation.result))
-    entry.save(update_fields=_STANDING_FIELDS)
-    recompute_fastest(race=entry.race)
+    work_out_standings(entry.race, [entry])
     return entry
+
+
+def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
+    """Work out from their submissions how these entries of a race stand, which the caller has locked and no draw has
+    seeded. Of results only those of the race's engine count."""
+    for entry in entries:
+        _clear(entry)
+        submissions = entry.submissions.filter(is_void=False, evaluation__result__engine=race.engine)
+        for submission in submissions.select_related("evaluation__result").order_by("pk"):
+            _improve(entry, submission, _standing(race, submission.evaluation.result))
+        entry.save(update_fields=_STANDING_FIELDS)
+    recompute_fastest(race=race)
 
 
 @transaction.atomic
@@ -136,7 +147,7 @@ def _standing(race: Race, result: Result) -> Standing:
 
 
 def _take_result(entry: Entry, submission: Submission, result: Result) -> None:
-    if submission.is_void or entry.seed is not None:
+    if submission.is_void or entry.seed is not None or not admit(entry.race, result.engine):
         return
     _improve(entry, submission, _standing(entry.race, result))
     entry.save(update_fields=_STANDING_FIELDS)

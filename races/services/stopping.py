@@ -26,6 +26,11 @@ def stop_duels_after_commit(entry: Entry, *, now: datetime) -> None:
     _stop(Evaluation.objects.filter(duel__in=Duel.objects.filter(cars__entry=entry)), now)
 
 
+def stop_evaluations_after_commit(evaluations: QuerySet[Evaluation], *, now: datetime) -> None:
+    """Stop those of ``evaluations`` that wait or drive, likewise."""
+    _stop(evaluations, now)
+
+
 def _stop(evaluations: QuerySet[Evaluation], now: datetime) -> None:
     for evaluation in evaluations.filter(state__in=(State.QUEUED, State.RUNNING)):
         transaction.on_commit(lambda one=evaluation: stop_evaluation(evaluation=one, now=now), robust=True)

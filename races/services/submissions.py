@@ -15,6 +15,7 @@ from faults import UserFault
 
 from ..course import race_rules
 from ..eligibility import check_eligible
+from ..engines import is_over, keeps_engine, site_engine
 from ..models import Draw, Entry, Race, Submission
 from ..sensors import not_offered
 from .entries import enter_race
@@ -65,11 +66,14 @@ def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
     The new submission keeps the time of the old one, so ties fall as they would have fallen; the old one is void. It
     counts if the old one did. Raises UserFault("submission_not_failed") for a run that finished or goes on,
     "model_not_yours" when the racer has deleted the model, "car_already_submitted" or "submission_running" when the
-    racer has sent the car again, "duels_drawn" when the result could not change anything any more.
+    racer has sent the car again, "duels_drawn" when the result could not change anything any more, "race_engine_gone"
+    when the race is over and was driven with an engine that is not the site's.
     """
     entry, race = _locked(submission.entry)
     if Draw.objects.filter(race=race).exists():
         raise UserFault("duels_drawn")
+    if is_over(race, now) and not keeps_engine(race):
+        raise UserFault("race_engine_gone", engine=race.engine, site=site_engine())
     old = Submission.objects.select_related("evaluation__model").get(pk=submission.pk)
     if old.evaluation.state not in (State.FAILED, State.STOPPED):
         raise UserFault("submission_not_failed")

@@ -16,8 +16,10 @@ from django.utils.translation import gettext_noop
 from evaluation.models import Evaluation, TrainedModel
 from races import facts
 from races.course import box_marks
+from races.engines import hidden_runs
 from races.models import Entry, Race, RaceState
 from races.selectors import evaluations_visible_to, races_on
+from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
 from races.selectors.results import Place, Rival
 from tracks.drawing import BoxMark, DrivenLine, draw_svg
@@ -70,8 +72,15 @@ def races_for(context: Context, model: TrainedModel, learned: Learned | None = N
 def runs_of(context: Context, model: TrainedModel) -> list[Evaluation]:
     """The latest evaluations of a model that the reader may see: of another's those that stand on boards."""
     related = ("track", "result", "submission__entry__race", "duel__race")
-    runs = evaluations_visible_to(context["user"]).filter(model=model).select_related(*related)
+    runs = evaluations_visible_to(context["user"]).filter(~hidden_runs(), model=model, replaced_by=None)
+    runs = runs.select_related(*related)
     return list(runs.order_by("-queued_at")[:RUNS_OF_A_MODEL])
+
+
+@register.simple_tag
+def driving_again(race: Race) -> DrivenAgain | None:
+    """How far a race is that another engine drives again; None for every other."""
+    return driven_again(race)
 
 
 @register.simple_tag

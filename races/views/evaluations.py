@@ -22,6 +22,7 @@ from races.cars import CarRow, LiveCar, car_rows, live_cars
 from races.course import awaited_boxes, driven_boxes
 from races.honours import race_of_marks
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
+from races.selectors import replaced_by
 from races.selectors.results import HeatResult, RunResult, heat_of, result_of
 
 from .common import visible_evaluation
@@ -148,6 +149,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         "race": race,
         "direction": _direction(shown),
         "can_stop": can_stop_evaluation(request.user, shown),
+        "replaced_by": replaced_by(shown) if race is None else None,
         "is_mine": request.user.is_authenticated and request.user.pk == shown.owner_id,
     }
     if shown.state == State.FINISHED:

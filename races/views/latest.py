@@ -37,6 +37,12 @@ class LatestRun:
         return self.entry.best_id == self.submission.pk
 
     @property
+    def is_held(self) -> bool:
+        """Whether its result waits for the race to be driven again with its engine."""
+        result = getattr(self.evaluation, "result", None)
+        return result is not None and result.engine != self.entry.race.engine
+
+    @property
     def mark(self) -> str:
         """Changes whenever there is something new to show."""
         return live_mark(self.evaluation, self.position)

@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob
+from evaluation.simulator import engine
 
 HEADER = (
     "episode,steps,X,Y,yaw,steer,throttle,action,reward,done,all_wheels_on_track,progress,closest_waypoint,track_len,"
@@ -40,7 +41,7 @@ def outcome_of(
         rivals=list(rivals),
         simulated_ms=sum(laps),
         steps=100,
-        engine="paddock-v1",
+        engine=engine.ENGINE_ID,
         versions={"numpy": "2.4"},
         cpu_model="test",
         wall_s=0.5,

@@ -15,6 +15,7 @@ from django.utils import timezone
 from evaluation import pipeline, services
 from evaluation.models import Evaluation, Result
 from evaluation.packages.read import UploadPart
+from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.rules import RaceRules
 from faults import PlatformFault, UserFault
 from league.management.commands import evaluate as command
@@ -200,19 +201,26 @@ class TestVerify:
         assert len(result.line) == 2
         assert self.verify(evaluation) == (
             0,
-            f"Evaluation {evaluation.public_id} is the same: trace {result.trace_sha256}\n",
+            f"Evaluation {evaluation.public_id} is the same: engine {result.engine}, trace {result.trace_sha256}\n",
         )
 
     def test_what_differs_is_named(self, evaluation):
-        Result.objects.update(engine="paddock-v0", trace_sha256="0" * 64, cpu_model="another", versions={"numpy": "1"})
+        Result.objects.update(trace_sha256="0" * 64, cpu_model="another", versions={"numpy": "1"})
         status, said = self.verify(evaluation)
         assert status == 1
-        assert "engine: was paddock-v0, is paddock-v1" in said
+        assert f"both runs are of the engine {evaluation.result.engine}" in said
         assert f"trace_sha256: was {'0' * 64}, is " in said
         assert "version of numpy: was 1, is " in said
         assert "version of pybullet: was None, is " in said
         assert "lap times" not in said
         assert "(processor: was another, is " in said
+
+    def test_a_result_of_another_engine_is_told_as_that_and_not_run(self, evaluation, monkeypatch):
+        monkeypatch.setattr(verifying, "evaluate", refuse(AssertionError("it was run")))
+        Result.objects.update(engine="paddock-v0")
+        status, said = self.verify(evaluation)
+        assert (status, "different" in said) == (3, False)
+        assert f"is of the engine paddock-v0, and this site drives with {ENGINE_ID}" in said
 
     def test_a_run_that_now_ends_otherwise_is_different_and_our_fault_is_neither(self, evaluation, monkeypatch):
         monkeypatch.setattr(verifying, "evaluate", refuse(UserFault("policy_died", step=3, how="signal 11")))

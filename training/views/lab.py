@@ -20,6 +20,7 @@ from evaluation.models import Evaluation, State
 from evaluation.services.results import read_course, read_trace
 from evaluation.simulator.solids import box
 from faults import PaddockError, PlatformFault, UserFault
+from races.engines import hidden_runs
 from tracks.forms import explain
 from tracks.models import Direction, Track
 from training.checks import one_check
@@ -62,7 +63,8 @@ class LabForm(forms.Form):
         super().__init__(*args, **kwargs)
         self.fields["track"].queryset = Track.objects.exclude(length_m=None).defer("npy")
         self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
-        runs = Evaluation.objects.filter(owner=owner, state=State.FINISHED).select_related("model", "track")
+        runs = Evaluation.objects.filter(~hidden_runs(), owner=owner, state=State.FINISHED)
+        runs = runs.select_related("model", "track")
         self.runs = {run.public_id: run for run in runs.order_by("-ended_at")[:RUNS_OFFERED]}
         self.fields["drive"].choices = [
             (SWAYING, _("our pilot, swaying from side to side")),

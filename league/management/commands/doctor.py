@@ -19,12 +19,15 @@ from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
+from django.utils import timezone
 from django.utils.crypto import get_random_string
 
 from evaluation.sandbox.probe import SandboxReport, probe
+from evaluation.services import engines_at_work
 from evaluation.simulator.camera import compiled
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
 from league.management import JsonCommand
+from races.selectors.counting import failing_redrives, races_driven_again
 from races.services.videos import encoder_problem
 from races.services.videos.work import ENCODER
 
@@ -68,7 +71,16 @@ class Command(JsonCommand):
 
     def handle(self, **options: Any) -> None:
         report = probe()
-        findings = [*sandbox(report), *database(), *services(), *storage(), *simulator(), *videos(), *versions()]
+        findings = [
+            *sandbox(report),
+            *database(),
+            *services(),
+            *storage(),
+            *simulator(),
+            *videos(),
+            *engines(),
+            *versions(),
+        ]
         failed = any(finding.status == FAIL for finding in findings)
         if options["json"]:
             document = {
@@ -199,6 +211,26 @@ def videos() -> Iterator[Finding]:
     problem = encoder_problem()
     detail = f"{problem}; make setup installs PyAV" if problem else f"{ENCODER} is there"
     yield Finding("Videos", "encoder", WARN if problem else OK, detail)
+
+
+def engines() -> Iterator[Finding]:
+    """Races that are being driven again with another engine, and workers that keep them waiting."""
+    area = "Engine"
+    try:
+        found = races_driven_again()
+        others = sorted(engines_at_work(now=timezone.now()) - {ENGINE_ID})
+    except DatabaseError:  # told above
+        return
+    if others:
+        detail = f"live workers still drive with {', '.join(others)}: upgrade them, no race is driven again before"
+        yield Finding(area, "workers", WARN, detail)
+    for race, again in found:
+        yield Finding(area, race.slug, OK, f"driven again with {again.engine}: {again.done} of {again.runs} runs done")
+        for run in failing_redrives(race):
+            detail = f"{run.evaluation} has failed {run.tries} times and is tried again; stop it to go on without it"
+            yield Finding(area, race.slug, WARN, detail)
+    if not found and not others:
+        yield Finding(area, "races", OK, "none is being driven again")
 
 
 def versions() -> Iterator[Finding]:

@@ -1,0 +1,98 @@
+"""What a change of the engine does to a race: runs that are driven again, and times that are different since."""
+
+from __future__ import annotations
+
+from django.db import models
+from django.db.models import Q
+from django.utils.translation import gettext_lazy as _
+
+from .entry import Entry
+from .submission import Submission
+
+
+class RedriveState(models.TextChoices):
+    """PENDING until its race takes all of them together (TAKEN), or this one has become of no use (DROPPED)."""
+
+    PENDING = "pending", _("under way")
+    TAKEN = "taken", _("taken")
+    DROPPED = "dropped", _("dropped")
+
+
+class Redrive(models.Model):
+    """One counted run, driven again as it was specified. Until its race has taken it, nobody but operators sees it.
+
+    ``engine``: the site's when it was queued; ``tries``: how many were queued in a row because Paddock failed.
+    ``replaced``: once taken, the evaluation that the submission had before.
+    """
+
+    submission = models.ForeignKey(
+        Submission, models.CASCADE, related_name="redrives", verbose_name=_("submission"), db_index=False
+    )
+    evaluation = models.OneToOneField(
+        "evaluation.Evaluation", models.PROTECT, related_name="redrive", verbose_name=_("evaluation")
+    )
+    replaced = models.OneToOneField(
+        "evaluation.Evaluation",
+        models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="replaced_by",
+        verbose_name=_("evaluation before"),
+    )
+    engine = models.CharField(_("engine"), max_length=32)
+    tries = models.PositiveSmallIntegerField(_("runs"), default=1)
+    state = models.CharField(_("state"), max_length=8, choices=RedriveState.choices, default=RedriveState.PENDING)
+
+    class Meta:
+        verbose_name = _("run driven again")
+        verbose_name_plural = _("runs driven again")
+        indexes = [models.Index(fields=["submission", "state"], name="redrive_of_submission")]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["submission"], condition=Q(state="pending"), name="redrive_pending_once_a_submission"
+            ),
+            models.CheckConstraint(condition=Q(state__in=RedriveState.values), name="redrive_state_known"),
+            models.CheckConstraint(
+                condition=Q(state="taken", replaced__isnull=False) | ~Q(state="taken") & Q(replaced=None),
+                name="redrive_taken_replaces",
+            ),
+            models.CheckConstraint(condition=~Q(engine="") & Q(tries__gte=1), name="redrive_for_an_engine"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.submission} {self.engine}"
+
+
+class Retiming(models.Model):
+    """That another engine changed what an entry is ranked by: once for each entry and change, with the places then.
+
+    Scores in milliseconds, None for not classified; ranks None for who has none. ``reason_code``: why the run that had
+    counted came to no result this time; ``""`` where it did.
+    """
+
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="retimings", verbose_name=_("entry"), db_index=False)
+    at = models.DateTimeField(_("at"))
+    old_engine = models.CharField(_("engine before"), max_length=32)
+    new_engine = models.CharField(_("engine"), max_length=32)
+    old_score_ms = models.PositiveIntegerField(_("score before"), null=True, blank=True)
+    new_score_ms = models.PositiveIntegerField(_("score"), null=True, blank=True)
+    old_rank = models.PositiveIntegerField(_("place before"), null=True, blank=True)
+    new_rank = models.PositiveIntegerField(_("place"), null=True, blank=True)
+    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
+    reason_params = models.JSONField(_("details"), default=dict, blank=True)
+
+    class Meta:
+        verbose_name = _("changed time")
+        verbose_name_plural = _("changed times")
+        indexes = [models.Index(fields=["at"], name="retiming_by_time")]
+        constraints = [
+            models.UniqueConstraint(fields=["entry", "at"], name="retiming_once_a_change"),
+            models.CheckConstraint(
+                condition=~Q(old_score_ms=models.F("new_score_ms"))
+                & ~Q(old_score_ms__isnull=True, new_score_ms__isnull=True),
+                name="retiming_changes_a_score",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.entry}: {self.old_score_ms} {self.new_score_ms}"

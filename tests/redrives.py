@@ -1,0 +1,47 @@
+"""Sites whose engine has changed, and runs that are driven again as a test chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from evaluation.models import Evaluation
+from evaluation.services import fail_evaluation, finish_evaluation
+from faults import PaddockError
+from races.models import Entry, Race, Redrive, RedriveState
+from races.selectors import board
+from tests.factories import outcome, start
+
+SITE = "evaluation.simulator.engine.ENGINE_ID"
+
+
+def pending(race: Race) -> list[Redrive]:
+    """The runs of a race that are being driven again, in the order of their racers."""
+    found = Redrive.objects.filter(submission__entry__race=race, state=RedriveState.PENDING)
+    return list(found.select_related("evaluation", "submission__entry__racer").order_by("submission_id"))
+
+
+def end(redrive: Redrive, driven: Sequence[dict[str, Any]], now: datetime) -> None:
+    """Let a run that is driven again come to its end with these laps, by the site's engine."""
+    running = start(redrive.evaluation, now)
+    assert finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=outcome(driven), now=now)
+
+
+def break_down(redrive: Redrive, fault: PaddockError, now: datetime) -> None:
+    """Let it fail, as often as it takes until that is final."""
+    run = Evaluation.objects.get(pk=redrive.evaluation_id)
+    while not run.is_final:
+        running = start(run, now)
+        assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
+        run.refresh_from_db()
+
+
+def shown(race: Race) -> list[tuple[str, int | None]]:
+    """What everybody sees on the board: who stands there in order, and with what score."""
+    return [(row.alias, row.entry.score_ms) for row in board(Race.objects.get(pk=race.pk)).rows]
+
+
+def everything(race: Race) -> list[dict[str, Any]]:
+    """All that the standings of a race hold."""
+    return [*Race.objects.filter(pk=race.pk).values(), *Entry.objects.filter(race=race).order_by("pk").values()]
