@@ -46,6 +46,7 @@ import logging
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from functools import partial
+from typing import TypeAlias
 
 from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
@@ -66,7 +67,7 @@ from ..models import (
     Retiming,
     Submission,
 )
-from ..ranking import LAST, NO_RESULT
+from ..ranking import LAST, NO_RESULT, rule_for
 from ..selectors.boards import ranks_of
 from ..validation import hold_above
 from .standings import work_out_standings
@@ -76,6 +77,7 @@ logger = logging.getLogger(__name__)
 FIRST_PAUSE, LONGEST_PAUSE = timedelta(minutes=1), timedelta(hours=1)
 ACTIVE = (State.QUEUED, State.RUNNING)
 BATCH = 500
+Standing: TypeAlias = tuple[int | None, int | None]  # score and place
 
 
 def sweep_redrives(*, now: datetime) -> int:
@@ -221,17 +223,14 @@ def _undo_draw(race: Race, entries: Sequence[Entry], now: datetime) -> None:
 
 
 def _switch(race: Race, entries: Sequence[Entry], done: Sequence[tuple[Submission, Redrive]], now: datetime) -> None:
-    """Let what was driven again count, all of it at once. Times are other ones only where the race's engine is: what
-    came in from another one meanwhile is a new result like any."""
+    """Let what was driven again count, all of it at once."""
     old_engine, before = race.engine, _standings(entries)
     counted_by = {entry.pk: entry.best_id for entry in entries}
-    verdicts: dict[int, Evaluation] = {}
     for submission, redrive in done:
         old, new = submission.evaluation_id, redrive.evaluation
         Submission.objects.filter(pk=submission.pk).update(evaluation=new)
         Redrive.objects.filter(pk=redrive.pk).update(state=RedriveState.TAKEN, replaced=old)
         if new.state != State.FINISHED:
-            verdicts[submission.pk] = new
             Submission.objects.filter(pk=submission.pk).update(is_void=True, refunded=True)
             Entry.objects.filter(pk=submission.entry_id).update(submission_count=F("submission_count") - 1)
     race.engine, race.next_engine = race.next_engine, ""
@@ -239,32 +238,55 @@ def _switch(race: Race, entries: Sequence[Entry], done: Sequence[tuple[Submissio
     for entry in entries:
         entry.race = race
     work_out_standings(race, entries)
-    after = _standings(entries)
+    if old_engine != race.engine:
+        _note_retimings(race, old_engine, before, _standings(entries), counted_by, done, now)
+    logger.info("%s counts by %s now: %s runs were driven again.", race.slug, race.engine, len(done))
+
+
+def _note_retimings(
+    race: Race,
+    old_engine: str,
+    before: dict[int, Standing],
+    after: dict[int, Standing],
+    counted_by: dict[int, int | None],
+    done: Sequence[tuple[Submission, Redrive]],
+    now: datetime,
+) -> None:
+    """Write down whose cars have another score with the new engine. What a car sent meanwhile is worth is a result like
+    any, and none of this: an entry that ranks by such a one has a new time here and no new place."""
+    rule, scores = rule_for(race), {}
+    verdicts = {submission.pk: redrive.evaluation for submission, redrive in done}
+    for submission, redrive in done:
+        if redrive.evaluation.state == State.FINISHED:
+            worth = rule.standing(redrive.evaluation.result.laps, race.minimum_laps)
+            best = scores.get(submission.entry_id)
+            scores[submission.entry_id] = worth if best is None or worth.key < best.key else best
     changes = []
-    for entry in entries:
-        (old_score, old_rank), (new_score, new_rank) = before[entry.pk], after[entry.pk]
-        if old_score == new_score or old_engine == race.engine:
+    for entry in {submission.entry_id for submission, _redrive in done}:
+        (old_score, old_rank), (score_now, new_rank) = before[entry], after[entry]
+        new_score = scores[entry].score_ms if entry in scores else None
+        if old_score == new_score:
             continue
-        verdict = verdicts.get(counted_by[entry.pk])
+        run = verdicts.get(counted_by[entry])
+        told = run is not None and run.state != State.FINISHED
         changes.append(
             Retiming(
-                entry=entry,
+                entry_id=entry,
                 at=now,
                 old_engine=old_engine,
                 new_engine=race.engine,
                 old_score_ms=old_score,
                 new_score_ms=new_score,
                 old_rank=old_rank,
-                new_rank=new_rank,
-                reason_code=verdict.reason_code if verdict else "",
-                reason_params=verdict.reason_params if verdict else {},
+                new_rank=new_rank if new_score == score_now else None,
+                reason_code=run.reason_code if told else "",
+                reason_params=run.reason_params if told else {},
             )
         )
     Retiming.objects.bulk_create(changes, batch_size=BATCH)
-    logger.info("%s counts by %s now: %s runs, %s other times.", race.slug, race.engine, len(done), len(changes))
 
 
-def _standings(entries: Sequence[Entry]) -> dict[int, tuple[int | None, int | None]]:
+def _standings(entries: Sequence[Entry]) -> dict[int, Standing]:
     """Score and place of each entry."""
     ranks: dict[int, int | None] = {}
     for begin in range(0, len(entries), BATCH):

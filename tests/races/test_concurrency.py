@@ -33,6 +33,7 @@ ABOUT_THE_DATABASE = (  # locks, constraints, triggers, plans and queries
     "duels_kept",
     "entries",
     "races",
+    "redrives_concurrency",
     "standings",
     "submit",
     "visibility",

@@ -27,6 +27,7 @@ from evaluation.services import engines_at_work
 from evaluation.simulator.camera import compiled
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
 from league.management import JsonCommand
+from races.engines import site_engine
 from races.selectors.counting import failing_redrives, races_driven_again
 from races.services.videos import encoder_problem
 from races.services.videos.work import ENCODER
@@ -218,7 +219,7 @@ def engines() -> Iterator[Finding]:
     area = "Engine"
     try:
         found = races_driven_again()
-        others = sorted(engines_at_work(now=timezone.now()) - {ENGINE_ID})
+        others = sorted(engines_at_work(now=timezone.now()) - {site_engine()})
     except DatabaseError:  # told above
         return
     if others:
