@@ -13,7 +13,7 @@ import numpy as np
 
 from .model import Node
 
-_PART = 1 << 20  # weights that are float64 at a time
+_PART = 1 << 17  # weights that are float64 at a time: 1 MB, what a processor has near by
 
 
 def _wide(x: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from .layers import LAYERS
 from .model import FLOAT, Node
 from .resize import resize
 
+_SMALL = 1 << 17
 _KEPT = 8_000_000  # weights in all that are kept as float64 once they were needed: 64 MB
 _IN_PARTS = ("Conv", "Gemm", "MatMul")  # they widen large weights themselves, a part at a time
 
@@ -29,13 +30,13 @@ def _softmax_axes(opset: int, node: Node, x: np.ndarray) -> tuple[int, ...]:
 
 
 class Reference:
-    """One network, computed in float64."""
+    """One network, computed in float64. Keep it for its further runs: they are faster."""
 
     def __init__(self, network: Network) -> None:
         """Raises KeyError for an operator that it does not know."""
         self._network = network
         self._wide: dict[str, np.ndarray] = {}
-        self._left = _KEPT
+        self._left, self._runs = _KEPT, 0
         self._functions = [self._function(node.op) for node in network.nodes]
         self._last = {name: place for place, node in enumerate(network.nodes) for name in node.inputs}
 
@@ -68,6 +69,7 @@ class Reference:
         return bool(found)
 
     def _run(self, feeds: Mapping[str, np.ndarray], found: list[str] | None) -> np.ndarray:
+        self._runs += 1
         values: dict[str, np.ndarray] = {}
         for name, array in feeds.items():
             values[name] = array.astype(np.float64) if array.dtype.kind == "f" else array
@@ -94,7 +96,8 @@ class Reference:
         array = self._network.weights[name]
         if array.dtype.kind != "f":
             return array
-        if array.size <= self._left:
+        # for a single check of a large layer it would not pay
+        if array.size <= self._left and (array.size <= _SMALL or self._runs > 1):
             self._left -= array.size
             self._wide[name] = array.astype(np.float64)
             return self._wide[name]

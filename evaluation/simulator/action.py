@@ -15,6 +15,9 @@ from .physics import PADDOCK_CAR
 
 DISCRETE = "discrete"
 CONTINUOUS = "continuous"
+_STEERING_DIGITS, _SPEED_DIGITS = 2, 3  # of a continuous action
+_STEPS = (10.0**-_STEERING_DIGITS, 10.0**-_SPEED_DIGITS)
+_SLACK = 1e-6  # of a step, for the roundings of float64 itself
 
 
 class Action(NamedTuple):
@@ -103,16 +106,23 @@ def is_clear(values: Sequence[float], bound: float, ranges: Sequence[Sequence[fl
         place = values.index(best)
         others = (*values[:place], *values[place + 1 :])
         return not others or best - max(others) > 2 * bound
-    # every part of it is monotonic: what the two ends agree on, all between agree on
-    low, high = [value - bound for value in values], [value + bound for value in values]
-    return _continuous(low, ranges) == _continuous(high, ranges)
+    for value, (low, high), finest in zip(values, ranges, _STEPS, strict=True):
+        beyond = abs(value) - 1.0
+        if beyond > bound:  # all of them are clipped to the same end
+            continue
+        step = 0.5 * (high - low) / finest  # what 1 of an answer is, in steps of the command
+        place = (low / finest + (value + 1.0) * step) % 1.0
+        # commands change half-way between two steps; to what the car can do they are clipped at whole steps
+        if abs(place - 0.5) <= bound * step + _SLACK:
+            return False
+    return True
 
 
 def _continuous(values: Sequence[float], ranges: Sequence[Sequence[float]]) -> tuple[float, float]:
     """Steering in degrees and speed in m/s that two values of a continuous space mean."""
     steering, speed = (_scale(value, limits) for value, limits in zip(values, ranges, strict=True))
     steering, speed = _command(steering, speed)
-    return round(steering, 2) + 0.0, round(speed, 3)
+    return round(steering, _STEERING_DIGITS) + 0.0, round(speed, _SPEED_DIGITS)
 
 
 def _scale(value: float, limits: Sequence[float]) -> float:

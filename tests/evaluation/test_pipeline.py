@@ -9,7 +9,9 @@ from dataclasses import asdict, replace
 import pytest
 
 from evaluation import pipeline
+from evaluation.network.bound import Facts
 from evaluation.pipeline import RaceJob, evaluate
+from evaluation.sandbox.policy_wire import EXACT
 from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.rules import RaceRules
 from faults import UserFault
@@ -50,6 +52,16 @@ def test_the_wall_time_is_accounted_for(job):
     assert sum(outcome.shares[name] for name in parts) == pytest.approx(outcome.wall_s)
     assert all(outcome.shares[name] > 0 for name in parts)
     assert outcome.shares["network"] <= outcome.shares["policy"] + 0.02  # a hundredth each of two clocks
+
+
+def test_a_bound_that_does_not_hold_has_everything_driven_again(job):
+    exactly = evaluate(replace(job, facts=Facts(bound=None).to_dict()))
+    assert [sum(ways) for ways in exactly.ways] == [ways[EXACT] for ways in exactly.ways]
+    assert 100 < exactly.ways[0][EXACT] < exactly.steps  # in a pause nobody asks
+    trusting = evaluate(replace(job, facts=Facts(bound=0.0).to_dict()))
+    assert trusting.inexact == [0]
+    assert trusting.trace_sha256 == exactly.trace_sha256
+    assert evaluate(job).inexact == []
 
 
 def test_five_runs_and_every_level_give_one_trace(job):

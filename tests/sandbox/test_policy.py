@@ -100,6 +100,8 @@ def test_answers_do_not_change_when_the_next_one_comes():
         ("half_a_reply_and_death", "policy_died"),
         ("two_replies", "policy_protocol"),
         ("another_step", "policy_protocol"),
+        ("unknown_way", "policy_protocol"),
+        ("exact_then_late", "policy_late_exact"),
         ("flood_of_replies", "policy_protocol"),
         ("not_a_number", "non_finite_action"),
         ("infinity", "non_finite_action"),

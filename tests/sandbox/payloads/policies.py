@@ -47,11 +47,16 @@ def main(frames_in, frames_out):
             if status is not None:
                 return status
         else:
-            os.write(frames_out, reply(step, count))
+            os.write(frames_out, exact(step, count) if kind == "exact_then_late" else reply(step, count))
 
 
 def reply(step, count, value=0.0):
     return STEP.pack(step) + FAST + struct.pack(f"<{count}f", *([value] * count))
+
+
+def exact(step, count):
+    """As one that computed in float64."""
+    return STEP.pack(step) + struct.pack("<I", 1) + struct.pack(f"<{count}f", *([0.0] * count))
 
 
 def _bytes(sensor):
@@ -149,6 +154,10 @@ def slow_once(_in, out, step, count):
     os.write(out, reply(step, count))
 
 
+def unknown_way(_in, out, step, count):
+    os.write(out, STEP.pack(step) + struct.pack("<I", 9) + reply(step, count)[8:])
+
+
 def huge_values(_in, out, step, count):
     os.write(out, reply(step, count, 3.0e38))
 
@@ -175,8 +184,10 @@ AT_A_STEP = {
         ignore_signals,
         slow_once,
         huge_values,
+        unknown_way,
     )
 }
+AT_A_STEP["exact_then_late"] = sleep
 BEFORE_READY = {
     "never_ready": sleep,
     "dies_loading": lambda *_: os._exit(9),

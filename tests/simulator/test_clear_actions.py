@@ -1,0 +1,66 @@
+"""An answer is clear when no error within the bound makes another command of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evaluation.simulator.action import ActionSpace, is_clear
+
+WIDE = ActionSpace.continuous((-30.0, 30.0), (0.5, 4.0))
+NARROW = ActionSpace.continuous((-12.34, 7.0), (1.0, 1.0005))
+BEYOND = ActionSpace.continuous((-50.0, 50.0), (0.01, 9.0))  # clipped to what the car can do
+TABLE = ActionSpace.discrete([(-20.0, 1.0), (0.0, 2.0), (20.0, 1.0)])
+values = st.floats(-1.25, 1.25, width=32)
+bounds = st.floats(1e-8, 1e-3)
+errors = st.floats(-1.0, 1.0)
+
+
+@pytest.mark.parametrize("space", [WIDE, NARROW, BEYOND])
+@given(pair=st.tuples(values, values), bound=bounds, wrong=st.tuples(errors, errors))
+def test_a_clear_answer_of_a_continuous_space_is_one_command(space, pair, bound, wrong):
+    if is_clear(pair, bound, space.ranges):
+        other = [value + bound * error for value, error in zip(pair, wrong, strict=True)]
+        assert space.decode(np.array(other)) == space.decode(np.array(pair))
+
+
+@given(scores=st.lists(values, min_size=3, max_size=3), bound=bounds, wrong=st.lists(errors, min_size=3, max_size=3))
+def test_a_clear_answer_of_a_table_is_one_action(scores, bound, wrong):
+    if is_clear(scores, bound, TABLE.ranges):
+        other = [value + bound * error for value, error in zip(scores, wrong, strict=True)]
+        assert TABLE.decode(np.array(other)) == TABLE.decode(np.array(scores))
+
+
+def test_half_way_between_two_steps_is_not_clear():
+    value = 0.005 / 30.0  # 0.005 degrees: 0.00 or 0.01
+    assert not is_clear([value, 0.0], 1e-7, WIDE.ranges)
+    assert is_clear([value + 2e-5, 0.0], 1e-7, WIDE.ranges)
+
+
+def test_most_answers_are_clear_of_an_error_as_large_as_networks_have():
+    pairs = np.random.default_rng(3).uniform(-1.0, 1.0, (5000, 2)).tolist()
+    assert np.mean([is_clear(pair, 2e-6, WIDE.ranges) for pair in pairs]) > 0.97
+
+
+def test_what_is_clipped_to_an_end_is_clear():
+    assert is_clear([1.5, -7.0], 1e-3, WIDE.ranges)
+
+
+def test_the_best_of_two_equal_scores_is_not_clear():
+    assert not is_clear([1.0, 1.0, 0.0], 0.0, None)
+    assert is_clear([1.0, 0.9, 0.9], 0.04, None)
+    assert not is_clear([1.0, 0.9, 0.9], 0.06, None)
+
+
+def test_the_only_action_is_always_clear():
+    assert is_clear([0.3], 1.0, None)
+
+
+@pytest.mark.parametrize("ranges", [None, WIDE.ranges])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_never_clear(ranges, value):
+    assert not is_clear([value, 0.1], 1e-6, ranges)
