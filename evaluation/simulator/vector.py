@@ -17,6 +17,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, create_empty_array
 
+from evaluation.exact import is_pinned
+
 from .action import Action
 from .contestant import Contestant
 from .envs.drive import Drive, Outcome
@@ -152,6 +154,11 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
             picture({name: batch[number] for name, batch in self._observations.items()})
             for number in range(self.num_envs)
         )
+
+    @property
+    def exact(self) -> bool:
+        """As in a single environment."""
+        return is_pinned()
 
     def car(self, number: int) -> Contestant:
         """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""

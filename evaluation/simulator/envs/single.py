@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 
+from evaluation.exact import is_pinned
 from tracks.geometry import TrackGeometry
 
 from ..clock import STEP_MS
@@ -43,6 +44,12 @@ class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
     def track(self) -> TrackGeometry:
         """The track in the driven direction."""
         return self.setting.ground.track
+
+    @property
+    def exact(self) -> bool:
+        """Whether this process was started so that what it drives is the same to the bit on every x86-64 processor, as
+        the site's processes are: by ``python -m evaluation.exact``."""
+        return is_pinned()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
