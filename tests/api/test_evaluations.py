@@ -9,6 +9,7 @@ from django.utils import timezone
 
 from evaluation.models import Evaluation
 from evaluation.services import beat, claim_next_evaluation, finish_evaluation, queue_evaluation
+from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.rules import RaceRules
 from faults import UserFault
 from races.models import Visibility
@@ -61,7 +62,7 @@ def test_a_result_has_laps_files_and_what_made_it(bob, now, as_racer):
     client = as_racer(bob)
     result = read(client, evaluation).data["result"]
     assert [lap["time_ms"] for lap in result["laps"]] == [11_000, 10_000, 12_000]
-    assert (result["best_lap_ms"], result["total_ms"], result["engine"]) == (10_000, 33_000, "paddock-v1")
+    assert (result["best_lap_ms"], result["total_ms"], result["engine"]) == (10_000, 33_000, ENGINE_ID)
 
     metrics = read(client, evaluation, "metrics/")
     assert (metrics.status_code, metrics["Content-Type"]) == (200, "application/json")

@@ -15,6 +15,7 @@ from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.sandbox import probe as probing
 from evaluation.services import heart, work
+from evaluation.simulator.engine import ENGINE_ID
 from evaluation.simulator.rules import RaceRules
 from faults import PlatformFault, UserFault
 from tests.evaluation.stubs import finishes, outcome_of, trace_csv
@@ -262,7 +263,7 @@ class TestTheTask:
         plays(finishes)
         tasks.work.apply()
         node = WorkerNode.objects.get()
-        assert node.engine == "paddock-v1"
+        assert node.engine == ENGINE_ID
         assert node.sandbox["level"] == probing.probe().level
 
     def test_runs_nothing_below_the_sandboxs_minimum(self, queued, plays, monkeypatch, caplog):

@@ -69,7 +69,7 @@ class TestEvaluate:
         assert first["average_lap_ms"] == sum(times) // 3
         assert first["best_lap_ms"] == min(times)
         assert first["total_ms"] == sum(times) == round(first["simulated_seconds"] * 1000)
-        assert first["engine"] == "paddock-v1"
+        assert first["engine"] == ENGINE_ID
         assert first["wall_seconds"] > 0
         same = ("metrics", "average_lap_ms", "best_lap_ms", "total_ms", "trace_sha256", "simulated_seconds", "versions")
         assert {key: first[key] for key in same} == {key: second[key] for key in same}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from evaluation.models import Evaluation
+from evaluation.simulator.engine import ENGINE_ID
 from tests.factories import finish, laps
 from tests.pages.conftest import World
 
@@ -59,7 +60,7 @@ def test_the_last_fragment_is_the_whole_result(world: World) -> None:
 
 def test_a_result_shows_laps_sectors_files_and_proof(world: World) -> None:
     html = page_of(world, "finished", "anonymous")
-    for text in ("0:10.000", "0:10.100", "0:10.200", "+0.100", "3.333", "paddock-v1", "trace.csv", "metrics.json"):
+    for text in ("0:10.000", "0:10.100", "0:10.200", "+0.100", "3.333", ENGINE_ID, "trace.csv", "metrics.json"):
         assert text in html, text
     assert world.finished.evaluation.result.trace_sha256 in html
     assert "sector-time purple" in html
