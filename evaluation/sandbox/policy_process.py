@@ -41,7 +41,7 @@ _DTYPES = {
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # malloc.h
 _IDLE_MS = 100  # without a request for so long, there is time to prepare for one
 _BLOCK, _BLOCKS = 4 << 20, 32  # bytes; in all what the largest network takes on its way into a session
-CHECK_EVERY, _CHECK_AT = 512, 64  # steps
+CHECK_EVERY, _CHECK_AT = 1024, 64  # steps
 
 
 def main(frames_in: int, frames_out: int) -> int:

@@ -33,8 +33,15 @@ def _version(distribution: str) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that a result depends on."""
-    return dict(_versions())
+    """Versions of the libraries that a result depends on, with the C library (its sines) and Python among them."""
+    return {**dict(_versions()), "libc": _libc(), "python": platform.python_version()}
+
+
+def _libc() -> str:
+    try:
+        return os.confstr("CS_GNU_LIBC_VERSION") or "unknown"
+    except (AttributeError, ValueError, OSError):  # another C library, or none that tells
+        return "unknown"
 
 
 @functools.cache
