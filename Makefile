@@ -13,7 +13,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: help setup run training test lint bench clean compiled system-run system-test
+.PHONY: help setup run training test soak lint bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -27,6 +27,9 @@ training: system-run $(VENV)/.training ## what training models needs, however la
 
 test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
+
+soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## the tests that take minutes each, and that "make test" leaves out
+	$(BIN)/python -m pytest -m soak -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
 lint: $(VENV)/.test ## style, layering, migrations, translations
 	$(BIN)/ruff check .

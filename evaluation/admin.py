@@ -128,8 +128,12 @@ class EvaluationAdmin(ReadOnlyAdmin):
 
 @admin.register(WorkerNode)
 class WorkerNodeAdmin(ReadOnlyAdmin):
-    list_display = ["name", "seen_at", "engine", "level"]
+    list_display = ["name", "seen_at", "engine", "level", "exact"]
 
     @admin.display(description=_("sandbox"))
     def level(self, node: WorkerNode) -> str:
         return f"{node.sandbox.get('level')} ({node.sandbox.get('name')})" if node.sandbox else "–"
+
+    @admin.display(description=_("golden runs"))
+    def exact(self, node: WorkerNode) -> str:
+        return f"{node.proof['equal']}/{node.proof['runs']}" if node.proof else "–"

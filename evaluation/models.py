@@ -346,6 +346,9 @@ class WorkerNode(models.Model):
 
     ``seen_at``: its last heartbeat, in the database's time; ``queues``: what it listens to; ``processes``: how many
     jobs it runs at once; ``stopped_at``: when it was shut down in good order, None for one that runs or that died.
+    ``sandbox``: what :class:`evaluation.sandbox.probe.SandboxReport` says, ``proof``: what
+    :class:`evaluation.proof.Proof` does, with ``allowed``, whether it works though it is not exact. Empty for one that
+    runs no stranger's code, and before the first time that it looked for work.
     """
 
     name = models.CharField(_("name"), max_length=128, unique=True)
@@ -355,6 +358,7 @@ class WorkerNode(models.Model):
     queues = models.JSONField(_("queues"), default=list, blank=True)
     processes = models.PositiveSmallIntegerField(_("processes"), default=1)
     sandbox = models.JSONField(_("sandbox"), default=dict, blank=True)
+    proof = models.JSONField(_("golden runs"), default=dict, blank=True)
     engine = models.CharField(_("engine"), max_length=32, blank=True)
 
     class Meta:
@@ -364,3 +368,10 @@ class WorkerNode(models.Model):
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def refuses(self) -> bool:
+        """Whether it takes no work: its sandbox is not good enough, or its golden runs differ."""
+        if not self.sandbox.get("sufficient", True):
+            return True
+        return not (self.proof.get("exact", True) or self.proof.get("allowed", False))

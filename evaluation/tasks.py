@@ -25,7 +25,7 @@ BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
 def work(self) -> int:
     """Run evaluations until none waits or the time is up. Returns how many were run.
 
-    Below the sandbox's minimum nothing runs: the evaluations wait for a better worker.
+    Below the sandbox's minimum nothing runs, nor where golden runs differ: the evaluations wait for a better worker.
     """
     worker = self.request.hostname or "local"
     if not _fit(worker):
@@ -90,10 +90,10 @@ def _wait_ready() -> None:
 
 
 def _fit(worker: str) -> bool:
-    """Note the worker; whether untrusted code may run in it."""
+    """Note the worker; whether untrusted code may run in it, and comes to what it must."""
     try:
         note_worker(name=worker)
     except PlatformFault as fault:
-        logger.error("%s runs nothing: %s", worker, fault)
+        logger.error("%s runs nothing: %s", worker, "\n".join([str(fault), *getattr(fault, "__notes__", ())]))
         return False
     return True

@@ -178,6 +178,8 @@ CELERY_BEAT_SCHEDULE = {
 
 # --- evaluation ----------------------------------------------------------------------------------------------------
 WORKER_CONCURRENCY = env_int("PADDOCK_WORKER_CONCURRENCY", 1, minimum=1)
+# "allow": workers whose golden runs differ work all the same, where all machines are of one other kind
+INEXACT_WORKERS = env_choice("PADDOCK_INEXACT_WORKERS", "refuse", ("refuse", "allow"))
 # the sandbox reads these two itself, in processes without settings; what is wrong shall not wait for the first model
 if env_str("PADDOCK_SANDBOX_LEVEL", ""):
     env_choice("PADDOCK_SANDBOX_LEVEL", "2", ("2", "3"))

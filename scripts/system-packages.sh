@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the Debian packages that Paddock needs, where it may; says what to type where it may not.
 #   system-packages.sh run     what the site and its workers need
-#   system-packages.sh test    the same, and what the tests start: a browser, PostgreSQL, Redis
+#   system-packages.sh test    the same, and what the tests start: a browser, PostgreSQL, Redis, other processors
 set -eu
 
 missing=""
@@ -32,6 +32,7 @@ if [ "${1:-run}" = test ]; then
     need redis-server have redis-server
     need fonts-noto-cjk have_korean
     need gettext have msgfmt
+    [ "$(uname -m)" != x86_64 ] || need qemu-user have qemu-x86_64
 fi
 
 [ -n "$missing$wanted" ] || exit 0

@@ -1,7 +1,13 @@
+from __future__ import annotations
+
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from django.apps import AppConfig
 from django.utils.translation import gettext_lazy as _
+
+if TYPE_CHECKING:
+    from evaluation.proof import Proof
 
 
 class TrainingConfig(AppConfig):
@@ -10,6 +16,7 @@ class TrainingConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts.quotas import register
+        from evaluation import proof
 
         from . import queues
         from .quotas import AT_ONCE, MINUTES
@@ -18,6 +25,14 @@ class TrainingConfig(AppConfig):
         register(MINUTES)
         queues.register()
         _read_policies_of_sb3()
+        proof.register(_prove)
+
+
+def _prove() -> Proof:
+    """A worker proves itself by golden runs; what drives them is imported then."""
+    from .golden.proof import prove
+
+    return prove()
 
 
 def _read_policies_of_sb3() -> None:

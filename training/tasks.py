@@ -22,14 +22,15 @@ logger = logging.getLogger(__name__)
 
 @shared_task(bind=True)
 def train(self) -> bool:
-    """Run one training; ring again if it was one. Without torch, or below the sandbox's minimum, none runs."""
+    """Run one training; ring again if it was one. Without torch, below the sandbox's minimum, or where golden runs
+    differ, none runs."""
     worker = self.request.hostname or "local"
     if not settings.TRAINING or settings.TRAINING_PAUSED:
         return False
     try:
         note_worker(name=worker)
     except PlatformFault as fault:
-        logger.error("%s trains nothing: %s", worker, fault)
+        logger.error("%s trains nothing: %s", worker, "\n".join([str(fault), *getattr(fault, "__notes__", ())]))
         return False
     sweep_trainings(now=timezone.now(), ring=False)
     with shutdown_flag() as told_to_stop:

@@ -8,9 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
+from django.conf import settings
 from django.db.models.functions import Now
 
+from faults import PlatformFault
+
+from .. import proof as proving
 from ..models import WorkerNode
+from ..proof import Proof
 from ..sandbox import probe as probing
 from ..simulator import engine
 
@@ -21,18 +26,40 @@ FORGOTTEN_AFTER = timedelta(days=2)
 
 
 def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
-    """Write down how good this worker's sandbox is.
+    """Write down how good this worker's sandbox is, and whether it computes as every other.
 
-    Raises PlatformFault("sandbox_unavailable") after that when untrusted code may not run here. ``sandboxed=False``: it
-    runs no such code, and is not asked.
+    Raises PlatformFault("sandbox_unavailable") after that when untrusted code may not run here, and ("worker_inexact")
+    when its golden runs differ and PADDOCK_INEXACT_WORKERS does not allow that. ``sandboxed=False``: it runs no such
+    code, and is asked for neither.
     """
-    sandbox = probing.probe().to_dict() if sandboxed else {}
+    sandbox = probing.probe() if sandboxed else None
+    proof = _proof_of(name) if sandbox is not None and sandbox.sufficient else None
+    allowed = settings.INEXACT_WORKERS == "allow"
     node, _ = WorkerNode.objects.update_or_create(
-        name=name[:128], defaults={"seen_at": Now(), "stopped_at": None, "sandbox": sandbox, "engine": engine.ENGINE_ID}
+        name=name[:128],
+        defaults={
+            "seen_at": Now(),
+            "stopped_at": None,
+            "sandbox": sandbox.to_dict() if sandbox else {},
+            "proof": {**proof.to_dict(), "allowed": allowed} if proof else {},
+            "engine": engine.ENGINE_ID,
+        },
     )
     if sandboxed:
         probing.require()
+    if proof is not None and not proof.exact and not allowed:
+        fault = PlatformFault("worker_inexact", equal=proof.equal, runs=proof.runs, engine=proof.engine)
+        fault.add_note(proof.why)
+        raise fault
     return node
+
+
+def _proof_of(name: str) -> Proof | None:
+    """The proof that a process of this worker has given since it came up, or this process's own."""
+    given = WorkerNode.objects.filter(name=name[:128]).values_list("proof", flat=True).first()
+    if given and given["exact"] and given["engine"] == engine.ENGINE_ID:
+        return Proof.from_dict({key: value for key, value in given.items() if key != "allowed"})
+    return proving.prove()
 
 
 def start_worker(*, name: str, queues: Sequence[str], processes: int, now: datetime | Now | None = None) -> None:
@@ -46,7 +73,7 @@ def start_worker(*, name: str, queues: Sequence[str], processes: int, now: datet
             "stopped_at": None,
             "queues": sorted(queues),
             "processes": processes,
-            "engine": engine.ENGINE_ID,
+            "proof": {},  # it may be another machine by now: it proves itself anew
         },
     )
     forget_workers(now=now)
@@ -66,7 +93,7 @@ def stop_worker(*, name: str, now: datetime | Now | None = None) -> None:
 def engines_at_work(*, now: datetime | Now) -> set[str]:
     """The engines of all workers that run evaluations and were heard of within :data:`SILENT_AFTER` of ``now``."""
     alive = WorkerNode.objects.filter(stopped_at=None, seen_at__gt=now - SILENT_AFTER).exclude(engine="")
-    return {name for name, queues in alive.values_list("engine", "queues") if EVALUATIONS in queues}
+    return {node.engine for node in alive if EVALUATIONS in node.queues and not node.refuses}
 
 
 def forget_workers(*, now: datetime | Now) -> int:

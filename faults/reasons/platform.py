@@ -10,6 +10,11 @@ REASONS = table(
             "This host cannot wall off models safely enough (level %(level)s, at least %(minimum)s is needed), so none "
             "is run. An operator sees with “manage.py doctor” what is missing."
         ),
+        "worker_inexact": _(
+            "This worker does not compute as every other: %(equal)s of %(runs)s golden runs came to what %(engine)s "
+            "must come to. It takes no work, which waits for another worker. An operator sees with “manage.py doctor” "
+            "what differs."
+        ),
         "sandbox_failed": _("A walled-off process could not be started. The evaluation will be repeated."),
         "host_overloaded": _(
             "This host was too busy to run the network. Nothing is wrong with it; the evaluation will be repeated."

@@ -42,8 +42,8 @@ class QueueNow:
 
 @dataclass(frozen=True)
 class WorkerNow:
-    """A worker at a moment. ``state``: "alive", "stopped" (in good order) or "silent" (it died, or cannot reach the
-    database); ``jobs``: what it does now, by queue."""
+    """A worker at a moment. ``state``: "alive", "refuses" (it lives, and takes no work), "stopped" (in good order) or
+    "silent" (it died, or cannot reach the database); ``jobs``: what it does now, by queue."""
 
     node: WorkerNode
     state: str
@@ -66,7 +66,7 @@ def workers_at(now: datetime) -> list[WorkerNow]:
         for job in queue.model.objects.filter(state=queue.running).select_related(*queue.related).order_by("pk"):
             if job.worker in by_name:
                 by_name[job.worker].jobs.append((queue, job))
-    order = ("alive", "silent", "stopped")
+    order = ("alive", "refuses", "silent", "stopped")
     return sorted(shown, key=lambda one: (order.index(one.state), one.node.name))
 
 
@@ -86,7 +86,9 @@ def failed_runs(queue: Queue, *, reason: str = "", worker: str = "", after: date
 def _state(node: WorkerNode, now: datetime) -> str:
     if node.stopped_at is not None:
         return "stopped"
-    return "alive" if node.seen_at >= now - SILENT_AFTER else "silent"
+    if node.seen_at < now - SILENT_AFTER:
+        return "silent"
+    return "refuses" if node.refuses else "alive"
 
 
 def _queue_at(queue: Queue, now: datetime, workers: Sequence[WorkerNow]) -> QueueNow:

@@ -24,6 +24,7 @@ from evaluation.services import leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from faults import UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
+from tests.proven import take_as_proven  # noqa: E402
 
 celery = app
 FOLDER = Path(os.environ["HOLD_DIR"])
@@ -78,6 +79,7 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
 
 if "REAL_RUNS" not in os.environ:
     pipeline.evaluate = evaluate
+    take_as_proven()
 work.job_of = before("claimed", work.job_of)
 leases.store_files = after("stored", leases.store_files)
 work.finish_evaluation = after("committed", work.finish_evaluation)

@@ -12,9 +12,12 @@ from io import StringIO
 import pytest
 from django.core.management import call_command
 
+from evaluation.proof import Proof
 from evaluation.sandbox.probe import Layer, SandboxReport
+from evaluation.simulator.engine import ENGINE_ID
 from league.management.commands import doctor
 from tests.shared import CHECKOUT
+from training.golden.proof import prove as golden_runs
 
 pytestmark = pytest.mark.django_db
 
@@ -63,6 +66,45 @@ def test_a_host_below_the_sandboxs_minimum_fails(monkeypatch):
         "status": "warn",
         "detail": "not in this kernel",
     }
+
+
+def test_a_sound_installation_is_exact_and_says_so(monkeypatch):
+    monkeypatch.setattr(doctor, "prove", golden_runs)
+    status, report = examine()
+    assert finding(report, "golden runs") == {
+        "area": "Exactness",
+        "name": "golden runs",
+        "status": "ok",
+        "detail": f"exact: 3 of 3, {ENGINE_ID}",
+    }
+    assert report["proof"]["exact"] and status == 0
+
+
+def test_a_host_whose_golden_runs_differ_fails_and_says_which_and_what_to_do(monkeypatch, settings):
+    differs = Proof(ENGINE_ID, 3, 2, ("a duel",), "a duel: trace_sha256 of car 0 is this and was that")
+    monkeypatch.setattr(doctor, "prove", lambda: differs)
+    status, report = examine()
+    found = finding(report, "golden runs")
+    assert (status, found["status"]) == (1, "fail")
+    assert found["detail"].startswith("2 of 3 are equal: workers here take no work. Install the versions")
+    assert finding(report, "a duel")["detail"] == "differs"
+    assert finding(report, "the first of them")["detail"] == differs.why
+    settings.INEXACT_WORKERS = "allow"
+    status, report = examine()
+    assert (status, finding(report, "golden runs")["status"]) == (0, "warn")
+    assert "work all the same" in finding(report, "golden runs")["detail"]
+
+
+def test_nothing_is_driven_below_the_sandboxs_minimum(monkeypatch):
+    monkeypatch.setattr(doctor, "probe", lambda: SandboxReport([Layer("Landlock", False, "none")], 0, 2))
+    monkeypatch.setattr(doctor, "prove", lambda: pytest.fail("it was driven"))
+    assert "not driven" in finding(examine()[1], "golden runs")["detail"]
+
+
+def test_a_machine_of_another_kind_is_told_that_nothing_is_pinned_there(monkeypatch):
+    monkeypatch.setattr(doctor.platform, "machine", lambda: "aarch64")
+    found = finding(examine()[1], "arithmetic")
+    assert found["status"] == "warn" and "pinned for x86-64 with glibc only" in found["detail"]
 
 
 def test_storage_that_cannot_be_written_fails(settings, tmp_path):

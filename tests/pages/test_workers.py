@@ -13,6 +13,7 @@ from django.test import Client
 from django.utils import timezone
 
 from evaluation.models import Evaluation, State, WorkerNode
+from evaluation.proof import Proof
 from evaluation.services import queue_evaluation
 from evaluation.services.nodes import (
     BEAT_EVERY_S,
@@ -144,6 +145,32 @@ def test_failures_of_the_last_hour_are_counted_by_reason(client, now):
     assert "2 × internal_error platform 1 × network_too_slow" in row(
         client.get("/workers/").content.decode(), "evaluations"
     )
+
+
+def proof(equal: int, **more) -> dict:
+    differ = ["hairpins at speed", "bots that change lanes", "a duel"][: 3 - equal]
+    return {**Proof("paddock-v9", 3, equal, tuple(differ), "why").to_dict(), **more}
+
+
+def test_a_worker_whose_golden_runs_differ_is_shown_to_refuse_work_and_which_they_are(client, now):
+    for name, given in {"good": proof(3), "bad": proof(1), "let": proof(2, allowed=True), "new": {}}.items():
+        start_worker(name=f"{name}@one", queues=["celery"], processes=1)
+        WorkerNode.objects.filter(name=f"{name}@one").update(proof=given)
+    html = client.get("/workers/").content.decode()
+    assert row(html, "good@one").endswith("exact: 3 of 3") and "alive" in row(html, "good@one")
+    assert row(html, "bad@one").endswith("equal: 1 of 3 hairpins at speed bots that change lanes")
+    assert "takes no work" in row(html, "bad@one")
+    assert "equal: 2 of 3 It works all the same" in row(html, "let@one") and "alive" in row(html, "let@one")
+    assert row(html, "new@one").endswith("–")
+    (queue,) = [one for one in queues_at(now, workers_at(now)) if one.queue.name == "evaluations"]
+    assert queue.listening == 3, "one that refuses serves nobody"
+
+
+def test_a_worker_whose_sandbox_is_not_good_enough_is_shown_to_refuse_work(client):
+    start_worker(name="w@one", queues=["celery"], processes=1)
+    WorkerNode.objects.update(sandbox={"level": 1, "name": "partial", "sufficient": False})
+    assert "takes no work" in row(client.get("/workers/").content.decode(), "w@one")
+    assert "1 (partial) not enough" in row(client.get("/workers/").content.decode(), "w@one")
 
 
 def test_the_page_costs_the_same_for_many_workers(client, now, django_assert_max_num_queries):

@@ -22,6 +22,7 @@ from django.db.migrations.executor import MigrationExecutor
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 
+from evaluation.proof import Proof, prove
 from evaluation.sandbox.probe import SandboxReport, probe
 from evaluation.services import engines_at_work
 from evaluation.simulator.camera import compiled
@@ -35,6 +36,10 @@ from races.services.videos.work import ENCODER
 OK, WARN, FAIL = "ok", "warn", "fail"
 LOW_DISK_MB = 1024
 PATIENCE_S = 2.0
+INEXACT_ADVICE = (
+    "Install the versions that constraints.txt names (make setup), on x86-64 with glibc; where all machines are of one "
+    "other kind, PADDOCK_INEXACT_WORKERS=allow lets them work"
+)
 PACKAGES = (
     "Django",
     "av",
@@ -60,10 +65,12 @@ class Finding:
 
 
 class Command(JsonCommand):
-    """Exit status 1 when untrusted code may not run here, or when database or files cannot be used."""
+    """Exit status 1 when untrusted code may not run here or comes to other results than elsewhere, or when database or
+    files cannot be used."""
 
     help = (
-        "Show the sandbox's layers, broker, database, storage and versions. Exit status 1: something needed is missing."
+        "Show the sandbox's layers, golden runs, broker, database, storage and versions. Exit status 1: something "
+        "needed is missing."
     )
     requires_system_checks = []
 
@@ -72,8 +79,10 @@ class Command(JsonCommand):
 
     def handle(self, **options: Any) -> None:
         report = probe()
+        proof = prove() if report.sufficient else None
         findings = [
             *sandbox(report),
+            *exactness(report, proof),
             *database(),
             *services(),
             *storage(),
@@ -87,6 +96,7 @@ class Command(JsonCommand):
             document = {
                 "healthy": not failed,
                 "sandbox": report.to_dict(),
+                "proof": proof.to_dict() if proof else None,
                 "engine": ENGINE_ID,
                 "findings": [asdict(finding) for finding in findings],
             }
@@ -126,6 +136,37 @@ def sandbox(report: SandboxReport) -> Iterator[Finding]:
         "level",
         OK if report.sufficient else FAIL,
         f"{report.level} ({report.name}), at least {report.minimum} asked for: {verdict}",
+    )
+
+
+def exactness(report: SandboxReport, proof: Proof | None) -> Iterator[Finding]:
+    """Whether this machine's results are those of every other: a worker here refuses work unless they are."""
+    area = "Exactness"
+    if proof is None:
+        why = "there are none" if report.sufficient else "not driven: the sandbox is not good enough"
+        yield Finding(area, "golden runs", WARN, why)
+    elif proof.exact:
+        yield Finding(area, "golden runs", OK, f"exact: {proof.equal} of {proof.runs}, {proof.engine}")
+    else:
+        allowed = settings.INEXACT_WORKERS == "allow"
+        verdict = (
+            "workers here work all the same, as PADDOCK_INEXACT_WORKERS says"
+            if allowed
+            else "workers here take no work. " + INEXACT_ADVICE
+        )
+        yield Finding(
+            area, "golden runs", WARN if allowed else FAIL, f"{proof.equal} of {proof.runs} are equal: {verdict}"
+        )
+        for name in proof.differ:
+            yield Finding(area, name, WARN, "differs")
+        yield Finding(area, "the first of them", WARN, proof.why)
+    supported = platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc"
+    host = f"{platform.machine()}, {' '.join(platform.libc_ver()) or 'another C library'}"
+    yield Finding(
+        area,
+        "arithmetic",
+        OK if supported else WARN,
+        host if supported else f"{host}: pinned for x86-64 with glibc only",
     )
 
 

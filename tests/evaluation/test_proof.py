@@ -1,0 +1,168 @@
+"""A worker proves that it computes as every other before it takes work, and refuses it, visibly, where it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from django.utils import timezone
+
+from evaluation import pipeline, proof, services, tasks
+from evaluation.models import Evaluation, State, WorkerNode
+from evaluation.proof import Proof
+from evaluation.sandbox import probe as probing
+from evaluation.services.nodes import note_worker, start_worker
+from evaluation.simulator.engine import ENGINE_ID
+from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault
+from tests.evaluation.stubs import finishes
+from tests.proven import take_as_proven
+from tests.rows import model_row
+
+EXACT = Proof(ENGINE_ID, 3, 3)
+INEXACT = Proof(ENGINE_ID, 3, 1, ("a duel", "two eyes"), "a duel: trace_sha256 of car 0 is this and was that")
+UNSETTLED = Proof(ENGINE_ID, 3, 0, ("a duel", "two eyes", "a lap"), "a duel: this host was too busy", settled=False)
+
+
+@pytest.fixture
+def proves() -> Iterator[Callable[..., list[Proof]]]:
+    """Have this process prove one thing after another; the list of what was proven so far."""
+
+    def register(*found: Proof) -> list[Proof]:
+        asked: list[Proof] = []
+
+        def prover() -> Proof:
+            asked.append(found[len(asked)])
+            return asked[-1]
+
+        proof.register(prover)
+        return asked
+
+    yield register
+    take_as_proven()
+
+
+# --- once ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_process_proves_itself_once(proves):
+    asked = proves(INEXACT)
+    assert proof.prove() is proof.prove() is INEXACT
+    assert len(asked) == 1
+
+
+def test_what_a_fault_of_the_platform_kept_from_being_driven_is_tried_again(proves):
+    asked = proves(UNSETTLED, EXACT)
+    assert proof.prove() is UNSETTLED
+    assert proof.prove() is proof.prove() is EXACT
+    assert len(asked) == 2
+
+
+@pytest.mark.django_db
+def test_where_nobody_has_golden_runs_nothing_is_proven_and_nobody_refuses_work(proves):
+    proof.register(None)
+    assert proof.prove() is None
+    assert note_worker(name="w@one").proof == {}
+
+
+def test_a_proof_survives_its_way_through_the_database():
+    assert Proof.from_dict(INEXACT.to_dict()) == INEXACT
+    assert not INEXACT.to_dict()["exact"] and EXACT.to_dict()["exact"]
+
+
+# --- the worker's row ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.django_db
+class TestAWorker:
+    def test_that_is_exact_says_so_in_its_row(self, proves):
+        proves(EXACT)
+        node = note_worker(name="w@one")
+        assert node.proof == {**EXACT.to_dict(), "allowed": False} and not node.refuses
+
+    def test_that_is_not_refuses_with_a_reason_and_its_row_says_which_runs_differ(self, proves):
+        proves(INEXACT)
+        with pytest.raises(PlatformFault) as caught:
+            note_worker(name="w@one")
+        assert caught.value.code == "worker_inexact"
+        assert caught.value.params == {"equal": 1, "runs": 3, "engine": ENGINE_ID}
+        assert caught.value.__notes__ == [INEXACT.why]
+        node = WorkerNode.objects.get()
+        assert node.refuses and node.proof["differ"] == ["a duel", "two eyes"]
+
+    def test_that_is_not_works_where_its_operator_allows_it_and_its_row_still_tells(self, proves, settings):
+        settings.INEXACT_WORKERS = "allow"
+        proves(INEXACT)
+        node = note_worker(name="w@one")
+        assert not node.refuses
+        assert (node.proof["exact"], node.proof["allowed"], node.proof["equal"]) == (False, True, 1)
+
+    def test_proves_itself_for_all_its_processes(self, proves):
+        proves(EXACT)
+        note_worker(name="w@one")
+        asked = proves()  # another process of the same pool
+        note_worker(name="w@one")
+        assert asked == []
+        proves(INEXACT)
+        with pytest.raises(PlatformFault):
+            note_worker(name="w@two")  # another worker proves itself
+
+    def test_that_comes_up_again_proves_itself_anew(self, proves):
+        proves(EXACT)
+        note_worker(name="w@one")
+        start_worker(name="w@one", queues=["celery"], processes=1)
+        proves(INEXACT)
+        with pytest.raises(PlatformFault):
+            note_worker(name="w@one")
+
+    def test_of_another_engine_proves_itself_anew(self, proves):
+        WorkerNode.objects.create(
+            name="w@one", seen_at=timezone.now(), proof={**Proof("paddock-v0", 3, 3).to_dict(), "allowed": False}
+        )
+        asked = proves(EXACT)
+        assert note_worker(name="w@one").proof["engine"] == ENGINE_ID
+        assert len(asked) == 1
+
+    def test_below_the_sandboxs_minimum_drives_nothing(self, proves, monkeypatch):
+        asked = proves(EXACT)
+        monkeypatch.setattr(
+            probing, "probe", lambda: probing.SandboxReport([probing.Layer("Landlock", False, "none")], 0, 2)
+        )
+        with pytest.raises(PlatformFault, match="wall off"):
+            note_worker(name="w@one")
+        assert asked == [] and WorkerNode.objects.get().refuses
+
+    def test_that_runs_no_strangers_code_proves_nothing(self, proves):
+        asked = proves(INEXACT)
+        assert not note_worker(name="filmer@one", sandboxed=False).refuses
+        assert asked == []
+
+
+# --- work ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, bell, proves, monkeypatch, caplog):
+    monkeypatch.setattr(pipeline, "evaluate", finishes)
+    queued = services.queue_evaluation(
+        owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=timezone.now()
+    )
+    proves(INEXACT)
+    assert tasks.work.apply().get() == 0
+    queued.refresh_from_db()
+    assert (queued.state, queued.attempt, queued.reason_code) == (State.QUEUED, 0, "")
+    assert "runs nothing: This worker does not compute as every other: 1 of 3 golden runs" in caplog.text
+    assert INEXACT.why in caplog.text
+    proves(EXACT)
+    assert tasks.work.apply().get() == 1
+    assert Evaluation.objects.get().state == State.FINISHED
+
+
+@pytest.mark.django_db
+def test_an_inexact_trainer_leaves_trainings_to_others(proves, settings, caplog):
+    from training import tasks as trainer
+
+    settings.TRAINING, settings.TRAINING_PAUSED = True, False
+    proves(INEXACT)
+    assert trainer.train.apply().get() is False
+    assert "trains nothing: This worker does not compute" in caplog.text

@@ -1,0 +1,108 @@
+"""One car, one result, on every x86-64 processor: the golden runs as processors that lack what this one has."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from evaluation.simulator.rules import RaceRules
+from tests.shared import CHECKOUT
+from training.golden.processors import EMULATOR, NATIVE, PROCESSORS, Processor, ProcessorFailed, emulator, side_by_side
+from training.golden.runs import CONSOLE, RUNS, GoldenRun, runs_of
+
+pytestmark = [
+    pytest.mark.skipif(platform.machine() != "x86_64", reason="this is no x86-64 machine"),
+    pytest.mark.skipif(emulator() is None, reason=f"{EMULATOR} is not installed (Debian: qemu-user)"),
+]
+SIMULATED_MS, CONSOLE_MS = (
+    2000,
+    1000,
+)  # of each run: an emulated processor takes about as long, for a large network more
+CONSOLES = next(run.name for run in RUNS if CONSOLE in run.cars)
+SOAKED = 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_every_golden_run_is_the_same_on_another_processor(processor, paths):
+    check([processor], [begun(run) for run in runs_of((), paths)])
+
+
+def begun(run: GoldenRun) -> GoldenRun:
+    """The beginning of a run."""
+    return run.shortened(CONSOLE_MS if run.name == CONSOLES else SIMULATED_MS)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_two_hundred_runs_are_the_same_on_all_processors(processor, paths):
+    """Every processor drives a fourth of them: whole golden runs, and their cars elsewhere, among other boxes and
+    bots."""
+    whole = runs_of((), paths)
+    moved = [elsewhere(run, number) for number in (1, 2, 3) for run in whole if run.name != CONSOLES]
+    check([processor], [*whole, *moved][: SOAKED // len(PROCESSORS)])
+
+
+def elsewhere(run: GoldenRun, number: int) -> GoldenRun:
+    """The run on another track, in the other direction, with another seed, for five seconds."""
+    tracks = sorted({each.track for each in RUNS})
+    track = tracks[(tracks.index(run.track) + number) % len(tracks)]
+    direction = "cw" if run.rules.direction == "ccw" else "ccw"
+    changed = {"direction": direction, "seed": run.rules.seed + number, "max_simulated_ms": 5000}
+    if run.rules.boxes:
+        changed |= {"boxes": (), "random_boxes": 5}
+    return replace(run, name=f"{run.name} {number}", track=track, rules=RaceRules(**{**vars(run.rules), **changed}))
+
+
+def check(processors: list[str], runs: list[GoldenRun]) -> None:
+    with side_by_side([NATIVE, *processors], runs) as processes:
+        native, *others = [process.driven() for process in processes]
+    for processor, driven in zip(processors, others, strict=True):
+        differ = [there.name for here, there in zip(native, driven, strict=True) if here != there]
+        assert not differ, f"{processor} comes to other results than this machine: {'; '.join(differ)}"
+    assert [one.name for one in native] == [run.name for run in runs]
+
+
+def test_a_processor_without_an_instruction_is_said_to_lack_it():
+    with side_by_side(["core2duo"], [RUNS[0]]) as (process,), pytest.raises(ProcessorFailed) as caught:
+        process.driven()
+    assert "core2duo: it lacks an instruction that Paddock needs (SIGILL)" in str(caught.value)
+
+
+def test_a_processor_that_the_emulator_does_not_know_is_named():
+    with side_by_side(["abacus"], [RUNS[0]]) as (process,), pytest.raises(ProcessorFailed) as caught:
+        process.driven()
+    assert "abacus" in str(caught.value)
+
+
+def test_one_that_takes_too_long_is_ended():
+    process = Processor(PROCESSORS[0], [RUNS[0]], limit_s=0.1)
+    with pytest.raises(ProcessorFailed, match="not done after 0 s"):
+        process.driven()
+    process.close()
+    assert process._process.poll() is not None
+
+
+def test_without_the_emulator_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(ProcessorFailed, match="Debian: qemu-user"), side_by_side([PROCESSORS[0]], []):
+        pass
+
+
+def test_a_bare_process_without_the_pins_drives_nothing():
+    environment = {name: value for name, value in os.environ.items() if name not in ("GLIBC_TUNABLES",)}
+    done = subprocess.run(
+        [sys.executable, "-m", "training.golden.bare"],
+        input="[]",
+        env=environment,
+        cwd=CHECKOUT,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "python -m evaluation.exact" in done.stderr

@@ -1,0 +1,65 @@
+"""What a worker drives to prove itself, and what it makes of a host that is not exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from evaluation import exact
+from evaluation.simulator.engine import ENGINE_ID
+from faults import PlatformFault, UserFault
+from tests.sandbox.conftest import nothing_left  # noqa: F401
+from training.golden import proof, table
+from training.golden.runs import PROOF
+
+pytestmark = pytest.mark.usefixtures("nothing_left")
+
+
+def test_this_machine_is_exact():
+    found = proof.prove()
+    assert (found.engine, found.runs, found.equal, found.differ, found.why) == (
+        ENGINE_ID,
+        len(PROOF),
+        len(PROOF),
+        (),
+        "",
+    )
+    assert found.exact and found.settled
+
+
+@pytest.mark.skipif("avx512f" not in Path("/proc/cpuinfo").read_text(), reason="nothing is pinned away here")
+def test_a_host_whose_pins_did_not_take_is_not_exact(monkeypatch):
+    monkeypatch.setattr(exact, "environment", lambda given: dict(given))
+    found = proof.prove()
+    assert not found.exact and found.settled
+    assert "trace_sha256 of car 0 is" in found.why
+
+
+def test_an_engine_without_a_table_proves_nothing(monkeypatch, tmp_path):
+    monkeypatch.setattr(table, "TABLES", tmp_path)
+    found = proof.prove()
+    assert (found.equal, found.differ) == (0, PROOF)
+    assert found.why == f"{PROOF[0]}: the table of {ENGINE_ID} has no such run"
+
+
+def ends_in(monkeypatch, fault):
+    def drive(run):
+        raise fault
+
+    monkeypatch.setattr(proof, "through_the_pipeline", drive)
+    return proof.prove()
+
+
+@pytest.mark.parametrize("code", ["runner_died", "policy_died"])
+def test_a_processor_without_an_instruction_is_a_refusal_that_can_be_read(monkeypatch, code):
+    kind = PlatformFault if code == "runner_died" else UserFault
+    found = ends_in(monkeypatch, kind(code, how="killed by SIGILL", step=0))
+    assert (found.equal, found.settled) == (0, True)
+    assert found.why.startswith(PROOF[0]) and "SIGILL" in found.why
+
+
+@pytest.mark.parametrize("error", [PlatformFault("host_overloaded"), OSError("no more files")])
+def test_what_may_be_over_soon_is_tried_again(monkeypatch, error):
+    found = ends_in(monkeypatch, error)
+    assert (found.equal, found.settled) == (0, False) and str(error) in found.why

@@ -1,0 +1,196 @@
+"""The cars of the golden runs: the house cars, and networks built here for the other sensors. No torch, no Django.
+
+What is built is made of the house cars' layers, so that it stays on the road for a while, and of numbers that are
+reckoned from integers alone: they are the same on every machine.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
+
+from evaluation.packages.convert_process import admit_network
+from evaluation.packages.gate import check_onnx
+from evaluation.packages.inputs import input_spec
+from evaluation.packages.kinds import ONNX
+from evaluation.packages.limits import DEFAULT_LIMITS
+from evaluation.packages.metadata import parse_metadata
+
+HOUSE_CARS = Path(__file__).resolve().parent.parent / "house_cars"
+FRONT, LEFT, STEREO = "FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS"
+LIDAR_CONFIG = {"num_sectors": 16, "num_values_per_sector": 4, "clipping_dist": 4.0}
+
+
+@dataclass(frozen=True)
+class Car:
+    """A car as it races: its canonical network, its metadata as the platform keeps it, what its admission found out
+    (:class:`evaluation.network.bound.Facts`), and who it is."""
+
+    onnx: bytes
+    metadata: dict[str, Any]
+    facts: dict[str, Any]
+    sha256: str
+
+
+@functools.cache
+def car(name: str) -> Car:
+    """The car called ``name``: one of :data:`BUILT`, a house car, or the path of another (``FOLDER/NAME``, two files
+    as a house car's). Raises UserFault where the gate refuses it, OSError where there is none.
+
+    A file that has ``facts`` in its JSON is not tried out again."""
+    build = BUILT.get(name)
+    network, described = build() if build else _read(name)
+    metadata = parse_metadata(json.dumps(described).encode())
+    if "facts" in described:
+        canonical, facts = check_onnx(network, metadata), described["facts"]
+    else:
+        canonical = admit_network(ONNX, network, metadata, DEFAULT_LIMITS)
+        facts = canonical.facts.to_dict()
+    return Car(canonical.onnx, metadata.to_dict(), facts, canonical.sha256)
+
+
+def _read(name: str) -> tuple[bytes, dict[str, Any]]:
+    path = Path(name) if "/" in name else HOUSE_CARS / name
+    return path.with_suffix(".onnx").read_bytes(), json.loads(path.with_suffix(".json").read_text())
+
+
+def _both_eyes() -> tuple[bytes, dict[str, Any]]:
+    """Brisk with a stereo pair: it sees the mean of two pictures."""
+    network, described = _opened("brisk")
+    first = next(tensor for tensor in network.graph.initializer if tensor.name == "conv1")
+    kernel = numpy_helper.to_array(first)
+    first.CopyFrom(numpy_helper.from_array(np.repeat(kernel / 2, 2, axis=1), "conv1"))
+    del network.graph.input[:]
+    network.graph.input.append(helper.make_tensor_value_info(STEREO, TensorProto.FLOAT, [1, 2, 120, 160]))
+    _rename(network, FRONT, STEREO)
+    return network.SerializeToString(), {**described, "sensor": [STEREO]}
+
+
+def _with_lidar(base: str, lidar: str, reach: float) -> tuple[bytes, dict[str, Any]]:
+    """A house car with a lidar, each value of which adds up to ``reach`` to or takes it from every output."""
+    network, described = _opened(base)
+    graph = network.graph
+    (output,) = graph.output
+    values, outputs = input_spec(lidar, LIDAR_CONFIG).shape[0], output.type.tensor_type.shape.dim[1].dim_value
+    _rename(network, output.name, "seen")
+    graph.input.append(helper.make_tensor_value_info(lidar, TensorProto.FLOAT, [1, values]))
+    graph.initializer.append(numpy_helper.from_array(numbers((values, outputs), reach, seed=values), "beams"))
+    graph.node.extend(
+        [
+            helper.make_node("MatMul", [lidar, "beams"], ["felt"]),
+            helper.make_node("Add", ["seen", "felt"], [output.name]),
+        ]
+    )
+    return network.SerializeToString(), {**described, "sensor": [FRONT, lidar], "lidar_config": LIDAR_CONFIG}
+
+
+def _wanderer() -> tuple[bytes, dict[str, Any]]:
+    """A table of actions chosen by numbers that nobody trained: it leaves the road, again and again."""
+    nodes = [
+        helper.make_node("Cast", [LEFT], ["rows"], to=TensorProto.FLOAT),
+        helper.make_node("Transpose", ["rows"], ["picture"], perm=[0, 3, 1, 2]),
+        helper.make_node("Mul", ["picture", "scale"], ["light"]),
+        helper.make_node("Conv", ["light", "kernel"], ["edges"], strides=[8, 8]),
+        helper.make_node("Tanh", ["edges"], ["bent"]),
+        helper.make_node("Flatten", ["bent"], ["flat"]),
+        helper.make_node("MatMul", ["flat", "head"], ["scores"]),
+        helper.make_node("Softmax", ["scores"], ["actions"], axis=-1),
+    ]
+    weights = {
+        "scale": np.array(1 / 256, np.float32),
+        "kernel": numbers((8, 1, 8, 8), 0.25, seed=1),
+        "head": numbers((8 * 15 * 20, 5), 0.25, seed=2),
+    }
+    actions = [
+        {"steering_angle": angle, "speed": speed}
+        for angle, speed in ((-30, 1.0), (-15, 2.0), (0, 3.0), (15, 2.0), (30, 1.0))
+    ]
+    return _network(nodes, weights, LEFT, 5), _metadata(LEFT, actions)
+
+
+def _drifter() -> tuple[bytes, dict[str, Any]]:
+    """Continuous commands by numbers that nobody trained."""
+    nodes = [
+        helper.make_node("Cast", ["observation"], ["rows"], to=TensorProto.FLOAT),
+        helper.make_node("Transpose", ["rows"], ["picture"], perm=[0, 3, 1, 2]),
+        helper.make_node("Mul", ["picture", "scale"], ["light"]),
+        helper.make_node("Conv", ["light", "kernel"], ["edges"], strides=[4, 4]),
+        helper.make_node("Elu", ["edges"], ["bent"]),
+        helper.make_node("MaxPool", ["bent"], ["pooled"], kernel_shape=[3, 3], strides=[3, 3]),
+        helper.make_node("Flatten", ["pooled"], ["flat"]),
+        helper.make_node("MatMul", ["flat", "dense"], ["features"]),
+        helper.make_node("Sigmoid", ["features"], ["some"]),
+        helper.make_node("MatMul", ["some", "head"], ["both"]),
+        helper.make_node("Tanh", ["both"], ["actions"]),
+    ]
+    weights = {
+        "scale": np.array(1 / 256, np.float32),
+        "kernel": numbers((8, 1, 8, 8), 0.5, seed=3),
+        "dense": numbers((8 * 9 * 13, 32), 0.25, seed=4),
+        "head": numbers((32, 2), 0.5, seed=5),
+    }
+    space = {"steering_angle": {"low": -20.0, "high": 20.0}, "speed": {"low": 1.0, "high": 2.0}}
+    return _network(nodes, weights, "observation", 2), _metadata("observation", space)
+
+
+# A name of a golden run's car, and what builds it.
+BUILT: dict[str, Callable[[], tuple[bytes, dict[str, Any]]]] = {
+    "both-eyes": _both_eyes,
+    "beams": functools.partial(_with_lidar, "brisk", "LIDAR", 0.125),
+    "sectors": functools.partial(_with_lidar, "steady", "SECTOR_LIDAR", 0.5),
+    "steps": functools.partial(_with_lidar, "flyer", "DISCRETIZED_SECTOR_LIDAR", 0.0625),
+    "wanderer": _wanderer,
+    "drifter": _drifter,
+}
+
+
+def numbers(shape: Sequence[int], reach: float, seed: int) -> np.ndarray:
+    """Float32 between ``-reach`` and ``reach`` (a power of two, so that nothing is rounded), scattered by integers."""
+    mixed = np.arange(np.prod(shape), dtype=np.uint64) + np.uint64(seed << 32)
+    for shift, factor in ((33, 0xFF51AFD7ED558CCD), (33, 0xC4CEB9FE1A85EC53), (33, 1)):  # MurmurHash3's last steps
+        mixed = (mixed ^ mixed >> np.uint64(shift)) * np.uint64(factor)
+    whole = (mixed >> np.uint64(40)).astype(np.int64) - (1 << 23)
+    return (whole.astype(np.float32) * np.float32(reach / (1 << 23))).reshape(shape)
+
+
+def _opened(name: str) -> tuple[ModelProto, dict[str, Any]]:
+    network, described = _read(name)
+    return onnx.load_model_from_string(network), {key: part for key, part in described.items() if key != "house_car"}
+
+
+def _rename(network: ModelProto, before: str, after: str) -> None:
+    """Call a value of the graph, but not its input or output, something else."""
+    for node in network.graph.node:
+        for names in (node.input, node.output):
+            names[:] = [after if name == before else name for name in names]
+
+
+def _network(nodes: list[NodeProto], weights: dict[str, np.ndarray], sensor: str, outputs: int) -> bytes:
+    graph = helper.make_graph(
+        nodes,
+        "car",
+        [helper.make_tensor_value_info(sensor, TensorProto.UINT8, [1, 120, 160, 1])],
+        [helper.make_tensor_value_info("actions", TensorProto.FLOAT, [1, outputs])],
+        [numpy_helper.from_array(value, name) for name, value in weights.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return model.SerializeToString(deterministic=True)
+
+
+def _metadata(sensor: str, space: list[dict[str, float]] | dict[str, dict[str, float]]) -> dict[str, Any]:
+    return {
+        "action_space": space,
+        "action_space_type": "discrete" if isinstance(space, list) else "continuous",
+        "sensor": [sensor],
+        "neural_network": "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW",
+        "training_algorithm": "clipped_ppo" if isinstance(space, list) else "sac",
+        "version": "5",
+    }

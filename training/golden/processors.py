@@ -1,0 +1,117 @@
+"""The same runs on other processors: in a bare process here, and under qemu-user as another x86-64 processor.
+
+qemu is a C library's and a kernel's guest: the process is the very same, its instructions are computed in software, and
+those that the named processor lacks are not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import IO
+
+from evaluation import exact
+
+from .drive import Driven
+from .runs import GoldenRun
+
+EMULATOR = "qemu-x86_64"  # Debian: qemu-user
+NATIVE = "native"
+# No AVX; AVX2 and FMA; AVX-512; another maker's AVX2
+PROCESSORS = ("Nehalem", "Haswell", "Skylake-Server", "EPYC-Milan")
+LIMIT_S = 600.0
+_ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+class ProcessorFailed(Exception):
+    """A processor did not drive the runs to their end; the message says which and why."""
+
+
+def emulator() -> str | None:
+    """Where the emulator is, if it is installed."""
+    return shutil.which(EMULATOR)
+
+
+class Processor:
+    """A bare process that drives ``runs`` on ``processor``: :data:`NATIVE`, or a name that ``qemu-x86_64 -cpu help``
+    lists. It begins at once; :meth:`driven` waits for its end. Raises ProcessorFailed where there is no emulator."""
+
+    def __init__(self, processor: str, runs: Sequence[GoldenRun], limit_s: float = LIMIT_S) -> None:
+        self.name, self._limit_s = processor, limit_s
+        command = [*_through(processor), str(Path(sys.executable).resolve()), "-m", "training.golden.bare"]
+        with contextlib.ExitStack() as files, tempfile.TemporaryFile() as question:
+            self._answers, self._said = (files.enter_context(tempfile.TemporaryFile()) for _ in range(2))
+            question.write(json.dumps([run.to_dict() for run in runs]).encode())
+            question.seek(0)
+            self._process = subprocess.Popen(
+                command, stdin=question, stdout=self._answers, stderr=self._said, env=_environment(), cwd=_ROOT
+            )
+            self._files = files.pop_all()
+
+    def driven(self) -> list[Driven]:
+        """What the runs came to, in their order. Raises ProcessorFailed."""
+        try:
+            status = self._process.wait(self._limit_s)
+        except subprocess.TimeoutExpired:
+            raise ProcessorFailed(f"{self.name}: not done after {self._limit_s:.0f} s") from None
+        if status:
+            said = _all_of(self._said).decode(errors="replace").strip()[-2000:]
+            raise ProcessorFailed(f"{self.name}: {_how(status)}: {said}")
+        return [Driven.from_dict(json.loads(line)) for line in _all_of(self._answers).splitlines()]
+
+    def close(self) -> None:
+        """End it, if it still drives."""
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        self._files.close()
+
+
+@contextlib.contextmanager
+def side_by_side(processors: Sequence[str], runs: Sequence[GoldenRun]) -> Iterator[list[Processor]]:
+    """All of them at once, a process each; leaving ends those that still drive."""
+    started: list[Processor] = []
+    try:
+        for name in processors:
+            started.append(Processor(name, runs))
+        yield started
+    finally:
+        for one in started:
+            one.close()
+
+
+def _through(processor: str) -> list[str]:
+    if processor == NATIVE:
+        return []
+    found = emulator()
+    if found is None:
+        raise ProcessorFailed(f"{EMULATOR} is not installed (Debian: qemu-user)")
+    return [found, "-cpu", processor]
+
+
+def _environment() -> dict[str, str]:
+    """Ours, with the pins, one thread, and a path to the packages: the emulator runs the interpreter itself, to which a
+    virtual environment is nothing."""
+    packages = dict.fromkeys((sysconfig.get_path("platlib"), sysconfig.get_path("purelib")))
+    ours = {"PYTHONPATH": os.pathsep.join([str(_ROOT), *packages]), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return exact.environment({**os.environ, **ours, "PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"})
+
+
+def _all_of(file: IO[bytes]) -> bytes:
+    file.seek(0)
+    return file.read()
+
+
+def _how(status: int) -> str:
+    if status == -signal.SIGILL:
+        return "it lacks an instruction that Paddock needs (SIGILL)"
+    return f"ended by {signal.Signals(-status).name}" if status < 0 else f"ended with {status}"

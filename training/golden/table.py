@@ -1,0 +1,76 @@
+"""The table of an engine: what each golden run came to when the engine was new, and whether it still does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from evaluation.simulator.engine import ENGINE_ID, versions
+
+from .drive import Driven
+from .runs import GoldenRun
+
+TABLES = Path(__file__).resolve().parent / "tables"
+ADVICE = (
+    "A result moved: raise ENGINE_ID in evaluation/simulator/engine.py, and write the new engine's table with "
+    "`python -m training.golden --write`. A result that was not meant to move is a fault to find."
+)
+
+Row = dict[str, Any]
+
+
+def path_of(engine: str = ENGINE_ID) -> Path:
+    """Where the table of an engine lies."""
+    return TABLES / f"{engine}.json"
+
+
+def rows_of(engine: str = ENGINE_ID) -> dict[str, Row]:
+    """The rows of an engine's table by the names of their runs. Raises FileNotFoundError where it has none."""
+    return {row["name"]: row for row in json.loads(path_of(engine).read_text())["runs"]}
+
+
+def write(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> Path:
+    """Write the table of the present engine. Raises FileExistsError where it has one: what it says is for ever."""
+    table = {
+        "engine": ENGINE_ID,
+        "versions": versions(),
+        "runs": [_row(*each) for each in zip(runs, driven, strict=True)],
+    }
+    path = path_of()
+    with path.open("x") as file:
+        file.write(json.dumps(table, indent=1) + "\n")
+    return path
+
+
+def difference(row: Row | None, run: GoldenRun, driven: Driven) -> str | None:
+    """What a run came to otherwise than its row in the table says, in a sentence; None where nothing."""
+    if row is None:
+        return f"{run.name}: the table of {ENGINE_ID} has no such run"
+    found = _row(run, driven)
+    for what in ("track", "fingerprint", "rules"):
+        if row[what] != found[what]:
+            return f"{run.name}: not the run of the table, its {what} is {found[what]} and was {row[what]}"
+    if len(row["cars"]) != len(found["cars"]):
+        return f"{run.name}: {len(found['cars'])} cars drove where the table has {len(row['cars'])}"
+    for number, (was, came) in enumerate(zip(row["cars"], found["cars"], strict=True)):
+        for what in ("model", "end_reason", "lap_ms", "trace_sha256"):
+            if was[what] != came[what]:
+                return f"{run.name}: {what} of car {number} is {came[what]} and was {was[what]}"
+    return None
+
+
+def _row(run: GoldenRun, driven: Driven) -> Row:
+    rules = json.loads(json.dumps(run.rules.to_dict()))  # as they come back from a file
+    cars = [
+        {
+            "car": Path(name).name,
+            "model": came.model,
+            "lap_ms": came.lap_ms,
+            "end_reason": came.end_reason,
+            "trace_sha256": came.trace_sha256,
+        }
+        for name, came in zip(run.cars, driven.cars, strict=True)
+    ]
+    return {"name": run.name, "track": run.track, "fingerprint": driven.track, "rules": rules, "cars": cars}
