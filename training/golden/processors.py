@@ -17,7 +17,7 @@ import sysconfig
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from evaluation import exact
 
@@ -29,6 +29,7 @@ NATIVE = "native"
 # No AVX; AVX2 and FMA; AVX-512; another maker's AVX2
 PROCESSORS = ("Nehalem", "Haswell", "Skylake-Server", "EPYC-Milan")
 LIMIT_S = 600.0
+BARE = "training.golden.bare"
 _ROOT = Path(__file__).resolve().parent.parent.parent
 
 
@@ -43,11 +44,12 @@ def emulator() -> str | None:
 
 class Processor:
     """A bare process that drives ``runs`` on ``processor``: :data:`NATIVE`, or a name that ``qemu-x86_64 -cpu help``
-    lists. It begins at once; :meth:`driven` waits for its end. Raises ProcessorFailed where there is no emulator."""
+    lists. It begins at once; :meth:`driven` waits for its end. ``module``: another program that answers stdin's list of
+    runs with lines of JSON. Raises ProcessorFailed where there is no emulator."""
 
-    def __init__(self, processor: str, runs: Sequence[GoldenRun], limit_s: float = LIMIT_S) -> None:
+    def __init__(self, processor: str, runs: Sequence[GoldenRun], limit_s: float = LIMIT_S, module: str = BARE) -> None:
         self.name, self._limit_s = processor, limit_s
-        command = [*_through(processor), str(Path(sys.executable).resolve()), "-m", "training.golden.bare"]
+        command = [*_through(processor), str(Path(sys.executable).resolve()), "-m", module]
         with contextlib.ExitStack() as files, tempfile.TemporaryFile() as question:
             self._answers, self._said = (files.enter_context(tempfile.TemporaryFile()) for _ in range(2))
             question.write(json.dumps([run.to_dict() for run in runs]).encode())
@@ -59,6 +61,10 @@ class Processor:
 
     def driven(self) -> list[Driven]:
         """What the runs came to, in their order. Raises ProcessorFailed."""
+        return [Driven.from_dict(answer) for answer in self.answers()]
+
+    def answers(self) -> list[dict[str, Any]]:
+        """The lines that it printed. Raises ProcessorFailed."""
         try:
             status = self._process.wait(self._limit_s)
         except subprocess.TimeoutExpired:
@@ -66,7 +72,7 @@ class Processor:
         if status:
             said = _all_of(self._said).decode(errors="replace").strip()[-2000:]
             raise ProcessorFailed(f"{self.name}: {_how(status)}: {said}")
-        return [Driven.from_dict(json.loads(line)) for line in _all_of(self._answers).splitlines()]
+        return [json.loads(line) for line in _all_of(self._answers).splitlines()]
 
     def close(self) -> None:
         """End it, if it still drives."""
@@ -77,12 +83,14 @@ class Processor:
 
 
 @contextlib.contextmanager
-def side_by_side(processors: Sequence[str], runs: Sequence[GoldenRun]) -> Iterator[list[Processor]]:
+def side_by_side(
+    processors: Sequence[str], runs: Sequence[GoldenRun], limit_s: float = LIMIT_S, module: str = BARE
+) -> Iterator[list[Processor]]:
     """All of them at once, a process each; leaving ends those that still drive."""
     started: list[Processor] = []
     try:
         for name in processors:
-            started.append(Processor(name, runs))
+            started.append(Processor(name, runs, limit_s, module))
         yield started
     finally:
         for one in started:

@@ -1,0 +1,103 @@
+"""``python -m benchmarks.decisions``: what it takes that a network decides the same everywhere, step by step.
+
+Reads runs as :mod:`training.golden.bare` does, and prints a JSON object for each: of its first car how many steps were
+answered in which way, how much of its bound the errors of float32 ever used, and the time of the network's answers as
+they race (``judged_s``), of the runtime's alone (``plain_s``), and of all the rest of the run (``rest_s``). Each step
+asks both, in turns one first and then the other.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from evaluation import exact
+from evaluation.network.bound import Facts
+from evaluation.network.session import load
+from evaluation.runner_process import policy_header
+from evaluation.sandbox.policy_process import Policy
+from evaluation.simulator.action import ActionSpace
+from evaluation.simulator.race import run_race
+from training.golden.cars import car
+from training.golden.runs import GoldenRun
+
+
+class Asked:
+    """A policy that asks the network in three ways: as it races, as the runtime answers, and in float64 always."""
+
+    def __init__(self, name: str) -> None:
+        one = car(name)
+        self.space = ActionSpace.from_metadata(one.metadata)
+        header = policy_header(one.metadata, self.space)
+        facts = Facts.from_dict(one.facts)
+        unjudged = {key: value for key, value in header.items() if key != "ranges"}
+        self._judged, self._plain = Policy(load(one.onnx, facts), header), Policy(load(one.onnx, facts), unjudged)
+        self._exact = Policy(load(one.onnx, Facts(bound=None)), header)
+        self.sensors, self.lidar = sorted(one.metadata["sensor"]), one.metadata.get("lidar_config")
+        self.bound = facts.bound
+        self.worst = self.judged_s = self.plain_s = self.checking_s = 0.0
+        self._turn = False
+
+    @property
+    def ways(self) -> list[int]:
+        """Steps by the ways of :data:`evaluation.sandbox.policy_wire.WAYS`."""
+        return list(self._judged.counts.values())
+
+    def __call__(self, readings: Mapping[str, np.ndarray]) -> np.ndarray:
+        self._turn = not self._turn  # who asks first finds colder caches
+        if self._turn:
+            answer, judged_s = _timed(self._judged, readings)
+            plain, plain_s = _timed(self._plain, readings)
+        else:
+            plain, plain_s = _timed(self._plain, readings)
+            answer, judged_s = _timed(self._judged, readings)
+        self.judged_s += judged_s
+        self.plain_s += plain_s
+        right, checking_s = _timed(self._exact, readings)
+        self.checking_s += checking_s
+        self.worst = max(self.worst, float(np.abs(right.astype(np.float64) - plain).max()))
+        return answer
+
+
+def drive(run: GoldenRun) -> dict[str, Any]:
+    """The figures of a run's first car, alone on the track."""
+    asked = Asked(run.cars[0])
+    begun = perf_counter()
+    run_race(run.geometry(), run.rules, asked.space, asked.sensors, asked, lidar_config=asked.lidar)
+    rest_s = perf_counter() - begun - asked.judged_s - asked.plain_s - asked.checking_s
+    return {
+        "name": run.name,
+        "ways": asked.ways,
+        "bound_used": asked.worst / asked.bound if asked.bound else None,
+        "judged_s": asked.judged_s,
+        "plain_s": asked.plain_s,
+        "rest_s": rest_s,
+    }
+
+
+def _timed(policy: Policy, readings: Mapping[str, np.ndarray]) -> tuple[np.ndarray, float]:
+    begun = perf_counter()
+    answer = policy.answer(readings)
+    return answer, perf_counter() - begun
+
+
+def main() -> int:
+    """Drive what stdin lists; 2 without the pins."""
+    if not exact.is_pinned():
+        print("start this with the pins: python -m evaluation.exact -m benchmarks.decisions", file=sys.stderr)
+        return 2
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # Bullet says when it was built, on stdout
+    for described in json.load(sys.stdin):
+        print(json.dumps(drive(GoldenRun.from_dict(described))), file=answers, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
