@@ -15,7 +15,7 @@ from django.utils import timezone
 from redis import Redis
 
 from evaluation import services, tasks
-from evaluation.models import Evaluation, Result, State
+from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.packages.read import UploadPart
 from evaluation.simulator.rules import RaceRules
 from league.celery import app
@@ -265,6 +265,7 @@ def test_a_real_run_killed_or_stopped_leaves_no_sandboxed_process(alice, oval, c
     with control.worker(broker_url, REAL_RUNS="1") as worker:
         evaluation = services.queue_evaluation(**run, now=timezone.now())
         family = on_track(worker, attempt=1)
+        assert WorkerNode.objects.get().proof["exact"], "it proved itself before it took work"
         (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
         os.kill(pool_process, signal.SIGKILL)
         wait_for(lambda: gone(family), 5, control.log)

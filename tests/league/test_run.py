@@ -167,6 +167,7 @@ def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_
     assert first_start.tracks >= 7
     assert first_start.doctor.returncode == 0, first_start.doctor.stdout
     assert "bundled Valkey answers" in first_start.doctor.stdout
+    assert "exact: 3 of 3" in first_start.doctor.stdout
     assert first_start.heartbeats == [(True,), (False,)], "its worker wrote that it was up, and that it was shut down"
     assert first_start.status == 130
     assert "Traceback" not in first_start.said
