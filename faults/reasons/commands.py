@@ -8,6 +8,25 @@ REASONS = table(
     {
         "command_line": _("The command line is not understood: %(problem)s. Call the command with --help."),
         "file_unreadable": _("%(path)s cannot be read: %(problem)s."),
+        "file_unwritable": _("%(path)s cannot be written: %(problem)s."),
+        "backup_exists": _("%(path)s is there already and stays as it is. Name a file that is not there yet."),
+        "backup_damaged": _("%(path)s cannot be restored: %(problem)s. Nothing was changed. Take another backup."),
+        "backup_other_database": _(
+            "The backup is of a database of the kind %(theirs)s, and this site has %(ours)s. Name an empty one of its "
+            "own kind with DATABASE_URL."
+        ),
+        "backup_newer": _(
+            "The backup was made by a newer version of Paddock: %(migration)s is not known here. Update the checkout "
+            "first."
+        ),
+        "restore_not_empty": _(
+            "%(place)s has data, and nothing is overwritten. Restore into an empty place: an empty database, no stored "
+            "files."
+        ),
+        "postgres_tools_missing": _(
+            "PostgreSQL's %(tool)s of version %(version)s or newer is needed and not found here. Install it (Debian: "
+            "postgresql-client-%(version)s)."
+        ),
         "track_not_found": _(
             "There is no track %(name)s. The closest names are: %(nearest)s. Name an .npy file, a track that was "
             "imported into this site, or one of the catalogue: %(known)s."

@@ -39,6 +39,11 @@ REASONS = table(
             "The database is not ready: %(problem)s. Make it so with “manage.py migrate” (“manage.py run” does it "
             "itself), or see to what DATABASE_URL and PADDOCK_DATA name."
         ),
+        "database_damaged": _(
+            "The database is damaged: %(problem)s. Restore the last good backup (“manage.py restore”) into an empty "
+            "place."
+        ),
+        "database_tool_failed": _("%(tool)s failed: %(problem)s."),
         "storage_failed": _(
             "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
         ),

@@ -5,10 +5,14 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
 from typing import Any, NoReturn
 
-from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.core.management.base import BaseCommand, CommandError, CommandParser, OutputWrapper
 from django.db import DatabaseError, InterfaceError, OperationalError
 
 from faults import PaddockError, PlatformFault, UserFault
@@ -81,3 +85,31 @@ def database_fault(error: Exception) -> PlatformFault | None:
 def told(fault: PaddockError) -> str:
     """A refusal as ``--json`` prints it."""
     return json.dumps({"error": {**fault.to_dict(), "message": str(fault)}}, indent=2)
+
+
+class Ticker:
+    """Tells how far something is: the first time at once, then once a second; nothing where it is quiet."""
+
+    def __init__(self, out: OutputWrapper, quiet: bool = False, every_s: float = 1.0) -> None:
+        self._out, self._quiet, self._every_s = out, quiet, every_s
+        self._next, self._subject = 0.0, ""
+
+    def __call__(self, text: str) -> None:
+        subject = text.partition(":")[0]
+        if not self._quiet and (subject != self._subject or monotonic() >= self._next):
+            self._out.write(text)
+            self._next, self._subject = monotonic() + self._every_s, subject
+
+
+@contextmanager
+def ended_in_good_order() -> Iterator[None]:
+    """A command that is told to end cleans up behind itself first."""
+
+    def end(number: int, frame: object) -> NoReturn:
+        sys.exit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -19,6 +19,8 @@ from tracks.catalogue import by_slug
 COMMANDS = sorted(path.stem for path in (CHECKOUT / "league/management/commands").glob("[a-z]*.py"))
 # of each command: what it is given, so that it comes to its database or its file
 GIVEN = {
+    "backup": ["new.backup"],
+    "restore": ["nothing.backup"],
     "evaluate": ["nothing.tar.gz", "--track", "oval"],
     "export_season": ["2026", "out"],
     "import_season": ["season"],
@@ -73,7 +75,7 @@ def test_every_command_is_tried_here():
 def test_without_a_database(run, command):
     sentence = said(run(command, *GIVEN[command]))
     assert "database_not_ready" in sentence or "cannot be " in sentence or "import_no_folder" in sentence
-    assert ("database_not_ready" in sentence) == (command in ("export_season", "import_track", "verify"))
+    assert ("database_not_ready" in sentence) == (command in ("backup", "export_season", "import_track", "verify"))
 
 
 @pytest.mark.parametrize(

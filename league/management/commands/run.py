@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import socket
 import sys
@@ -11,8 +10,6 @@ import urllib.error
 import urllib.request
 from argparse import ArgumentParser
 from functools import partial
-from pathlib import Path
-from typing import IO
 
 from django.conf import settings
 from django.core.management import call_command
@@ -21,6 +18,7 @@ from django.db import connections
 from django.utils import timezone
 
 from league import broker
+from league.management.data_lock import hold_data
 from league.supervisor import Supervisor
 
 WEB_PROCESSES, WEB_THREADS = 2, 4
@@ -47,7 +45,7 @@ class Command(BaseCommand):
             sys.exit(130)
 
     def _run(self, host: str, port: int) -> None:
-        lock = _lock(settings.DATA_DIR / "run.lock")
+        lock = hold_data(settings.DATA_DIR / "run.lock")
         _refuse_taken_port(host, port)
         self._prepare()
         shown = f"http://{_in_url('127.0.0.1' if host in ('0.0.0.0', '::') else host)}:{port}"
@@ -134,23 +132,6 @@ def _filmer(celery: list[str]) -> dict[str, list[str]]:
             *("--queues", "videos", "--hostname", "filmer@%h"),
         ]
     }
-
-
-def _lock(path: Path) -> IO[str]:
-    """Hold ``path`` for as long as this process lives, so that nothing runs twice on the same data."""
-    file = path.open("a+")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        file.seek(0)
-        raise CommandError(
-            f"Paddock is already running on {path.parent} (process {file.read().strip() or 'unknown'}). "
-            "Stop that one first, or name another folder with PADDOCK_DATA."
-        ) from None
-    file.truncate(0)
-    file.write(f"{os.getpid()}\n")
-    file.flush()
-    return file
 
 
 def _refuse_taken_port(host: str, port: int) -> None:

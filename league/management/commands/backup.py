@@ -1,0 +1,52 @@
+"""``manage.py backup``: the whole site in one file, while it runs."""
+
+from __future__ import annotations
+
+import json
+import os
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.utils import timezone
+
+from faults import PaddockError
+from league.backup.making import back_up
+from league.management import JsonCommand, Refusal, Ticker, ended_in_good_order
+
+LOST = 1
+NAMED = 10
+
+
+class Command(JsonCommand):
+    """Exit status 1 when the backup is there and files were lost before it was made."""
+
+    help = "Write database, stored files and secret key into one new file, with sums, while the site runs."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("file", type=Path, help="a file that is not there yet")
+        parser.add_argument("--json", action="store_true", help="print what was made as JSON")
+
+    def handle(self, *, file: Path, json: bool, verbosity: int, **options: Any) -> None:
+        os.umask(0o077)
+        try:
+            with ended_in_good_order():
+                made = back_up(path=file, now=timezone.now(), tell=Ticker(self.stderr, quiet=verbosity < 1))
+        except PaddockError as fault:
+            raise Refusal(fault) from fault
+        if json:
+            self.stdout.write(
+                _dumps({"file": str(made.path), "bytes": made.size, "files": made.files, "lost": made.lost})
+            )
+        else:
+            self.stdout.write(f"{made.path}: {made.size >> 20} MB, the database and {made.files} files")
+        for name in made.lost[:NAMED]:
+            self.stderr.write(f"Lost before this backup was made: {name}")
+        if len(made.lost) > NAMED:
+            self.stderr.write(f"... and {len(made.lost) - NAMED} more")
+        if made.lost:
+            raise SystemExit(LOST)
+
+
+def _dumps(document: dict[str, Any]) -> str:
+    return json.dumps(document, indent=2)

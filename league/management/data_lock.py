@@ -1,0 +1,29 @@
+"""One program at a time that takes the data folder for itself."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+from typing import IO
+
+from django.core.management.base import CommandError
+
+
+def hold_data(path: Path) -> IO[str]:
+    """Hold ``path`` for as long as this process lives, so that nothing runs twice on the same data.
+
+    Raises CommandError when another process holds it."""
+    file = path.open("a+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.seek(0)
+        raise CommandError(
+            f"Paddock is already running on {path.parent} (process {file.read().strip() or 'unknown'}). "
+            "Stop that one first, or name another folder with PADDOCK_DATA."
+        ) from None
+    file.truncate(0)
+    file.write(f"{os.getpid()}\n")
+    file.flush()
+    return file
