@@ -72,7 +72,11 @@ def _session(network: Network) -> tuple[onnxruntime.InferenceSession, tuple[np.n
         # convolutions): packed for many rows they would take twice the memory and longer to load. A bare MatMul has
         # them the other way.
         options.add_session_config_entry("session.disable_prepacking", "1")
-    large = {name: _aligned(array) for name, array in network.weights.items() if array.nbytes >= _ALONE}
+    for name, array in network.weights.items():  # one at a time, so that none is held twice for long
+        if array.nbytes >= _ALONE:
+            network.weights[name] = _aligned(array)
+        del array
+    large = {name: array for name, array in network.weights.items() if array.nbytes >= _ALONE}
     try:
         written = write_model(network, outside=large.keys())
         if large:

@@ -40,7 +40,7 @@ class Limits:
 
 
 # what the console's largest network, of 57 million weights, takes of them: docs/operators.md
-_POLICY_MB = _set(os.environ.get("PADDOCK_POLICY_MEMORY_MB"), 2048)
+_POLICY_MB = _set(os.environ.get("PADDOCK_POLICY_MEMORY_MB"), 2560)
 POLICY_S = _set(os.environ.get("PADDOCK_POLICY_SECONDS"), 120)  # of wall time, for all steps of a run
 _CONVERTER_MB = _set(os.environ.get("PADDOCK_CONVERTER_MEMORY_MB"), 2048)
 _CONVERTER_S = _set(os.environ.get("PADDOCK_CONVERTER_SECONDS"), 30)

@@ -16,6 +16,7 @@ from evaluation.packages.admit import AdmittedPackage, admit
 from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from evaluation.packages.read import UploadPart
 from evaluation.sandbox.policy import PolicyProcess
+from evaluation.sandbox.policy_wire import EXACT, FAST
 from faults import UserFault
 from tests.hostile.parts import regular
 from tests.packages.coach import MEDIUM, coach_graph, metadata_dict
@@ -65,16 +66,22 @@ def test_the_site_holds_it_once_or_little_more(network: tuple[str, int, int, Adm
     assert peak < 1.5 * size
 
 
-def test_it_drives_within_a_policys_memory(network: tuple[str, int, int, AdmittedPackage, int]) -> None:
+@pytest.mark.parametrize("bound", ["its own", None])
+def test_it_drives_within_a_policys_memory(
+    network: tuple[str, int, int, AdmittedPackage, int], bound: str | None
+) -> None:
+    """Also where each answer is computed in float64."""
     sensor, _weights, _size, car, _peak = network
     shape = list(car.metadata.inputs[0].shape)
-    header = {"inputs": [{"name": sensor, "dtype": "uint8", "shape": shape}], "outputs": ACTIONS}
+    header = {"inputs": [{"name": sensor, "dtype": "uint8", "shape": shape}], "outputs": ACTIONS, "ranges": None}
+    facts = car.facts if bound else replace(car.facts, bound=None)
     with PolicyProcess() as policy:
-        policy.load(car.onnx, header)
+        policy.load(car.onnx, header, facts.to_dict())
         client = policy.client(header)
         for brightness in (0, 255):
             scores = client({sensor: np.full(shape, brightness, np.uint8)})
             assert scores.sum() == pytest.approx(1, abs=1e-5)
+        assert client.counts[FAST if bound else EXACT] == 2
 
 
 def test_a_smaller_bound_refuses_it_and_says_which(network: tuple[str, int, int, AdmittedPackage, int]) -> None:
