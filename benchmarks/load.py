@@ -75,7 +75,7 @@ def _wrk(address: str, server: int, seconds: int) -> dict[str, float]:
 
 
 def _processor_s(parent: int) -> float:
-    """Processor time of a process's children: gunicorn's workers."""
+    """Processor time of a process's children: those that serve."""
     children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
     ticks = 0
     for child in children:
@@ -86,19 +86,19 @@ def _processor_s(parent: int) -> float:
 
 @contextmanager
 def _server(application: str) -> Iterator[tuple[str, int]]:
-    """One process of gunicorn as the run command starts it; yields its address and process id."""
+    """The web server as the run command starts it, with one process; yields its address and process id."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
-    command = [sys.executable, "-m", "gunicorn", application, "--bind", address, "--worker-class", "gthread"]
-    command += ["--workers", "1", "--threads", str(CONNECTIONS), "--log-level", "error", "--no-control-socket"]
+        port = free.getsockname()[1]
+    address = f"127.0.0.1:{port}"
+    command = [sys.executable, "-m", "league.web", "--port", str(port), "--application", f"{application}:application"]
+    command += ["--processes", "1", "--threads", str(CONNECTIONS)]
     server = subprocess.Popen(command, start_new_session=True)
     try:
         deadline = time.monotonic() + START_S
-        host, port = address.split(":")
         while True:
             with socket.socket() as client:
-                if client.connect_ex((host, int(port))) == 0:
+                if client.connect_ex(("127.0.0.1", port)) == 0:
                     break
             if server.poll() is not None or time.monotonic() > deadline:
                 raise LoadError(f"{application} did not start")

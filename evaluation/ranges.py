@@ -52,6 +52,26 @@ def stored_file_response(
     return response
 
 
+class _Stored(StreamingHttpResponse):
+    """Pieces of a file. One that lies on this machine is left to the web server, which reads as much as Content-Length
+    says from where it stands, as its reader takes it, and needs no thread of the site's for that."""
+
+    block_size = PIECE
+
+    def __init__(self, pieces: Iterator[bytes], opened: Any, **kwargs: Any) -> None:
+        self.file_to_stream = None if opened is None else _Handed(opened)
+        super().__init__(pieces, **kwargs)
+        if opened is not None:
+            self._resource_closers.append(opened.close)
+
+
+class _Handed:
+    """A file as a web server wants one; Django puts the answer's ``close`` in the place of ours."""
+
+    def __init__(self, opened: Any) -> None:
+        self.read, self.seek, self.tell, self.close = opened.read, opened.seek, opened.tell, opened.close
+
+
 def _answer(request: HttpRequest, file: FieldFile, size: int, span: Span, content_type: str) -> HttpResponseBase:
     response: HttpResponseBase
     if request.method == "HEAD":
@@ -59,8 +79,7 @@ def _answer(request: HttpRequest, file: FieldFile, size: int, span: Span, conten
             raise FileNotFoundError(file.name)
         response = HttpResponse(content_type=content_type)
     else:
-        pieces = _pieces(file, span)
-        response = StreamingHttpResponse(pieces, status=206 if span.is_part else 200, content_type=content_type)
+        response = _Stored(*_pieces(file, span), status=206 if span.is_part else 200, content_type=content_type)
         if span.is_part:
             response["Content-Range"] = f"bytes {span.start}-{span.stop - 1}/{size}"
     response["Content-Length"] = str(span.stop - span.start)
@@ -87,16 +106,17 @@ def _asked(request: HttpRequest, size: int, etag: str, most: int) -> Span | None
     return Span(int(first), min(int(last) + 1 if last else int(first) + most, size))
 
 
-def _pieces(file: FieldFile, span: Span) -> Iterator[bytes]:
-    """The bytes of a span. Opens the file at once, so that a missing one is known before the answer begins."""
+def _pieces(file: FieldFile, span: Span) -> tuple[Iterator[bytes], Any]:
+    """The bytes of a span, and the file where it lies on this machine. Opens it at once, so that a missing one is known
+    before the answer begins."""
     opened: Any = file.storage.open(file.name, "rb")
     remote = getattr(opened, "obj", None)  # of django-storages: reading such a file would fetch all of it first
     if remote is not None:
         opened.close()
         body = remote.get(Range=f"bytes={span.start}-{span.stop - 1}")["Body"]
-        return _closing(body.iter_chunks(PIECE), body)
+        return _closing(body.iter_chunks(PIECE), body), None
     opened.seek(span.start)
-    return _closing(_read(opened, span.stop - span.start), opened)
+    return _closing(_read(opened, span.stop - span.start), opened), opened
 
 
 def _read(opened: Any, left: int) -> Iterator[bytes]:

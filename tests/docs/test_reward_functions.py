@@ -6,7 +6,7 @@ import re
 
 from evaluation.packages.limits import DEFAULT_LIMITS
 from evaluation.sandbox.limits import REWARD
-from league.management.commands.run import WEB_PROCESSES, WEB_THREADS
+from league.web import PROCESSES, THREADS
 from training.rewards.ask import SLOTS, WAITING
 from training.rewards.check import MAX_CHARACTERS
 from training.rewards.examples import EXAMPLES
@@ -92,4 +92,4 @@ def test_operators_read_what_one_may_use():
 
 
 def test_with_uploads_they_leave_the_site_threads_to_answer_others():
-    assert SLOTS + WAITING + DEFAULT_LIMITS.slots + DEFAULT_LIMITS.waiting < WEB_PROCESSES * WEB_THREADS
+    assert SLOTS + WAITING + DEFAULT_LIMITS.slots + DEFAULT_LIMITS.waiting < PROCESSES * THREADS

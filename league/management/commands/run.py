@@ -21,7 +21,6 @@ from league import broker
 from league.management.data_lock import hold_data
 from league.supervisor import Supervisor
 
-WEB_PROCESSES, WEB_THREADS = 2, 4
 FILMER_NICE = 10
 # Celery advises against root; here root is what gives every model a user id of its own.
 _QUIET = "ignore:You're running the worker with superuser privileges"
@@ -83,9 +82,7 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
     celery = [sys.executable, "-m", "celery", "--quiet", "--app", "league"]
     programs = {
         "web": [
-            *(sys.executable, "-m", "gunicorn", "league.wsgi", "--bind", f"{_in_url(host)}:{port}"),
-            *("--worker-class", "gthread", "--workers", str(WEB_PROCESSES), "--threads", str(WEB_THREADS)),
-            *("--graceful-timeout", "5", "--log-level", "warning", "--no-control-socket"),
+            *(sys.executable, "-m", "league.web", "--host", host, "--port", str(port)),
         ],
         "worker": [
             *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.WORKER_CONCURRENCY)),

@@ -1,0 +1,233 @@
+"""What a site answers while many hold connections open without ever finishing: ``python -m benchmarks.slow ADDRESS``.
+
+Four ways to be slow: say nothing (``silent``), drip a header (``headers``), drip a form (``bodies``), or ask for a file
+and take it a few bytes at a time (``readers``). Meanwhile somebody asks for the health page, another for a page, and
+one sends a file of 64 MB. All of it in one process that mostly waits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import resource
+import socket
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+KINDS = ("silent", "headers", "bodies", "readers")
+CONNECTIONS = 1000
+SECONDS = 10.0
+DRIP_S = 10.0
+PATIENCE_S = 20.0
+HEALTH_S, PAGE_S = 0.1, 0.5
+MEGABYTE = 1024 * 1024
+READER_BUFFER = 4096
+
+
+@dataclass
+class Figures:
+    """What was asked beside the slow ones: seconds of each answer, by what was asked; ``failed`` had none."""
+
+    open: int = 0
+    most_open: int = 0
+    failed: int = 0
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+
+    def shown(self) -> dict[str, float | int]:
+        """Milliseconds: median, 95th of a hundred and the longest of each, beside ``open`` and ``failed``."""
+        found: dict[str, float | int] = {"slow_connections": self.most_open, "failed": self.failed}
+        for name, all_seconds in self.seconds.items():
+            ordered = sorted(all_seconds)
+            for label, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0)):
+                at = min(len(ordered) - 1, int(len(ordered) * share))
+                found[f"{name}_{label}_ms"] = round(ordered[at] * 1000, 1)
+        return found
+
+
+def measure(
+    address: str,
+    kind: str,
+    connections: int = CONNECTIONS,
+    seconds: float = SECONDS,
+    page: str = "/",
+    file: str = "/",
+    upload_mb: int = 0,
+    upload_to: str = "/api/v1/models/",
+    token: str = "",
+) -> Figures:
+    """Hold ``connections`` slow ones of a ``kind`` open at ``address`` (http://host:port) and time what else is asked
+    for ``seconds``: ``/health/live``, ``page``, and ``upload_mb`` sent once where it is not 0. ``file`` is what slow
+    readers ask for; it must be larger than a socket's buffers to keep them waiting."""
+    _many_files()
+    where = urlsplit(address)
+    return asyncio.run(
+        _measure((where.hostname or "", where.port or 80), kind, connections, seconds, page, file,
+                 upload_mb, upload_to, token)
+    )  # fmt: skip
+
+
+async def _measure(
+    where: tuple[str, int],
+    kind: str,
+    connections: int,
+    seconds: float,
+    page: str,
+    file: str,
+    upload_mb: int,
+    upload_to: str,
+    token: str,
+) -> Figures:
+    figures = Figures()
+    slow = [asyncio.create_task(_slow(where, kind, file, figures)) for _ in range(connections)]
+    try:
+        await asyncio.sleep(min(3.0, 0.5 + connections / 500))
+        end = time.monotonic() + seconds
+        asked = [
+            _again_and_again(figures, "health", HEALTH_S, end, lambda: _get(where, "/health/live")),
+            _again_and_again(figures, "page", PAGE_S, end, lambda: _get(where, page)),
+        ]
+        if upload_mb:
+            asked.append(_once(figures, "upload", lambda: _send(where, upload_to, upload_mb * MEGABYTE, token)))
+        await asyncio.gather(*asked)
+    finally:
+        for task in slow:
+            task.cancel()
+        await asyncio.gather(*slow, return_exceptions=True)
+    return figures
+
+
+async def _slow(where: tuple[str, int], kind: str, file: str, figures: Figures) -> None:
+    """One slow connection, opened again whenever the server has had enough of it."""
+    while True:
+        try:
+            await _slow_once(where, kind, file, figures)
+        except OSError:
+            await asyncio.sleep(1)
+
+
+async def _slow_once(where: tuple[str, int], kind: str, file: str, figures: Figures) -> None:
+    loop = asyncio.get_running_loop()
+    client = socket.socket(socket.AF_INET6 if ":" in where[0] else socket.AF_INET)
+    if kind == "readers":
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, READER_BUFFER)
+    client.setblocking(False)
+    counted = False
+    try:
+        await loop.sock_connect(client, where)
+        figures.open += 1
+        figures.most_open = max(figures.most_open, figures.open)
+        counted = True
+        host = f"Host: {where[0]}:{where[1]}\r\n"
+        if kind == "headers":
+            await loop.sock_sendall(client, f"GET / HTTP/1.1\r\n{host}X-Slow: ".encode())
+        elif kind == "bodies":
+            form = "Content-Type: application/x-www-form-urlencoded\r\nContent-Length: 1000\r\n"
+            form += f"Cookie: csrftoken={'a' * 32}\r\n"  # without one Django refuses before it reads the form
+            await loop.sock_sendall(client, f"POST /accounts/login/ HTTP/1.1\r\n{host}{form}\r\n".encode())
+        elif kind == "readers":
+            await loop.sock_sendall(client, f"GET {file} HTTP/1.1\r\n{host}\r\n".encode())
+        while True:
+            if kind == "readers":
+                await asyncio.sleep(1)
+                if not await loop.sock_recv(client, 16):
+                    return
+                continue
+            try:
+                async with asyncio.timeout(DRIP_S):
+                    await loop.sock_recv(client, 4096)
+                return  # an answer or the end: this one was not let wait
+            except TimeoutError:
+                if kind != "silent":
+                    await loop.sock_sendall(client, b"x")
+    finally:
+        figures.open -= counted
+        client.close()
+
+
+async def _again_and_again(
+    figures: Figures, name: str, pause: float, end: float, ask: Callable[[], Awaitable[None]]
+) -> None:
+    while time.monotonic() < end:
+        took = await _once(figures, name, ask)
+        await asyncio.sleep(max(0.0, pause - took))
+
+
+async def _once(figures: Figures, name: str, ask: Callable[[], Awaitable[None]]) -> float:
+    start = time.perf_counter()
+    try:
+        async with asyncio.timeout(PATIENCE_S if name != "upload" else 3 * PATIENCE_S):
+            await ask()
+    except (OSError, TimeoutError, ValueError, asyncio.IncompleteReadError):
+        figures.failed += 1
+    took = time.perf_counter() - start
+    figures.seconds.setdefault(name, []).append(took)
+    return took
+
+
+async def _get(where: tuple[str, int], path: str) -> None:
+    reader, writer = await asyncio.open_connection(*where)
+    try:
+        writer.write(f"GET {path} HTTP/1.1\r\nHost: {where[0]}:{where[1]}\r\nConnection: close\r\n\r\n".encode())
+        answer = await reader.read()
+    finally:
+        writer.close()
+    if not answer.startswith(b"HTTP/1.1 200"):
+        raise ValueError(answer[:100])
+
+
+async def _send(where: tuple[str, int], path: str, size: int, token: str) -> None:
+    """A file in a form of ``size`` bytes; any answer that is not the server's own fault will do."""
+    reader, writer = await asyncio.open_connection(*where)
+    try:
+        head = b'--cut\r\nContent-Disposition: form-data; name="package"; filename="m.tar.gz"\r\n\r\n'
+        tail = b"\r\n--cut--\r\n"
+        writer.write(
+            f"POST {path} HTTP/1.1\r\nHost: {where[0]}:{where[1]}\r\nConnection: close\r\n"
+            f"Content-Type: multipart/form-data; boundary=cut\r\nContent-Length: {len(head) + size + len(tail)}\r\n"
+            f"{f'Authorization: Token {token}' if token else 'X-None: 1'}\r\n\r\n".encode()
+        )
+        writer.write(head)
+        chunk = bytes(MEGABYTE)
+        for _ in range(size // MEGABYTE):
+            writer.write(chunk)
+            await writer.drain()
+        writer.write(tail)
+        answer = await reader.read()
+    finally:
+        writer.close()
+    if not answer.startswith(b"HTTP/1.1 ") or answer.startswith(b"HTTP/1.1 5"):
+        raise ValueError(answer[:100])
+
+
+def _many_files() -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+
+
+def main() -> None:
+    """Each kind in turn, as one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("address", help="a running site: http://127.0.0.1:8000")
+    parser.add_argument("--connections", type=int, default=CONNECTIONS)
+    parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--page", default="/")
+    parser.add_argument("--file", default="/static/vendor/codemirror.min.js", help="what slow readers ask for")
+    parser.add_argument("--upload-mb", type=int, default=64)
+    parser.add_argument("--token", default="", help="of a racer, who sends the file of 64 MB")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    given = parser.parse_args()
+    found = {
+        kind: measure(
+            given.address, kind, given.connections, given.seconds, given.page, given.file, given.upload_mb,
+            token=given.token,
+        ).shown()
+        for kind in given.kinds
+    }  # fmt: skip
+    print(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()
