@@ -9,8 +9,9 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
-from .models import Evaluation, EvaluationRival, Network, Result, RivalResult, State, TrainedModel, WorkerNode
+from .models import Evaluation, EvaluationRival, Network, Outage, Result, RivalResult, State, TrainedModel, WorkerNode
 from .services import delete_model, stop_evaluation, stop_sharing_model, sweep_queue
+from .services.clock import database_now
 
 
 class ReadOnlyAdmin(admin.ModelAdmin):
@@ -117,13 +118,18 @@ class EvaluationAdmin(ReadOnlyAdmin):
 
     @admin.action(description=_("Sweep the whole queue now"), permissions=["stop"])
     def sweep(self, request: HttpRequest, queryset: QuerySet[Evaluation]) -> None:
-        report = sweep_queue(now=timezone.now())
-        text = _("Put back: %(requeued)d, given up: %(gave_up)d, waiting: %(waiting)d.")
-        counts = {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
+        report = sweep_queue(now=database_now())
+        text = _("Put back: %(requeued)d, waiting: %(waiting)d.")
+        counts = {"requeued": report.requeued, "waiting": report.waiting}
         self.message_user(request, text % counts, messages.SUCCESS)
 
     def has_stop_permission(self, request: HttpRequest) -> bool:
         return request.user.has_perm("evaluation.change_evaluation")
+
+
+@admin.register(Outage)
+class OutageAdmin(ReadOnlyAdmin):
+    list_display = ["part", "since", "looks", "look_at"]
 
 
 @admin.register(WorkerNode)

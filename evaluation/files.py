@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
-from faults import PlatformFault
+from faults.storage import storage_at_work
 
 from .archive import Part, part_of, zipped
 from .models import CarResult, Evaluation, TrainedModel
@@ -30,15 +30,13 @@ def package_of(model: TrainedModel) -> bytes:
     Raises PlatformFault ``storage_failed``.
     """
     file = io.BytesIO()
-    try:
-        with (
-            model.network.onnx.open("rb") as onnx,
-            zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-        ):
-            archive.writestr("model.onnx", onnx.read())
-            archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
+    with (
+        storage_at_work(),
+        model.network.onnx.open("rb") as onnx,
+        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
+        archive.writestr("model.onnx", onnx.read())
+        archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
     return file.getvalue()
 
 

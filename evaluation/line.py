@@ -32,12 +32,13 @@ class Waiting(NamedTuple):
     queued_at: datetime
 
 
-def heads_of_line() -> list[Waiting]:
-    """The next evaluation of every racer who waits at the highest priority, in the order in which they run."""
-    top = queued().order_by("-priority").values("priority")[:1]
+def heads_of_line(now: datetime) -> list[Waiting]:
+    """The next evaluation of every racer who waits at the highest priority, in the order in which they run. What pauses
+    after a fault of ours stands aside."""
+    ready = queued().filter(due(now))
+    top = ready.order_by("-priority").values("priority")[:1]
     first_of_owner = (
-        queued()
-        .filter(priority=Subquery(top))
+        ready.filter(priority=Subquery(top))
         .annotate(place=Window(RowNumber(), partition_by=F("owner_id"), order_by=[F("queued_at"), F("pk")]))
         .filter(place=1)
     )
@@ -60,6 +61,11 @@ def whole_line() -> list[int]:
         before[owner_id] += len(line)
         order += [(minus_priority, first_turn + place, row.queued_at, row.pk) for place, row in enumerate(line)]
     return [pk for *_, pk in sorted(order)]
+
+
+def due(now: datetime) -> Q:
+    """What does not pause."""
+    return Q(not_before=None) | Q(not_before__lte=now)
 
 
 def queued():

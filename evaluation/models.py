@@ -146,6 +146,7 @@ class Evaluation(models.Model):
     ``spec`` is frozen when the row is made: ``{"track": fingerprint, "rules": RaceRules.to_dict(), "metadata": ...}``.
     Cars that race along are rows of :class:`EvaluationRival`, made with it and frozen likewise.
     A worker claims a row by a guarded UPDATE that writes its lease; every later write names that lease.
+    After a fault of ours it waits again, and is not claimed before ``not_before``.
     """
 
     public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
@@ -166,8 +167,13 @@ class Evaluation(models.Model):
     reason_code = models.CharField(_("reason"), max_length=40, blank=True)
     reason_params = models.JSONField(_("details"), default=dict, blank=True)
     operator_detail = models.TextField(_("for operators"), blank=True)
+    kills = models.PositiveSmallIntegerField(
+        _("kills"), default=0, help_text=_("How often its simulator ended while other cars passed.")
+    )
 
     queued_at = models.DateTimeField(_("queued"), default=timezone.now)
+    failed_at = models.DateTimeField(_("last failed by our fault"), null=True, blank=True)
+    not_before = models.DateTimeField(_("not before"), null=True, blank=True)
     started_at = models.DateTimeField(_("started"), null=True, blank=True)
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
 
@@ -198,6 +204,12 @@ class Evaluation(models.Model):
             models.CheckConstraint(
                 condition=~Q(state="failed") | ~Q(reason_code=""), name="evaluation_failure_has_reason"
             ),
+            # it pauses only while it waits, and only after a fault of ours
+            models.CheckConstraint(
+                condition=Q(not_before__isnull=True) | Q(state="queued", failed_at__isnull=False),
+                name="evaluation_pauses_in_queue",
+            ),
+            models.CheckConstraint(condition=Q(kills__lte=models.F("attempt")), name="evaluation_kills_of_attempts"),
         ]
 
     def __str__(self) -> str:
@@ -339,6 +351,35 @@ class RivalResult(CarResult):
 
     def __str__(self) -> str:
         return f"{self.result} {self.number}"
+
+
+class Outage(models.Model):
+    """A part that all runs need is away: while there is a row, nobody claims. Looked after by the sweep.
+
+    ``looks``: how often it was looked at in vain; ``look_at``: when it is looked at next.
+    """
+
+    class Part(models.TextChoices):
+        """What can be away."""
+
+        STORAGE = "storage", _("storage of files")
+
+    part = models.CharField(_("part"), max_length=16, choices=Part.choices, unique=True)
+    since = models.DateTimeField(_("since"))
+    look_at = models.DateTimeField(_("looked at next"))
+    looks = models.PositiveIntegerField(_("looked at"), default=1)
+
+    class Meta:
+        verbose_name = _("outage")
+        verbose_name_plural = _("outages")
+        ordering = ["since"]
+        constraints = [
+            models.CheckConstraint(condition=Q(part__in=["storage"]), name="outage_part_known"),
+            models.CheckConstraint(condition=Q(look_at__gt=models.F("since")), name="outage_looked_at_later"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.part} since {self.since:%Y-%m-%d %H:%M}"
 
 
 class WorkerNode(models.Model):

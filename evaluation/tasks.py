@@ -8,12 +8,13 @@ from time import monotonic
 
 from celery import shared_task
 from celery.signals import worker_process_init, worker_process_shutdown, worker_ready
-from django.utils import timezone
 
 from faults import PlatformFault
 
 from .crew import Spare
+from .sandbox import probe as probing
 from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
+from .services.clock import database_now
 from .stopping import is_stopping, shutdown_flag
 
 logger = logging.getLogger(__name__)
@@ -30,11 +31,11 @@ def work(self) -> int:
     worker = self.request.hostname or "local"
     if not _fit(worker):
         return 0
-    sweep_queue(now=timezone.now(), ring=False)
+    sweep_queue(now=database_now(), ring=False)
     started, count = monotonic(), 0
     with shutdown_flag() as told_to_stop:
         turn = partial(run_next_evaluation, worker=worker, interrupted=told_to_stop, spare=_spare)
-        while not told_to_stop() and turn():
+        while not told_to_stop() and probing.probe().sufficient and turn():
             count += 1
             if monotonic() - started > BUDGET_S:
                 ring_bell()
@@ -48,16 +49,16 @@ def work(self) -> int:
 def sweep(self) -> dict[str, int]:
     """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
     fit = _fit(self.request.hostname or "local")
-    report = sweep_queue(now=timezone.now())
+    report = sweep_queue(now=database_now())
     if fit and not report.waiting and not is_stopping():
         _wait_ready()
-    return {"requeued": report.requeued, "gave_up": report.gave_up, "waiting": report.waiting}
+    return {"requeued": report.requeued, "waiting": report.waiting}
 
 
 @shared_task
 def purge() -> int:
     """Remove deleted models that never raced. Beat sends it every few hours."""
-    return purge_garages(now=timezone.now())
+    return purge_garages(now=database_now())
 
 
 @worker_ready.connect

@@ -101,6 +101,7 @@ MIDDLEWARE = [
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "django_htmx.middleware.HtmxMiddleware",
     "allauth.account.middleware.AccountMiddleware",
+    "league.our_faults.OurFaults",
 ]
 
 ROOT_URLCONF = "league.urls"
@@ -189,7 +190,7 @@ except ValueError as problem:
     raise ImproperlyConfigured(f"{problem}.") from None
 LEASE_SECONDS = env_int("PADDOCK_LEASE_SECONDS", 30, minimum=5)
 EVALUATION_WALL_SECONDS = env_int("PADDOCK_EVALUATION_WALL_SECONDS", 300, minimum=10)
-EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 3, minimum=1)
+EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 5, minimum=1)
 # what an upload may weigh, and what its network may cost; the defaults take every network of the console
 UPLOAD_LIMIT_MB = env_int("PADDOCK_UPLOAD_LIMIT_MB", 512, minimum=1)
 NETWORK_LIMIT_MB = env_int("PADDOCK_NETWORK_LIMIT_MB", 256, minimum=1, maximum=1000)
@@ -246,9 +247,18 @@ if STORAGE == "local":
         },
     }
 elif STORAGE.startswith("s3://") and STORAGE.removeprefix("s3://"):
+    from botocore.config import Config  # not loaded where files are in a folder
+
     _default_storage = {
         "BACKEND": "storages.backends.s3.S3Storage",
-        "OPTIONS": {"bucket_name": STORAGE.removeprefix("s3://"), "default_acl": "private", "querystring_auth": True},
+        "OPTIONS": {
+            "bucket_name": STORAGE.removeprefix("s3://"),
+            "default_acl": "private",
+            "querystring_auth": True,
+            "client_config": Config(
+                connect_timeout=5, read_timeout=20, retries={"mode": "standard", "max_attempts": 3}
+            ),
+        },
     }
 else:
     raise ImproperlyConfigured(f"STORAGE must be 'local' or 's3://BUCKET', not {STORAGE!r}.")

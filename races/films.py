@@ -12,7 +12,7 @@ from django.utils.translation import get_language
 
 from evaluation.files import as_download
 from evaluation.ranges import stored_file_response
-from faults import PlatformFault
+from faults.storage import storage_at_work
 
 from .models import WHOLE, Video, VideoState
 from .selectors.videos import shown_video, videos_visible_to
@@ -54,15 +54,14 @@ def film_response(
     """
     now = timezone.now()
     file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
-    try:
-        size = file.size if still else video.size
-        most = None if download else PIECE
-        response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind, most=most)
-    except FileNotFoundError:
-        forget_lost_file(video=video, now=now)
-        raise Http404 from None
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
+    most = None if download else PIECE
+    with storage_at_work():
+        try:
+            size = file.size if still else video.size
+            response = stored_file_response(request, file, size=size, digest=video.sha256, content_type=kind, most=most)
+        except FileNotFoundError:
+            forget_lost_file(video=video, now=now)
+            raise Http404 from None
     if not still and request.method == "GET":
         note_watched(video=video, now=now)
     if download:

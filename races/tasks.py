@@ -9,9 +9,9 @@ import logging
 
 from celery import shared_task
 from django.conf import settings
-from django.utils import timezone
 
 from evaluation.services import note_worker
+from evaluation.services.clock import database_now
 from evaluation.stopping import shutdown_flag
 
 from .services import drive_all_on
@@ -24,13 +24,13 @@ logger = logging.getLogger(__name__)
 @shared_task
 def duels() -> int:
     """Draw the duels of races that have closed and drive on those under way. Returns how many heats were queued."""
-    return drive_all_on(now=timezone.now())
+    return drive_all_on(now=database_now())
 
 
 @shared_task
 def redrives() -> int:
     """Drive again what another engine has driven in races that are not over. Returns how many runs were queued."""
-    return sweep_redrives(now=timezone.now())
+    return sweep_redrives(now=database_now())
 
 
 @shared_task(bind=True)
@@ -40,7 +40,7 @@ def draw(self) -> bool:
         return False
     worker = self.request.hostname or "local"
     note_worker(name=worker, sandboxed=False)
-    sweep_videos(now=timezone.now(), ring=False)
+    sweep_videos(now=database_now(), ring=False)
     with shutdown_flag() as told_to_stop:
         drawn = not told_to_stop() and run_next_video(worker=worker, interrupted=told_to_stop)
         if drawn and not told_to_stop():
@@ -51,10 +51,10 @@ def draw(self) -> bool:
 @shared_task
 def sweep() -> int:
     """Requeue videos that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
-    return sweep_videos(now=timezone.now())
+    return sweep_videos(now=database_now())
 
 
 @shared_task
 def purge() -> int:
     """Delete videos that nobody watches any more. Beat sends it every few hours."""
-    return purge_videos(now=timezone.now())
+    return purge_videos(now=database_now())

@@ -8,10 +8,11 @@ import uuid
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import Any
+from unittest.mock import patch
 
 from evaluation.models import Evaluation, State
 from evaluation.pipeline import EvaluationOutcome
-from evaluation.services import fail_evaluation, finish_evaluation
+from evaluation.services import fail_evaluation, finish_evaluation, leases
 from evaluation.simulator import engine
 from faults import PaddockError
 from league.models import Racer
@@ -119,6 +120,7 @@ def start(evaluation: Evaluation, now: datetime) -> Evaluation:
         leased_until=now + timedelta(seconds=30),
         attempt=evaluation.attempt + 1,
         started_at=now,
+        not_before=None,
     )
     assert changed, "only a queued evaluation can be started"
     evaluation.refresh_from_db()
@@ -133,10 +135,16 @@ def finish(submission: Submission, driven: Sequence[dict[str, Any]], now: dateti
 
 def fail(submission: Submission, fault: PaddockError, now: datetime) -> None:
     """Let a submission's evaluation fail, as often as it takes until that is final."""
-    while not submission.evaluation.is_final:
-        running = start(submission.evaluation, now)
-        assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
-        submission.evaluation.refresh_from_db()
+    break_down(submission.evaluation, fault, now)
+
+
+def break_down(evaluation: Evaluation, fault: PaddockError, now: datetime) -> None:
+    """Let it fail for good; by a fault of ours as one whose simulator ended every time while others passed."""
+    with patch.object(leases, "_killed_alone", lambda *run: True):
+        while not evaluation.is_final:
+            running = start(evaluation, now)
+            assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
+            evaluation.refresh_from_db()
 
 
 def drive(race: Race, racer: Racer, driven: Sequence[dict[str, Any]], now: datetime) -> Submission:

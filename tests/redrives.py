@@ -7,10 +7,11 @@ from datetime import datetime
 from typing import Any
 
 from evaluation.models import Evaluation
-from evaluation.services import fail_evaluation, finish_evaluation
+from evaluation.services import finish_evaluation
 from faults import PaddockError
 from races.models import Entry, Race, Redrive, RedriveState
 from races.selectors import board
+from tests import factories
 from tests.factories import outcome, start
 
 SITE = "evaluation.simulator.engine.ENGINE_ID"
@@ -30,11 +31,7 @@ def end(redrive: Redrive, driven: Sequence[dict[str, Any]], now: datetime) -> No
 
 def break_down(redrive: Redrive, fault: PaddockError, now: datetime) -> None:
     """Let it fail, as often as it takes until that is final."""
-    run = Evaluation.objects.get(pk=redrive.evaluation_id)
-    while not run.is_final:
-        running = start(run, now)
-        assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
-        run.refresh_from_db()
+    factories.break_down(Evaluation.objects.get(pk=redrive.evaluation_id), fault, now)
 
 
 def shown(race: Race) -> list[tuple[str, int | None]]:

@@ -9,9 +9,9 @@ import logging
 
 from celery import shared_task
 from django.conf import settings
-from django.utils import timezone
 
 from evaluation.services import note_worker
+from evaluation.services.clock import database_now
 from evaluation.stopping import shutdown_flag
 from faults import PlatformFault
 
@@ -32,7 +32,7 @@ def train(self) -> bool:
     except PlatformFault as fault:
         logger.error("%s trains nothing: %s", worker, "\n".join([str(fault), *getattr(fault, "__notes__", ())]))
         return False
-    sweep_trainings(now=timezone.now(), ring=False)
+    sweep_trainings(now=database_now(), ring=False)
     with shutdown_flag() as told_to_stop:
         ran = not told_to_stop() and run_next_training(worker=worker, interrupted=told_to_stop)
         if ran and not told_to_stop():
@@ -43,10 +43,10 @@ def train(self) -> bool:
 @shared_task
 def sweep() -> int:
     """Requeue trainings that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
-    return sweep_trainings(now=timezone.now())
+    return sweep_trainings(now=database_now())
 
 
 @shared_task
 def purge() -> int:
     """Delete what trainings of long ago need no more."""
-    return purge_trainings(now=timezone.now())
+    return purge_trainings(now=database_now())

@@ -89,6 +89,15 @@ def probe() -> SandboxReport:
     return SandboxReport([*parts, locked, outside, spaces], level, minimum_level())
 
 
+_kept = probe
+
+
+def look_again() -> SandboxReport:
+    """Look anew: a wall that stood when this process began may be gone, and one that was missing may stand."""
+    _kept.cache_clear()
+    return probe()
+
+
 def require(minimum: int | None = None) -> int:
     """The level of this host, if it is at least ``minimum`` (default: what is configured).
 

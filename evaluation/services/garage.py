@@ -20,6 +20,7 @@ from django.utils import timezone
 
 from accounts.quotas import limit_of, used_by
 from faults import UserFault
+from faults.storage import storage_at_work
 from tracks.locks import hold
 
 from ..bounds import package_limits
@@ -196,7 +197,8 @@ def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> None:
         facts=admitted.facts.to_dict(),
         created_at=now,
     )
-    network.onnx.save(f"{admitted.sha256}.onnx", ContentFile(admitted.onnx), save=False)
+    with storage_at_work():
+        network.onnx.save(f"{admitted.sha256}.onnx", ContentFile(admitted.onnx), save=False)
     try:
         with transaction.atomic():
             network.save(force_insert=True)

@@ -19,10 +19,11 @@ from django.db.models.functions import Concat
 
 from faults import PaddockError, PlatformFault
 
-from ..line import heads_of_line
-from ..models import Evaluation, State
+from ..line import due, heads_of_line
+from ..models import Evaluation, Result, State
 from ..signals import evaluation_ended
 from .bell import BELLS_AT_ONCE, ring_bell
+from .outages import look_after_storage, storage_is_out
 from .results import delete_files, file_names, store_files, write_result
 
 if TYPE_CHECKING:
@@ -30,20 +31,35 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 DETAIL_LIMIT = 4000
+FIRST_PAUSE, LONGEST_PAUSE = timedelta(seconds=4), timedelta(hours=1)
+# The simulator's process ended under a car, and its worker lived to tell.
+KILLS = frozenset(("runner_died", "runner_error", "runner_protocol", "runner_timeout"))
+
+
+def pause_after(attempts: int) -> timedelta:
+    """How long a run waits after so many attempts: none after the first, then 4, 16, 64 s and so on to an hour."""
+    return timedelta(0) if attempts < 2 else min(FIRST_PAUSE * 4 ** min(attempts - 2, 10), LONGEST_PAUSE)
 
 
 def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
-    """Take the evaluation whose turn it is (:mod:`evaluation.line`) under a new lease; None when nothing waits."""
-    while candidates := heads_of_line():
+    """Take the evaluation whose turn it is (:mod:`evaluation.line`) under a new lease.
+
+    None when nothing waits, when all that waits pauses, and while the storage is out: every car would fail alike.
+    """
+    if storage_is_out():
+        return None
+    while candidates := heads_of_line(now):
         for waiting in candidates:
             lease = uuid.uuid4()
-            claimed = Evaluation.objects.filter(pk=waiting.pk, state=State.QUEUED, attempt=waiting.attempt).update(
+            mine = Evaluation.objects.filter(due(now), pk=waiting.pk, state=State.QUEUED, attempt=waiting.attempt)
+            claimed = mine.update(
                 state=State.RUNNING,
                 lease=lease,
                 leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
                 worker=worker[:128],
                 attempt=F("attempt") + 1,
                 started_at=now,
+                not_before=None,
                 progress={},
             )
             # by its lease: if it was stopped or taken over in this very moment, it is not ours to run
@@ -92,8 +108,10 @@ def fail_evaluation(
 ) -> bool:
     """End an attempt that failed. False: the lease is gone.
 
-    A user's fault is final at once. After a platform's fault the evaluation goes back to its place in the queue until
-    ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``platform_gave_up``. ``detail`` is for operators.
+    A user's fault is final at once. After a platform's fault the evaluation goes back to its place in the queue, to be
+    tried after pauses that grow (:func:`pause_after`) for as long as it takes. Only a car whose simulator ended
+    ``EVALUATION_MAX_ATTEMPTS`` times (:data:`KILLS`), while others passed between each time and the one before, fails
+    with ``platform_gave_up``. ``detail`` is for operators.
     """
     evaluation = _held(evaluation_id, lease).first()
     return evaluation is not None and _fail(_held(evaluation_id, lease), evaluation, fault, now, detail)
@@ -117,20 +135,20 @@ def release_evaluation(*, evaluation_id: int, lease: uuid.UUID, now: datetime) -
 
 @dataclass(frozen=True)
 class SweepReport:
-    """What a sweep found: leases that had run out (and what became of their evaluations), and how many wait now."""
+    """What a sweep found: leases that had run out, and how many evaluations wait now and could be run."""
 
     requeued: int = 0
-    gave_up: int = 0
     waiting: int = 0
 
 
 def sweep_queue(*, now: datetime, ring: bool = True) -> SweepReport:
-    """Put evaluations whose worker disappeared back into the queue, and ring for whatever waits.
+    """Put evaluations whose worker disappeared back into the queue, see whether a storage that was out is back, and
+    ring for whatever waits and does not pause.
 
     One evaluation that cannot be ended (a receiver raises) does not keep the others waiting. ``ring=False`` is for a
     caller that is about to look at the queue itself.
     """
-    requeued = gave_up = 0
+    requeued = 0
     for evaluation in Evaluation.objects.filter(state=State.RUNNING, leased_until__lt=now).order_by("leased_until"):
         fault = PlatformFault("lease_expired")
         mine = _held(evaluation.pk, evaluation.lease).filter(leased_until__lt=now)
@@ -141,14 +159,12 @@ def sweep_queue(*, now: datetime, ring: bool = True) -> SweepReport:
             logger.exception("Evaluation %s cannot be ended.", evaluation)
             continue
         delete_files(file_names(evaluation))  # left behind if the worker died between storing and committing
-        if _may_try_again(evaluation):
-            requeued += 1
-        else:
-            gave_up += 1
-    waiting = Evaluation.objects.filter(state=State.QUEUED).count()
+        requeued += 1
+    look_after_storage(now=now)
+    waiting = 0 if storage_is_out() else Evaluation.objects.filter(due(now), state=State.QUEUED).count()
     if waiting and ring:
         ring_bell(times=min(waiting, BELLS_AT_ONCE))
-    return SweepReport(requeued, gave_up, waiting)
+    return SweepReport(requeued, waiting)
 
 
 def _held(evaluation_id: int, lease: uuid.UUID) -> QuerySet[Evaluation]:
@@ -156,8 +172,12 @@ def _held(evaluation_id: int, lease: uuid.UUID) -> QuerySet[Evaluation]:
     return Evaluation.objects.filter(pk=evaluation_id, state=State.RUNNING, lease=lease)
 
 
-def _may_try_again(evaluation: Evaluation) -> bool:
-    return evaluation.attempt < settings.EVALUATION_MAX_ATTEMPTS
+def _killed_alone(evaluation: Evaluation, fault: PaddockError) -> bool:
+    """Whether its simulator ended, and another car has passed since it was queued or last failed."""
+    if fault.code not in KILLS:
+        return False
+    passed = Result.objects.exclude(evaluation__model__network=evaluation.model.network_id)
+    return passed.filter(evaluation__ended_at__gte=evaluation.failed_at or evaluation.queued_at).exists()
 
 
 @transaction.atomic
@@ -170,13 +190,19 @@ def _fail(mine: QuerySet[Evaluation], evaluation: Evaluation, fault: PaddockErro
         changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
     if ours:
         logger.warning("Evaluation %s, attempt %s: %s. %s", evaluation, evaluation.attempt, fault.code, detail)
-    if ours and _may_try_again(evaluation):
-        requeued = mine.update(state=State.QUEUED, started_at=None, progress={}, **changes)
-        if requeued:
+    kills = evaluation.kills + (ours and _killed_alone(evaluation, fault))
+    if ours:
+        changes |= {"kills": kills, "failed_at": now}
+    if ours and (kills == evaluation.kills or kills < settings.EVALUATION_MAX_ATTEMPTS):
+        pause = pause_after(evaluation.attempt)
+        requeued = mine.update(
+            state=State.QUEUED, started_at=None, progress={}, not_before=now + pause if pause else None, **changes
+        )
+        if requeued and not pause:
             ring_bell()
         return bool(requeued)
     if ours:
-        code, params = "platform_gave_up", {"attempts": evaluation.attempt}
+        code, params = "platform_gave_up", {"attempts": kills}
     else:
         code, params = fault.code, fault.params
     failed = mine.update(state=State.FAILED, ended_at=now, reason_code=code, reason_params=params, **changes)

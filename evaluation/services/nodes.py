@@ -33,6 +33,8 @@ def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
     code, and is asked for neither.
     """
     sandbox = probing.probe() if sandboxed else None
+    if sandbox is not None and not sandbox.sufficient:
+        sandbox = probing.look_again()
     proof = _proof_of(name) if sandbox is not None and sandbox.sufficient else None
     allowed = settings.INEXACT_WORKERS == "allow"
     node, _ = WorkerNode.objects.update_or_create(

@@ -99,6 +99,9 @@ def queue_again(*, evaluation: Evaluation) -> bool:
     again = Evaluation.objects.filter(pk=evaluation.pk, state=State.FAILED).update(
         state=State.QUEUED,
         attempt=0,
+        kills=0,
+        failed_at=None,
+        not_before=None,
         worker="",
         progress={},
         reason_code="",
@@ -118,7 +121,7 @@ def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     A worker that is running it finds its lease gone at the next beat, kills the processes and writes nothing.
     """
     stopped = Evaluation.objects.filter(pk=evaluation.pk, state__in=(State.QUEUED, State.RUNNING)).update(
-        state=State.STOPPED, lease=None, leased_until=None, ended_at=now, reason_code="stopped"
+        state=State.STOPPED, lease=None, leased_until=None, not_before=None, ended_at=now, reason_code="stopped"
     )
     evaluation.refresh_from_db()
     if stopped:

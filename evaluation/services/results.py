@@ -16,7 +16,7 @@ from django.core.files.base import ContentFile
 from django.core.files.storage import Storage
 from django.db.models import Q
 
-from faults import PlatformFault
+from faults.storage import storage_at_work
 
 from ..models import CarResult, Evaluation, Result, RivalResult
 from ..simulator.rules import MAX_CARS
@@ -133,11 +133,10 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
     try:
         for name, content in contents.items():
             packed = gzip.compress(content, compresslevel=6, mtime=0)
-            stored.append(_storage().save(name, ContentFile(packed)))
-    except BaseException as error:
+            with storage_at_work():
+                stored.append(_storage().save(name, ContentFile(packed)))
+    except BaseException:
         delete_files(stored)
-        if isinstance(error, OSError):
-            raise PlatformFault("storage_failed") from error
         raise
     return RunFiles(stored[: len(traces)], stored[-1] if bots else "")
 
@@ -170,11 +169,8 @@ def delete_files(names: list[str]) -> None:
 
 
 def _read(name: str) -> bytes:
-    try:
-        with _storage().open(name) as file:
-            return gzip.decompress(file.read())
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
+    with storage_at_work(), _storage().open(name) as file:
+        return gzip.decompress(file.read())
 
 
 def _storage() -> Storage:

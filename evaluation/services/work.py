@@ -8,14 +8,17 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
-from django.utils import timezone
 
 from faults import PaddockError, PlatformFault, UserFault
+from faults.storage import is_of_storage, storage_at_work
 
 from ..models import Evaluation, Network, TrainedModel
 from ..network.bound import Facts
+from ..sandbox import probe as probing
+from .clock import database_now
 from .heart import Heart
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
+from .outages import note_storage_fault
 
 if TYPE_CHECKING:
     from ..crew import Spare
@@ -33,28 +36,29 @@ def run_next_evaluation(
     ``interrupted`` turns true when the worker is told to shut down: the evaluation is then handed back. Call this from
     a thread that outlives the run (a worker's main thread): the sandboxed processes die with the thread that made them.
     """
-    evaluation = claim_next_evaluation(worker=worker, now=timezone.now())
+    evaluation = claim_next_evaluation(worker=worker, now=database_now())
     if evaluation is None:
         return False
     ident: dict[str, Any] = {"evaluation_id": evaluation.pk, "lease": evaluation.lease}
     logger.info("Evaluation %s attempt %s starts.", evaluation, evaluation.attempt)
 
     def keep_beating(progress: dict[str, Any] | None) -> bool:
-        return beat(**ident, progress=progress, now=timezone.now())
+        return beat(**ident, progress=progress, now=database_now())
 
     with Heart(str(evaluation), keep_beating, every_s=PROGRESS_EVERY_S) as heart:
         try:
             outcome = _run(evaluation, heart, interrupted, spare)
-            ended = finish_evaluation(**ident, outcome=outcome, now=timezone.now())
+            ended = finish_evaluation(**ident, outcome=outcome, now=database_now())
             how = "finished"
         except Exception as error:
             if not heart.lost and interrupted():
-                ended = release_evaluation(**ident, now=timezone.now())
+                ended = release_evaluation(**ident, now=database_now())
                 how = "handed back"
             else:
                 # a run that we stopped because the database was away for too long is no fault of its model
                 fault, detail = fault_of(PlatformFault("lease_expired") if heart.lost else error)
-                ended = fail_evaluation(**ident, fault=fault, now=timezone.now(), detail=detail)
+                see_what_is_out(fault)
+                ended = fail_evaluation(**ident, fault=fault, now=database_now(), detail=detail)
                 how = f"failed: {fault.code}"
     logger.info("Evaluation %s %s.", evaluation, how if ended else "was stopped or given to somebody else")
     return True
@@ -88,11 +92,16 @@ def job_of(evaluation: Evaluation) -> RaceJob:
 
 
 def _network_of(model: TrainedModel) -> bytes:
-    try:
-        with model.network.onnx.open("rb") as file:
-            return file.read()
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
+    with storage_at_work(), model.network.onnx.open("rb") as file:
+        return file.read()
+
+
+def see_what_is_out(fault: PaddockError) -> None:
+    """Before a run goes back into the queue: nobody shall claim the next one only to fail like this one."""
+    if fault.code == "storage_failed":
+        note_storage_fault(now=database_now())
+    elif fault.code == "sandbox_failed":
+        probing.look_again()  # the turns of this process end where it says that the wall is gone
 
 
 def _run(
@@ -129,5 +138,6 @@ def fault_of(error: Exception) -> tuple[PaddockError, str]:
     """The fault to record for whatever was raised, and what operators read about it."""
     if isinstance(error, UserFault):
         return error, "\n".join(getattr(error, "__notes__", ()))
-    fault = error if isinstance(error, PlatformFault) else PlatformFault("internal_error")
+    code = "storage_failed" if is_of_storage(error) else "internal_error"
+    fault = error if isinstance(error, PlatformFault) else PlatformFault(code)
     return fault, "".join(traceback.format_exception(error))

@@ -22,7 +22,8 @@ from rest_framework import exceptions, status
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
-from faults import PaddockError
+from faults import PaddockError, PlatformFault
+from faults.storage import is_of_storage
 from tracks.forms import explain
 
 log = logging.getLogger(__name__)
@@ -88,6 +89,9 @@ class InternalError(exceptions.APIException):
 def handle(exc: Exception, context: dict[str, Any]) -> Response:
     """The response for ``exc`` (REST framework's EXCEPTION_HANDLER). Never gives up: the last answer is a 500."""
     headers: dict[str, str] = {}
+    if is_of_storage(exc):
+        log.error("The storage of files failed.", exc_info=exc)
+        exc = PlatformFault("storage_failed")
     if isinstance(exc, PaddockError):
         set_rollback()
         code = _status_of(exc)

@@ -160,9 +160,10 @@ def races_driven_again() -> list[tuple[Race, DrivenAgain]]:
 
 
 def failing_redrives(race: Race) -> list[Redrive]:
-    """Of a race that is driven again the runs that have failed through our fault and wait to be queued once more."""
+    """Of a race that is driven again the runs that have failed through our fault and wait to be tried once more."""
     failed = Redrive.objects.filter(submission__entry__race=race, state=RedriveState.PENDING)
-    failed = failed.filter(evaluation__state=State.FAILED, evaluation__reason_code__in=PLATFORM_CODES)
+    given_up = Q(evaluation__state=State.FAILED, evaluation__reason_code__in=PLATFORM_CODES)
+    failed = failed.filter(given_up | Q(evaluation__state=State.QUEUED, evaluation__failed_at__isnull=False))
     return list(failed.select_related("evaluation").order_by("pk"))
 
 

@@ -19,8 +19,9 @@ engine of the results that count in a race; the first of them names it. When the
 - **A run that fails by the car's fault** under the new engine is that engine's verdict on it, as it would be for
   anybody who sent it today: it has no time. It was not its racer's idea to drive again, so the submission is void and
   given back.
-- **A run that fails by ours** is queued again, after pauses that grow to an hour, for as long as it takes: a car's
-  place is not lost to our fault, and the old board stands. An operator who sees that it will never do (a file is gone
+- **A run that fails by ours** waits in the queue and is tried again like any (:mod:`evaluation.services.leases`). One
+  that was given up is queued again, after pauses that grow to an hour: a car's place is not lost to our fault, and the
+  old board stands. An operator who sees that it will never do (a file is gone
   for good) stops that run: then it counts like one that failed by the car's fault, and the race goes on.
 - **A race that closes meanwhile** is switched all the same, and becomes official only afterwards: cars that were sent
   in time with the new engine would otherwise count nowhere. A car that was queued when its race closed, and is driven

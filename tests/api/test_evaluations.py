@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from unittest.mock import Mock
 
 import pytest
+from botocore.exceptions import EndpointConnectionError
+from django.core.files.storage import FileSystemStorage
 from django.utils import timezone
 
 from evaluation.models import Evaluation
@@ -86,6 +89,14 @@ def test_a_trace_can_be_asked_for_as_csv_and_its_absence_is_told_in_json(bob, no
 def test_a_file_that_the_storage_lost_is_our_fault(bob, now, as_racer):
     evaluation = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation
     evaluation.result.trace.storage.delete(evaluation.result.trace.name)
+    answer = read(as_racer(bob), evaluation, "trace/")
+    assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "storage_failed", "platform")
+
+
+def test_a_bucket_that_does_not_answer_is_our_fault(bob, now, as_racer, monkeypatch):
+    evaluation = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation
+    away = EndpointConnectionError(endpoint_url="http://bucket")
+    monkeypatch.setattr(FileSystemStorage, "_open", Mock(side_effect=away))
     answer = read(as_racer(bob), evaluation, "trace/")
     assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "storage_failed", "platform")
 

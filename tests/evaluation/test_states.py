@@ -42,9 +42,11 @@ def fail_by_platform(evaluation, now):
     return services.fail_evaluation(evaluation_id=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
 
 
-def fail_by_platform_at_last(evaluation, now):
-    Evaluation.objects.filter(pk=evaluation.pk).update(attempt=3)
-    return fail_by_platform(evaluation, now)
+def kill_at_last(evaluation, now):
+    Evaluation.objects.filter(pk=evaluation.pk).update(attempt=9, kills=4)
+    another_car_passes(evaluation, now)
+    fault = PlatformFault("runner_died", how="signal 11")
+    return services.fail_evaluation(evaluation_id=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
 
 
 def beat(evaluation, now):
@@ -68,8 +70,17 @@ def sweep_too_late(evaluation, now):
 
 
 def sweep_at_last(evaluation, now):
-    Evaluation.objects.filter(pk=evaluation.pk).update(attempt=3)
-    return bool(services.sweep_queue(now=now + timedelta(seconds=31)).gave_up)
+    Evaluation.objects.filter(pk=evaluation.pk).update(attempt=9, kills=4)
+    another_car_passes(evaluation, now)
+    return bool(services.sweep_queue(now=now + timedelta(seconds=31)).requeued)
+
+
+def another_car_passes(evaluation, now):
+    model = model_row(evaluation.owner, name="Other", onnx=b"another network")
+    services.queue_evaluation(
+        owner=evaluation.owner, model=model, track=evaluation.track, rules=RaceRules(), priority=9, now=now
+    )
+    assert finish(services.claim_next_evaluation(worker="w", now=now), now)
 
 
 # what each event makes of a queued and of a running evaluation; None: nothing. A final state never changes.
@@ -79,12 +90,12 @@ TABLE = {
     finish: (None, FINISHED),
     fail_by_user: (None, FAILED),
     fail_by_platform: (None, QUEUED),
-    fail_by_platform_at_last: (None, FAILED),
+    kill_at_last: (None, FAILED),
     release: (None, QUEUED),
     stop: (STOPPED, STOPPED),
     sweep_in_time: (None, None),
     sweep_too_late: (None, QUEUED),
-    sweep_at_last: (None, FAILED),
+    sweep_at_last: (None, QUEUED),
 }
 CASES = [
     (event, before, after)
@@ -127,9 +138,10 @@ def test_an_event_makes_of_each_state_what_the_table_says(event, before, after, 
     assert changed.state == (after or before)
     assert (changed.lease is not None) == (changed.state == RUNNING)
     assert (changed.ended_at is not None) == (changed.state in (FINISHED, FAILED, STOPPED))
-    assert Result.objects.count() == results + (after == FINISHED)
+    others = event in (kill_at_last, sweep_at_last)
+    assert Result.objects.count() == results + (after == FINISHED) + others
     if after is None:
-        untouched = {"attempt"} if event in (fail_by_platform_at_last, sweep_at_last) else set()
+        untouched = {"attempt", "kills"} if others else set()
         for field in Evaluation._meta.concrete_fields:
             if field.name not in untouched:
                 assert getattr(changed, field.name) == getattr(stored, field.name), field.name

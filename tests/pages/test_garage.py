@@ -5,9 +5,13 @@ from __future__ import annotations
 import io
 import re
 import zipfile
+import zlib
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from botocore.exceptions import EndpointConnectionError
+from django.core.files.storage import FileSystemStorage
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 from PIL import Image
@@ -60,6 +64,16 @@ def test_a_refused_file_is_explained_beside_the_form_with_its_code(world: World,
     korean = upload(client, SimpleUploadedFile(name, data)).content.decode()
     assert f'data-code="{code}"' in korean
     assert not TrainedModel.objects.filter(owner=world.newcomer).exists()
+
+
+@pytest.mark.parametrize(
+    "fault", [EndpointConnectionError(endpoint_url="http://bucket"), OSError(28, "full"), zlib.error("check")]
+)
+def test_a_storage_that_is_away_is_told_with_its_code(world: World, monkeypatch, fault: Exception) -> None:
+    monkeypatch.setattr(FileSystemStorage, "_open", Mock(side_effect=fault))
+    answer = world.client("alice").get(f"/models/{world.model.public_id}/package.zip")
+    assert (answer.status_code, answer["Retry-After"]) == (503, "30")
+    assert 'data-code="storage_failed"' in answer.content.decode()
 
 
 def test_nothing_chosen_is_told_beside_the_field(world: World) -> None:

@@ -13,6 +13,7 @@ from django.db import IntegrityError, transaction
 
 from evaluation import film
 from evaluation.film import FilmFacts
+from evaluation.models import Outage
 from faults import PlatformFault, UserFault
 from races import tasks
 from races.models import Video, VideoState
@@ -126,6 +127,16 @@ class TestAnEnd:
         assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_gave_up")
         assert claimed.is_platform_fault
         assert claimed.operator_detail.startswith("Attempt 1: storage_failed. disk\n")
+
+    def test_that_the_storage_is_out_for_counts_no_attempt(self, claimed, now):
+        outage = Outage.objects.create(part="storage", since=now, look_at=now + timedelta(seconds=5))
+        Video.objects.update(attempt=99)
+        assert fail_video(**ident(claimed), fault=PlatformFault("storage_failed"), now=now)
+        claimed.refresh_from_db()
+        assert (claimed.state, claimed.attempt) == (VideoState.WAITING, 98)
+        assert claim_next_video(worker="w", now=now) is None
+        outage.delete()
+        assert claim_next_video(worker="w", now=now) == claimed
 
     @pytest.mark.parametrize(
         "fault", [UserFault("video_no_steps"), PlatformFault("video_encoder_missing", detail="no libx264")]

@@ -9,6 +9,7 @@ import pytest
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
+from evaluation.models import Outage
 from faults import PlatformFault, UserFault
 from tests.training.jobs import a_training, an_iteration
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
@@ -79,6 +80,17 @@ def test_a_heartbeat_prolongs_the_lease_and_hears_of_a_stop(held, now):
     assert stop_training(job=held, now=now)
     assert held.state == JobState.RUNNING, "it ends with its models, in its worker's hands"
     assert beat(job_id=held.pk, lease=held.lease, progress=None, now=now).stop_asked
+
+
+def test_a_storage_that_is_out_keeps_it_waiting_and_counts_no_attempt(held, now):
+    outage = Outage.objects.create(part="storage", since=now, look_at=now + timedelta(seconds=5))
+    TrainingJob.objects.update(attempt=99)
+    assert fail_training(job_id=held.pk, lease=held.lease, fault=PlatformFault("storage_failed"), now=now)
+    held.refresh_from_db()
+    assert (held.state, held.attempt, held.reason_code) == (JobState.QUEUED, 98, "")
+    assert claim_next_training(worker="w", now=now) is None
+    outage.delete()
+    assert claim_next_training(worker="w", now=now) == held
 
 
 def test_whoever_lost_the_lease_changes_nothing(held, now):

@@ -12,6 +12,7 @@ from django.db import transaction
 from django.db.models import F, QuerySet, Value
 from django.db.models.functions import Concat
 
+from evaluation.services.outages import storage_is_out
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 
 from ..models import Checkpoint, EndReason, JobState, TrainingJob
@@ -33,7 +34,10 @@ def held(job_id: int, lease: uuid.UUID) -> QuerySet[TrainingJob]:
 
 
 def claim_next_training(*, worker: str, now: datetime) -> TrainingJob | None:
-    """Take the training that has waited longest under a new lease; None when nothing waits."""
+    """Take the training that has waited longest under a new lease; None when nothing waits, and while
+    the storage is out."""
+    if storage_is_out():
+        return None
     while True:
         waiting = TrainingJob.objects.filter(state=JobState.QUEUED).order_by("created_at", "pk").only("attempt").first()
         if waiting is None:
@@ -76,8 +80,9 @@ def beat(*, job_id: int, lease: uuid.UUID, progress: dict | None, now: datetime)
 def fail_training(*, job_id: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = "") -> bool:
     """End an attempt that failed. False: the lease is gone.
 
-    A user's fault is final at once. After a platform's fault the training waits to go on from its last checkpoint,
-    until ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``training_gave_up``, or with the UserFault
+    A user's fault is final at once. While the storage is out it waits, and no attempt counts. After another fault of
+    the platform the training waits to go on from its last checkpoint, until ``EVALUATION_MAX_ATTEMPTS`` are
+    used up; then it fails with ``training_gave_up``, or with the UserFault
     ``training_broke_down`` where a reward function of the racer's own may have brought that about.
 
     Where there is a checkpoint it waits once more, with that reason, for a worker that makes models of what the
@@ -97,12 +102,16 @@ def last_word(job: TrainingJob, fault: PaddockError) -> PaddockError | None:
     """What a training ends with after this fault of this attempt; None: it goes on from its last checkpoint."""
     if not isinstance(fault, PlatformFault):
         return fault
-    if job.attempt < settings.EVALUATION_MAX_ATTEMPTS:
+    if job.attempt < settings.EVALUATION_MAX_ATTEMPTS or _waits_for_storage(fault):
         return None
     if fault.code in _FROM_INSIDE and job.reward_code.strip() not in _OUR_CODE:
         how = fault.params.get("detail") or fault.params.get("how", "")
         return UserFault("training_broke_down", attempts=job.attempt, how=how)
     return PlatformFault("training_gave_up", attempts=job.attempt)
+
+
+def _waits_for_storage(fault: PaddockError) -> bool:
+    return fault.code == "storage_failed" and storage_is_out()
 
 
 def release_training(*, job_id: int, lease: uuid.UUID, now: datetime) -> bool:
@@ -145,7 +154,11 @@ def _fail(mine: QuerySet[TrainingJob], job: TrainingJob, fault: PaddockError, no
         changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
     if ours:
         logger.warning("Training %s, attempt %s: %s. %s", job.public_id, job.attempt, fault.code, detail)
-    final, again = _what_next(job, fault)
+    if _waits_for_storage(fault):
+        changes["attempt"] = F("attempt") - 1
+        final, again = None, True
+    else:
+        final, again = _what_next(job, fault)
     if final is not None:
         changes |= {"reason_code": final.code, "reason_params": final.params}
     if again:

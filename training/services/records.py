@@ -191,5 +191,5 @@ def delete_stored(names: list[str]) -> None:
     for name in filter(None, names):
         try:
             default_storage.delete(name)
-        except OSError:
-            continue
+        except Exception as error:  # storages raise errors of their own
+            logger.warning("The stored file %s could not be deleted: %s", name, error)

@@ -19,6 +19,7 @@ from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart
 from evaluation.services import upload_model
 from faults import PaddockError, UserFault
+from faults.storage import storage_at_work
 from races.services import submit_model
 
 from ..models import EndReason, JobState, TrainingJob
@@ -56,11 +57,15 @@ def admit_networks(*, job: TrainingJob, best: bytes, last: bytes, now: datetime)
 
 
 def keep_sb3(*, job: TrainingJob, lease: uuid.UUID, ended: Ended) -> str:
-    """Store what stable-baselines3 reads; the file's name, ``""`` where there is none. Raises OSError."""
+    """Store what stable-baselines3 reads; the file's name, ``""`` where there is none.
+
+    Raises PlatformFault("storage_failed").
+    """
     if not ended.sb3_zip:
         return ""
     path = f"training/{job.public_id}/{lease.hex[:8]}-sb3.zip"
-    return default_storage.save(path, ContentFile(ended.sb3_zip))
+    with storage_at_work():
+        return default_storage.save(path, ContentFile(ended.sb3_zip))
 
 
 def finish_training(

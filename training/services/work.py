@@ -8,12 +8,12 @@ from collections.abc import Callable
 from time import sleep
 from typing import Any
 
-from django.utils import timezone
-
 from evaluation.models import TrainedModel
+from evaluation.services.clock import database_now
 from evaluation.services.heart import Heart
-from evaluation.services.work import fault_of
+from evaluation.services.work import fault_of, see_what_is_out
 from faults import PaddockError, PlatformFault
+from faults.storage import storage_at_work
 
 from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob
@@ -37,7 +37,7 @@ def run_next_training(*, worker: str, interrupted: Callable[[], bool] = lambda: 
     ``interrupted`` turns true when the worker is told to shut down: the training is then handed back, and goes on from
     its last checkpoint.
     """
-    job = claim_next_training(worker=worker, now=timezone.now())
+    job = claim_next_training(worker=worker, now=database_now())
     if job is None:
         return False
     logger.info("Training %s attempt %s starts.", job.public_id, job.attempt)
@@ -90,9 +90,10 @@ class _Turn(Listener):
             if self._heart.lost:
                 return "was given to somebody else"
             if self._interrupted():
-                release_training(job_id=job.pk, lease=self._lease, now=timezone.now())
+                release_training(job_id=job.pk, lease=self._lease, now=database_now())
                 return "handed back"
             fault, detail = fault_of(error)
+            see_what_is_out(fault)
             final = last_word(job, fault)
             if final is None or not self._best:
                 return self._fail(fault, detail)
@@ -119,7 +120,7 @@ class _Turn(Listener):
             sb3_zip=sb3_zip,
             fault=final,
             detail=detail,
-            now=timezone.now(),
+            now=database_now(),
         )
         return ("failed" if final else "finished") if done else "was given to somebody else"
 
@@ -173,7 +174,7 @@ class _Turn(Listener):
                 "steps_per_second": values["steps_per_second"],
             }
         )
-        record_iteration(job=self._job, lease=self._lease, iteration=iteration, now=timezone.now())
+        record_iteration(job=self._job, lease=self._lease, iteration=iteration, now=database_now())
         lap = f", lap {values['eval_lap_ms'] / 1000:.3f} s" if values["eval_lap_ms"] else ""
         best = ", the best so far" if values["is_best"] else ""
         self._log(
@@ -184,18 +185,18 @@ class _Turn(Listener):
     def checkpoint(self, state: SavedState) -> None:
         networks = (self._best or self._last, self._last)
         try:
-            keep_checkpoint(job=self._job, lease=self._lease, saved=state, networks=networks, now=timezone.now())
+            keep_checkpoint(job=self._job, lease=self._lease, saved=state, networks=networks, now=database_now())
         except Exception:  # a full disk is no reason to end what may have room again when it is over
             logger.exception("A checkpoint of training %s cannot be kept.", self._job.public_id)
 
     def printed(self, prints: Prints) -> None:
-        record_prints(job=self._job, lease=self._lease, prints=prints, now=timezone.now())
+        record_prints(job=self._job, lease=self._lease, prints=prints, now=database_now())
 
     def _admitted(self) -> tuple[TrainedModel, TrainedModel]:
         """The models; a garage that others keep busy is asked again."""
         for left in reversed(range(_ADMISSIONS_TRIED)):
             try:
-                return admit_networks(job=self._job, best=self._best or self._last, last=self._last, now=timezone.now())
+                return admit_networks(job=self._job, best=self._best or self._last, last=self._last, now=database_now())
             except PlatformFault as fault:
                 if fault.code != "upload_busy" or not left:
                     raise
@@ -203,13 +204,14 @@ class _Turn(Listener):
         raise AssertionError("unreachable")
 
     def _fail(self, fault: PaddockError, detail: str) -> str:
+        see_what_is_out(fault)
         self._log(f"failed: {fault}")
-        ended = fail_training(job_id=self._job.pk, lease=self._lease, fault=fault, now=timezone.now(), detail=detail)
+        ended = fail_training(job_id=self._job.pk, lease=self._lease, fault=fault, now=database_now(), detail=detail)
         return f"failed: {fault.code}" if ended else "was given to somebody else"
 
     def _log(self, line: str) -> None:
         if held(self._job.pk, self._lease).exists():
-            append_log(job_id=self._job.pk, line=line, now=timezone.now())
+            append_log(job_id=self._job.pk, line=line, now=database_now())
 
 
 class _Heart(Heart):
@@ -226,14 +228,11 @@ class _Heart(Heart):
         super().tell(progress)
 
     def _look(self, progress: dict[str, Any] | None) -> bool:
-        pulse = beat(**self._held, progress=progress, now=timezone.now())
+        pulse = beat(**self._held, progress=progress, now=database_now())
         self.stop_asked = self.stop_asked or pulse.stop_asked
         return pulse.held
 
 
 def _read(stored: Any) -> bytes:
-    try:
-        with stored.open("rb") as file:
-            return file.read()
-    except OSError as error:
-        raise PlatformFault("storage_failed") from error
+    with storage_at_work(), stored.open("rb") as file:
+        return file.read()

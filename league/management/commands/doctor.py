@@ -269,7 +269,8 @@ def engines() -> Iterator[Finding]:
     for race, again in found:
         yield Finding(area, race.slug, OK, f"driven again with {again.engine}: {again.done} of {again.runs} runs done")
         for run in failing_redrives(race):
-            detail = f"{run.evaluation} has failed {run.tries} times and is tried again; stop it to go on without it"
+            tries = max(run.tries, run.evaluation.attempt)
+            detail = f"{run.evaluation} has failed {tries} times and is tried again; stop it to go on without it"
             yield Finding(area, race.slug, WARN, detail)
     if not found and not others:
         yield Finding(area, "races", OK, "none is being driven again")

@@ -14,7 +14,7 @@ from django.core.files.storage import Storage
 from django.db import transaction
 from django.db.models import Q
 
-from faults import PlatformFault
+from faults.storage import storage_at_work
 
 from ...models import Video
 
@@ -45,12 +45,9 @@ def store(video: Video, film: Path, still: bytes) -> tuple[str, str]:
     stored: list[str] = []
     with ExitStack() as undo:
         undo.callback(delete_files, stored)
-        try:
-            with film.open("rb") as file:
-                for name, content in zip(names_of(video), (File(file), ContentFile(still)), strict=True):
-                    stored.append(storage().save(name, content))
-        except OSError as error:
-            raise PlatformFault("storage_failed") from error
+        with storage_at_work(), film.open("rb") as file:
+            for name, content in zip(names_of(video), (File(file), ContentFile(still)), strict=True):
+                stored.append(storage().save(name, content))
         undo.pop_all()
     return stored[0], stored[1]
 

@@ -15,6 +15,7 @@ from django.db.models import F, QuerySet, Value
 from django.db.models.functions import Concat
 
 from evaluation.services.leases import DETAIL_LIMIT
+from evaluation.services.outages import storage_is_out
 from faults import PaddockError, PlatformFault
 
 from ...models import Video, VideoState
@@ -40,7 +41,10 @@ class DrawnVideo:
 
 
 def claim_next_video(*, worker: str, now: datetime) -> Video | None:
-    """Take the video that has waited longest under a new lease; None when nothing waits."""
+    """Take the video that has waited longest under a new lease; None when nothing waits, and while
+    the storage is out."""
+    if storage_is_out():
+        return None
     while True:
         waiting = Video.objects.filter(state=VideoState.WAITING).order_by("asked_at", "pk").only("attempt").first()
         if waiting is None:
@@ -106,8 +110,9 @@ def finish_video(*, video_id: int, lease: uuid.UUID, drawn: DrawnVideo, now: dat
 def fail_video(*, video_id: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = "") -> bool:
     """End an attempt that failed. False: the lease is gone.
 
-    A user's fault is final at once. After a platform's fault the video goes back to its place in the queue until
-    ``EVALUATION_MAX_ATTEMPTS`` are used up; then it fails with ``video_gave_up``. ``detail`` is for operators.
+    A user's fault is final at once. While the storage is out it waits, and no attempt counts. After another fault of
+    the platform the video goes back to its place in the queue until ``EVALUATION_MAX_ATTEMPTS`` are used up; then it
+    fails with ``video_gave_up``. ``detail`` is for operators.
     """
     video = _held(video_id, lease).first()
     return video is not None and _fail(_held(video_id, lease), video, fault, now, detail)
@@ -156,7 +161,10 @@ def _fail(mine: QuerySet[Video], video: Video, fault: PaddockError, now: datetim
         changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
         logger.warning("Video %s, attempt %s: %s. %s", video, video.attempt, fault.code, detail)
     final = not ours or fault.code in _HOPELESS
-    if not final and video.attempt < settings.EVALUATION_MAX_ATTEMPTS:
+    waits = fault.code == "storage_failed" and storage_is_out()
+    if waits:
+        changes["attempt"] = F("attempt") - 1
+    if waits or (not final and video.attempt < settings.EVALUATION_MAX_ATTEMPTS):
         requeued = mine.update(state=VideoState.WAITING, started_at=None, **changes)
         if requeued:
             ring_video_bell()

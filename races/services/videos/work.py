@@ -12,11 +12,11 @@ from time import time
 from typing import Any
 
 from django.conf import settings
-from django.utils import timezone
 
 from evaluation.models import Evaluation
+from evaluation.services.clock import database_now
 from evaluation.services.heart import Heart
-from evaluation.services.work import fault_of
+from evaluation.services.work import fault_of, see_what_is_out
 from faults import PlatformFault
 
 from ...filming import FilmedRun
@@ -34,13 +34,13 @@ def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: Fal
 
     ``interrupted`` turns true when the worker is told to shut down: the video is then handed back.
     """
-    video = claim_next_video(worker=worker, now=timezone.now())
+    video = claim_next_video(worker=worker, now=database_now())
     if video is None:
         return False
     ident: dict[str, Any] = {"video_id": video.pk, "lease": video.lease}
 
     def keep_beating(progress: int | None) -> bool:
-        return beat_video(**ident, progress=progress, now=timezone.now())
+        return beat_video(**ident, progress=progress, now=database_now())
 
     _remove_abandoned()
     with (
@@ -49,14 +49,15 @@ def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: Fal
     ):
         try:
             drawn = _draw(video, Path(folder) / "film.mp4", heart.tell, lambda: heart.lost or interrupted())
-            ended = finish_video(**ident, drawn=drawn, now=timezone.now())
+            ended = finish_video(**ident, drawn=drawn, now=database_now())
             how = "is ready"
         except Exception as error:
             if not heart.lost and interrupted():
-                ended, how = release_video(**ident, now=timezone.now()), "was handed back"
+                ended, how = release_video(**ident, now=database_now()), "was handed back"
             else:
                 fault, detail = fault_of(PlatformFault("lease_expired") if heart.lost else error)
-                ended = fail_video(**ident, fault=fault, now=timezone.now(), detail=detail)
+                see_what_is_out(fault)
+                ended = fail_video(**ident, fault=fault, now=database_now(), detail=detail)
                 how = f"failed: {fault.code}"
     logger.info("Video %s %s.", video, how if ended else "was stopped or given to somebody else")
     return True

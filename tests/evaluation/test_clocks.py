@@ -1,0 +1,86 @@
+"""Leases and sweeps go by the database's clock, whatever time a worker's machine believes it is."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from evaluation import pipeline, services, tasks
+from evaluation.models import Evaluation, State
+from evaluation.services.clock import database_now
+from evaluation.simulator.rules import RaceRules
+from races import tasks as race_tasks
+from races.services.videos import ask_for_video, claim_next_video
+from tests.factories import a_race
+from tests.films import a_driven_run
+from tests.rows import model_row
+from tests.training.jobs import a_training
+from training import tasks as training_tasks
+from training.services import claim_next_training
+
+pytestmark = pytest.mark.django_db(transaction=True)
+REAL = timezone.now
+
+
+@pytest.fixture
+def clock_ahead(monkeypatch):
+    """Put this machine's clock ahead of the database's."""
+
+    def ahead(**by):
+        monkeypatch.setattr(timezone, "now", lambda: REAL() + timedelta(**by))
+
+    return ahead
+
+
+@pytest.fixture
+def queued(alice, oval, bell):
+    return services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=REAL())
+
+
+def test_the_database_says_what_time_it_is(db, clock_ahead):
+    clock_ahead(hours=2)
+    assert abs(database_now() - REAL()) < timedelta(seconds=5)
+    assert database_now().utcoffset() == timedelta(0)
+
+
+def test_a_worker_two_hours_ahead_that_dies_is_requeued_in_a_minute(queued, clock_ahead, monkeypatch):
+    class Dies(BaseException):
+        pass
+
+    def dies(*args, **kwargs):
+        raise Dies
+
+    clock_ahead(hours=2)
+    monkeypatch.setattr(pipeline, "evaluate", dies)
+    with pytest.raises(Dies):
+        services.run_next_evaluation(worker="ahead")
+    held = Evaluation.objects.get()
+    assert held.state == State.RUNNING
+    assert held.leased_until < REAL() + timedelta(minutes=1)
+    assert services.sweep_queue(now=REAL() + timedelta(minutes=1)).requeued == 1
+
+
+@pytest.mark.parametrize("kind", ["evaluation", "training", "video"])
+def test_one_that_is_31_s_ahead_takes_nobodys_lease(kind, alice, oval, bell, films, monkeypatch, clock_ahead, settings):
+    monkeypatch.setattr(training_tasks.train, "apply_async", lambda **options: None)
+    settings.TRAINING = settings.VIDEOS = True
+    now = REAL()
+    if kind == "evaluation":
+        services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
+        job, sweep = services.claim_next_evaluation(worker="steady", now=database_now()), tasks.sweep
+    elif kind == "training":
+        a_training(alice, oval, now)
+        job, sweep = claim_next_training(worker="steady", now=database_now()), training_tasks.sweep
+    else:
+        ask_for_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now)
+        job, sweep = claim_next_video(worker="steady", now=database_now()), race_tasks.sweep
+    clock_ahead(seconds=31)
+    sweep.apply().get()
+    held = type(job).objects.get(pk=job.pk)
+    assert (held.state, held.lease) == (job.state, job.lease)
+    type(job).objects.update(leased_until=REAL() - timedelta(seconds=1))
+    sweep.apply().get()
+    held.refresh_from_db()
+    assert held.lease is None, "and one that has run out is taken"
