@@ -97,7 +97,7 @@ class Run:
     def stop(self, signum: int) -> int:
         """Send a signal, wait for the end of the whole family; the exit status."""
         family = self.family()
-        assert len(family) > 6  # honcho's helpers, broker, web and its workers, worker and its pool, beat
+        assert len(family) > 6  # the run command, broker, web and its workers, worker and its pool, beat
         self.process.send_signal(signum)
         status = self.process.wait(30)
         # Seconds of processor: on a machine with other work they take their time (3 to 5 s with three such programs).
@@ -212,21 +212,31 @@ def test_sigkill_takes_everything_along_and_the_next_start_works(data):
         assert run.ready().answer() == 200
         assert "bundled Valkey answers" in manage(data, "doctor").stdout
         one_dies(run, "broker", "valkey-server")
+        assert run.stop(signal.SIGTERM) == 143
 
 
-def test_a_program_that_dies_stops_the_others_and_is_named(data):
+def test_a_program_that_dies_is_named_and_started_again_while_the_others_go_on(data):
     """The broker, which the others need to the end, dies in the test above."""
     with Run(data) as run:
         one_dies(run.ready(), "worker", "--without-mingle (end)")  # a trainer's command goes on
+        assert run.stop(signal.SIGTERM) == 143
 
 
 def one_dies(run: Run, name: str, words: str) -> None:
-    """Kill one program of a run: all others end, and the run says which it was."""
-    family = run.family()
-    os.kill(run.pid_of(words), signal.SIGKILL)
-    assert run.process.wait(30) == 1
-    wait_for(lambda: not any(is_running(pid) for pid in family), 5, run.log)
-    assert f"{name} ended by itself (signal 9), so everything was stopped." in run.said
+    """Kill one program of a run: it is started again, the run says which it was, and the site answers all the while."""
+    killed = run.pid_of(words)
+    os.kill(killed, signal.SIGKILL)
+    wait_for(lambda: f"{name} ended by itself (signal 9). It is started again in 1 s." in run.said, 10, run.log)
+    assert run.answer() == 200
+    wait_for(lambda: has(run, words) and run.pid_of(words) != killed, 20, run.log)
+    assert run.process.poll() is None
+
+
+def has(run: Run, words: str) -> bool:
+    try:
+        return bool(run.pid_of(words))
+    except (AssertionError, FileNotFoundError):
+        return False
 
 
 def test_a_port_in_use_is_refused_before_anything_starts(tmp_path):

@@ -51,14 +51,14 @@ class Command(BaseCommand):
         environment = {"PADDOCK_SITE_URL": shown, "PYTHONWARNINGS": _QUIET, **os.environ, "PYTHONUNBUFFERED": "1"}
         supervisor = Supervisor()
         for name, command in _programs(host, port).items():
-            supervisor.add(name, command, environment, needed_to_the_end=name == "broker")
-        connections.close_all()  # the programs are forked from this process
+            supervisor.add(name, command, environment, needed_to_the_end=name == "broker", vital=name == "web")
+        connections.close_all()  # nothing here needs the database any more
         culprit, status = supervisor.run(beside=partial(_announce, supervisor, shown))
         lock.close()
         if culprit is not None:
             how = f"signal {-status}" if status < 0 else f"exit status {status}"
             raise CommandError(
-                f"{culprit} ended by itself ({how}), so everything was stopped. Its last lines above say why.",
+                f"{culprit} cannot live ({how}), so everything was stopped. Its last lines above say why.",
                 returncode=status if 0 < status < 128 else 1,
             )
         self.stdout.write("Stopped.")

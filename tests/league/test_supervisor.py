@@ -1,0 +1,125 @@
+"""What the supervisor does with programs that die, fall ill or cannot live. The real site is in test_run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.evaluation.processes import is_running, wait_for
+from tests.shared import CHECKOUT
+
+PROGRAM = """
+import os, sys, time
+name, folder, what = sys.argv[1:]
+with open(f"{folder}/{name}", "a") as file:
+    file.write(f"{os.getpid()}\\n")
+first = len(open(f"{folder}/{name}").readlines()) == 1
+if what == "dies" or what == "dies first" and first:
+    sys.exit(3)
+if what == "sick first" and first:
+    print("Unrecoverable error: Could not start worker processes", flush=True)
+if what == "parent":
+    if os.fork() == 0:
+        open(f"{folder}/child", "a").write(f"{os.getpid()}\\n")
+while True:
+    time.sleep(60)
+"""
+SUPERVISOR = """
+import sys
+from league import supervisor
+supervisor.LIVES_AFTER_S, supervisor.LONGEST_PAUSE_S = 30.0, 0.1
+s = supervisor.Supervisor()
+folder = sys.argv[1]
+for name, what in (one.split("=") for one in sys.argv[2:]):
+    command = [sys.executable, "-I", "-S", f"{folder}/program.py", name, folder, what]
+    s.add(name, command, {}, needed_to_the_end=name == "broker", vital=name == "web")
+culprit, status = s.run(beside=lambda: s.say("beside"))
+print("culprit", culprit, status, flush=True)
+"""
+
+
+class Running:
+    def __init__(self, folder: Path, *programs: str) -> None:
+        self.folder, self.log = folder, folder / "log"
+        (folder / "program.py").write_text(PROGRAM)
+        with self.log.open("wb") as output:
+            command = [sys.executable, "-c", SUPERVISOR, str(folder), *programs]
+            self.process = subprocess.Popen(command, cwd=CHECKOUT, stdout=output, stderr=subprocess.STDOUT)
+
+    def pids(self, name: str) -> list[int]:
+        """The processes that a program has been, in their order."""
+        path = self.folder / name
+        return [int(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+    def started(self, name: str, times: int = 1) -> int:
+        wait_for(lambda: len(self.pids(name)) >= times, 10, self.log)
+        return self.pids(name)[-1]
+
+    @property
+    def said(self) -> str:
+        return self.log.read_text()
+
+
+@pytest.fixture
+def programs(tmp_path):
+    running = []
+
+    def run(*programs: str) -> Running:
+        running.append(Running(tmp_path, *programs))
+        return running[0]
+
+    yield run
+    for one in running:
+        one.process.kill()
+        one.process.wait()
+
+
+def test_a_program_that_is_killed_is_started_again_and_the_others_stay(programs):
+    run = programs("web=stays", "filmer=parent", "broker=stays")
+    web, broker, filmer = (run.started(name) for name in ("web", "broker", "filmer"))
+    child = run.started("child")
+    os.kill(filmer, signal.SIGKILL)
+    again = run.started("filmer", 2)
+    assert "filmer ended by itself (signal 9). It is started again in" in run.said
+    assert not is_running(child), "nothing of the dead one goes on beside it"
+    assert is_running(web) and is_running(broker)
+    run.process.send_signal(signal.SIGTERM)
+    assert run.process.wait(10) == 0
+    assert "culprit None 143" in run.said
+    assert not any(is_running(pid) for pid in (web, broker, again))
+
+
+def test_one_that_is_no_vital_one_is_started_for_as_long_as_it_takes(programs):
+    run = programs("worker=dies", "web=stays")
+    run.started("worker", 7)
+    assert run.process.poll() is None
+    assert len(run.pids("web")) == 1
+
+
+def test_a_web_server_that_cannot_live_ends_all_and_is_named(programs):
+    run = programs("web=dies", "worker=stays")
+    assert run.process.wait(10) == 0
+    assert "culprit web 3" in run.said
+    assert len(run.pids("web")) == 5
+    assert not is_running(run.pids("worker")[0])
+
+
+def test_a_worker_that_could_not_start_its_processes_is_started_again(programs):
+    run = programs("worker=sick first", "web=stays")
+    first = run.started("worker")
+    run.started("worker", 2)
+    assert not is_running(first)
+    assert "worker ended by itself (signal 15)" in run.said
+
+
+def test_nothing_outlives_a_supervisor_that_is_killed(programs):
+    run = programs("web=stays", "worker=stays")
+    pids = [run.started("web"), run.started("worker")]
+    run.process.kill()
+    run.process.wait()
+    wait_for(lambda: not any(is_running(pid) for pid in pids), 5)
