@@ -9,7 +9,18 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
-from .models import Evaluation, EvaluationRival, Network, Outage, Result, RivalResult, State, TrainedModel, WorkerNode
+from .models import (
+    Evaluation,
+    EvaluationRival,
+    Network,
+    Outage,
+    Result,
+    RivalResult,
+    State,
+    StoredFile,
+    TrainedModel,
+    WorkerNode,
+)
 from .services import delete_model, stop_evaluation, stop_sharing_model, sweep_queue
 from .services.clock import database_now
 
@@ -25,6 +36,16 @@ class ReadOnlyAdmin(admin.ModelAdmin):
 
     def has_delete_permission(self, request: HttpRequest, obj=None) -> bool:
         return False
+
+
+@admin.register(StoredFile)
+class StoredFileAdmin(ReadOnlyAdmin):
+    """Sums of stored files, and which of them are damaged."""
+
+    list_display = ["name", "size", "damage", "damaged_at", "checked_at"]
+    list_filter = ["damage"]
+    search_fields = ["name", "sha256"]
+    ordering = ["-damage", "name"]
 
 
 @admin.register(Network)

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
-from faults.storage import storage_at_work
-
 from .archive import Part, part_of, zipped
 from .models import CarResult, Evaluation, TrainedModel
 from .robomaker import METADATA, settings_lines, trace_lines
 from .selectors import can_see_model
 from .services.results import read_trace
+from .services.stored import read
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -27,15 +26,12 @@ if TYPE_CHECKING:
 def package_of(model: TrainedModel) -> bytes:
     """A zip of the network and its ``model_metadata.json``, as this site, and any other Paddock, takes it.
 
-    Raises PlatformFault ``storage_failed``.
+    Raises PlatformFault ``storage_failed``, ``file_damaged``.
     """
     file = io.BytesIO()
-    with (
-        storage_at_work(),
-        model.network.onnx.open("rb") as onnx,
-        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-    ):
-        archive.writestr("model.onnx", onnx.read())
+    onnx = read(model.network.onnx.name)
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("model.onnx", onnx)
         archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
     return file.getvalue()
 
@@ -47,7 +43,9 @@ def download_of(model: TrainedModel) -> HttpResponse:
 
 def logs_of(evaluation: Evaluation, racer: Racer | AnonymousUser) -> HttpResponseBase:
     """All files of a finished evaluation as one zip, laid out as the field's tools look for them. What its car can do
-    (``model_metadata.json``) is in it for whoever may see the model. Raises PlatformFault ``storage_failed``."""
+    (``model_metadata.json``) is in it for whoever may see the model.
+
+    Raises PlatformFault ``storage_failed``, ``file_damaged``."""
     metadata = evaluation.spec["metadata"] if can_see_model(racer, evaluation.model) else None
     cars = [(evaluation.result, ""), *((rival, f"-car{rival.number}") for rival in evaluation.result.rivals.all())]
     traces = [read_trace(car) for car, _ in cars]  # before the first byte is sent: a failure can still be told

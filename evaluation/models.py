@@ -35,6 +35,45 @@ def reason_sentence(code: str, params: dict[str, Any]) -> str:
     return reason.render(params, _now(reason.sentence))
 
 
+class Damage(models.TextChoices):
+    """What was found of a stored file that is not what was stored."""
+
+    MISSING = "missing", _("missing")
+    ALTERED = "altered", _("altered")
+
+
+class StoredFile(models.Model):
+    """The sum of a stored file's bytes, and what was last found of it.
+
+    ``sha256``: ``""`` only for one that was found damaged before its sum was known. ``checked_at``: when the nightly
+    check last read it; None for one whose turn has not come.
+    """
+
+    name = models.CharField(_("name"), max_length=255, primary_key=True)
+    sha256 = models.CharField(_("sha-256"), max_length=64, blank=True)
+    size = models.PositiveBigIntegerField(_("bytes"))
+    checked_at = models.DateTimeField(_("checked"), null=True, blank=True, db_index=True)
+    damage = models.CharField(_("damage"), max_length=8, choices=Damage.choices, blank=True)
+    damaged_at = models.DateTimeField(_("found damaged"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("stored file")
+        verbose_name_plural = _("stored files")
+        indexes = [models.Index(fields=["damaged_at"], condition=~Q(damage=""), name="storedfile_damaged")]
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(sha256__regex=SHA256) | Q(sha256="") & ~Q(damage=""), name="storedfile_sha256_form"
+            ),
+            models.CheckConstraint(
+                condition=Q(damage="", damaged_at__isnull=True) | Q(damage__in=Damage.values, damaged_at__isnull=False),
+                name="storedfile_damage_has_time",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+
 class Network(models.Model):
     """The canonical bytes that run, stored once however many racers upload them. ``sha256`` is a model's identity.
 

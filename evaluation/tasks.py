@@ -15,6 +15,7 @@ from .crew import Spare
 from .sandbox import probe as probing
 from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
 from .services.clock import database_now
+from .services.stored import scrub as scrub_files
 from .stopping import is_stopping, shutdown_flag
 
 logger = logging.getLogger(__name__)
@@ -59,6 +60,12 @@ def sweep(self) -> dict[str, int]:
 def purge() -> int:
     """Remove deleted models that never raced. Beat sends it every few hours."""
     return purge_garages(now=database_now())
+
+
+@shared_task
+def scrub() -> dict[str, int]:
+    """Check some of the stored files. Beat sends it again and again in the small hours."""
+    return scrub_files(now=database_now())
 
 
 @worker_ready.connect

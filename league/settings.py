@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from celery.schedules import crontab
 from csp.constants import NONE, SELF
 from django.core.exceptions import ImproperlyConfigured
 from django.utils.translation import gettext_lazy as _
@@ -165,6 +166,12 @@ CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    # a turn of 10 s each: 50 minutes of a night at most, none once everything was checked
+    "scrub": {
+        "task": "evaluation.tasks.scrub",
+        "schedule": crontab(minute="*", hour="1-5"),
+        "options": {"expires": 50},
+    },
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
     "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},

@@ -12,6 +12,8 @@ from typing import Any
 
 from evaluation.archive import Part, part_of, part_of_gzip, zipped
 from evaluation.robomaker import HYPERPARAMETERS, METADATA, settings_lines, trace_lines
+from evaluation.services.stored import read, read_gzip
+from faults import PlatformFault
 
 from .models import BestMetric, TrainingIteration, TrainingJob
 
@@ -72,11 +74,12 @@ def _entries(job: TrainingJob) -> Iterator[list[dict[str, Any]]]:
 
 
 def simtrace(iteration: TrainingIteration) -> bytes:
-    """The sim-trace of an iteration as CSV; ``b""`` where there is none (any more)."""
+    """The sim-trace of an iteration as CSV; ``b""`` where there is none (any more).
+
+    Raises PlatformFault ``storage_failed``, ``file_damaged``."""
     if not iteration.simtrace:
         return b""
-    with iteration.simtrace.open("rb") as file:
-        return gzip.decompress(file.read())
+    return read_gzip(iteration.simtrace.name)
 
 
 def newest_simtrace(job: TrainingJob) -> tuple[int, bytes] | None:
@@ -89,8 +92,7 @@ def sb3_of(job: TrainingJob) -> bytes | None:
     """The model as stable-baselines3 saves it; None where there is none."""
     if not job.sb3_zip:
         return None
-    with job.sb3_zip.open("rb") as file:
-        return file.read()
+    return read(job.sb3_zip.name)
 
 
 def logs_zip(job: TrainingJob) -> Iterator[bytes]:
@@ -122,8 +124,7 @@ def _traces(job: TrainingJob) -> Iterator[tuple[int, bytes]]:
     """Number and gzip of each iteration's sim-trace that is kept, one at a time."""
     for iteration in job.iterations.exclude(simtrace="").order_by("number").only("number", "simtrace", "job_id"):
         try:
-            with iteration.simtrace.open("rb") as file:
-                packed = file.read()
-        except OSError:  # cleared away in this very moment
+            packed = read(iteration.simtrace.name)
+        except PlatformFault:  # cleared away in this very moment, or damaged, which operators are told
             continue
         yield iteration.number, packed

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from django.conf import settings
-from django.core.files.base import ContentFile
 from django.db import IntegrityError, transaction
 from django.db.models import ProtectedError
 from django.utils import timezone
@@ -30,6 +29,7 @@ from ..packages.admit import AdmittedPackage, admit
 from ..packages.read import UploadPart
 from ..quotas import MODELS, STORAGE
 from ..signals import model_deleted
+from .stored import delete, heal_network, store
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -76,6 +76,7 @@ def upload_model(
     if not has_place:
         refuse_full_garage(owner)
     admitted = admit(files, package_limits(), who=owner.pk, checkpoint=checkpoint.strip().lower())
+    heal_network(admitted.sha256, admitted.onnx)
     # once before anything is stored, and once more under the lock
     known = _known_model(owner, admitted.sha256, name, has_place)
     while known is None:
@@ -162,7 +163,7 @@ def purge_garages(*, now: datetime) -> int:
     for network in Network.objects.filter(created_at__lt=before, models=None):
         with suppress(ProtectedError, IntegrityError), transaction.atomic():  # somebody uploads it in this very moment
             network.delete()
-            transaction.on_commit(partial(network.onnx.storage.delete, network.onnx.name), robust=True)
+            transaction.on_commit(partial(delete, network.onnx.name), robust=True)
             removed += 1
     return removed
 
@@ -198,14 +199,14 @@ def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> None:
         created_at=now,
     )
     with storage_at_work():
-        network.onnx.save(f"{admitted.sha256}.onnx", ContentFile(admitted.onnx), save=False)
+        network.onnx = store(f"networks/{admitted.sha256}.onnx", admitted.onnx)
     try:
         with transaction.atomic():
             network.save(force_insert=True)
     except IntegrityError:
-        network.onnx.storage.delete(network.onnx.name)
+        delete(network.onnx.name)
     except BaseException:
-        network.onnx.storage.delete(network.onnx.name)
+        delete(network.onnx.name)
         raise
 
 

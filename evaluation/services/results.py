@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from django.core.files.base import ContentFile
-from django.core.files.storage import Storage
 from django.db.models import Q
 
 from faults.storage import storage_at_work
 
 from ..models import CarResult, Evaluation, Result, RivalResult
 from ..simulator.rules import MAX_CARS
+from .stored import delete, read_gzip, store
 
 if TYPE_CHECKING:
     from ..pipeline import CarOutcome, EvaluationOutcome
@@ -134,7 +133,7 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
         for name, content in contents.items():
             packed = gzip.compress(content, compresslevel=6, mtime=0)
             with storage_at_work():
-                stored.append(_storage().save(name, ContentFile(packed)))
+                stored.append(store(name, packed))
     except BaseException:
         delete_files(stored)
         raise
@@ -142,17 +141,17 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
 
 
 def read_trace(result: CarResult) -> bytes:
-    """A car's sim-trace as CSV. Raises PlatformFault("storage_failed")."""
-    return _read(result.trace.name)
+    """A car's sim-trace as CSV. Raises PlatformFault("storage_failed"), ("file_damaged")."""
+    return read_gzip(result.trace.name)
 
 
 def read_course(result: Result) -> dict[str, list]:
     """What stood and drove on the track besides submitted cars.
 
     ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... for each row of car 0's trace], ...
-    for each bot]}`` in metres and radians. Raises PlatformFault("storage_failed").
+    for each bot]}`` in metres and radians. Raises PlatformFault("storage_failed"), ("file_damaged").
     """
-    bots = json.loads(_read(result.bots.name)) if result.bots else []
+    bots = json.loads(read_gzip(result.bots.name)) if result.bots else []
     return {"boxes": result.course.get("boxes", []), "bots": bots}
 
 
@@ -163,15 +162,6 @@ def delete_files(names: list[str]) -> None:
             # a commit whose answer got lost may have gone through all the same
             of_result = Result.objects.filter(Q(trace=name) | Q(bots=name)).exists()
             if not of_result and not RivalResult.objects.filter(trace=name).exists():
-                _storage().delete(name)
+                delete(name)
         except Exception:
             logger.exception("The unused file %s could not be deleted.", name)
-
-
-def _read(name: str) -> bytes:
-    with storage_at_work(), _storage().open(name) as file:
-        return gzip.decompress(file.read())
-
-
-def _storage() -> Storage:
-    return Result._meta.get_field("trace").storage

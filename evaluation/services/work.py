@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from django.conf import settings
 
 from faults import PaddockError, PlatformFault, UserFault
-from faults.storage import is_of_storage, storage_at_work
+from faults.storage import is_of_storage
 
 from ..models import Evaluation, Network, TrainedModel
 from ..network.bound import Facts
@@ -19,6 +19,7 @@ from .clock import database_now
 from .heart import Heart
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 from .outages import note_storage_fault
+from .stored import read
 
 if TYPE_CHECKING:
     from ..crew import Spare
@@ -67,8 +68,8 @@ def run_next_evaluation(
 def job_of(evaluation: Evaluation) -> RaceJob:
     """What the pipeline needs, from the specification that was frozen when the evaluation was queued.
 
-    Raises PlatformFault("storage_failed") when the network's file cannot be read, ("internal_error") when the track is
-    not the one that was frozen.
+    Raises PlatformFault("storage_failed") or ("file_damaged") for a network's file, ("internal_error") when the track
+    is not the one that was frozen.
     """
     from ..pipeline import RaceJob, RivalCar
     from ..simulator.rules import RaceRules
@@ -92,8 +93,7 @@ def job_of(evaluation: Evaluation) -> RaceJob:
 
 
 def _network_of(model: TrainedModel) -> bytes:
-    with storage_at_work(), model.network.onnx.open("rb") as file:
-        return file.read()
+    return read(model.network.onnx.name)
 
 
 def see_what_is_out(fault: PaddockError) -> None:

@@ -81,6 +81,9 @@ def damage(database: sqlite3.Connection) -> str:
         told = [row[0] for row in database.execute("PRAGMA quick_check(3)")]
     except sqlite3.DatabaseError as error:
         return str(error)
+    finally:
+        with suppress(sqlite3.DatabaseError):
+            database.execute("PRAGMA ignore_check_constraints=OFF")
     return "" if told == ["ok"] else "; ".join(" ".join(line.split()) for line in told)
 
 

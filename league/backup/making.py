@@ -20,6 +20,7 @@ from django.conf import settings
 from django.core.files.storage import default_storage
 from django.db import connection
 
+from evaluation.models import StoredFile
 from evaluation.simulator.engine import ENGINE_ID
 from faults import PlatformFault, UserFault
 
@@ -34,12 +35,13 @@ IN_MEMORY = 16 << 20
 @dataclass
 class Made:
     """A backup that is there: its path, its size in bytes, how many files are in it, and the names of those that the
-    database refers to and that are lost."""
+    database refers to and that are lost, or are in it and damaged."""
 
     path: Path
     size: int = 0
     files: int = 0
     lost: list[str] = field(default_factory=list)
+    damaged: list[str] = field(default_factory=list)
 
 
 def back_up(*, path: Path, now: datetime, tell: Callable[[str], None] = lambda text: None) -> Made:
@@ -67,11 +69,12 @@ def back_up(*, path: Path, now: datetime, tell: Callable[[str], None] = lambda t
 
 def _write(archive: Writer, folder: Path, now: datetime, tell: Callable[[str], None], made: Made) -> None:
     taken: set[str] = set()
-    _take(archive, files.referred_to(_ask), taken, folder, tell)
+    damaged: set[str] = set()
+    _take(archive, files.referred_to(_ask), taken, damaged, folder, tell)
     for last in (*[False] * (ROUNDS - 1), True):
         tell("database: one moment of it")
         with snapshot(folder) as moment:
-            lost = _take(archive, moment.files, taken, folder, tell)
+            lost = _take(archive, moment.files, taken, damaged, folder, tell)
             settled = all(files.is_referred_to(_ask, name) for name in lost)
             if not settled and not last:
                 continue
@@ -82,6 +85,7 @@ def _write(archive: Writer, folder: Path, now: datetime, tell: Callable[[str], N
     if key.is_file():
         archive.add_path(SECRET_KEY, key)
     made.lost, made.files = sorted(lost), len(moment.files) - len(lost)
+    made.damaged = sorted(damaged & moment.files)
     archive.seal(
         {
             "made_at": now.isoformat(),
@@ -90,14 +94,16 @@ def _write(archive: Writer, folder: Path, now: datetime, tell: Callable[[str], N
             "migrations": applied_migrations(),
             "files": sorted(moment.files - lost),
             "lost": made.lost,
+            "damaged": made.damaged,
         }
     )
 
 
 def _take(
-    archive: Writer, names: Iterable[str], taken: set[str], folder: Path, tell: Callable[[str], None]
+    archive: Writer, names: Iterable[str], taken: set[str], damaged: set[str], folder: Path, tell: Callable[[str], None]
 ) -> set[str]:
-    """Put those files into the archive that are not there yet; the names of those that are gone."""
+    """Put those files into the archive that are not there yet; the names of those that are gone. ``taken``,
+    ``damaged``: get the names of those that are there, and of those that are not what was stored once."""
     wanted = sorted(set(names) - taken)
     gone: set[str] = set()
     for number, name in enumerate(wanted, 1):
@@ -108,8 +114,10 @@ def _take(
                 continue
             size = copy.tell()
             copy.seek(0)
-            archive.add(FILES + name, copy, size)  # type: ignore[arg-type]
+            sha256 = archive.add(FILES + name, copy, size)  # type: ignore[arg-type]
         taken.add(name)
+        if StoredFile.objects.filter(name=name).exclude(sha256="").exclude(sha256=sha256).exists():
+            damaged.add(name)
         tell(f"files: {number} of {len(wanted)}, {archive.size >> 20} MB")
     return gone
 

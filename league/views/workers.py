@@ -18,6 +18,7 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
+from evaluation.models import StoredFile
 from evaluation.queues import Queue, all_queues
 from league.selectors.workers import database_now, failed_runs, queues_at, workers_at
 from league.services.run_again import run_again
@@ -28,6 +29,7 @@ PER_PAGE = 50
 # How far back a filter may look, in hours; 0: all that there is.
 HOURS = (1, 6, 24, 168, 0)
 MOST_AT_ONCE = 1000
+DAMAGED_SHOWN = 20
 READ, RUN = "evaluation.view_workernode", "evaluation.change_evaluation"
 
 
@@ -40,6 +42,7 @@ def workers(request: HttpRequest) -> HttpResponse:
     now = database_now()
     shown = workers_at(now)
     context = {"workers": shown, "queues": queues_at(now, shown), "driven_again": races_driven_again(), "now": now}
+    context["damaged"] = StoredFile.objects.exclude(damage="").order_by("damaged_at")[:DAMAGED_SHOWN]
     return render(request, "league/workers.html", context)
 
 

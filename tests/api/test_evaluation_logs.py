@@ -117,7 +117,7 @@ def test_a_zip_whose_trace_the_storage_lost_is_refused_before_it_begins(alice, n
     trace = Result.objects.get(evaluation=evaluation).trace
     trace.storage.delete(trace.name)
     answer = as_racer(alice).get(f"/api/v1/evaluations/{evaluation.public_id}/logs/")
-    assert (answer.status_code, answer.json()["code"]) == (503, "storage_failed")
+    assert (answer.status_code, answer.json()["code"]) == (503, "file_damaged")
 
 
 def test_the_page_of_a_run_offers_it(alice, now, client):

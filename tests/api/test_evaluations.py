@@ -90,7 +90,7 @@ def test_a_file_that_the_storage_lost_is_our_fault(bob, now, as_racer):
     evaluation = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation
     evaluation.result.trace.storage.delete(evaluation.result.trace.name)
     answer = read(as_racer(bob), evaluation, "trace/")
-    assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "storage_failed", "platform")
+    assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "file_damaged", "platform")
 
 
 def test_a_bucket_that_does_not_answer_is_our_fault(bob, now, as_racer, monkeypatch):

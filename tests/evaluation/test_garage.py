@@ -119,13 +119,13 @@ class TestUpload:
         assert set(stored_networks()) == before
 
     def test_that_loses_the_race_for_the_network_keeps_no_second_file(self, alice, bob, now, monkeypatch):
-        pack = garage.ContentFile
+        store = garage.store
 
-        def somebody_was_faster(content):
+        def somebody_was_faster(name, content):
             model_row(bob, onnx=b"onnx of a")
-            return pack(content)
+            return store(name, content)
 
-        monkeypatch.setattr(garage, "ContentFile", somebody_was_faster)
+        monkeypatch.setattr(garage, "store", somebody_was_faster)
         model = upload(alice, now).model
         assert Network.objects.get() == model.network == bob.models.get().network
         assert network_files(model.network) == [model.network.onnx.name]

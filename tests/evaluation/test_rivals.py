@@ -80,7 +80,7 @@ class TestQueueing:
         default_storage.delete(network.onnx.name)
         with pytest.raises(PlatformFault) as caught:
             services.job_of(claimed)
-        assert caught.value.code == "storage_failed"
+        assert caught.value.code == "file_damaged"
 
     @pytest.mark.parametrize(
         ("rules", "count", "code"),

@@ -115,7 +115,7 @@ class TestAnEvaluationThat:
         run()
         queued.refresh_from_db()
         assert queued.state == State.QUEUED
-        assert "storage_failed" in queued.operator_detail
+        assert "file_damaged" in queued.operator_detail
 
     def test_was_frozen_on_another_track_is_our_fault(self, queued, plays):
         plays(finishes)

@@ -10,10 +10,11 @@ from contextlib import suppress
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
-from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 from django.db import transaction
 from django.db.models import QuerySet
+
+from evaluation.services.stored import delete, read, store
 
 from ..models import Checkpoint, TrainingIteration, TrainingJob
 from ..rewards.watch import KEPT_CHARACTERS
@@ -42,7 +43,7 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
     if iteration.simtrace:
         path = f"training/{job.public_id}/{lease.hex[:8]}-{number}-iteration.csv.gz"
         try:
-            name = default_storage.save(path, ContentFile(iteration.simtrace))
+            name = store(path, iteration.simtrace)
         except Exception:  # whatever the storage raises: a training is worth more than a trace
             logger.exception("A sim-trace of training %s cannot be stored.", job.public_id)
     old: list[str] = []
@@ -79,8 +80,8 @@ def keep_checkpoint(
     names: list[str] = []
     old: list[str] = []
     try:
-        names.append(default_storage.save(f"{path}.checkpoint", ContentFile(saved.state)))
-        names.append(default_storage.save(f"{path}.networks", ContentFile(_packed(networks))))
+        names.append(store(f"{path}.checkpoint", saved.state))
+        names.append(store(f"{path}.networks", _packed(networks)))
         with transaction.atomic():
             mine = held(job.pk, lease).exists()
             if mine:
@@ -111,7 +112,7 @@ def networks_of(checkpoint: Checkpoint) -> tuple[bytes, bytes]:
     """The best and the last network that :func:`keep_checkpoint` kept; ``b""`` each where there are none."""
     if not checkpoint.networks:
         return b"", b""
-    with checkpoint.networks.open("rb") as file, zipfile.ZipFile(file) as archive:
+    with zipfile.ZipFile(io.BytesIO(read(checkpoint.networks.name))) as archive:
         return archive.read("best"), archive.read("last")
 
 
@@ -190,6 +191,6 @@ def delete_stored(names: list[str]) -> None:
     """Delete these files; what is gone already is no matter."""
     for name in filter(None, names):
         try:
-            default_storage.delete(name)
+            delete(name)
         except Exception as error:  # storages raise errors of their own
             logger.warning("The stored file %s could not be deleted: %s", name, error)

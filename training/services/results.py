@@ -8,8 +8,6 @@ import logging
 import uuid
 from datetime import datetime
 
-from django.core.files.base import ContentFile
-from django.core.files.storage import default_storage
 from django.db import transaction
 from django.db.models import Value
 from django.db.models.functions import Concat
@@ -18,6 +16,7 @@ from evaluation.looks import Look
 from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart
 from evaluation.services import upload_model
+from evaluation.services.stored import store
 from faults import PaddockError, UserFault
 from faults.storage import storage_at_work
 from races.services import submit_model
@@ -65,7 +64,7 @@ def keep_sb3(*, job: TrainingJob, lease: uuid.UUID, ended: Ended) -> str:
         return ""
     path = f"training/{job.public_id}/{lease.hex[:8]}-sb3.zip"
     with storage_at_work():
-        return default_storage.save(path, ContentFile(ended.sb3_zip))
+        return store(path, ended.sb3_zip)
 
 
 def finish_training(

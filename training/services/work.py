@@ -11,9 +11,9 @@ from typing import Any
 from evaluation.models import TrainedModel
 from evaluation.services.clock import database_now
 from evaluation.services.heart import Heart
+from evaluation.services.stored import read
 from evaluation.services.work import fault_of, see_what_is_out
 from faults import PaddockError, PlatformFault
-from faults.storage import storage_at_work
 
 from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob
@@ -136,16 +136,30 @@ class _Turn(Listener):
                 fault = error
         return self._fail(*fault_of(fault))
 
+    def _newest_checkpoint(self) -> tuple[Checkpoint, bytes] | None:
+        """The newest checkpoint that is as it was written, and its state; None where there is none."""
+        for checkpoint in Checkpoint.objects.filter(job=self._job).order_by("-iteration"):
+            try:
+                blob, networks = read(checkpoint.file.name), networks_of(checkpoint)
+            except PlatformFault as fault:
+                if fault.code != "file_damaged":
+                    raise
+                self._log(f"the checkpoint after iteration {checkpoint.iteration} is damaged")
+                continue
+            self._best, self._last = networks
+            return checkpoint, blob
+        return None
+
     def _train(self) -> Ended:
         job = self._job
         start, blob, seconds_before = "", b"", 0.0
-        checkpoint = Checkpoint.objects.filter(job=job).order_by("-iteration").first()
-        if checkpoint is not None:
-            start, blob, seconds_before = CHECKPOINT, _read(checkpoint.file), checkpoint.seconds
-            self._best, self._last = networks_of(checkpoint)
+        found = self._newest_checkpoint()
+        if found is not None:
+            checkpoint, blob = found
+            start, seconds_before = CHECKPOINT, checkpoint.seconds
             self._log(f"goes on from its checkpoint after iteration {checkpoint.iteration}")
         elif job.cloned_from is not None:
-            start, blob = WEIGHTS, _read(job.cloned_from.network.onnx)
+            start, blob = WEIGHTS, read(job.cloned_from.network.onnx.name)
         return train(
             spec_of(job, seconds_before),
             self,
@@ -231,8 +245,3 @@ class _Heart(Heart):
         pulse = beat(**self._held, progress=progress, now=database_now())
         self.stop_asked = self.stop_asked or pulse.stop_asked
         return pulse.held
-
-
-def _read(stored: Any) -> bytes:
-    with storage_at_work(), stored.open("rb") as file:
-        return file.read()

@@ -14,12 +14,12 @@ from faults import PaddockError
 from league.backup.making import back_up
 from league.management import JsonCommand, Refusal, Ticker, ended_in_good_order
 
-LOST = 1
+LOST = 1  # also what is damaged
 NAMED = 10
 
 
 class Command(JsonCommand):
-    """Exit status 1 when the backup is there and files were lost before it was made."""
+    """Exit status 1 when the backup is there and files were lost or damaged before it was made."""
 
     help = "Write database, stored files and secret key into one new file, with sums, while the site runs."
 
@@ -35,16 +35,16 @@ class Command(JsonCommand):
         except PaddockError as fault:
             raise Refusal(fault) from fault
         if json:
-            self.stdout.write(
-                _dumps({"file": str(made.path), "bytes": made.size, "files": made.files, "lost": made.lost})
-            )
+            told = {"file": str(made.path), "bytes": made.size, "files": made.files}
+            self.stdout.write(_dumps(told | {"lost": made.lost, "damaged": made.damaged}))
         else:
             self.stdout.write(f"{made.path}: {made.size >> 20} MB, the database and {made.files} files")
-        for name in made.lost[:NAMED]:
-            self.stderr.write(f"Lost before this backup was made: {name}")
-        if len(made.lost) > NAMED:
-            self.stderr.write(f"... and {len(made.lost) - NAMED} more")
-        if made.lost:
+        for how, names in (("Lost", made.lost), ("Damaged", made.damaged)):
+            for name in names[:NAMED]:
+                self.stderr.write(f"{how} before this backup was made: {name}")
+            if len(names) > NAMED:
+                self.stderr.write(f"... and {len(names) - NAMED} more")
+        if made.lost or made.damaged:
             raise SystemExit(LOST)
 
 

@@ -22,11 +22,13 @@ from django.db.migrations.executor import MigrationExecutor
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 
+from evaluation.models import StoredFile
 from evaluation.proof import Proof, prove
 from evaluation.sandbox.probe import SandboxReport, probe
 from evaluation.services import engines_at_work
 from evaluation.simulator.camera import compiled
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
+from league.backup.databases import damage
 from league.management import JsonCommand
 from races.engines import site_engine
 from races.selectors.counting import failing_redrives, races_driven_again
@@ -35,6 +37,7 @@ from races.services.videos.work import ENCODER
 
 OK, WARN, FAIL = "ok", "warn", "fail"
 LOW_DISK_MB = 1024
+NAMED = 5
 PATIENCE_S = 2.0
 INEXACT_ADVICE = (
     "Install the versions that constraints.txt names (make setup), on x86-64 with glibc; where all machines are of one "
@@ -193,6 +196,8 @@ def database() -> Iterator[Finding]:
             yield Finding(area, pragma, OK if good else WARN, str(found) if good else f"{found}, should be {wanted}")
         mode = connection.settings_dict["OPTIONS"].get("transaction_mode")
         yield Finding(area, "transaction_mode", OK if mode == "IMMEDIATE" else FAIL, f"{mode}")
+        problem = damage(connection.connection)
+        yield Finding(area, "pages", FAIL if problem else OK, problem or "whole")
     executor = MigrationExecutor(connection)
     plan = executor.migration_plan(executor.loader.graph.leaf_nodes())
     detail = "up to date" if not plan else f"{len(plan)} to run: manage.py migrate (manage.py run does it too)"
@@ -229,6 +234,7 @@ def storage() -> Iterator[Finding]:
         yield Finding(area, "storage", FAIL, f"{settings.STORAGE} cannot be used: {error}")
     else:
         yield Finding(area, "storage", OK, f"{settings.STORAGE} can be written and read")
+    yield from _sums(area)
     writable = os.access(settings.DATA_DIR, os.W_OK)
     yield Finding(
         area, "data folder", OK if writable else FAIL, f"{settings.DATA_DIR}{'' if writable else ' is read-only'}"
@@ -236,6 +242,20 @@ def storage() -> Iterator[Finding]:
     free_mb = shutil.disk_usage(settings.DATA_DIR).free // 2**20
     low = free_mb < LOW_DISK_MB
     yield Finding(area, "disk space", WARN if low else OK, f"{free_mb} MB free{', make room' if low else ''}")
+
+
+def _sums(area: str) -> Iterator[Finding]:
+    """What the nightly check and readers found of stored files."""
+    try:
+        broken = StoredFile.objects.exclude(damage="").order_by("damaged_at")
+        count, first = broken.count(), list(broken[:NAMED])
+        all_, unchecked = StoredFile.objects.count(), StoredFile.objects.filter(checked_at=None).count()
+    except DatabaseError:  # told above
+        return
+    for file in first:
+        yield Finding(area, file.damage, WARN, f"{file.name}; put it back from a backup: docs/operators.md")
+    detail = f"{count} of {all_} are damaged" if count else f"none of {all_} is known to be damaged"
+    yield Finding(area, "stored files", WARN if count else OK, f"{detail}, {unchecked} not checked yet")
 
 
 def simulator() -> Iterator[Finding]:
