@@ -10,9 +10,11 @@ from django.urls import path
 
 def hello(request: HttpRequest) -> HttpResponse:
     """A line of text."""
-    return HttpResponse("hello", content_type="text/plain")
+    return HttpResponse("hello", content_type="text/plain", headers={"Content-Length": "5"})
 
 
 urlpatterns = [path("", hello)]
-settings.configure(ALLOWED_HOSTS=["127.0.0.1"], ROOT_URLCONF=__name__, MIDDLEWARE=[], SECRET_KEY="nothing is signed")
+settings.configure(
+    ALLOWED_HOSTS=["127.0.0.1"], ROOT_URLCONF=__name__, MIDDLEWARE=[], SECRET_KEY="nothing is signed", UPLOAD_LIMIT_MB=1
+)
 application = get_wsgi_application()

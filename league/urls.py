@@ -3,6 +3,8 @@
 from allauth.account.views import LoginView
 from django.contrib import admin
 from django.urls import include, path, re_path
+from django.views.decorators.csrf import csrf_exempt
+from django.views.i18n import set_language
 
 from .forms import LoginForm, SignUpForm
 from .views import account, home, notices, organising, racers, seasons, site, webhooks, workers
@@ -52,6 +54,7 @@ urlpatterns = [
     path("accounts/signup/", account.SignUpView.as_view(form_class=SignUpForm), name="account_signup"),
     path("accounts/", include("allauth.urls")),
     path("api/", include("league.api.urls")),
-    path("i18n/", include("django.conf.urls.i18n")),
+    # without a token, so that pages for guests need none: a cookie with a language is all that it makes
+    path("i18n/setlang/", csrf_exempt(set_language), name="set_language"),
     path("admin/", admin.site.urls),
 ]

@@ -1,0 +1,148 @@
+"""Pages that guests share: made once, never older than the database, and nobody else's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import timedelta
+
+import pytest
+from django.db import transaction
+from django.test import Client
+from django.utils import timezone
+
+from league import guests
+from league.views import home as home_page
+from races.models import Race, Visibility
+from races.views import races as race_pages
+from tests.factories import a_race, a_racer, drive, laps
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+@pytest.fixture
+def race(now) -> Race:
+    return a_race(now, name="Open race")
+
+
+@pytest.fixture(autouse=True)
+def long_lived(monkeypatch) -> None:
+    """A page does not end by itself while a test runs: what changes it must be the database."""
+    monkeypatch.setattr(guests, "LIVES_S", 3600.0)
+
+
+@pytest.fixture
+def made(monkeypatch) -> list[str]:
+    """The paths of the pages that were made."""
+    paths: list[str] = []
+    for module in (home_page, race_pages):
+        monkeypatch.setattr(module, "render", _noting(module.render, paths))
+    return paths
+
+
+def _noting(render: Callable, paths: list[str]) -> Callable:
+    def noted(request, *args, **kwargs):
+        paths.append(request.path)
+        return render(request, *args, **kwargs)
+
+    return noted
+
+
+def test_a_board_is_made_once_for_all_guests_without_a_cookie(race, made):
+    client = Client()  # the pages are kept by a site: each client has one of its own
+    at = race.get_absolute_url()
+    answers = [client.get(at) for _ in range(3)]
+    assert made == [at]
+    assert {answer.content for answer in answers} == {answers[0].content}
+    for answer in answers:
+        assert answer.status_code == 200 and not answer.cookies and not client.cookies
+        assert {"Cookie", "Accept-Language", "HX-Request"} <= {word.strip() for word in answer["Vary"].split(",")}
+        assert answer["Cache-Control"] == "private, no-cache"
+    unchanged = client.get(at, headers={"If-None-Match": answers[0]["ETag"]})
+    assert (unchanged.status_code, unchanged.content) == (304, b"")
+
+
+def test_a_board_that_changed_is_made_anew_at_once(race, made, now, bell):
+    client, at = Client(), race.get_absolute_url()
+    before = client.get(at)
+    drive(race, a_racer("newcomer"), laps(9000, 9100, 9200), now)
+    after = client.get(at, headers={"If-None-Match": before["ETag"]})
+    assert after.status_code == 200
+    assert b"newcomer" in after.content and b"newcomer" not in before.content
+
+
+@pytest.mark.parametrize("how", [{"visibility": Visibility.INVITATION}, {"name": "Another name"}])
+def test_what_is_taken_back_is_not_shown_once_more(race, how):
+    client, other = Client(), Client()
+    assert b"Open race" in client.get("/").content
+    Race.objects.filter(pk=race.pk).update(**how)
+    assert b"Open race" not in client.get("/").content
+    assert b"Open race" not in other.get("/").content
+
+
+def test_a_change_that_is_not_committed_is_shown_to_nobody_and_kept_by_nobody(race):
+    client = Client()
+    with pytest.raises(RuntimeError), transaction.atomic():
+        Race.objects.filter(pk=race.pk).update(name="Never was")
+        client.get("/")
+        raise RuntimeError
+    assert b"Never was" not in client.get("/").content
+
+
+def test_a_private_race_is_its_members_and_never_a_guests(now, made):
+    owner, stranger = a_racer("owner"), a_racer("stranger")
+    steward = a_racer("steward", is_staff=True, is_superuser=True)
+    private = a_race(now, name="Secret race", visibility=Visibility.INVITATION, organiser=owner)
+    at, guest = private.get_absolute_url(), Client()
+    seen = {}
+    for name, client in (("guest", guest), ("stranger", _client(stranger)), ("owner", _client(owner)),
+                         ("steward", _client(steward)), ("guest again", guest)):  # fmt: skip
+        seen[name] = client.get(at).status_code
+        assert (b"Secret race" in client.get("/").content) <= (name in ("owner", "steward")), name
+    assert seen == {"guest": 404, "stranger": 404, "owner": 200, "steward": 200, "guest again": 404}
+
+
+def test_a_racers_page_is_their_own_and_is_not_kept(race, made):
+    alice = a_racer("alice")
+    guest, racer = Client(), _client(alice)
+    at = race.get_absolute_url()
+    for client in (guest, racer, guest, racer):
+        assert (b"alice" in client.get(at).content) == (client is racer)
+    assert len(made) >= 3, "the racer's each time"
+
+
+def test_languages_and_themes_are_pages_of_their_own(race):
+    client = Client()
+    english = client.get("/").content
+    korean = client.get("/", headers={"Accept-Language": "ko"}).content
+    assert b'lang="en"' in english and b'<html lang="ko"' in korean
+    client.post("/i18n/setlang/", {"language": "ko", "next": "/"})
+    assert client.get("/").content == korean
+    client.post("/theme/", {"theme": "dark", "next": "/"})
+    assert b'data-theme="dark"' in client.get("/").content
+    assert client.get("/?show=closed").content != korean, "the address is in the links of the page"
+
+
+def test_a_page_lives_no_longer_than_its_times_are_right(race, made, monkeypatch):
+    monkeypatch.setattr(guests, "LIVES_S", 0.0)
+    client = Client()
+    client.get("/")
+    client.get("/")
+    assert made == ["/", "/"]
+
+
+def test_the_version_of_the_database_changes_with_each_commit_of_another_connection(race):
+    first = guests.database_version()
+    assert guests.database_version() == first
+    Race.objects.filter(pk=race.pk).update(opens_at=race.opens_at - timedelta(minutes=1))
+    assert guests.database_version() != first
+
+
+def _client(racer) -> Client:
+    client = Client()
+    client.force_login(racer)
+    return client
