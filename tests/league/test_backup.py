@@ -191,6 +191,15 @@ def test_a_file_that_is_lost_is_named_and_the_rest_is_saved(race, file):
         assert len(backup.files) == 5
 
 
+def test_a_file_that_is_damaged_is_saved_as_it_is_and_named(race, file, storage):
+    damaged = Result.objects.order_by("pk").first().trace.name
+    (storage / damaged).write_bytes(b"")
+    made = back_up(path=file, now=timezone.now())
+    assert (made.damaged, made.lost) == ([damaged], [])
+    with archive.opened(file) as backup:
+        assert damaged in backup.files
+
+
 def test_a_file_that_is_there_is_not_overwritten(race, file):
     file.write_text("precious")
     with pytest.raises(Refusal, match="backup_exists"):
