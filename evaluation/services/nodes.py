@@ -75,6 +75,7 @@ def start_worker(*, name: str, queues: Sequence[str], processes: int, now: datet
             "stopped_at": None,
             "queues": sorted(queues),
             "processes": processes,
+            "engine": engine.ENGINE_ID,
             "proof": {},  # it may be another machine by now: it proves itself anew
         },
     )

@@ -16,6 +16,7 @@ from ..models import Entry, Race, RaceState, Visibility
 from ..selectors.visibility import can_organise
 from ..signals import board_changed
 from .gates import require_not_over
+from .locks import lock_entries, lock_entry
 from .standings import forget_fastest, note_fastest
 from .stopping import stop_after_commit, stop_duels_after_commit
 
@@ -52,7 +53,9 @@ def withdraw(*, entry: Entry, now: datetime) -> Entry:
     Raises UserFault("race_closed" | "race_cancelled").
     """
     require_not_over(entry.race, now)
-    withdrawn = Entry.objects.filter(pk=entry.pk, withdrawn_at=None).update(withdrawn_at=now)
+    withdrawn = lock_entry(entry).withdrawn_at is None
+    if withdrawn:
+        Entry.objects.filter(pk=entry.pk).update(withdrawn_at=now)
     entry.refresh_from_db()
     if withdrawn:
         _left(entry, now)
@@ -68,7 +71,7 @@ def remove_entry(*, entry: Entry, by: Racer, now: datetime, reason: str = "") ->
     if not can_organise(by, entry.race):
         raise UserFault("race_not_yours")
     limit = Entry._meta.get_field("removal_reason").max_length
-    entry = Entry.objects.select_for_update(of=("self",)).select_related("race").get(pk=entry.pk)
+    entry = lock_entry(entry)
     if entry.removed_at is None:
         entry.removed_at = now
         entry.withdrawn_at = entry.withdrawn_at or now
@@ -84,7 +87,7 @@ def restore_entry(*, entry: Entry, by: Racer, now: datetime | None = None) -> En
     """Put a removed racer back on the board. Raises UserFault("race_not_yours") unless ``by`` organises the race."""
     if not can_organise(by, entry.race):
         raise UserFault("race_not_yours")
-    entry = Entry.objects.select_for_update(of=("self",)).select_related("race").get(pk=entry.pk)
+    entry = lock_entry(entry)
     if entry.removed_at is not None:
         entry.removed_at = entry.withdrawn_at = None
         entry.removal_reason = ""
@@ -104,7 +107,8 @@ def give_field(*, race: Race, racers: Collection[int], now: datetime, reason: st
     if race.state_at(now) not in (RaceState.UPCOMING, RaceState.OPEN):
         return
     wanted = set(racers)
-    entries = {one.racer_id: one for one in Entry.objects.filter(race=race, is_baseline=False)}
+    inside = Entry.objects.filter(race=race, is_baseline=False).values_list("pk", flat=True)
+    entries = {one.racer_id: one for one in lock_entries(inside)}
     Entry.objects.bulk_create(
         [Entry(race=race, racer_id=racer, entered_at=now) for racer in sorted(wanted - entries.keys())],
         ignore_conflicts=True,
@@ -121,7 +125,7 @@ def give_field(*, race: Race, racers: Collection[int], now: datetime, reason: st
 @transaction.atomic
 def take_out(entries: Iterable[Entry], *, now: datetime, reason: str) -> None:
     """Take these entries out of races that are not over; those that have left already stay as they are."""
-    for entry in entries:
+    for entry in lock_entries(entry.pk for entry in entries):
         if entry.removed_at is None:
             entry.removed_at, entry.withdrawn_at = now, entry.withdrawn_at or now
             entry.removal_reason = reason
@@ -143,6 +147,9 @@ def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
         entry, _ = Entry.objects.get_or_create(
             race=race, racer=racer, defaults={"entered_at": now, "is_baseline": racer.is_house}
         )
+    if not entry.is_withdrawn:
+        return entry
+    lock_entry(entry)
     if Entry.objects.filter(pk=entry.pk, removed_at=None, withdrawn_at__isnull=False).update(withdrawn_at=None):
         entry.refresh_from_db(fields=["withdrawn_at"])
         note_fastest(entry)

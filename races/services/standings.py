@@ -19,6 +19,7 @@ from ..engines import admit
 from ..models import Entry, Race, Submission
 from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, rule_for
 from .duels import recount
+from .locks import lock_entries, lock_entry
 
 FASTEST = {
     "fastest_lap_ms": "own_lap_ms",
@@ -57,9 +58,8 @@ def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, no
     submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
     if submission is None:
         return None
-    entry = _locked(submission.entry)
-    # read once more under its lock: the runs of the whole race may have been driven again with another engine meanwhile
-    entry.race = Race.objects.select_for_update(no_key=True).get(pk=entry.race_id)
+    # with its race, whose runs may all have been driven again with another engine meanwhile
+    entry = lock_entry(submission.entry)
     if result is not None:
         _take_result(entry, submission, result)
     elif evaluation.state == State.STOPPED or evaluation.is_platform_fault:
@@ -73,7 +73,7 @@ def recompute_standing(*, entry: Entry) -> Entry:
 
     How it qualified does not change any more then: its seed and its car came from that.
     """
-    entry = _locked(entry)
+    entry = lock_entry(entry)
     if entry.seed is not None:
         recount(entry.race, [entry])
         return entry
@@ -85,8 +85,8 @@ def recompute_standing(*, entry: Entry) -> Entry:
 
 
 def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
-    """Work out from their submissions how these entries of a race stand, which the caller has locked and no draw has
-    seeded. Of results only those of the race's engine count."""
+    """Work out from their submissions how these entries of a race stand, which the caller has locked with it and no
+    draw has seeded. Of results only those of the race's engine count."""
     for entry in entries:
         _clear(entry)
         submissions = entry.submissions.filter(is_void=False, evaluation__result__engine=race.engine)
@@ -99,7 +99,7 @@ def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
 @transaction.atomic
 def recompute_race(*, race: Race) -> int:
     """Work out the standings of all entries of a race anew; returns how many."""
-    entries = list(race.entries.order_by("pk"))
+    entries = lock_entries(race.entries.values_list("pk", flat=True))
     for entry in entries:
         recompute_standing(entry=entry)
     return len(entries)
@@ -136,10 +136,6 @@ def recompute_fastest(*, race: Race) -> None:
     ranked = Entry.objects.filter(race=race, is_baseline=False, withdrawn_at=None, classified=True)
     fastest = ranked.aggregate(**{f"least_{name}": Min(column) for name, column in FASTEST.items()})
     Race.objects.filter(pk=race.pk).update(**{name: fastest[f"least_{name}"] for name in FASTEST})
-
-
-def _locked(entry: Entry) -> Entry:
-    return Entry.objects.select_for_update(of=("self",)).select_related("race").get(pk=entry.pk)
 
 
 def _standing(race: Race, result: Result) -> Standing:
