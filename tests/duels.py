@@ -9,12 +9,13 @@ from typing import Any
 
 from evaluation.models import Evaluation
 from evaluation.pipeline import CarOutcome, EvaluationOutcome
-from evaluation.services import fail_evaluation, finish_evaluation
+from evaluation.services import finish_evaluation
 from faults import PlatformFault
 from league.models import Racer
 from races.models import Duel, DuelState, Entry, Race
 from races.selectors import board
 from races.services import draw_duels, drive_on
+from tests import factories
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_race, a_racer, drive, laps, start
 
@@ -120,9 +121,4 @@ def ranking(race: Race) -> list[str]:
 
 def break_down(duel: Duel, now: datetime) -> None:
     """The evaluation of a heat fails through the platform's fault until it is final."""
-    evaluation = Evaluation.objects.get(duel=duel)
-    while not evaluation.is_final:
-        running = start(evaluation, now)
-        fault = PlatformFault("internal_error")
-        assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
-        evaluation.refresh_from_db()
+    factories.break_down(Evaluation.objects.get(duel=duel), PlatformFault("internal_error"), now)

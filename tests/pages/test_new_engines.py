@@ -6,6 +6,7 @@ from datetime import timedelta
 from io import StringIO
 
 import pytest
+from django.conf import settings
 from django.core.management import CommandError, call_command
 from django.test import Client
 from django.utils import timezone
@@ -105,7 +106,7 @@ def test_operators_see_what_is_driven_again_and_what_stands_in_its_way(race):
     assert f"driven again with {NEW}: 1 of 2 runs done" in doctor()
     failing = pending(race)[1]
     break_down(failing, PlatformFault("internal_error"), timezone.now())
-    assert f"{failing.evaluation} has failed 1 times" in doctor()
+    assert f"{failing.evaluation} has failed {settings.EVALUATION_MAX_ATTEMPTS} times" in doctor()
 
 
 def test_operators_see_that_a_worker_was_left_behind(race, monkeypatch):
