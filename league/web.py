@@ -164,7 +164,7 @@ def _serve(listening: socket.socket, application: str, threads: int, master: int
         status = 1
         _until_told(loaded, listening, threads, stopping)
         status = 0
-    except BaseException:
+    except Exception:  # of the application, of any kind: operators read it in the log, and the master starts another
         logging.getLogger("waitress").exception("a web process failed")
     finally:
         sys.stdout.flush()

@@ -8,6 +8,7 @@ import io
 import json
 import logging
 import uuid
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
@@ -129,14 +130,13 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
     if bots := outcome.course.get("bots"):
         contents[bots_name] = json.dumps(bots, separators=(",", ":")).encode()
     stored: list[str] = []
-    try:
+    with ExitStack() as unless_all:
+        unless_all.callback(delete_files, stored)
         for name, content in contents.items():
             packed = gzip.compress(content, compresslevel=6, mtime=0)
             with storage_at_work():
                 stored.append(store(name, packed))
-    except BaseException:
-        delete_files(stored)
-        raise
+        unless_all.pop_all()
     return RunFiles(stored[: len(traces)], stored[-1] if bots else "")
 
 

@@ -12,13 +12,14 @@ import json
 import logging
 import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack
 from datetime import datetime, timedelta
 from pathlib import Path
 from time import monotonic
 
 from django.apps import apps
 from django.core.files.base import ContentFile
-from django.core.files.storage import default_storage
+from django.core.files.storage import FileSystemStorage, default_storage
 from django.db import transaction
 from django.db.models import Exists, F, FileField, Model, OuterRef, Q
 from django.utils import timezone
@@ -40,12 +41,11 @@ _PIECE = 1 << 20
 
 def store(name: str, content: bytes) -> str:
     """Store a file and note its sum; the name that it got. Raises whatever the storage raises."""
-    stored = default_storage.save(name, ContentFile(content))
-    try:
+    with ExitStack() as unless_noted:
+        stored = default_storage.save(name, ContentFile(content))
+        unless_noted.callback(default_storage.delete, stored)
         _note(stored, hashlib.sha256(content).hexdigest(), len(content))
-    except BaseException:
-        default_storage.delete(stored)
-        raise
+        unless_noted.pop_all()
     return stored
 
 
@@ -174,10 +174,9 @@ def _check(name: str, now: datetime) -> str:
 
 def _is_away(name: str) -> bool:
     """Of a file that is not there: whether its whole folder is not, as that of a disk that is not mounted."""
-    try:
-        return not Path(default_storage.path(name)).parent.is_dir()
-    except NotImplementedError:  # not on a disk of this machine: then it has answered
+    if not isinstance(default_storage, FileSystemStorage):  # it is somewhere else, and has answered
         return False
+    return not Path(default_storage.path(name)).parent.is_dir()
 
 
 def _makes_sense(name: str) -> bool:

@@ -14,6 +14,7 @@ fast and needs what :mod:`.compiled` makes.
 from __future__ import annotations
 
 import ctypes
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -42,7 +43,7 @@ class Strip:
         return (self.last - self.first) << self.doublings
 
 
-class Warp:
+class Warp(ABC):
     """Draws ``strips``, which together are all rows of a frame. Write :attr:`lines`, call :meth:`draw`, read
     :attr:`frame` (uint8 (rows, columns)).
 
@@ -59,9 +60,9 @@ class Warp:
         self.lines = np.zeros((4, sum(strip.lines for strip in strips)), np.int64)
         self.frame = np.zeros((sum(strip.last - strip.first for strip in strips), columns), np.uint8)
 
+    @abstractmethod
     def draw(self) -> None:
         """Fill the frame from the lines."""
-        raise NotImplementedError
 
 
 class NumpyWarp(Warp):
