@@ -1,0 +1,167 @@
+"""A race has one engine: when the site's is another one, its runs are driven again and count together."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+from django.apps import apps
+from django.db import IntegrityError, transaction
+
+from evaluation.line import BACKGROUND
+from evaluation.models import Evaluation, State
+from evaluation.selectors import queue_length
+from evaluation.services import claim_next_evaluation
+from races.models import Entry, Race, Redrive, RedriveState, Retiming, Submission
+from races.selectors import can_see_evaluation, evaluations_visible_to
+from races.selectors.counting import DrivenAgain, driven_again
+from races.services import (
+    enter_race,
+    recompute_race,
+    submit_model,
+    withdraw,
+)
+from races.services.redrives import drive_again, sweep_redrives
+from tests.factories import a_model, a_race, a_racer, drive, finish, laps, start
+from tests.redrives import end, everything, pending, shown
+
+from .site import MINUTE, NEW, OLD, again, fresh
+
+pytestmark = pytest.mark.django_db
+
+
+class TestTheEngineOfARace:
+    def test_the_first_result_names_it_and_a_race_without_results_has_none(self, cast, site, now):
+        race = a_race(now)
+        submission = submit_model(race=race, racer=cast[0], model=a_model(cast[0]), now=now)
+        assert fresh(race).engine == ""
+        site(NEW)
+        assert sweep_redrives(now=now) == 0
+        finish(submission, laps(9_000, 9_000, 9_000), now)
+        assert (fresh(race).engine, fresh(race).next_engine) == (NEW, "")
+        assert shown(race) == [("ann", 9_000)]
+
+    def test_races_of_before_have_that_of_their_results(self, race, now):
+        empty = a_race(now)
+        Race.objects.update(engine="")
+        importlib.import_module("races.migrations.0011_one_engine").name_engines(apps, None)
+        assert (fresh(race).engine, fresh(empty).engine) == (OLD, "")
+
+    def test_on_a_site_with_the_same_engine_nothing_happens(self, race, now):
+        before = everything(race)
+        assert sweep_redrives(now=now) == drive_again(race=race, now=now) == 0
+        assert everything(race) == before and not Redrive.objects.exists()
+
+
+class TestDrivingAgain:
+    def test_each_counted_run_is_queued_once_exactly_as_it_was_frozen(self, upgraded, now):
+        race = upgraded
+        assert sweep_redrives(now=now) == drive_again(race=race, now=now) == 0
+        for one in pending(race):
+            old, new = one.submission.evaluation, one.evaluation
+            for name in ("spec", "model_id", "track_id", "owner_id"):
+                assert getattr(new, name) == getattr(old, name)
+            assert (new.state, new.priority, one.engine) == (State.QUEUED, BACKGROUND, NEW)
+        assert Redrive.objects.count() == 3
+
+    def test_only_one_can_be_under_way_for_a_submission(self, upgraded, now):
+        first, second, _third = pending(upgraded)
+        with pytest.raises(IntegrityError), transaction.atomic():
+            Redrive.objects.filter(pk=second.pk).update(submission=first.submission)
+
+    def test_the_board_stands_until_the_last_and_then_all_count_together(self, upgraded, now):
+        race = upgraded
+        before = everything(race)
+        first, second, third = pending(race)
+        end(third, laps(8_000, 8_000, 8_000), now)
+        end(first, laps(10_500, 10_500, 10_500), now)
+        assert sweep_redrives(now=now) == 0
+        assert everything(race) == [{**before[0], "next_engine": NEW}, *before[1:]]
+        assert driven_again(fresh(race)) == DrivenAgain(NEW, done=2, runs=3)
+        end(second, laps(11_000, 11_000, 11_000), now)
+        sweep_redrives(now=now)
+        assert shown(race) == [("cat", 8_000), ("ann", 10_500), ("bob", 11_000)]
+        done = fresh(race)
+        assert (done.engine, done.next_engine, done.fastest_lap_ms) == (NEW, "", 8_000)
+        assert driven_again(done) is None
+        assert not Redrive.objects.exclude(state=RedriveState.TAKEN).exists()
+        # what was worked out at once is what the runs themselves say
+        stands = everything(race)
+        recompute_race(race=done)
+        assert everything(race) == stands
+
+    def test_the_end_of_the_last_run_lets_them_count_without_a_sweep(self, upgraded, now, commits):
+        again(upgraded, now, 9_000, 9_100, 9_200)
+        assert shown(upgraded) == [("ann", 9_000), ("bob", 9_100), ("cat", 9_200)]
+
+    def test_it_costs_no_submission_and_the_runs_of_before_are_kept(self, upgraded, now):
+        old = set(Submission.objects.values_list("evaluation", flat=True))
+        again(upgraded, now, 9_000, 9_100, 9_200)
+        sweep_redrives(now=now)
+        assert list(Entry.objects.values_list("submission_count", "last_number").distinct()) == [(1, 1)]
+        assert set(Redrive.objects.values_list("replaced", flat=True)) == old
+        assert Evaluation.objects.filter(pk__in=old, result__engine=OLD).count() == 3
+        assert Submission.objects.filter(evaluation__result__engine=NEW, is_void=False).count() == 3
+
+    def test_those_whose_time_changed_are_written_down_with_both_places(self, upgraded, now):
+        again(upgraded, now, 12_500, 11_000, 8_000)
+        sweep_redrives(now=now)
+        rows = Retiming.objects.order_by("entry").values_list(
+            "entry__racer__alias", "old_score_ms", "old_rank", "new_score_ms", "new_rank", "old_engine", "new_engine"
+        )
+        assert list(rows) == [("ann", 10_000, 1, 12_500, 3, OLD, NEW), ("cat", 12_000, 3, 8_000, 1, OLD, NEW)]
+
+    def test_the_best_of_several_cars_may_be_another_one(self, race, cast, site, now):
+        second = drive(race, cast[0], laps(10_200, 10_200, 10_200), now)
+        site(NEW)
+        assert sweep_redrives(now=now) == 4
+        for one in pending(race):
+            slow = one.submission != second and one.submission.entry.racer == cast[0]
+            end(one, laps(*[10_400 if slow else 10_100] * 3), now)
+        sweep_redrives(now=now)
+        assert Entry.objects.get(race=race, racer=cast[0]).best == second
+
+    def test_nobody_waits_for_it_and_it_is_no_turn_of_its_racer(self, upgraded, cast, now):
+        ann, bob, _ = cast
+        assert queue_length() == 0
+        mine = submit_model(race=upgraded, racer=ann, model=a_model(ann), now=now + MINUTE)
+        other = submit_model(race=upgraded, racer=bob, model=a_model(bob), now=now + 2 * MINUTE)
+        start(pending(upgraded)[0].evaluation, now + 3 * MINUTE)
+        order = [claim_next_evaluation(worker="w", now=now + 4 * MINUTE) for _ in range(3)]
+        assert [order[0], order[1]] == [mine.evaluation, other.evaluation]
+        assert order[2].priority == BACKGROUND
+
+    def test_only_operators_see_a_run_before_its_race_has_taken_it(self, upgraded, cast, now):
+        one = pending(upgraded)[0]
+        readers = [(None, False), (cast[0], False), (cast[1], False), (a_racer("admin", is_staff=True), True)]
+        for reader, sees in readers:
+            assert can_see_evaluation(reader, one.evaluation) is sees
+            assert evaluations_visible_to(reader).filter(pk=one.evaluation_id).exists() is sees
+        again(upgraded, now, 9_000, 9_100, 9_200)
+        sweep_redrives(now=now)
+        for reader, _ in readers:
+            assert can_see_evaluation(reader, one.evaluation)
+            assert evaluations_visible_to(reader).filter(pk=one.evaluation_id).exists()
+
+    def test_who_has_withdrawn_is_driven_again_too_and_comes_back_with_the_new_time(self, race, cast, site, now):
+        withdraw(entry=Entry.objects.get(race=race, racer=cast[0]), now=now)
+        site(NEW)
+        assert sweep_redrives(now=now) == 3
+        again(race, now, 9_000, 9_100, 9_200)
+        sweep_redrives(now=now)
+        assert shown(race) == [("bob", 9_100), ("cat", 9_200)]
+        enter_race(race=fresh(race), racer=cast[0], now=now)
+        assert shown(race)[0] == ("ann", 9_000)
+        assert fresh(race).fastest_lap_ms == 9_000
+
+    def test_a_deleted_model_is_driven_again_for_its_result_stands(self, race, site, now):
+        Evaluation.objects.get(owner__alias="ann").model.__class__.objects.update(deleted_at=now)
+        site(NEW)
+        assert sweep_redrives(now=now) == 3
+
+
+def test_a_change_that_changes_nothing_cannot_be_written_down(race, now):
+    entry = Entry.objects.filter(race=race).first()
+    for scores in ({"old_score_ms": 5, "new_score_ms": 5}, {}):
+        with pytest.raises(IntegrityError), transaction.atomic():
+            Retiming.objects.create(entry=entry, at=now, old_engine=OLD, new_engine=NEW, **scores)
