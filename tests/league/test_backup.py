@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import sqlite3
 import subprocess
 import sys
 import threading
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -271,8 +272,10 @@ def test_a_damaged_database_is_not_taken_for_a_backup(race, file, tmp_path, monk
     broken = tmp_path / "broken.sqlite3"
     with databases.snapshot(tmp_path) as moment:
         content = bytearray(moment.path.read_bytes())
-    page = len(content) // 4096 // 2 * 4096
-    content[page : page + 4096 * 8] = bytes(4096 * 8)
+        with closing(sqlite3.connect(moment.path)) as database:
+            (size,) = database.execute("PRAGMA page_size").fetchone()
+            (root,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'races_race'").fetchone()
+    content[(root - 1) * size : root * size] = bytes(size)
     broken.write_bytes(content)
     monkeypatch.setattr(databases, "_sqlite_path", lambda: broken)
     with pytest.raises(PlatformFault) as refused:

@@ -44,11 +44,14 @@ class Web:
         except urllib.error.HTTPError as error:
             return error.code, error.read()
 
-    def raw(self, request: bytes) -> bytes:
-        """The first bytes that come back."""
+    def raw(self, request: bytes, *, whole: bool = False) -> bytes:
+        """The first bytes that come back; the ``whole`` answer where the request asks to close after it."""
         with socket.create_connection(("127.0.0.1", self.port), timeout=20) as connection:
             connection.sendall(request)
-            return connection.recv(65536)
+            if not whole:
+                return connection.recv(65536)
+            with connection.makefile("rb") as answer:
+                return answer.read()
 
     def serving(self) -> set[int]:
         """The processes that serve."""
@@ -149,7 +152,9 @@ def test_a_large_upload_comes_whole(small):
 def test_a_body_in_chunks_comes_whole_and_is_bounded(small):
     with small() as server:
         head = b"POST /api/length HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
-        assert server.raw(head + b"5\r\nhello\r\n0\r\n\r\n").endswith(b"1\r\n5\r\n0\r\n\r\n")
+        closing = head.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+        answer = server.raw(closing + b"5\r\nhello\r\n0\r\n\r\n", whole=True)
+        assert answer.endswith(b"1\r\n5\r\n0\r\n\r\n")
         too_much = b"%X\r\n" % (6 * MEGABYTE) + bytes(6 * MEGABYTE)
         assert server.raw(head + too_much).startswith(b"HTTP/1.1 413")
 
