@@ -164,6 +164,8 @@ CELERY_TASK_SERIALIZER = "json"
 CELERY_ACCEPT_CONTENT = ["json"]
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
 CELERY_TIMEZONE = "UTC"
+# what waits for servers of others has a worker of its own, so that no car waits for them
+CELERY_TASK_ROUTES = {f"league.tasks.{name}": {"queue": "messages"} for name in ("notices", "webhooks", "deliver")}
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
@@ -319,6 +321,7 @@ if EMAIL_CONFIG_URL:
     EMAIL_USE_TLS = _mail.query == "tls=True"
 else:
     EMAIL_BACKEND = "django.core.mail.backends.console.EmailBackend"
+EMAIL_TIMEOUT = 20
 DEFAULT_FROM_EMAIL = env_sender("PADDOCK_FROM_EMAIL", "paddock@localhost")
 
 # --- languages and time --------------------------------------------------------------------------------------------

@@ -8,9 +8,12 @@ from celery import shared_task
 from celery.signals import worker_ready
 from django.utils import timezone
 
+from evaluation.services.bell import send
+
 from .services import close_due_rounds, enter_house_cars
+from .services.deliveries import AT_ONCE, deliver_due, hosts_due
 from .services.notices import send_mails, tell_what_happened
-from .services.webhooks import deliver_due, queue_deliveries
+from .services.webhooks import queue_deliveries
 
 logger = logging.getLogger(__name__)
 
@@ -38,10 +41,18 @@ def notices() -> int:
 
 @shared_task
 def webhooks() -> int:
-    """Tell organisers' programs what has happened. Returns how many deliveries were tried."""
+    """Tell programs and chats what has happened, several hosts at once. Returns how many deliveries this one tried."""
     now = timezone.now()
     queue_deliveries(now=now)
+    if (others := min(hosts_due(now=now), AT_ONCE) - 1) > 0:
+        send(deliver, others)
     return deliver_due(now=now)
+
+
+@shared_task
+def deliver() -> int:
+    """Send what is due beside whoever else does. Returns how many deliveries were tried."""
+    return deliver_due(now=timezone.now())
 
 
 @worker_ready.connect

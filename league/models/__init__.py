@@ -6,7 +6,7 @@ from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
 from .rating import DuelRating
 from .record import RecordedRace, RecordedResult, RecordedSeason
 from .season import Round, Season, Stage, StageRules, default_points
-from .webhook import Webhook, WebhookDelivery
+from .webhook import Webhook, WebhookDelivery, WebhookHost
 
 __all__ = [
     "ALIAS_PATTERN",
@@ -34,5 +34,6 @@ __all__ = [
     "StewardDecision",
     "Webhook",
     "WebhookDelivery",
+    "WebhookHost",
     "default_points",
 ]

@@ -19,7 +19,8 @@ def new_secret() -> str:
 class Webhook(models.Model):
     """An address that is told what happens to its owner and in races that they organise, or in one ``race`` only.
 
-    ``events``: the names (:data:`league.happenings.EVENTS`) that it is told; empty for all. For a day after a new
+    ``events``: the names (:data:`league.happenings.EVENTS`) that it is told; empty for all. ``host``: of the address,
+    as :class:`WebhookHost` has it. For a day after a new
     secret was made the ``old_secret`` signs as well.
     """
 
@@ -28,6 +29,7 @@ class Webhook(models.Model):
         "races.Race", models.CASCADE, null=True, blank=True, related_name="webhooks", verbose_name=_("race")
     )
     url = models.URLField(_("address"), max_length=500)
+    host = models.CharField(_("host"), max_length=255, db_default="", default="", blank=True, editable=False)
     events = models.JSONField(_("events"), default=list, blank=True)
     secret = models.CharField(_("secret"), max_length=40, default=new_secret, editable=False)
     old_secret = models.CharField(_("secret before"), max_length=40, blank=True, editable=False)
@@ -47,6 +49,22 @@ class Webhook(models.Model):
 
     def __str__(self) -> str:
         return self.url
+
+
+class WebhookHost(models.Model):
+    """A host that webhooks lead to. One delivery at a time goes to it, and none before ``free_at``: while one is on its
+    way, and for a pause that grows with the ``failures`` in a row to reach it."""
+
+    host = models.CharField(_("host"), max_length=255, primary_key=True)
+    failures = models.PositiveSmallIntegerField(_("failures in a row"), default=0)
+    free_at = models.DateTimeField(_("free at"))
+
+    class Meta:
+        verbose_name = _("host of webhooks")
+        verbose_name_plural = _("hosts of webhooks")
+
+    def __str__(self) -> str:
+        return self.host
 
 
 class WebhookDelivery(models.Model):

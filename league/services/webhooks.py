@@ -1,21 +1,14 @@
-"""Telling programs of racers and organisers what happened: signed, once, tried again for a while."""
+"""What programs of racers and organisers are to be told: whom, of what, each thing once."""
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-import http.client
 import json
-import logging
-import socket
-import ssl
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from django.conf import settings
 from django.core.cache import cache
 from django.db import transaction
-from django.db.models import F
 from django.utils import translation
 
 from evaluation.services.bell import send
@@ -26,26 +19,13 @@ from .. import chats, outgoing
 from ..happenings import EVENTS, TEST, Happening, happenings
 from ..models import Racer, Webhook, WebhookDelivery
 from ..models.webhook import new_secret
-from ..signing import signed_headers
 from .notices import choice_of
 
-logger = logging.getLogger(__name__)
 REACH = timedelta(days=3)
 KEPT = timedelta(days=30)
 PER_RACER = 10
-TRIES = 6  # after 1, 4, 16, 64 and 256 minutes: given up after less than six hours
-LEASE = timedelta(minutes=5)
-AT_A_TIME = 20
 OLD_SECRET = timedelta(days=1)  # for so long the secret before signs as well
 TESTS_AN_HOUR, AN_HOUR_S = 10, 3600
-# what went wrong on the way, the first that fits; the page has a sentence for each
-_ERRORS = (
-    (socket.gaierror, "no_such_name"),
-    (ConnectionRefusedError, "refused"),
-    (TimeoutError, "too_slow"),
-    (ssl.SSLError, "no_tls"),
-    (http.client.HTTPException, "no_http"),
-)
 
 
 @transaction.atomic
@@ -63,7 +43,8 @@ def add_webhook(*, owner: Racer, url: str, race: Race | None = None, events: Seq
     if race is not None and not _may_hear_of(owner, race):
         raise UserFault("race_not_yours")
     named = [event for event in EVENTS if event in events]
-    hook = Webhook(owner=owner, url=url, race=race, events=[] if len(named) == len(EVENTS) else named)
+    host = outgoing.host_of(url)
+    hook = Webhook(owner=owner, url=url, host=host, race=race, events=[] if len(named) == len(EVENTS) else named)
     hook.save(force_insert=True)
     return hook
 
@@ -106,6 +87,8 @@ def queue_deliveries(*, now: datetime) -> int:
     queued = WebhookDelivery.objects.filter(at=now)  # not all there are, which grow
     before = queued.count()
     for hook in Webhook.objects.select_related("owner", "race").filter(owner__is_active=True):
+        if not hook.host:  # made by a version that knew no hosts
+            Webhook.objects.filter(pk=hook.pk).update(host=outgoing.host_of(hook.url))
         since = max(now - REACH, hook.created_at)
         rows = [_delivery(hook, one, now) for one in happenings(hook, since, now)]
         WebhookDelivery.objects.bulk_create(rows, ignore_conflicts=True)
@@ -114,26 +97,10 @@ def queue_deliveries(*, now: datetime) -> int:
     return count
 
 
-def deliver_due(*, now: datetime) -> int:
-    """Send what is due, at most twenty; returns how many were taken. Whoever claims a delivery sends it alone."""
-    due = WebhookDelivery.objects.filter(state="due", next_at__lte=now).order_by("next_at", "pk")
-    taken = 0
-    for pk in list(due.values_list("pk", flat=True)[:AT_A_TIME]):
-        claim = WebhookDelivery.objects.filter(pk=pk, state="due", next_at__lte=now)
-        if claim.update(next_at=now + LEASE, tries=F("tries") + 1):
-            taken += _deliver(WebhookDelivery.objects.select_related("webhook").get(pk=pk), now)
-    return taken
-
-
 def secrets_of(hook: Webhook, now: datetime) -> list[str]:
     """What signs at ``now``: the secret, and for a day after it was changed the one before."""
     keeps_old = hook.old_secret_until is not None and now < hook.old_secret_until
     return [hook.secret, hook.old_secret] if keeps_old else [hook.secret]
-
-
-def signature(secret: str, body: bytes) -> str:
-    """HMAC-SHA256 of a body as it stands in the header X-Paddock-Signature, for programs that were written for it."""
-    return "sha256=" + hmac.new(secret.encode(), body, hashlib.sha256).hexdigest()
 
 
 def _may_hear_of(racer: Racer, race: Race) -> bool:
@@ -151,42 +118,6 @@ def _delivery(hook: Webhook, one: Happening, now: datetime) -> WebhookDelivery:
         with translation.override(choice_of(hook.owner).language):
             body = chats.message(chat, one.words(), f"{settings.SITE_URL}{one.path}").decode()
     return WebhookDelivery(webhook=hook, event=one.event, about=one.about, at=now, next_at=now, body=body)
-
-
-def _headers(delivery: WebhookDelivery, body: bytes, now: datetime) -> dict[str, str]:
-    hook = delivery.webhook
-    headers = {"Content-Type": "application/json", "User-Agent": "Paddock"}
-    if chats.chat_of(hook.url):
-        return headers  # a chat checks nothing
-    secrets = secrets_of(hook, now)
-    return {
-        **headers,
-        **signed_headers(secrets=secrets, message=f"msg_{delivery.pk}", now=now, body=body),
-        "X-Paddock-Event": delivery.event,
-        "X-Paddock-Delivery": str(delivery.pk),
-        "X-Paddock-Signature": signature(hook.secret, body),
-    }
-
-
-def _deliver(delivery: WebhookDelivery, now: datetime) -> bool:
-    body = delivery.body.encode()
-    headers = _headers(delivery, body, now)
-    status, error = None, ""
-    try:
-        status = outgoing.post(delivery.webhook.url, body, headers, allow_private=settings.WEBHOOKS_PRIVATE)
-    except UserFault as fault:
-        error = fault.code
-    except (OSError, http.client.HTTPException) as fault:
-        error = next((code for kind, code in _ERRORS if isinstance(fault, kind)), "no_connection")
-    if status is not None and 200 <= status < 300:
-        delivery.state = "sent"
-    else:
-        given_up = delivery.tries >= TRIES or delivery.event == TEST
-        delivery.state = "failed" if given_up else "due"
-        delivery.next_at = now + timedelta(minutes=4 ** (delivery.tries - 1))
-    delivery.status, delivery.error = status, error
-    delivery.save(update_fields=["state", "next_at", "status", "error"])
-    return True
 
 
 def _count_test(owner: int) -> None:

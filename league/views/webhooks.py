@@ -46,6 +46,7 @@ FAILED_FOR = {
     "no_tls": gettext_lazy("the certificate is not valid"),
     "no_http": gettext_lazy("the answer was not HTTP"),
     "no_connection": gettext_lazy("no connection"),
+    "host_away": gettext_lazy("the host could not be reached for half a day"),
 }
 
 

@@ -127,6 +127,7 @@ class FirstStart:
     evaluation: str  # one that has finished
     doctor: subprocess.CompletedProcess
     heartbeats: list[tuple]  # of the worker for evaluations: whether it was up, before the stop and after it
+    messengers: list[tuple]  # who takes what waits for others' servers: how many, and in how many processes and threads
     status: int
     said: str
 
@@ -142,6 +143,7 @@ def first_start(tmp_path_factory, new_data) -> FirstStart:
         doctor = manage(data, "doctor")
         beat = "select stopped_at is null from evaluation_workernode where queues like '%celery%'"
         alive = rows(data, beat)
+        messengers = "select count(*), sum(processes) from evaluation_workernode where queues = '[\"messages\"]'"
         status = run.stop(signal.SIGINT)
     return FirstStart(
         data,
@@ -151,6 +153,7 @@ def first_start(tmp_path_factory, new_data) -> FirstStart:
         *rows(data, finished)[0],
         doctor,
         alive + rows(data, beat),
+        rows(data, messengers),
         status,
         run.said,
     )
@@ -169,6 +172,7 @@ def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_
     assert "bundled Valkey answers" in first_start.doctor.stdout
     assert "exact: 3 of 3" in first_start.doctor.stdout
     assert first_start.heartbeats == [(True,), (False,)], "its worker wrote that it was up, and that it was shut down"
+    assert first_start.messengers == [(1, 8)]
     assert first_start.status == 130
     assert "Traceback" not in first_start.said
     assert (first_start.data / "secret-key").stat().st_mode & 0o077 == 0

@@ -10,8 +10,9 @@ from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from league.models import Racer
+from league.services.deliveries import deliver_due
 from league.services.notices import send_mails, tell_what_happened
-from league.services.webhooks import add_webhook, deliver_due, queue_deliveries
+from league.services.webhooks import add_webhook, queue_deliveries
 from races.services import cancel_race
 from tests.factories import a_race, drive, laps
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 from datetime import timedelta
 
 import pytest
@@ -13,76 +12,16 @@ from django.test import Client
 from django.utils import timezone
 
 from faults import UserFault
-from league import outgoing, tasks
+from league import tasks
 from league.happenings import EVENTS
 from league.models import Stage, Webhook, WebhookDelivery
 from league.services import close_round
-from league.services.webhooks import (
-    PER_RACER,
-    TESTS_AN_HOUR,
-    TRIES,
-    add_webhook,
-    deliver_due,
-    queue_deliveries,
-    send_test,
-    signature,
-)
+from league.services.deliveries import TRIES, deliver_due, signature
+from league.services.webhooks import PER_RACER, TESTS_AN_HOUR, add_webhook, queue_deliveries, send_test
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import HOUR, a_round, a_season, after
 
 pytestmark = pytest.mark.django_db
-
-PRIVATE = (
-    *("127.0.0.1", "127.8.8.8", "0.0.0.0", "10.1.2.3", "172.16.0.1", "192.168.1.1", "169.254.169.254", "100.64.0.1"),
-    *("224.0.0.1", "255.255.255.255", "::1", "::", "fe80::1%eth0", "fc00::1", "ff02::1", "::ffff:127.0.0.1"),
-    *("::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::", "2001:db8::1"),
-    *("fec0::1", "::127.0.0.1", "::ffff:0:7f00:1", "64:ff9b:1::7f00:1", "2001:0:7f00:1::", "192.0.0.1", "240.0.0.1"),
-)
-
-
-class TestAddresses:
-    @pytest.mark.parametrize("address", PRIVATE)
-    def test_a_private_address_is_not_public(self, address):
-        assert not outgoing.is_public(address)
-
-    @pytest.mark.parametrize("address", ["8.8.8.8", "2606:4700:4700::1111"])
-    def test_a_public_one_is(self, address):
-        assert outgoing.is_public(address)
-
-    @pytest.mark.parametrize(
-        "url",
-        ["ftp://example.org/", "http://", "http://user:word@example.org/", "file:///etc/passwd", "http://x:99999/"],
-    )
-    def test_what_is_no_web_address_is_refused(self, url):
-        with pytest.raises(UserFault) as refused:
-            outgoing.checked(url)
-        assert refused.value.code == "webhook_address"
-
-    def test_a_name_that_leads_home_is_refused_and_nothing_is_connected(self, listener, monkeypatch):
-        def resolve(host: str, port: int, **kwargs: object) -> list:
-            return [(0, 0, 0, "", (address, port)) for address in ("8.8.8.8", "127.0.0.1")]
-
-        monkeypatch.setattr(socket, "getaddrinfo", resolve)
-        with pytest.raises(UserFault) as refused:
-            outgoing.post(f"http://innocent.example:{listener.server.server_port}/", b"", {})
-        assert refused.value.code == "webhook_private" and not listener.heard
-
-    def test_the_connection_goes_to_the_address_that_was_looked_at(self, monkeypatch):
-        asked, connected = [], []
-
-        def resolve(host: str, port: int, **kwargs: object) -> list:
-            asked.append(host)
-            return [(0, 0, 0, "", ("8.8.8.8", port))]
-
-        def connect(address: tuple, timeout: float) -> None:
-            connected.append(address)
-            raise OSError("stop here")
-
-        monkeypatch.setattr(socket, "getaddrinfo", resolve)
-        monkeypatch.setattr(socket, "create_connection", connect)
-        with pytest.raises(OSError, match="stop here"):
-            outgoing.post("https://hook.example/path", b"", {})
-        assert asked == ["hook.example"] and connected == [("8.8.8.8", 443)]
 
 
 class TestDeliveries:

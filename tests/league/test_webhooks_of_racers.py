@@ -17,7 +17,8 @@ from league import chats
 from league.happenings import EVENTS, LABELS, WORDS
 from league.models import ChampionshipPlace, FinalePlace, Membership, NoticeChoice, Stage, Webhook, WebhookDelivery
 from league.services import close_round
-from league.services.webhooks import add_webhook, change_secret, deliver_due, queue_deliveries, send_test
+from league.services.deliveries import deliver_due
+from league.services.webhooks import add_webhook, change_secret, queue_deliveries, send_test
 from league.signing import shown
 from races.services import submit_model
 from tests.docs.pages import code_blocks, text

@@ -79,6 +79,8 @@ class Command(BaseCommand):
 
 def _programs(host: str, port: int) -> dict[str, list[str]]:
     """What is to run, by the name that stands before its lines."""
+    from league.services.deliveries import AT_ONCE
+
     celery = [sys.executable, "-m", "celery", "--quiet", "--app", "league"]
     programs = {
         "web": [
@@ -90,6 +92,11 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
         ],
         **_trainer(celery),
         **_filmer(celery),
+        # threads: it waits for other people's servers, and an idle one costs a single process
+        "messenger": [
+            *(*celery, "worker", "--pool", "threads", "--concurrency", str(AT_ONCE)),
+            *("--without-gossip", "--without-mingle", "--queues", "messages", "--hostname", "messenger@%h"),
+        ],
         "beat": [
             *(*celery, "beat", "--pidfile", ""),
             *("--schedule", str(settings.DATA_DIR / "celerybeat-schedule")),

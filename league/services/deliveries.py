@@ -1,0 +1,151 @@
+"""Sending what webhooks are to be told: signed, one at a time to a host, tried again for a while.
+
+A host that cannot be reached or does not answer in time is left alone for a pause that grows; what waits for it loses
+no tries by that. What a host answers is no reason to leave it alone: many programs may live there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import http.client
+import socket
+import ssl
+from datetime import datetime, timedelta
+from time import monotonic
+
+from django.conf import settings
+from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Subquery, Value, When
+from django.db.models.functions import Coalesce
+
+from faults import UserFault
+
+from .. import chats, outgoing
+from ..happenings import TEST
+from ..models import WebhookDelivery, WebhookHost
+from ..signing import signed_headers
+from .webhooks import secrets_of
+
+TRIES = 6  # after 1, 4, 16, 64 and 256 minutes: given up after less than six hours
+LEASE = timedelta(minutes=5)
+HOST_LEASE = timedelta(seconds=30)  # longer than any delivery takes
+LONGEST_PAUSE = timedelta(minutes=64)
+GIVEN_UP_AFTER = timedelta(hours=12)  # what waited for so long for a host that is away
+AT_A_TIME, TURN_S = 20, 60.0
+AT_ONCE = 8
+# what went wrong on the way, the first that fits; the page has a sentence for each
+_ERRORS = (
+    (socket.gaierror, "no_such_name"),
+    (ConnectionRefusedError, "refused"),
+    (TimeoutError, "too_slow"),
+    (ssl.SSLError, "no_tls"),
+    (http.client.HTTPException, "no_http"),
+)
+
+
+def deliver_due(*, now: datetime) -> int:
+    """Send what is due, at most twenty and for about a minute; returns how many were taken.
+
+    Whoever claims a delivery sends it alone, and alone to its host.
+    """
+    give_up_late(now=now)
+    until, taken = monotonic() + TURN_S, 0
+    while taken < AT_A_TIME and monotonic() < until and (delivery := _claim(now)) is not None:
+        _deliver(delivery, now)
+        taken += 1
+    return taken
+
+
+def hosts_due(*, now: datetime) -> int:
+    """To how many hosts something may be sent now: so many deliveries can go at once."""
+    return _due(now).order_by().values("webhook__host").distinct().count()
+
+
+def give_up_late(*, now: datetime) -> int:
+    """Give up what has waited for half a day for a host that cannot be reached. Returns how many."""
+    away = WebhookHost.objects.filter(host=OuterRef("webhook__host"), failures__gt=0)
+    late = WebhookDelivery.objects.filter(Exists(away), state="due", at__lt=now - GIVEN_UP_AFTER)
+    error = Case(When(error="", status=None, then=Value("host_away")), default=F("error"))
+    return WebhookDelivery.objects.filter(pk__in=list(late.values_list("pk", flat=True))).update(
+        state="failed", error=error
+    )
+
+
+def signature(secret: str, body: bytes) -> str:
+    """HMAC-SHA256 of a body as it stands in the header X-Paddock-Signature, for programs that were written for it."""
+    return "sha256=" + hmac.new(secret.encode(), body, hashlib.sha256).hexdigest()
+
+
+def _due(now: datetime) -> QuerySet[WebhookDelivery]:
+    """What may be sent: to hosts that answered last before those that did not. A test waits for no pause: its owner
+    asks whether the host is back."""
+    host = WebhookHost.objects.filter(host=OuterRef("webhook__host"))
+    due = WebhookDelivery.objects.filter(state="due", next_at__lte=now)
+    free = due.filter(Q(event=TEST) | ~Exists(host.filter(free_at__gt=now)))
+    return free.order_by(Coalesce(Subquery(host.values("failures")), 0), "next_at", "pk")
+
+
+def _claim(now: datetime) -> WebhookDelivery | None:
+    """A delivery that nobody else sends, and whose host is the caller's until it is freed; None when there is none."""
+    for pk, event, host in list(_due(now).values_list("pk", "event", "webhook__host")[:AT_A_TIME]):
+        WebhookHost.objects.get_or_create(host=host, defaults={"free_at": now})
+        free = WebhookHost.objects.filter(host=host, free_at__lte=now)
+        if not free.update(free_at=now + HOST_LEASE) and event != TEST:
+            continue
+        claim = WebhookDelivery.objects.filter(pk=pk, state="due", next_at__lte=now)
+        if claim.update(next_at=now + LEASE, tries=F("tries") + 1):
+            return WebhookDelivery.objects.select_related("webhook").get(pk=pk)
+        WebhookHost.objects.filter(host=host, free_at=now + HOST_LEASE).update(free_at=now)
+    return None
+
+
+def _deliver(delivery: WebhookDelivery, now: datetime) -> None:
+    body = delivery.body.encode()
+    headers = _headers(delivery, body, now)
+    status, error = None, ""
+    try:
+        status = outgoing.post(delivery.webhook.url, body, headers, allow_private=settings.WEBHOOKS_PRIVATE)
+    except UserFault as fault:
+        error = fault.code
+    except (OSError, http.client.HTTPException) as fault:
+        error = next((code for kind, code in _ERRORS if isinstance(fault, kind)), "no_connection")
+    _free(delivery.webhook.host, now, reached=status is not None)
+    if status is not None and 200 <= status < 300:
+        delivery.state = "sent"
+    else:
+        given_up = delivery.tries >= TRIES or delivery.event == TEST
+        delivery.state = "failed" if given_up else "due"
+        delivery.next_at = now + _pause(delivery.tries)
+    delivery.status, delivery.error = status, error
+    delivery.save(update_fields=["state", "next_at", "status", "error"])
+
+
+def _free(name: str, now: datetime, *, reached: bool) -> None:
+    """Let the next delivery to a host go: at once when it answered, otherwise after a pause."""
+    row = WebhookHost.objects.filter(host=name)
+    if reached:
+        row.update(failures=0, free_at=now)
+        return
+    row.update(failures=F("failures") + 1)
+    failures = row.values_list("failures", flat=True).first() or 1
+    row.update(free_at=now + min(_pause(failures), LONGEST_PAUSE))
+
+
+def _pause(tries: int) -> timedelta:
+    """After how many tries in vain the next one comes when: 1, 4, 16, 64 minutes and so on."""
+    return timedelta(minutes=4 ** (min(tries, 9) - 1))
+
+
+def _headers(delivery: WebhookDelivery, body: bytes, now: datetime) -> dict[str, str]:
+    hook = delivery.webhook
+    headers = {"Content-Type": "application/json", "User-Agent": "Paddock"}
+    if chats.chat_of(hook.url):
+        return headers  # a chat checks nothing
+    secrets = secrets_of(hook, now)
+    return {
+        **headers,
+        **signed_headers(secrets=secrets, message=f"msg_{delivery.pk}", now=now, body=body),
+        "X-Paddock-Event": delivery.event,
+        "X-Paddock-Delivery": str(delivery.pk),
+        "X-Paddock-Signature": signature(hook.secret, body),
+    }

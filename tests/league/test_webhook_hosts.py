@@ -1,0 +1,154 @@
+"""Deliveries and the hosts that they go to: whoever is away or drips keeps nobody else waiting."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.conf import settings as configured
+
+from league import outgoing, tasks
+from league.celery import app
+from league.models import Webhook, WebhookDelivery, WebhookHost
+from league.services import deliveries
+from league.services.deliveries import GIVEN_UP_AFTER, LONGEST_PAUSE, deliver_due, hosts_due
+from league.services.webhooks import add_webhook, queue_deliveries, send_test
+
+pytestmark = pytest.mark.django_db
+MINUTE = timedelta(minutes=1)
+
+
+class Net:
+    """What hosts do: those in ``away`` cannot be reached. ``met``: who was tried, in order."""
+
+    def __init__(self) -> None:
+        self.away: set[str] = set()
+        self.met: list[str] = []
+
+    def post(self, url: str, body: bytes, headers: object, **kwargs: object) -> int:
+        host = outgoing.host_of(url)
+        self.met.append(host)
+        if host in self.away:
+            raise TimeoutError
+        return 204
+
+
+@pytest.fixture
+def net(monkeypatch) -> Net:
+    made = Net()
+    monkeypatch.setattr(deliveries.outgoing, "post", made.post)
+    return made
+
+
+@pytest.fixture
+def drips(alice, net) -> Webhook:
+    net.away.add("drips.example")
+    return add_webhook(owner=alice, url="https://Drips.example/a")
+
+
+def told(hook: Webhook, now, many: int = 1) -> list[WebhookDelivery]:
+    return [
+        WebhookDelivery.objects.create(
+            webhook=hook, event="run.finished", about=f"{hook.pk}-{number}", at=now, next_at=now, body="{}"
+        )
+        for number in range(many)
+    ]
+
+
+def test_what_waits_for_others_servers_has_a_queue_of_its_own_and_runs_of_cars_do_not():
+    queues = {name: app.amqp.router.route({}, name)["queue"].name for name in app.tasks if name.startswith("league.")}
+    assert {name for name, queue in queues.items() if queue == "messages"} == {
+        *("league.tasks.notices", "league.tasks.webhooks", "league.tasks.deliver")
+    }
+    assert app.amqp.router.route({}, "evaluation.tasks.work")["queue"].name == "celery"
+    assert configured.EMAIL_TIMEOUT
+
+
+def test_of_ten_deliveries_to_a_host_that_drips_one_is_tried_and_another_host_is_told_all(drips, bob, net, now):
+    told(drips, now, 10)
+    told(add_webhook(owner=bob, url="https://well.example/"), now, 10)
+    assert deliver_due(now=now) == 11
+    assert net.met.count("drips.example") == 1 and net.met.count("well.example") == 10
+    assert set(WebhookDelivery.objects.filter(webhook=drips).values_list("tries", flat=True)) == {0, 1}
+
+
+def test_a_hosts_pause_grows_and_what_waits_for_it_loses_no_tries(drips, net, now):
+    waiting = told(drips, now, 3)
+    moment, pauses = now, []
+    for _ in range(5):
+        assert deliver_due(now=moment) == 1
+        free = WebhookHost.objects.get().free_at
+        pauses.append((free - moment) // MINUTE)
+        assert deliver_due(now=free - timedelta(seconds=1)) == 0
+        moment = free
+    assert pauses == [1, 4, 16, 64, LONGEST_PAUSE // MINUTE]
+    net.away.clear()
+    assert deliver_due(now=moment) == 3, "the first that gets through sets the others free"
+    assert {WebhookDelivery.objects.get(pk=one.pk).state for one in waiting} == {"sent"}
+    assert WebhookHost.objects.get().failures == 0
+
+
+def test_a_host_that_answered_goes_before_one_that_did_not(drips, bob, net, now):
+    told(drips, now, 2)
+    deliver_due(now=now)
+    told(add_webhook(owner=bob, url="https://well.example/"), now + 2 * MINUTE)
+    deliver_due(now=now + 2 * MINUTE)
+    assert net.met == ["drips.example", "well.example", "drips.example"]
+
+
+def test_an_answer_that_is_no_success_pauses_nobody_else_at_that_host(alice, bob, net, now, monkeypatch):
+    one = add_webhook(owner=alice, url="https://shared.example/gone")
+    other = add_webhook(owner=bob, url="https://shared.example/fine")
+    monkeypatch.setattr(deliveries.outgoing, "post", lambda url, *rest, **kwargs: 404 if "gone" in url else 204)
+    told(one, now), told(other, now)
+    assert deliver_due(now=now) == 2
+    assert dict(WebhookDelivery.objects.values_list("webhook", "state")) == {one.pk: "due", other.pk: "sent"}
+
+
+def test_one_at_a_time_goes_to_a_host(drips, net, now, monkeypatch):
+    told(drips, now, 2)
+    beside = []
+    monkeypatch.setattr(deliveries.outgoing, "post", lambda *args, **kwargs: beside.append(deliver_due(now=now)) or 204)
+    assert deliver_due(now=now) == 2 and beside == [0, 0]
+
+
+def test_what_waited_half_a_day_for_a_host_that_is_away_is_given_up_and_nothing_else(drips, bob, net, now):
+    told(drips, now, 2)
+    (late,) = told(add_webhook(owner=bob, url="https://well.example/"), now)
+    WebhookDelivery.objects.filter(pk=late.pk).update(next_at=now + GIVEN_UP_AFTER)  # we were away ourselves
+    deliver_due(now=now)
+    deliver_due(now=now + GIVEN_UP_AFTER + MINUTE)
+    rows = WebhookDelivery.objects.filter(webhook=drips)
+    assert set(rows.values_list("state", "error")) == {("failed", "too_slow"), ("failed", "host_away")}
+    late.refresh_from_db()
+    assert late.state == "sent"
+
+
+def test_a_test_waits_for_no_pause_and_ends_it_when_the_host_is_back(drips, net, now):
+    told(drips, now)
+    deliver_due(now=now)
+    net.away.clear()
+    test = send_test(webhook=drips, now=now)
+    assert deliver_due(now=now) == 1
+    test.refresh_from_db()
+    assert test.state == "sent" and WebhookHost.objects.get().free_at == now
+
+
+def test_as_many_senders_are_rung_for_as_hosts_are_due(drips, bob, net, monkeypatch, now):
+    rings = []
+    monkeypatch.setattr(tasks, "send", lambda task, times: rings.append((task.name, times)))
+    monkeypatch.setattr(tasks.timezone, "now", lambda: now)
+    told(drips, now, 3)
+    tasks.webhooks()
+    assert rings == [], "one host, one sender"
+    for name in ("a", "b"):
+        told(add_webhook(owner=bob, url=f"https://{name}.example/"), now)
+    assert hosts_due(now=now) == 2
+    tasks.webhooks()
+    assert rings == [("league.tasks.deliver", 1)]
+
+
+def test_a_webhook_from_before_there_were_hosts_gets_its_own(drips, now):
+    Webhook.objects.update(host="")
+    queue_deliveries(now=now)
+    assert Webhook.objects.get().host == "drips.example"
