@@ -44,6 +44,12 @@ _CODE = tuple(name for name in ("evaluation", "faults", "tracks", "training") if
 _PIPE_SIZE = 1024 * 1024
 _GRACE_S = 5.0
 _PR_SET_CHILD_SUBREAPER = 36
+# A locked process can send no signal, not even to itself, and no fault of its own ends in one of these: somebody
+# outside of the wall did it, or a host that is short of memory. (SIGKILL also follows on RLIMIT_CPU, a second after
+# SIGXCPU: who sets that limit low looks at the seconds, too.)
+FROM_OUTSIDE = frozenset(
+    -number for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
+)
 
 
 class SandboxedProcess:
@@ -75,6 +81,7 @@ class SandboxedProcess:
         self._stderr: int | None = stderr
         self._stderr_text = b""
         self._info = info
+        self._is_watched = info is not None
         self._uid = uid
         self._inner: int | None = None if info is not None else popen.pid
         self._first: int | None = None
@@ -115,7 +122,8 @@ class SandboxedProcess:
         return self._first_fd
 
     def poll(self) -> int | None:
-        """The exit status if it is over: >= 0 what it returned, < 0 the signal that killed it."""
+        """The exit status if it is over: >= 0 what it returned, < 0 the signal that killed it, by the kernel's word.
+        Those in :data:`FROM_OUTSIDE` are never its own doing."""
         return self.wait(0)
 
     def wait(self, timeout: float | None = None) -> int | None:
@@ -221,8 +229,8 @@ class SandboxedProcess:
                 os.waitid(os.P_PIDFD, first, os.WEXITED | os.WNOHANG)
 
     def _end(self, code: int) -> None:
-        # bubblewrap reports a signal as 128 + number, as shells do.
-        self._status = 128 - code if code > 128 else code
+        # bubblewrap reports a signal as 128 + number, as shells do; no locked process can end with such a status itself
+        self._status = 128 - code if self._is_watched and code > 128 else code
         if self._status == -signal.SIGXCPU:
             self.cpu_s = max(self.cpu_s, self.limits.cpu_s)
         self._popen.returncode = self._status

@@ -16,7 +16,7 @@ import os
 # What Python, numpy, OpenCV, Bullet and onnxruntime need to compute and to use pipes that are already open.
 _COMPUTE = (
     *("read", "readv", "write", "writev", "close", "poll", "ppoll", "select", "pselect6", "lseek", "fstat"),
-    *("munmap", "mremap", "madvise", "brk", "membarrier", "getrandom", "exit", "exit_group"),
+    *("munmap", "mremap", "madvise", "brk", "membarrier", "getrandom"),
     *("futex", "futex_waitv", "set_robust_list", "rseq", "restart_syscall"),
     *("sched_yield", "sched_getaffinity", "getcpu", "uname", "sysinfo", "getrusage", "times", "getrlimit"),
     *("rt_sigaction", "rt_sigprocmask", "rt_sigreturn", "rt_sigtimedwait", "sigaltstack"),
@@ -28,6 +28,8 @@ _COMPUTE = (
 _ABSENT = ("clone3",)
 
 _PROT_EXEC = 4
+# Above it a status would be taken for the signal that it imitates: bubblewrap says 128 + the signal's number.
+_GREATEST_STATUS = 127
 _F_GETFD, _F_GETFL, _F_SETFL = 1, 3, 4
 
 _SECCOMP_SET_MODE_FILTER = 1
@@ -47,6 +49,9 @@ def build() -> bytes:
     rules = scmp.SyscallFilter(scmp.ERRNO(errno.EPERM))
     for name in _COMPUTE:
         _allow(scmp, rules, name)
+    for name in ("exit", "exit_group"):
+        _allow(scmp, rules, name, scmp.Arg(0, scmp.LE, _GREATEST_STATUS))
+        _add(scmp, rules, scmp.KILL_PROCESS, name, scmp.Arg(0, scmp.GT, _GREATEST_STATUS))
     not_executable = scmp.Arg(2, scmp.MASKED_EQ, _PROT_EXEC, 0)
     _allow(scmp, rules, "mmap", not_executable)
     _allow(scmp, rules, "mprotect", not_executable)

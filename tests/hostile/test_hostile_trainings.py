@@ -54,10 +54,14 @@ CASES = (
     "reward_raised/kills_everybody",
     "reward_prints_too_much/a_gigabyte_in_lines",
     "reward_stuck/ends_the_process",
+    "reward_stuck/exits_as_if_killed",
+    "reward_stuck/exits_with_200",
+    "reward_stuck/exits_as_if_not_locked",
     "reward_stuck/aborts",
     "reward_stuck/reads_where_nothing_is",
     "reward_stuck/waits_for_ever",
     "reward_too_slow/endless_inside_of_python",
+    "reward_too_slow/endless_when_an_object_ends",
 )
 # The same function in other words: what the trainer's process can tell of it.
 OTHERWISE = {"reward_too_slow/endless_inside_of_python": "reward_stuck"}
@@ -143,6 +147,39 @@ def reward_function(params):
     if trainer:
         end = {"done": "clean_laps", "steps": 1, "seconds": 0.1}
         modules["evaluation.sandbox.frames"].write_message(found("Training")._out, end, [b"PK"])
+    return 1.0
+""",
+    ),
+    "leaves more than its network weighs": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        modules["training.trainer.learners"].Learner.to_zip = lambda self: bytes(100_000_000)
+    return 1.0
+""",
+    ),
+    "sends nothing but checkpoints": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        out, said = found("Training")._out, {"checkpoint": {"iteration": 0, "steps": 1, "seconds": 0.1}}
+        while True:
+            modules["evaluation.sandbox.frames"].write_message(out, said, [b"state"])
+            modules["time"].sleep(5)
+    return 1.0
+""",
+    ),
+    "says that it lives, and nothing else": (
+        "reward_stuck",
+        """
+def reward_function(params):
+    if trainer:
+        out, said = found("Training")._out, {"alive": {"steps": 1, "seconds": 0.1}}
+        while True:
+            modules["evaluation.sandbox.frames"].write_message(out, said)
+            modules["time"].sleep(0.5)
     return 1.0
 """,
     ),
@@ -242,10 +279,11 @@ def test_what_happens_in_training_only_is_the_functions_fault(case: str, monkeyp
     """Never ours: our faults are tried again, and cost no minutes."""
     monkeypatch.setattr(client, "_SILENCE_S", 15.0)
     monkeypatch.setattr(client, "_MESSAGE_S", 5.0)
+    monkeypatch.setattr(client, "_FINISH_S", 4.0)
     code, text = IN_TRAINING_ONLY[case][0], REACH + IN_TRAINING_ONLY[case][1]
     before, heard = (descriptors(), children()), Heard()
     with pytest.raises(UserFault) as fault:
-        train(spec(text), heard)
+        train(spec(text, stop_seconds=8.0), heard)
     assert fault.value.code == code, (str(fault.value), fault.value.__notes__)
     assert fault.value.params.get("line") in {None, *marked_lines(text)}
     assert (descriptors(), children()) == before

@@ -80,6 +80,14 @@ def test_memory_ends_at_the_limit(level, what):
         assert process.wait(10) == EXIT_MEMORY
 
 
+@pytest.mark.parametrize(("status", "told"), [(127, 127), (128, -31), (137, -31), (200, -31), (-1, -31)])
+def test_no_status_is_taken_for_a_signal_from_outside(level, status, told):
+    """What would look like one ends it with SIGSYS: 137 is what bubblewrap says of SIGKILL."""
+    arguments = ["end_with", str(status)]
+    with launch("resources", limits=SMALL, arguments=arguments, python_path=[PAYLOADS], level=level) as process:
+        assert process.wait(10) == told
+
+
 def test_processor_time_ends_at_the_limit(level):
     with start("burn_processor_time", level, replace(SMALL, cpu_s=1)) as process:
         assert process.wait(10) == -signal.SIGXCPU

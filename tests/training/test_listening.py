@@ -19,6 +19,7 @@ from faults import PaddockError, PlatformFault, UserFault
 from tests.training.jobs import GOOD
 from training.rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
 from training.trainer import client
+from training.trainer.bounds import bounds_of
 from training.trainer.client import Listener, train
 from training.trainer.messages import Prints
 from training.trainer.spec import TrainerSpec
@@ -82,6 +83,10 @@ class Ear(Listener):
     def __init__(self) -> None:
         self.heard: list[Any] = []
         self.saved: list[Any] = []
+        self.lived: list[float] = []
+
+    def alive(self, steps, seconds) -> None:
+        self.lived.append(seconds)
 
     def checkpoint(self, state) -> None:
         self.saved.append(state)
@@ -210,10 +215,22 @@ def test_an_end_without_a_network_is_none(hear):
     assert fault_of(hear, script).code == "reward_stuck"
 
 
-def test_iterations_come_one_after_the_other(hear):
+@pytest.mark.parametrize(("numbers", "before"), [((7, 9), 6), ((7,), 0), ((7,), 7), ((1,), 3)])
+def test_iterations_come_one_after_the_other_from_the_last_checkpoint_on(hear, numbers, before):
     def script(process):
-        iterate(process, {"number": 7})  # of a training that goes on
-        iterate(process, {"number": 9})
+        for number in numbers:
+            iterate(process, {"number": number})
+
+    assert fault_of(hear, script, iterations_before=before).code == "reward_stuck"
+
+
+def test_iterations_faster_than_anything_learns_are_a_flood(hear, monkeypatch):
+    monkeypatch.setattr(client, "_ITERATIONS_AT_ONCE", 2)
+    monkeypatch.setattr(client, "_ITERATIONS_A_SECOND", 0.0)
+
+    def script(process):
+        for number in range(1, 4):
+            iterate(process, {"number": number})
 
     assert fault_of(hear, script).code == "reward_stuck"
 
@@ -235,6 +252,36 @@ def test_more_checkpoints_than_a_training_saves_are_a_flood(hear):
             write_message(process.says, {"checkpoint": {"iteration": 1, "steps": 1, "seconds": 1.0}}, [b"state"])
 
     assert fault_of(hear, script).code == "reward_stuck"
+
+
+@pytest.mark.parametrize("before", [0, 4])
+def test_a_checkpoint_before_anything_was_learned_is_none(hear, before):
+    """Frames of nothing else held the only trainer for as long as they came."""
+
+    def script(process):
+        write_message(process.says, {"checkpoint": {"iteration": before, "steps": 1, "seconds": 1.0}}, [b"state"])
+
+    assert fault_of(hear, script, iterations_before=before).code == "reward_stuck"
+
+
+def test_nothing_weighs_more_than_its_network_lets_it(hear):
+    heaviest = bounds_of(spec())
+
+    def network(process):
+        iterate(process, network=bytes(heaviest.network + 1))
+
+    def checkpoint(process):
+        iterate(process)
+        about = {"checkpoint": {"iteration": 1, "steps": 1, "seconds": 1.0}, "blobs": [heaviest.state + 1]}
+        process.say(json.dumps(about).encode(), bytes(heaviest.state + 1))
+
+    def end(process):
+        iterate(process)
+        done = {"done": "time", "steps": 1, "seconds": 1.0, "blobs": [heaviest.state + 1]}
+        process.say(json.dumps(done).encode(), bytes(heaviest.state + 1))
+
+    assert heaviest.state < 4_000_000, "of 0.8 MB of weights"
+    assert [fault_of(hear, script).code for script in (network, checkpoint, end)] == ["reward_stuck"] * 3
 
 
 def test_a_checkpoint_of_another_iteration_is_none(hear):
@@ -332,8 +379,25 @@ class TestTheClock:
         assert (ended.why, ended.sb3_zip) == ("stopped", b"")
 
     def test_blames_what_ends_with_nothing(self, hear, monkeypatch):
-        monkeypatch.setattr(client, "_OVERTIME_S", 0.5)
+        monkeypatch.setattr(client, "_FINISH_S", 0.3)
         assert fault_of(hear, lambda process: None, stop=lambda: True).code == "reward_stuck"
+
+    def test_is_patient_with_what_does_not_get_the_processor(self, hear, monkeypatch):
+        monkeypatch.setattr(client, "_FINISH_S", 0.1)
+        monkeypatch.setattr(client, "_OVERTIME_S", 0.8)
+
+        def starved(process):
+            process.wants = True
+
+        began = time.monotonic()
+        assert fault_of(hear, starved, stop=lambda: True).code == "reward_stuck"
+        assert time.monotonic() - began > 0.8
+
+    def test_is_told_of_whatever_the_process_says(self, hear, monkeypatch):
+        monkeypatch.setattr(client, "_FINISH_S", 0.3)
+        monkeypatch.setattr(client, "_TOLD_EVERY_S", 0.1)
+        _, ear = hear(iterate, stop=lambda: True, seconds_before=30.0)
+        assert ear.lived == sorted(ear.lived) and 30.0 <= ear.lived[0] < 30.3 < ear.lived[-1]
 
 
 def test_what_the_listener_raises_is_not_blamed_on_the_function(hear, monkeypatch):
@@ -383,7 +447,10 @@ def test_its_own_faults_come_with_the_line(hear):
         (73, "reward_stuck"),
         (-11, "reward_stuck"),
         (-40, "reward_stuck"),
+        (137, "reward_stuck"),  # a status that looks like a signal
+        (-31, "reward_stuck"),
         (-9, "trainer_died"),  # which it cannot send itself: the host is short of memory
+        (-15, "trainer_died"),
     ],
 )
 def test_why_it_died(hear, status, code):

@@ -18,7 +18,7 @@ from typing import Any
 
 from evaluation.packages.slots import default_directory, upload_slot
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
-from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
+from evaluation.sandbox.launch import FROM_OUTSIDE, SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import REWARD
 from evaluation.sandbox.lock import EXIT_MEMORY
 from faults import PlatformFault, UserFault
@@ -58,9 +58,10 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
         widen_pipe(process.stdin)
         _wait_for_lock(process)
         question = {"code": code, "check": check, **to_wire(states)}
+        computed = 0.0
         try:
             write_message(process.stdin, question, deadline=process.deadline)
-            _wait_for_answer(process)
+            computed = _wait_for_answer(process)
             header, _ = read_message(process.stdout, process.deadline, json_limit=_JSON_LIMIT, blob_limit=0)
             return _checked(header, len(states))
         except FrameTimeout as error:
@@ -68,7 +69,7 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
             if isinstance(raised, PlatformFault):
                 raise raised from error
         except FrameClosed as error:
-            raised = _death(process)
+            raised = _death(process, computed)
             if isinstance(raised, PlatformFault):
                 raise raised from error
         except (FrameError, ValueError):
@@ -100,9 +101,10 @@ def _wait_for_lock(process: SandboxedProcess) -> None:
     process.allow(REWARD.wall_s)
 
 
-def _wait_for_answer(process: SandboxedProcess) -> None:
-    """Return when something comes. Raises FrameTimeout when the time is up, or when the process sleeps: it may compute
-    for as long as this host takes to give it its seconds, but there is nothing in there to wait for."""
+def _wait_for_answer(process: SandboxedProcess) -> float:
+    """Return when something comes, or it ended: the seconds that it was last seen to have computed. Raises FrameTimeout
+    when the time is up, or when the process sleeps: it may compute for as long as this host takes to give it its
+    seconds, but there is nothing in there to wait for."""
     poller = select.poll()
     poller.register(process.stdout, select.POLLIN)
     awake, computed = time.monotonic(), 0.0
@@ -112,6 +114,7 @@ def _wait_for_answer(process: SandboxedProcess) -> None:
             awake, computed = now, seconds
         if now >= process.deadline or now - awake > LIMIT_S:
             raise FrameTimeout("no answer")
+    return computed
 
 
 def line_of(process: SandboxedProcess, patience_s: float = 1.0) -> int | None:
@@ -141,19 +144,30 @@ def _too_long(process: SandboxedProcess) -> UserFault | PlatformFault:
     return _at("reward_too_slow", process.stderr_text())
 
 
-def _death(process: SandboxedProcess) -> UserFault | PlatformFault:
+def _death(process: SandboxedProcess, computed: float) -> UserFault | PlatformFault:
+    """It ended without an answer. It was locked and had the code, so whatever status it ended with is the code's doing;
+    only what the kernel says of signals is believed. ``computed``: seconds that it was last seen to have computed."""
     status = process.wait(2.0)
     said = process.stderr_text()
     if status == EXIT_MEMORY:
         return _at("reward_memory", said)
-    if status in (-signal.SIGXCPU, -signal.SIGKILL):
+    if status == -signal.SIGXCPU or (status == -signal.SIGKILL and computed >= LIMIT_S):
         return _at("reward_too_slow", said)
-    if status is not None and (status < 0 or status == 0):
-        how = "it ended it" if status == 0 else signal.Signals(-status).name
-        return _stuck(process, how)
-    fault = PlatformFault("reward_check_failed")
-    fault.add_note(said)
-    return fault
+    if status in FROM_OUTSIDE:
+        fault = PlatformFault("reward_check_failed")
+        fault.add_note(said)
+        return fault
+    return _stuck(process, "it closed the pipe that is not its own" if status is None else ended_by(status))
+
+
+def ended_by(status: int) -> str:
+    """An exit status of :meth:`SandboxedProcess.wait` in words for whoever wrote the function."""
+    if status >= 0:
+        return "it ended it" if status == 0 else f"exit status {status}"
+    try:
+        return f"it crashed: {signal.Signals(-status).name}"
+    except ValueError:
+        return f"it crashed: signal {-status}"
 
 
 def _stuck(process: SandboxedProcess, how: str) -> UserFault:

@@ -58,6 +58,7 @@ class Reward:
             raise _fault(error, sys.exc_info()[2], 1) from None
         finally:
             watch.end()
+        _refuse_too_long(1)
         function = module.__dict__.get(NAME)
         if not inspect.isfunction(function):
             raise UserFault("reward_function_missing")
@@ -73,11 +74,13 @@ class Reward:
         """The reward, finite and within 1e5. Raises UserFault (codes ``reward_...``, with the ``line``)."""
         watch.begin()
         try:
-            return self._reward(params)
+            value = self._reward(params)
         except (TooLong, TooMuchPrinted) as error:  # while a fault was being described
             raise _fault(error, sys.exc_info()[2], self.line) from None
         finally:
             watch.end()
+        _refuse_too_long(self.line)
+        return value
 
     def _reward(self, params: Params) -> float:
         try:
@@ -126,6 +129,13 @@ class Reward:
         finally:
             sys.settrace(before)
         return line
+
+
+def _refuse_too_long(line: int) -> None:
+    """A call that returned all the same after its time was up, which only the end of an object (``__del__``) can hide.
+    Raises UserFault."""
+    if watch.too_long_in is not None:
+        raise UserFault("reward_too_slow", line=watch.too_long_in or line)
 
 
 def compile_reward(code: str) -> CodeType:

@@ -42,6 +42,7 @@ class Watch(io.TextIOBase):
     def __init__(self) -> None:
         self.limit_s = LIMIT_S
         self._ticks: int | None = None
+        self.too_long_in: int | None = None
         self._room = 0
         self.printed = self._last = ""
         self.muted = self._news = self._more = False
@@ -51,16 +52,20 @@ class Watch(io.TextIOBase):
         """A call begins."""
         self._room = PRINTED_CHARACTERS
         self._ticks = round(self.limit_s / TICK_S)
+        self.too_long_in = None
 
     def end(self) -> None:
         """The call is over."""
         self._ticks = None
 
-    def tick(self, _signal: int, _frame: FrameType | None) -> None:
-        """The timer. Raises TooLong in whatever runs, and again at every tick, should that be caught."""
+    def tick(self, _signal: int, frame: FrameType | None) -> None:
+        """The timer. Raises TooLong in whatever runs, and again at every tick, should that be caught; Python itself
+        swallows it in a ``__del__``, so ``too_long_in`` says in which line of the call the time was up (0: unknown)."""
         if self._ticks is not None:
             self._ticks -= 1
             if self._ticks <= 0:
+                if self.too_long_in is None:
+                    self.too_long_in = _line_of(frame)
                 raise TooLong
 
     def writable(self) -> bool:
@@ -97,6 +102,12 @@ class Watch(io.TextIOBase):
         if len(last) == LAST_CHARACTERS:  # the first of these lines has lost its beginning
             last = last.partition("\n")[2] or last
         return {"kept": kept, "last": last, "more": self._more}
+
+
+def _line_of(frame: FrameType | None) -> int:
+    while frame is not None and frame.f_code.co_filename != FILENAME:
+        frame = frame.f_back
+    return frame.f_lineno if frame is not None else 0
 
 
 watch = Watch()

@@ -47,8 +47,8 @@ def run_next_training(*, worker: str, interrupted: Callable[[], bool] = lambda: 
     return True
 
 
-def spec_of(job: TrainingJob, seconds_before: float = 0.0) -> TrainerSpec:
-    """What the trainer gets to know of a job."""
+def spec_of(job: TrainingJob, checkpoint: Checkpoint | None = None) -> TrainerSpec:
+    """What the trainer gets to know of a job, which goes on from ``checkpoint`` or begins."""
     return TrainerSpec(
         track=job.track.geometry.in_direction(job.direction).to_dict(),
         race_type=job.race_type,
@@ -63,7 +63,8 @@ def spec_of(job: TrainingJob, seconds_before: float = 0.0) -> TrainerSpec:
         trials=job.trials,
         best_metric=job.best_metric,
         seed=job.seed,
-        seconds_before=seconds_before,
+        seconds_before=checkpoint.seconds if checkpoint is not None else 0.0,
+        iterations_before=checkpoint.iteration if checkpoint is not None else 0,
         look=job.track.look,
         build=OURS if job.cloned_from is None else build_of_model(job.cloned_from) or OURS,
     )
@@ -152,16 +153,15 @@ class _Turn(Listener):
 
     def _train(self) -> Ended:
         job = self._job
-        start, blob, seconds_before = "", b"", 0.0
+        start, blob, checkpoint = "", b"", None
         found = self._newest_checkpoint()
         if found is not None:
-            checkpoint, blob = found
-            start, seconds_before = CHECKPOINT, checkpoint.seconds
+            start, (checkpoint, blob) = CHECKPOINT, found
             self._log(f"goes on from its checkpoint after iteration {checkpoint.iteration}")
         elif job.cloned_from is not None:
             start, blob = WEIGHTS, read(job.cloned_from.network.onnx.name)
         return train(
-            spec_of(job, seconds_before),
+            spec_of(job, checkpoint),
             self,
             start=start,
             blob=blob,

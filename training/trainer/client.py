@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import select
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,16 +11,17 @@ from functools import partial
 from typing import Any
 
 from evaluation.sandbox.frames import FrameClosed, FrameError, read_message, write_message
-from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
+from evaluation.sandbox.launch import FROM_OUTSIDE, SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import TRAINER
 from evaluation.sandbox.lock import EXIT_MEMORY
 from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
 from faults.reasons import REASONS
 from faults.reasons.training import REWARD_REASONS
 
-from ..rewards.ask import line_of
+from ..rewards.ask import ended_by, line_of
 from ..rewards.modules import wanted_modules
 from ..rewards.watch import KEPT_CHARACTERS, line_in
+from .bounds import bounds_of
 from .messages import GREATEST, Ended, Iteration, Prints, SavedState, iteration_of, prints_of, whole
 from .spec import TrainerSpec
 
@@ -33,11 +33,12 @@ _MESSAGE_S = 30.0
 _SILENCE_S = 60.0  # the process tells of itself every second or so
 _PATIENCE_S = 600.0  # with a process that hardly gets the processor
 _FINISH_S = 120.0  # to end in good order: the update and the look at the car that are under way
-_OVERTIME_S = 600.0  # the same on a busy host, or before there is anything to keep
+_OVERTIME_S = 600.0  # the same on a host that gives it less than half of a processor
+_TOLD_EVERY_S = 1.0
 _STOP_EVERY_S = 0.25
 _JSON_LIMIT = 1024 * 1024
-_BLOB_LIMIT = 128 * 1024 * 1024  # a checkpoint of the console's network: its weights, and Adam's memory of them, twice
-_ITERATIONS = 2_000  # of one attempt; a day of the shortest updates makes 900
+_ITERATIONS = 2_000  # of all attempts; a day of the shortest updates makes 900
+_ITERATIONS_AT_ONCE, _ITERATIONS_A_SECOND = 20, 10.0
 _CHECKPOINT_EVERY_S = 5.0  # on the average; the trainer saves half as often
 _PRINTS_EVERY_S = 0.5  # on the average; the trainer tells of them half as often
 
@@ -49,7 +50,7 @@ class Listener:
         """The process stands behind the wall and begins."""
 
     def alive(self, steps: int, seconds: float) -> None:
-        """About once a second: control steps and wall seconds so far."""
+        """About once a second, whatever the process says: control steps and wall seconds so far."""
 
     def iteration(self, iteration: Iteration) -> None:
         """The car was looked at."""
@@ -113,9 +114,13 @@ class _Run:
         self._spec, self._process, self._listener = spec, process, listener
         self._asked_to_stop, self._abandoned = asked_to_stop, abandoned
         self._told_to_stop: float | None = None
+        self._bounds = bounds_of(spec)
         self._last, self._last_cpu = time.monotonic(), 0.0
+        self._told = 0.0
         self._began: float | None = None  # when it was handed the training, and with it the stranger's code
-        self._number = self._steps = self._iterations = self._checkpoints = 0
+        self._number = spec.iterations_before
+        self._saved = spec.iterations_before  # the last checkpoint's iteration
+        self._steps = self._iterations = self._checkpoints = 0
         self._prints = self._printed = 0
 
     def begin(self, start: str, blob: bytes) -> None:
@@ -141,6 +146,7 @@ class _Run:
             if self._abandoned():
                 raise UserFault("stopped")
             self._pass_on_stop()
+            self._tell_of_time()
             if self._overdue():
                 return self._cut_off()
             if not poller.poll(_STOP_EVERY_S * 1000):
@@ -155,7 +161,12 @@ class _Run:
     @property
     def _seconds(self) -> float:
         """Wall seconds of this training, with those of earlier attempts."""
-        return self._spec.seconds_before + (time.monotonic() - self._began if self._began is not None else 0.0)
+        return self._spec.seconds_before + self._here
+
+    @property
+    def _here(self) -> float:
+        """Wall seconds of this attempt."""
+        return time.monotonic() - self._began if self._began is not None else 0.0
 
     def _take(self, message: dict[str, Any], blobs: list[bytes]) -> Ended | None:
         try:
@@ -172,7 +183,7 @@ class _Run:
         trainer never says."""
         if "alive" in message:
             self._steps = whole(message["alive"]["steps"])
-            return partial(self._listener.alive, self._steps, self._seconds)
+            return self._tell_of_time
         if "iteration" in message:
             return partial(self._listener.iteration, self._next_iteration(message, blobs))
         if "checkpoint" in message:
@@ -182,16 +193,20 @@ class _Run:
         if "error" in message:
             raise self._fault(message["error"])
         why, (sb3_zip,) = message["done"], blobs
-        if not self._iterations or not sb3_zip or why not in ("clean_laps", "time", "steps", "stopped"):
+        if not self._iterations or not 0 < len(sb3_zip) <= self._bounds.state:
             raise ValueError("no end of a training")
+        if why not in ("clean_laps", "time", "steps", "stopped"):
+            raise ValueError("no reason to end")
         return Ended(why, whole(message["steps"], 0 if why == "stopped" else 1), self._seconds, sb3_zip)
 
     def _next_iteration(self, message: dict[str, Any], blobs: list[bytes]) -> Iteration:
-        iteration = iteration_of(message, blobs)
+        iteration = iteration_of(message, blobs, self._bounds.network)
         number = iteration.values["number"]
         self._iterations += 1
-        if (self._number and number != self._number + 1) or self._iterations > _ITERATIONS:
+        if number != self._number + 1 or number > _ITERATIONS:
             raise ValueError("not the next iteration")
+        if self._iterations > _ITERATIONS_AT_ONCE + _ITERATIONS_A_SECOND * self._here:
+            raise ValueError("more than a training learns")
         self._number, self._steps = number, iteration.values["steps"]
         iteration.values["seconds"] = round(self._seconds, 3)
         return iteration
@@ -199,15 +214,20 @@ class _Run:
     def _next_checkpoint(self, about: dict[str, Any], blobs: list[bytes]) -> SavedState:
         (state,) = blobs
         self._checkpoints += 1
-        if about["iteration"] != self._number or self._checkpoints > 2 + self._seconds / _CHECKPOINT_EVERY_S:
+        if about["iteration"] != self._number or self._number <= self._saved:
+            raise ValueError("a checkpoint of nothing new")
+        if not 0 < len(state) <= self._bounds.state:
+            raise ValueError("no checkpoint of this network")
+        if self._checkpoints > 2 + self._here / _CHECKPOINT_EVERY_S:
             raise ValueError("no checkpoint is due")
+        self._saved = self._number
         return SavedState(self._number, whole(about["steps"]), self._seconds, state)
 
     def _next_prints(self, said: dict[str, Any]) -> Prints:
         prints = prints_of(said)
         self._prints += 1
         self._printed += len(prints.kept)
-        if self._printed > KEPT_CHARACTERS or self._prints > 5 + self._seconds / _PRINTS_EVERY_S:
+        if self._printed > KEPT_CHARACTERS or self._prints > 5 + self._here / _PRINTS_EVERY_S:
             raise ValueError("more than a training tells")
         return prints
 
@@ -216,7 +236,13 @@ class _Run:
         late = self._seconds - self._spec.stop_seconds
         if self._told_to_stop is not None:
             late = max(late, time.monotonic() - self._told_to_stop)
-        return late > (_FINISH_S if self._iterations else _OVERTIME_S)
+        if late <= _FINISH_S:
+            return False
+        return bool(self._iterations) or late > _OVERTIME_S or not self._starved()
+
+    def _starved(self) -> bool:
+        """Whether this host is too busy for it: what only waits, or says much and does little, is not."""
+        return self._process.wants_processor() and self._process.cpu_seconds() < self._here / 2
 
     def _cut_off(self) -> Ended:
         """The end of a training that does not end: with what it has told of, if anything."""
@@ -230,6 +256,13 @@ class _Run:
             return PlatformFault("trainer_died", how=how)
         line = line_in(self._process.stderr_text())
         return UserFault("reward_stuck", how=how, **({} if line is None else {"line": line}))
+
+    def _tell_of_time(self) -> None:
+        """Of the seconds that pass, by our own clock: what it says itself, or does not say, costs as much."""
+        now = time.monotonic()
+        if self._began is not None and now - self._told >= _TOLD_EVERY_S:
+            self._told = now
+            self._listener.alive(self._steps, self._seconds)
 
     def _unreadable(self) -> PaddockError:
         """It wrote what the trainer never writes."""
@@ -277,26 +310,20 @@ class _Run:
 
     def _hear(self, deadline: float) -> tuple[dict[str, Any], list[bytes]]:
         try:
-            return read_message(self._process.stdout, deadline, json_limit=_JSON_LIMIT, blob_limit=_BLOB_LIMIT)
+            return read_message(self._process.stdout, deadline, json_limit=_JSON_LIMIT, blob_limit=self._bounds.message)
         except FrameClosed:
             raise self._death() from None
         except FrameError:
             raise self._unreadable() from None
 
     def _death(self) -> PaddockError:
-        """It ended without a word: of memory, by what the reward function did, or by somebody's signal."""
+        """It ended without a word: of memory, by what the reward function did, or by a signal from outside of the wall.
+        Only what the kernel says is believed: it can end with any status that it likes."""
         status = self._process.wait(2.0)
         if status == EXIT_MEMORY:
             return UserFault("training_memory", limit_mb=self._process.limits.address_space_mb)
         if status is None:
             return self._stuck("it closed the pipe that is not its own")
-        if status in (-signal.SIGKILL, -signal.SIGTERM):  # which it cannot send itself: the host, short of memory
+        if status in FROM_OUTSIDE:
             return PlatformFault("trainer_died", how=f"signal {-status}")
-        return self._stuck(f"exit status {status}" if status >= 0 else f"it crashed: {_signal_name(-status)}")
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"
+        return self._stuck(ended_by(status))

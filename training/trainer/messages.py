@@ -7,14 +7,12 @@ import zlib
 from dataclasses import dataclass
 from typing import Any
 
-from evaluation.packages.limits import DEFAULT_LIMITS
 from evaluation.simulator.trace import COLUMNS, LABELS
 
 from ..rewards.function import readable
 from ..rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
+from .bounds import SIMTRACE_CSV, SIMTRACE_PACKED
 
-_NETWORK_LIMIT = DEFAULT_LIMITS.model_bytes
-_SIMTRACE_LIMIT, _CSV_LIMIT = 2 * 1024 * 1024, 4 * 1024 * 1024  # 6000 rows are 0.3 and 1.2 MB
 _EPISODES, _TRIALS, _PLACES = 200, 10, 400
 GREATEST = 1e12
 _HEADER = (",".join(COLUMNS) + "\n").encode()
@@ -74,11 +72,13 @@ def prints_of(said: dict[str, Any]) -> Prints:
     return Prints(readable(kept), readable(last), said["more"] is True)
 
 
-def iteration_of(message: dict[str, Any], blobs: list[bytes]) -> Iteration:
-    """What was said, if it has the form and the size of an iteration. Raises KeyError, TypeError, ValueError."""
+def iteration_of(message: dict[str, Any], blobs: list[bytes], network_limit: int) -> Iteration:
+    """What was said, if it has the form and the size of an iteration. ``network_limit``: bytes of its network.
+
+    Raises KeyError, TypeError, ValueError."""
     said = message["iteration"]
     onnx, simtrace = blobs
-    if not 0 < len(onnx) <= _NETWORK_LIMIT:
+    if not 0 < len(onnx) <= network_limit:
         raise ValueError("no network")
     if simtrace and not _is_trace(simtrace):
         raise ValueError("no sim-trace")
@@ -103,11 +103,11 @@ def iteration_of(message: dict[str, Any], blobs: list[bytes]) -> Iteration:
 
 def _is_trace(packed: bytes) -> bool:
     """Whether it is a gzipped sim-trace of the size that ours have: it is unpacked again where it is downloaded."""
-    if len(packed) > _SIMTRACE_LIMIT:
+    if len(packed) > SIMTRACE_PACKED:
         return False
     unpacking = zlib.decompressobj(wbits=31)  # gzip's form
     try:
-        csv = unpacking.decompress(packed, _CSV_LIMIT)
+        csv = unpacking.decompress(packed, SIMTRACE_CSV)
     except zlib.error:
         return False
     return unpacking.eof and not unpacking.unused_data and csv.startswith(_HEADER)

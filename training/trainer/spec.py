@@ -29,6 +29,7 @@ class TrainerSpec:
 
     It stops at the first of: ``stop_seconds`` of wall time (those of earlier attempts, ``seconds_before``, count),
     ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line.
+    ``iterations_before``: of earlier attempts, up to the checkpoint that this one goes on from.
     """
 
     track: dict[str, Any]
@@ -45,6 +46,7 @@ class TrainerSpec:
     best_metric: str = PROGRESS
     seed: int = 0
     seconds_before: float = 0.0
+    iterations_before: int = 0
     look: str = OFFICIAL.name
     build: str = OURS
 
