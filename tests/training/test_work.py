@@ -281,6 +281,6 @@ def test_a_last_network_that_the_gate_refuses_does_not_cost_the_best(job, traine
 
 
 def test_the_trainer_gets_to_know_what_was_asked_for_and_nothing_of_the_racer(job):
-    told = spec_of(job, 12.0).to_dict()
+    told = spec_of(job, Checkpoint(seconds=12.0, iteration=3)).to_dict()
     assert (told["seconds_before"], told["stop_seconds"], told["seed"]) == (12.0, 600.0, 0)
     assert "alice" not in str(told)
