@@ -177,6 +177,7 @@ CELERY_BEAT_SCHEDULE = {
     },
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
     "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
+    "cars": {"task": "races.tasks.cars", "schedule": 60.0, "options": {"expires": 59}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},

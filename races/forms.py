@@ -62,6 +62,11 @@ class RaceForm(CourseForm):
         label=_("Time limit in seconds"), min_value=10, max_value=1200, help_text=_("Simulated time for the whole run.")
     )
     max_submissions = forms.IntegerField(label=_("Submissions for each racer"), min_value=1, max_value=1000)
+    shared_cars = forms.BooleanField(
+        label=_("One car may race for several racers"),
+        required=False,
+        help_text=_("For teams and classes. Otherwise whoever sent a car first keeps its place."),
+    )
     sensors = forms.MultipleChoiceField(
         label=_("Sensors offered"),
         choices=[(name, _(SENSOR_NAMES[name])) for name in OFFERABLE],

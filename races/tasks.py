@@ -15,6 +15,7 @@ from evaluation.services.clock import database_now
 from evaluation.stopping import shutdown_flag
 
 from .services import drive_all_on
+from .services.cars import settle_due
 from .services.redrives import sweep_redrives
 from .services.videos import purge_videos, ring_video_bell, run_next_video, sweep_videos
 
@@ -31,6 +32,12 @@ def duels() -> int:
 def redrives() -> int:
     """Drive again what another engine has driven in races that are not over. Returns how many runs were queued."""
     return sweep_redrives(now=database_now())
+
+
+@shared_task
+def cars() -> int:
+    """Write down whose the cars of races under way are where that is not yet known. Returns of how many races."""
+    return settle_due(now=database_now())
 
 
 @shared_task(bind=True)

@@ -52,6 +52,7 @@ RULE_FIELDS = (
     "max_simulated_ms",
     *COURSE_FIELDS,
     "seed",
+    "shared_cars",
 )
 # What decides where boxes stand and whether bots have room: a change of these lays the course out and checks it anew.
 LAYOUT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")

@@ -10,6 +10,7 @@ besides (:class:`evaluation.sandbox.policy_process.Policy`).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,14 +32,17 @@ class Facts:
     ``bound``: no float32 answer is farther than this from the float64 one rounded to float32; None where the network
     always goes the exact way, because it has an operator that makes a step out of a slope, or its errors are too large.
     ``shapes``: of the values round its large dense layers, which are optimised when it is loaded (:mod:`.dense`).
+    ``answers``: what it says to the frames of :mod:`.probes` (:mod:`.answers`); empty where that was not asked.
     """
 
     bound: float | None = None
     shapes: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    answers: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {"bound": self.bound, "shapes": {name: list(shape) for name, shape in self.shapes.items()}}
+        shapes = {name: list(shape) for name, shape in self.shapes.items()}
+        return {"bound": self.bound, "shapes": shapes, "answers": self.answers}
 
     @classmethod
     def from_dict(cls, said: Mapping[str, Any]) -> Facts:
@@ -47,7 +51,10 @@ class Facts:
         if bound is not None and not 0.0 <= float(bound) < float("inf"):
             raise ValueError("a bound must be a number, or none")
         shapes = {str(name): tuple(int(size) for size in shape) for name, shape in said["shapes"].items()}
-        return cls(None if bound is None else float(bound), shapes)
+        answers = said.get("answers", "")
+        if answers and not re.fullmatch("[0-9a-f]{64}", answers):
+            raise ValueError("answers must be a sha-256, or none")
+        return cls(None if bound is None else float(bound), shapes, answers)
 
 
 def derive_bound(

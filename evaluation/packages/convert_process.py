@@ -8,19 +8,22 @@ of a stranger's network before its canonical form exists.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from onnxruntime.capi import onnxruntime_pybind11_state as pybind
 
+from evaluation.network.answers import answers_of
 from evaluation.network.bound import Facts, derive_bound
 from evaluation.network.probes import PLAIN, probes
+from evaluation.network.reference import Reference
 from evaluation.network.session import Refused, load
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from faults import UserFault
 
 from .gate import Canonical, check_onnx
 from .limits import PackageLimits
-from .metadata import ModelMetadata, parse_metadata
+from .metadata import DISCRETE, ModelMetadata, parse_metadata
 from .read import TENSORFLOW
 from .tensorflow import convert
 
@@ -64,10 +67,22 @@ def admit_network(
     if kind == TENSORFLOW:
         held.append(convert(held.pop(), metadata.inputs, limits))
     canonical = check_onnx(held.pop(), metadata, limits, weights)
-    return replace(canonical, facts=_try_out(canonical))
+    return replace(canonical, facts=_try_out(canonical, metadata))
 
 
-def _try_out(canonical: Canonical) -> Facts:
+class _Heard:
+    """A reference that keeps what it answered, so that nothing is asked twice."""
+
+    def __init__(self, reference: Reference) -> None:
+        self._reference, self.answers = reference, []
+        self.steps = reference.steps
+
+    def run(self, feeds: dict[str, np.ndarray]) -> np.ndarray:
+        self.answers.append(self._reference.run(feeds))
+        return self.answers[-1]
+
+
+def _try_out(canonical: Canonical, metadata: ModelMetadata) -> Facts:
     """Run the network on a black, a white and a noisy frame: it must run, and answer finite values, in float32 and in
     float64. What is to be known of it when it races."""
     try:
@@ -83,5 +98,10 @@ def _try_out(canonical: Canonical) -> Facts:
             raise UserFault("network_fails") from error
         if not (np.isfinite(answer).all() and np.isfinite(exact).all()):
             raise UserFault("network_non_finite")
-    bound = derive_bound(lambda feeds: session.run(None, feeds)[0], reference, canonical.inputs)
-    return replace(canonical.facts, bound=bound)
+    heard = _Heard(reference)
+    bound = derive_bound(lambda feeds: session.run(None, feeds)[0], heard, canonical.inputs)
+    for feeds in islice(probes(canonical.inputs), len(heard.answers), None):  # where that ended early
+        heard.run(feeds)
+    scores = metadata.action_space_type == DISCRETE
+    answers = answers_of(heard.answers, scores=scores, about=metadata.canonical_json())
+    return replace(canonical.facts, bound=bound, answers=answers)

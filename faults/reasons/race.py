@@ -123,6 +123,10 @@ REASONS = table(
         "car_already_submitted": _(
             "You have already sent this very car to this race. The same car gives the same result, so that one stands."
         ),
+        "car_of_another": _(
+            "%(racer)s has sent this very car to this race before, and in this race a car has one place: whoever sent "
+            "it first keeps it. Train it on, or send another. If the car is yours, tell the organiser."
+        ),
         "submission_running": _("Your last car is still being timed. Wait for its result, or stop it."),
         "submissions_used_up": _("You have used all %(limit)s submissions that this race allows."),
         "race_engine_gone": _(

@@ -39,7 +39,7 @@ _NOT_THERE = "invitation_unknown entry_missing race_has_no_duels"
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_recorded race_has_opened race_is_over race_has_submissions "
     "race_changed_meanwhile race_limit season_changed_meanwhile season_is_official "
-    "entry_withdrawn car_already_submitted submission_running submissions_used_up submission_not_failed "
+    "entry_withdrawn car_already_submitted car_of_another submission_running submissions_used_up submission_not_failed "
     "race_engine_gone "
     "duels_before_closing duels_wait_for_qualifying duels_drawn "
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "

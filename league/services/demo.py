@@ -76,6 +76,8 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
             "laps": 3,
             "minimum_laps": 1,
             "off_track_penalty_ms": 2000,
+            # newcomers try it with the same cars, the site's own among them
+            "shared_cars": True,
         },
     ),
     (

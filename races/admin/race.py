@@ -118,7 +118,7 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
         (
             gettext_lazy("Ranking"),
             {
-                "fields": ("ranking_method", "laps", "minimum_laps", "max_submissions"),
+                "fields": ("ranking_method", "laps", "minimum_laps", "max_submissions", "shared_cars"),
                 "description": gettext_lazy("Fixed, like the next section, once the first car is submitted."),
             },
         ),

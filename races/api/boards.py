@@ -54,6 +54,9 @@ class RowSerializer(serializers.Serializer):
     has_fastest_lap = serializers.BooleanField(help_text="Nobody ranked has driven a faster lap.")
     is_me = serializers.BooleanField()
     evaluation = serializers.CharField(allow_null=True, help_text="The public_id of the run that stands here.")
+    car_of = serializers.CharField(
+        allow_null=True, help_text="Who sent this row's only car before: it has no place of its own. Else null."
+    )
 
     def to_representation(self, row: BoardRow) -> dict[str, Any]:
         best = row.entry.best
@@ -63,6 +66,7 @@ class RowSerializer(serializers.Serializer):
                 "sector_colours": row.sector_colours,
                 "has_fastest_lap": row.has_fastest_lap,
                 "is_me": row.is_me,
+                "car_of": None if row.entry.car_of is None else row.entry.car_of.racer.alias,
                 "evaluation": None if best is None else best.evaluation.public_id,
             }
         )

@@ -63,6 +63,9 @@ class RaceSerializer(CourseSerializer):
     max_resets = serializers.IntegerField()
     max_simulated_ms = serializers.IntegerField()
     max_submissions = serializers.IntegerField()
+    shared_cars = serializers.BooleanField(
+        help_text="One car may race for several racers; otherwise whoever sent it first keeps its place."
+    )
     seed = serializers.IntegerField()
     visibility = serializers.ChoiceField(Visibility.choices)
     engine = serializers.CharField(
@@ -134,6 +137,9 @@ class RaceChangeSerializer(Body, CourseSerializer):
     max_simulated_ms = serializers.IntegerField(min_value=10_000, max_value=1_200_000, required=False)
     max_submissions = serializers.IntegerField(min_value=1, max_value=1000, required=False)
     seed = serializers.IntegerField(min_value=0, max_value=2**31 - 1, required=False)
+    shared_cars = serializers.BooleanField(
+        required=False, help_text="Whether one car may race for several racers: for teams and classes."
+    )
     visibility = serializers.ChoiceField(Visibility.choices, required=False)
 
 

@@ -1,5 +1,6 @@
 """A race, who is in it, and what they sent."""
 
+from .car import RaceCar, RefusedCar, car_of
 from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, RaceType, RankingMethod, Visibility
 from .counting import BoardCount
 from .duel import Draw, Duel, DuelCar, DuelState
@@ -25,16 +26,19 @@ __all__ = [
     "Lane",
     "Opponents",
     "Race",
+    "RaceCar",
     "RaceState",
     "RaceType",
     "RankingMethod",
     "Redrive",
     "RedriveState",
+    "RefusedCar",
     "Retiming",
     "Submission",
     "Video",
     "VideoState",
     "Visibility",
+    "car_of",
     "default_sensors",
     "new_invitation",
 ]

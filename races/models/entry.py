@@ -52,6 +52,16 @@ class Entry(models.Model):
     achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
     rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
     rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
+    car_of = models.ForeignKey(
+        "self",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        editable=False,
+        related_name="+",
+        verbose_name=_("car of"),
+        help_text=_("Without a result of its own, because its car is that of this entry, which sent it before."),
+    )
 
     # In a race of duels, from the draw on; what stands above is then how the car qualified.
     seed = models.PositiveSmallIntegerField(

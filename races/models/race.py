@@ -103,6 +103,12 @@ class Race(models.Model):
     max_submissions = models.PositiveSmallIntegerField(
         _("submissions for each racer"), default=50, validators=[MinValueValidator(1), MaxValueValidator(1000)]
     )
+    shared_cars = models.BooleanField(
+        _("one car may race for several racers"),
+        default=False,
+        db_default=False,
+        help_text=_("For teams and classes. Otherwise whoever sent a car first keeps its place."),
+    )
     boxes = models.JSONField(
         _("boxes in fixed places"),
         default=list,

@@ -29,6 +29,16 @@ class Submission(models.Model):
     refunded = models.BooleanField(
         _("refunded"), default=False, help_text=_("Does not count among the submissions that the race allows.")
     )
+    car_of = models.ForeignKey(
+        Entry,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        editable=False,
+        related_name="+",
+        verbose_name=_("car of"),
+        help_text=_("Who sent this very car to the race before: it does not count for anybody else."),
+    )
 
     class Meta:
         verbose_name = _("submission")
@@ -41,6 +51,9 @@ class Submission(models.Model):
                 fields=["entry", "network"], condition=Q(is_void=False), name="submission_of_a_car_once"
             ),
             models.CheckConstraint(condition=Q(refunded=False) | Q(is_void=True), name="submission_refunded_is_void"),
+            models.CheckConstraint(
+                condition=Q(car_of=None) | ~Q(car_of=models.F("entry")), name="submission_is_no_copy_of_its_own"
+            ),
             models.CheckConstraint(condition=Q(number__gte=1), name="submission_number_from_one"),
         ]
 

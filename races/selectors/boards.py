@@ -259,7 +259,7 @@ def _colours(entry: Entry, race: Race) -> tuple[str | None, str | None, str | No
 
 
 def _with_relations(entries: QuerySet[Entry]) -> QuerySet[Entry]:
-    return entries.select_related("racer", "best__evaluation")
+    return entries.select_related("racer", "best__evaluation", "car_of__racer")
 
 
 def score_column(race: Race) -> str:

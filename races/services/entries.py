@@ -15,6 +15,7 @@ from ..eligibility import check_eligible
 from ..models import Entry, Race, RaceState, Visibility
 from ..selectors.visibility import can_organise
 from ..signals import board_changed
+from .cars import settle_after_commit
 from .gates import require_not_over
 from .locks import lock_entries, lock_entry
 from .standings import forget_fastest, note_fastest
@@ -93,6 +94,7 @@ def restore_entry(*, entry: Entry, by: Racer, now: datetime | None = None) -> En
         entry.removal_reason = ""
         entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
         note_fastest(entry)
+        settle_after_commit(entry)
         board_changed.send(sender=Race, race=entry.race, now=now or timezone.now())
     return entry
 
@@ -120,6 +122,7 @@ def give_field(*, race: Race, racers: Collection[int], now: datetime, reason: st
             entry.removal_reason = ""
             entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
             note_fastest(entry)
+            settle_after_commit(entry)
 
 
 @transaction.atomic
@@ -153,10 +156,12 @@ def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
     if Entry.objects.filter(pk=entry.pk, removed_at=None, withdrawn_at__isnull=False).update(withdrawn_at=None):
         entry.refresh_from_db(fields=["withdrawn_at"])
         note_fastest(entry)
+        settle_after_commit(entry)
     return entry
 
 
 def _left(entry: Entry, now: datetime) -> None:
     forget_fastest(entry)
+    settle_after_commit(entry)
     stop_after_commit(entry.submissions.all(), now=now)
     stop_duels_after_commit(entry, now=now)

@@ -43,6 +43,7 @@ _STANDING_FIELDS = (
     "rank_score",
     "rank_lap",
     *FASTEST.values(),
+    "car_of",
 )
 
 
@@ -89,9 +90,11 @@ def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
     draw has seeded. Of results only those of the race's engine count."""
     for entry in entries:
         _clear(entry)
-        submissions = entry.submissions.filter(is_void=False, evaluation__result__engine=race.engine)
+        submissions = entry.submissions.filter(is_void=False, car_of=None, evaluation__result__engine=race.engine)
         for submission in submissions.select_related("evaluation__result").order_by("pk"):
             _improve(entry, submission, _standing(race, submission.evaluation.result))
+        if entry.best_id is None:
+            entry.car_of_id = _whose_car(entry)
         entry.save(update_fields=_STANDING_FIELDS)
     recompute_fastest(race=race)
 
@@ -143,11 +146,17 @@ def _standing(race: Race, result: Result) -> Standing:
 
 
 def _take_result(entry: Entry, submission: Submission, result: Result) -> None:
-    if submission.is_void or entry.seed is not None or not admit(entry.race, result.engine):
+    if submission.is_void or submission.car_of_id or entry.seed is not None or not admit(entry.race, result.engine):
         return
     _improve(entry, submission, _standing(entry.race, result))
     entry.save(update_fields=_STANDING_FIELDS)
     note_fastest(entry)
+
+
+def _whose_car(entry: Entry) -> int | None:
+    """Who sent the car before, of an entry that has nothing else to show."""
+    others = entry.submissions.filter(is_void=False, car_of__isnull=False)
+    return others.order_by("pk").values_list("car_of", flat=True).first()
 
 
 def _void(entry: Entry, submission: Submission, *, refund: bool) -> None:
@@ -169,7 +178,7 @@ def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
     held = (entry.rank_score, entry.rank_lap, entry.resets, entry.achieved_at, entry.best_id)
     if entry.best_id is not None and held <= (*standing.key, submission.submitted_at, submission.pk):
         return
-    entry.best = submission
+    entry.best, entry.car_of = submission, None
     entry.classified = standing.classified
     entry.score_ms = standing.score_ms
     entry.average_ms = standing.average_ms

@@ -18,6 +18,7 @@ from ..eligibility import check_eligible
 from ..engines import is_over, keeps_engine, site_engine
 from ..models import Draw, Entry, Race, Submission
 from ..sensors import not_offered
+from .cars import note_refused, take_place
 from .entries import enter_race
 from .gates import require_open
 
@@ -28,15 +29,25 @@ HOUSE_PRIORITY = -10  # nobody waits for a house car
 ACTIVE = (State.QUEUED, State.RUNNING)
 
 
-@transaction.atomic
 def submit_model(*, race: Race, racer: Racer, model: TrainedModel, now: datetime) -> Submission:
     """Send a car to a race and put it into the queue; the racer is entered if they are not yet in and may be.
 
     It counts when it was sent before the race closed, however long it waits. Raises UserFault: "race_not_open_yet",
     "race_closed", "race_cancelled", "entry_withdrawn", what :func:`~races.services.enter_race` raises,
     "model_not_yours", "sensors_not_offered", "car_already_submitted" (``evaluation``: the public id of its evaluation),
-    "submission_running" (one at a time), "submissions_used_up", or what an eligibility check says.
+    "car_of_another" (``racer`` sent it before; organisers see that it was tried), "submission_running" (one at a time),
+    "submissions_used_up", or what an eligibility check says.
     """
+    try:
+        return _submit(race, racer, model, now)
+    except UserFault as fault:
+        if fault.code == "car_of_another":
+            note_refused(race=race, racer=racer, network=model.network, now=now)
+        raise
+
+
+@transaction.atomic
+def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime) -> Submission:
     require_open(race, now)
     entry = Entry.objects.filter(race=race, racer=racer).first()
     if entry is not None and entry.is_withdrawn:
@@ -54,6 +65,7 @@ def submit_model(*, race: Race, racer: Racer, model: TrainedModel, now: datetime
     if missing:
         raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
     _refuse_same_car(entry, model)
+    take_place(entry=entry, race=race, network=model.network)
     _refuse_second_car(entry)
     _count(entry, race)
     return _queue(entry, race, model, submitted_at=now, now=now)
@@ -66,8 +78,9 @@ def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
     The new submission keeps the time of the old one, so ties fall as they would have fallen; the old one is void. It
     counts if the old one did. Raises UserFault("submission_not_failed") for a run that finished or goes on,
     "model_not_yours" when the racer has deleted the model, "car_already_submitted" or "submission_running" when the
-    racer has sent the car again, "duels_drawn" when the result could not change anything any more, "race_engine_gone"
-    when the race is over and was driven with an engine that is not the site's.
+    racer has sent the car again, "car_of_another" when another has meanwhile, "duels_drawn" when the result could not
+    change anything any more, "race_engine_gone" when the race is over and was driven with an engine that is not the
+    site's.
     """
     entry, race = _locked(submission.entry)
     if Draw.objects.filter(race=race).exists():
@@ -82,6 +95,7 @@ def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
         Entry.objects.filter(pk=entry.pk).update(submission_count=F("submission_count") + 1)
     Entry.objects.filter(pk=entry.pk).update(last_number=F("last_number") + 1)
     _refuse_same_car(entry, old.evaluation.model)
+    take_place(entry=entry, race=race, network=old.evaluation.model.network)
     _refuse_second_car(entry)
     return _queue(entry, race, old.evaluation.model, submitted_at=old.submitted_at, now=now)
 

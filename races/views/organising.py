@@ -18,6 +18,7 @@ from races.audit import log_if_admin
 from races.course_form import CourseForm, preview
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.models import Entry, Kind, Race, RaceState
+from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
 from races.services.races import has_submissions
 from tracks.models import Track
@@ -139,7 +140,8 @@ def race_racers(request: HttpRequest, slug: str) -> HttpResponse:
     race = organised_race(request, slug)
     entries = Entry.objects.filter(race=race, is_baseline=False).select_related("racer").order_by("entered_at", "pk")
     page = Paginator(entries, RACERS_PER_PAGE).get_page(request.GET.get("page"))
-    return render(request, "races/racers.html", {"race": race, "page": page})
+    context = {"race": race, "page": page, "shared": shared_cars(race)}
+    return render(request, "races/racers.html", context)
 
 
 @login_required

@@ -9,10 +9,10 @@ from threading import Barrier, Thread
 import pytest
 from django.db import connection
 
-from evaluation.models import Evaluation
+from evaluation.models import Evaluation, TrainedModel
 from evaluation.services import finish_evaluation, stop_evaluation
 from faults import PaddockError
-from races.models import Entry, Race, Submission
+from races.models import Entry, Race, RaceCar, Submission
 from races.services import (
     cancel_race,
     create_community_race,
@@ -198,3 +198,16 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
     files = (f"test_{name}.py" for name in ABOUT_THE_DATABASE)
     again_on_postgresql(*(f"tests/races/{name}" for name in (*files, *DUELS)))
+
+
+def test_of_two_racers_who_send_the_same_car_at_once_one_has_its_place(now):
+    for _ in range(3):
+        race, racers = a_race(now), [a_racer() for _ in range(4)]
+        models = [a_model(racer) for racer in racers]
+        TrainedModel.objects.filter(pk__in=[model.pk for model in models]).update(network=models[0].network)
+        models = [TrainedModel.objects.select_related("network").get(pk=model.pk) for model in models]
+        answers = at_once(
+            [lambda m=m, race=race: submit_model(race=race, racer=m.owner, model=m, now=now) for m in models]
+        )
+        assert sorted(str(a) for a in answers if not isinstance(a, Submission)) == ["car_of_another"] * 3, answers
+        assert RaceCar.objects.get(race=race).entry == Submission.objects.get(entry__race=race).entry

@@ -1,0 +1,137 @@
+"""One car, one place: whoever sent a car to a race first keeps its place, unless the race lets racers share cars.
+
+House cars take no place from anybody, and a car whose racer has left the race is free again. The place is a row
+(:class:`~races.models.RaceCar`), once for each race and car, written under the race's lock.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from datetime import datetime
+from functools import partial
+from typing import TYPE_CHECKING
+
+from django.db import transaction
+from django.db.models import Exists, OuterRef, Q, QuerySet
+
+from evaluation.models import Network
+from faults import UserFault
+
+from ..models import Entry, Race, RaceCar, RefusedCar, Submission, car_of
+from .locks import lock_entries
+from .standings import work_out_standings
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+logger = logging.getLogger(__name__)
+BATCH = 500
+
+
+def take_place(*, entry: Entry, race: Race, network: Network) -> None:
+    """Take a car's place in a race for an entry; both are locked by the caller.
+
+    Raises UserFault("car_of_another") when another entry that is in the race sent the car before.
+    """
+    if race.shared_cars or entry.is_baseline:
+        return
+    car = car_of(network.pk, network.facts)
+    place = RaceCar.objects.filter(race=race, car=car).select_related("entry").first()
+    if place is None:
+        # sent by a version that wrote no places
+        before = _counted(race).filter(network=network).exclude(entry=entry).order_by("submitted_at", "pk").first()
+        place = RaceCar.objects.create(race=race, car=car, entry=entry if before is None else before.entry)
+    elif place.entry_id != entry.pk and not _is_held(place):
+        RaceCar.objects.filter(pk=place.pk).update(entry=entry)
+        return
+    if place.entry_id != entry.pk:
+        raise UserFault("car_of_another", racer=place.entry.racer.alias)
+
+
+def note_refused(*, race: Race, racer: Racer, network: Network, now: datetime) -> None:
+    """Write down for the organiser that a racer tried to send a car that was in the race already."""
+    place = RaceCar.objects.filter(race=race, car=car_of(network.pk, network.facts)).first()
+    if place is not None:
+        same_file = Submission.objects.filter(entry=place.entry_id, network=network, is_void=False).exists()
+        told = {"at": now, "same_file": same_file}
+        RefusedCar.objects.update_or_create(car=place, racer=racer, defaults=told)
+
+
+@transaction.atomic
+def settle_cars(*, race: Race) -> int:
+    """Work out anew whose each car of a race is, by when they were sent, and the standings of whom that changes.
+    Returns how many submissions count now that did not, or the other way round."""
+    entries = {entry.pk: entry for entry in lock_entries(race.entries.values_list("pk", flat=True))}
+    race = Race.objects.get(pk=race.pk)
+    holders: dict[str, int] = {}
+    changed = []
+    for submission in _counted(race).select_related("network").order_by("submitted_at", "pk").iterator(BATCH):
+        car = car_of(submission.network_id, submission.network.facts)
+        holder = holders.setdefault(car, submission.entry_id)
+        wanted = None if race.shared_cars or holder == submission.entry_id else holder
+        if submission.car_of_id != wanted:
+            submission.car_of_id = wanted
+            changed.append(submission)
+    _write_places(race, {} if race.shared_cars else holders)
+    Submission.objects.bulk_update(changed, ["car_of"], batch_size=BATCH)
+    touched = [entries[pk] for pk in sorted({submission.entry_id for submission in changed})]
+    work_out_standings(race, [entry for entry in touched if entry.seed is None])
+    return len(changed)
+
+
+def settle_after_commit(entry: Entry) -> None:
+    """Settle the cars of an entry's race if its leaving or coming back changes whose they are."""
+    if entry.race.shared_cars or entry.is_baseline:
+        return
+    sent = entry.submissions.filter(is_void=False).values_list("network", "network__facts")
+    cars = {car_of(sha256, facts) for sha256, facts in sent}
+    others = RaceCar.objects.filter(race=entry.race_id, car__in=cars).exclude(entry=entry)
+    excluded = Submission.objects.filter(Q(car_of=entry) | Q(entry=entry, car_of__isnull=False))
+    if others.exists() or excluded.exists():
+        transaction.on_commit(partial(settle_cars, race=entry.race), robust=True)
+
+
+def settle_due(*, now: datetime) -> int:
+    """Settle the races under way whose cars were sent by a version that wrote no places. Returns how many."""
+    places = RaceCar.objects.filter(race=OuterRef("pk"))
+    sent = Submission.objects.filter(
+        entry__race=OuterRef("pk"), entry__is_baseline=False, entry__withdrawn_at=None, is_void=False
+    )
+    due = Race.objects.filter(shared_cars=False, cancelled_at=None, imported_at=None, closes_at__gt=now)
+    races = list(due.filter(~Exists(places), Exists(sent)))
+    for race in races:
+        changed = settle_cars(race=race)
+        logger.info("Whose the cars of %s are is written down: %s were sent by others before.", race.slug, changed)
+    return len(races)
+
+
+def _counted(race: Race) -> QuerySet[Submission]:
+    """What racers who are in the race have sent and may count."""
+    return Submission.objects.filter(
+        entry__race=race, entry__is_baseline=False, entry__withdrawn_at=None, is_void=False
+    )
+
+
+def _is_held(place: RaceCar) -> bool:
+    """Whether the entry is still in the race with this car."""
+    if place.entry.is_withdrawn:
+        return False
+    same = Q(network=place.car) | Q(network__facts__answers=place.car)
+    return Submission.objects.filter(same, entry=place.entry, is_void=False).exists()
+
+
+def _write_places(race: Race, holders: dict[str, int]) -> None:
+    known = dict(RaceCar.objects.filter(race=race).values_list("car", "entry"))
+    gone = [car for car in known if car not in holders]
+    RaceCar.objects.filter(race=race, car__in=gone).delete()
+    _move(race, ((car, entry) for car, entry in holders.items() if car in known and known[car] != entry))
+    RaceCar.objects.bulk_create(
+        [RaceCar(race=race, car=car, entry_id=entry) for car, entry in holders.items() if car not in known],
+        batch_size=BATCH,
+    )
+
+
+def _move(race: Race, places: Iterable[tuple[str, int]]) -> None:
+    for car, entry in places:
+        RaceCar.objects.filter(race=race, car=car).update(entry=entry)

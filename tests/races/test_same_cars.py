@@ -1,0 +1,221 @@
+"""One car, one place: whoever sent a car to a race first keeps it, unless the race lets racers share cars."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.db import IntegrityError, transaction
+from django.test import Client
+
+from evaluation.models import TrainedModel
+from evaluation.services import stop_evaluation
+from faults import UserFault
+from races.models import Entry, Race, RaceCar, RefusedCar, Submission
+from races.selectors import board
+from races.selectors.cars import shared_cars
+from races.services import edit_race, enter_race, remove_entry, submit_model, withdraw
+from races.services.cars import settle_cars, settle_due
+from tests.factories import a_model, a_race, a_racer, drive, finish, laps
+
+pytestmark = pytest.mark.django_db
+HOUR = timedelta(hours=1)
+LAPS = laps(9_000, 9_000, 9_000)
+
+
+def a_copy(racer, model: TrainedModel) -> TrainedModel:
+    """The same network in another garage."""
+    if racer == model.owner:
+        return model
+    copy = a_model(racer)
+    TrainedModel.objects.filter(pk=copy.pk).update(network=model.network)
+    return TrainedModel.objects.get(pk=copy.pk)
+
+
+def answering(model: TrainedModel, answers: str) -> TrainedModel:
+    model.network.facts = {"bound": None, "shapes": {}, "answers": answers * 64}
+    model.network.save()
+    return model
+
+
+def refused(**submission) -> UserFault:
+    with pytest.raises(UserFault) as caught:
+        submit_model(**submission)
+    assert caught.value.code == "car_of_another"
+    return caught.value
+
+
+def ranks(race: Race) -> dict[str, int | None]:
+    return {row.alias: row.rank for row in board(race).rows}
+
+
+def as_before_the_rule(race: Race, racer, model, now) -> Submission:
+    """What a version without the rule let through: the second with the same car."""
+    Race.objects.filter(pk=race.pk).update(shared_cars=True)
+    race.refresh_from_db()
+    sent = submit_model(race=race, racer=racer, model=model, now=now)
+    finish(sent, LAPS, now)
+    Race.objects.filter(pk=race.pk).update(shared_cars=False)
+    race.refresh_from_db()
+    return sent
+
+
+class TestSending:
+    def test_the_second_with_the_same_network_is_refused_and_told_who_was_first(self, alice, bob, now):
+        race = a_race(now)
+        first = drive(race, alice, LAPS, now)
+        fault = refused(race=race, racer=bob, model=a_copy(bob, first.evaluation.model), now=now)
+        assert fault.params == {"racer": "alice"} and "alice" in str(fault)
+        assert ranks(race) == {"alice": 1}, "who was refused is not entered either"
+
+    def test_one_that_answers_the_same_is_the_same_car(self, alice, bob, now):
+        race = a_race(now)
+        submit_model(race=race, racer=alice, model=answering(a_model(alice), "a"), now=now)
+        refused(race=race, racer=bob, model=answering(a_model(bob), "a"), now=now)
+        assert submit_model(race=race, racer=bob, model=answering(a_model(bob), "b"), now=now)
+
+    def test_a_racer_may_send_one_that_answers_as_an_earlier_one_of_their_own(self, alice, now):
+        race = a_race(now)
+        finish(submit_model(race=race, racer=alice, model=answering(a_model(alice), "a"), now=now), LAPS, now)
+        assert submit_model(race=race, racer=alice, model=answering(a_model(alice), "a"), now=now)
+
+    def test_a_race_may_allow_it_and_no_longer_changes_that_once_a_car_is_sent(self, alice, bob, now):
+        race = a_race(now, shared_cars=True, organiser=alice)
+        first = drive(race, alice, LAPS, now)
+        assert submit_model(race=race, racer=bob, model=a_copy(bob, first.evaluation.model), now=now)
+        with pytest.raises(UserFault) as caught:
+            edit_race(race=race, now=now, shared_cars=False)
+        assert "shared_cars" in caught.value.errors.error_dict
+
+    def test_a_house_car_takes_nobodys_place_and_nobody_takes_the_houses(self, alice, bob, now):
+        race, house = a_race(now), a_racer(is_house=True)
+        sample = a_model(house)
+        for racer in (house, alice):
+            assert submit_model(race=race, racer=racer, model=a_copy(racer, sample), now=now)
+        refused(race=race, racer=bob, model=a_copy(bob, sample), now=now)
+        late = a_racer(is_house=True)
+        assert submit_model(race=race, racer=late, model=a_copy(late, sample), now=now)
+
+    def test_newcomers_race_the_sites_own_car_where_the_demo_invites_them_to(self, db):
+        from league.services.demo import COMMUNITY_RACES
+
+        assert [race["name"] for _months, race in COMMUNITY_RACES if race.get("shared_cars")] == [
+            "First laps on the oval"
+        ]
+
+    def test_who_stops_the_car_or_leaves_the_race_gives_its_place_free(self, alice, bob, now):
+        for leave in (
+            lambda sent: stop_evaluation(evaluation=sent.evaluation, now=now),
+            lambda sent: withdraw(entry=sent.entry, now=now),
+        ):
+            race, model = a_race(now), a_model(alice)
+            leave(submit_model(race=race, racer=alice, model=model, now=now))
+            copy = a_copy(bob, model)
+            Submission.objects.filter(entry__racer=alice, evaluation__state="stopped").update(is_void=True)
+            assert submit_model(race=race, racer=bob, model=copy, now=now)
+            TrainedModel.objects.filter(pk=copy.pk).update(deleted_at=now)
+
+    def test_the_database_holds_one_place_for_a_car(self, alice, bob, now):
+        race = a_race(now)
+        sent = drive(race, alice, LAPS, now)
+        other = enter_race(race=race, racer=bob, now=now)
+        with pytest.raises(IntegrityError), transaction.atomic():
+            RaceCar.objects.create(race=race, car=sent.network_id, entry=other)
+        with pytest.raises(IntegrityError), transaction.atomic():
+            Submission.objects.filter(pk=sent.pk).update(car_of=sent.entry)
+
+
+class TestWhoWasInAlready:
+    def test_it_is_settled_by_when_the_cars_were_sent_and_the_board_says_so(self, alice, bob, now):
+        race = a_race(now)
+        first = drive(race, alice, laps(9_500, 9_500, 9_500), now)
+        as_before_the_rule(race, bob, a_copy(bob, first.evaluation.model), now + HOUR)
+        RaceCar.objects.all().delete()
+        assert ranks(race) == {"bob": 1, "alice": 2}
+        assert settle_due(now=now) == 1 and settle_due(now=now) == 0
+        assert ranks(race) == {"alice": 1, "bob": None}
+        page = Client().get(race.get_absolute_url()).content.decode()
+        assert "excluded: same car as alice, who sent it first" in page
+        rows = {
+            row["racer"]: row["car_of"] for row in Client().get(f"/api/v1/races/{race.slug}/board/").json()["results"]
+        }
+        assert rows == {"alice": None, "bob": "alice"}
+
+    def test_another_car_of_theirs_counts_and_the_mark_is_gone(self, alice, bob, now):
+        race = a_race(now)
+        first = drive(race, alice, LAPS, now)
+        as_before_the_rule(race, bob, a_copy(bob, first.evaluation.model), now + HOUR)
+        settle_cars(race=race)
+        assert Entry.objects.get(racer=bob).car_of.racer == alice
+        drive(race, bob, laps(10_000, 10_000, 10_000), now + HOUR)
+        assert ranks(race) == {"alice": 1, "bob": 2} and Entry.objects.get(racer=bob).car_of is None
+
+    def test_a_result_that_comes_late_counts_for_the_first_alone(self, alice, bob, now):
+        race, model = a_race(now, shared_cars=True), a_model(alice)
+        runs = [submit_model(race=race, racer=one, model=a_copy(one, model), now=now) for one in (alice, bob)]
+        Race.objects.update(shared_cars=False)
+        settle_cars(race=race)
+        for run in reversed(runs):
+            finish(run, LAPS, now)
+        assert ranks(race) == {"alice": 1, "bob": None}
+
+    def test_who_was_second_has_the_place_when_the_first_is_removed_and_loses_it_when_they_are_back(
+        self, alice, bob, now, commits
+    ):
+        carol = a_racer("carol")
+        race = a_race(now, organiser=carol)
+        first = drive(race, alice, LAPS, now)
+        as_before_the_rule(race, bob, a_copy(bob, first.evaluation.model), now + HOUR)
+        settle_cars(race=race)
+        withdraw(entry=first.entry, now=now + HOUR)
+        assert ranks(race) == {"bob": 1}
+        enter_race(race=race, racer=alice, now=now + HOUR)
+        assert ranks(race) == {"alice": 1, "bob": None}
+        remove_entry(entry=Entry.objects.get(racer=alice), by=carol, now=now)
+        assert ranks(race) == {"bob": 1}
+
+    def test_races_that_are_over_or_share_cars_are_left_alone(self, alice, bob, now):
+        for race in (a_race(now), a_race(now, shared_cars=True)):
+            sent = drive(race, alice, LAPS, now)
+            as_before_the_rule(race, bob, a_copy(bob, sent.evaluation.model), now)
+            Race.objects.filter(pk=race.pk).update(shared_cars=race.pk == Race.objects.latest("pk").pk)
+        RaceCar.objects.all().delete()
+        assert settle_due(now=now + timedelta(days=30)) == 0
+
+
+class TestWhatOrganisersSee:
+    def test_who_was_first_who_was_refused_and_whether_it_was_the_same_file(self, alice, bob, now):
+        carol = a_racer("carol")
+        race = a_race(now, organiser=carol)
+        first = answering(a_model(alice), "a")
+        finish(submit_model(race=race, racer=alice, model=first, now=now), LAPS, now)
+        refused(race=race, racer=bob, model=answering(a_model(bob), "a"), now=now + HOUR)
+        refused(race=race, racer=carol, model=a_copy(carol, first), now=now + HOUR)
+        (car,) = shared_cars(race)
+        assert [(one.racer.alias, one.how, one.same_file) for one in car.sharers] == [
+            *(("alice", "first", True), ("bob", "refused", False), ("carol", "refused", True)),
+        ]
+        client = Client()
+        client.force_login(carol, backend="django.contrib.auth.backends.ModelBackend")
+        page = client.get(f"/races/{race.slug}/racers/").content.decode()
+        assert "The same car" in page and "the same answers" in page and "refused" in page
+
+    def test_nothing_is_shown_where_each_has_a_car_of_their_own(self, alice, bob, now):
+        race = a_race(now)
+        drive(race, alice, LAPS, now), drive(race, bob, LAPS, now)
+        assert shared_cars(race) == []
+
+    def test_a_second_try_is_no_second_row(self, alice, bob, now):
+        race = a_race(now)
+        first = drive(race, alice, LAPS, now)
+        copy = a_copy(bob, first.evaluation.model)
+        for moment in (now, now + HOUR):
+            refused(race=race, racer=bob, model=copy, now=moment)
+        assert RefusedCar.objects.get().at == now + HOUR
+
+    def test_a_class_that_shares_a_car_is_shown_too(self, alice, bob, now):
+        race = a_race(now, shared_cars=True)
+        first = drive(race, alice, LAPS, now)
+        submit_model(race=race, racer=bob, model=a_copy(bob, first.evaluation.model), now=now)
+        (car,) = shared_cars(race)
+        assert [one.how for one in car.sharers] == ["first", "counts"]
