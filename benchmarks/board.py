@@ -112,13 +112,14 @@ def _look(name: str, race: Any) -> Callable[[], Callable[[], Any]]:
     from django.conf import settings
     from django.test import Client, override_settings
 
-    from races.selectors import board, rank_of
+    from races.selectors import board, rank_of, shared_boards
     from races.selectors.counting import totals_of
 
     count = totals_of(race).rows
     middle = board(race, page=max(1, count // 100)).rows[0].entry
     client = Client()
-    # each page is made: guests would be given the one that was made before
+    # each page is made: readers would be given the one that was made before
+    shared_boards.LIVES_S = -1.0
     with override_settings(MIDDLEWARE=[name for name in settings.MIDDLEWARE if name != "league.guests.SharedPages"]):
         client.handler.load_middleware()
     looks: dict[str, Callable[[], Any]] = {

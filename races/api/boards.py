@@ -14,7 +14,7 @@ from rest_framework.views import APIView
 
 from ..exports import row_data
 from ..models import RankingMethod
-from ..selectors import PER_PAGE, Board, BoardRow, board
+from ..selectors import PER_PAGE, Board, BoardRow, shared_board
 from .lookup import visible_race
 
 MAX_PER_PAGE = 100
@@ -121,5 +121,5 @@ class BoardView(APIView):
         wanted = PageSerializer(data=request.query_params)
         wanted.is_valid(raise_exception=True)
         page, page_size = wanted.validated_data["page"], wanted.validated_data["page_size"]
-        shown = board(visible_race(request, slug), request.user, page=page, per_page=page_size)
+        shown = shared_board(visible_race(request, slug), request.user, page=page, per_page=page_size)
         return Response(BoardSerializer(shown, context={"request": request}).data)

@@ -27,6 +27,7 @@ from .lists import (
     submissions_of,
     upcoming,
 )
+from .shared_boards import shared_board
 from .visibility import (
     can_organise,
     can_see_evaluation,
@@ -64,6 +65,7 @@ __all__ = [
     "rank_of",
     "replaced_by",
     "score_column",
+    "shared_board",
     "submissions_of",
     "to_beat",
     "upcoming",

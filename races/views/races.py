@@ -16,7 +16,6 @@ from races.eligibility import refusal
 from races.models import Entry, Kind, Race, RaceState, RaceType
 from races.ranking import order_rule, rule_for
 from races.selectors import (
-    board,
     can_organise,
     cancelled_races,
     closed_races,
@@ -25,6 +24,7 @@ from races.selectors import (
     races_of,
     racing_now,
     score_column,
+    shared_board,
     submissions_of,
     to_beat,
     upcoming,
@@ -86,7 +86,7 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
     """A race with its board."""
     shown = visible_race(request, slug)
     page = request.GET.get("page", "1")
-    standings = board(shown, request.user, page=int(page) if page.isdecimal() and len(page) < 9 else 1)
+    standings = shared_board(shown, request.user, page=int(page) if page.isdecimal() and len(page) < 9 else 1)
     context = race_context(request, shown, standings.my_entry, looked_up=True)
     context |= {"tab": "board", "board": standings, "score_column": score_column(shown)}
     return render(request, "races/race.html", context)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from datetime import timedelta
 
 import pytest
 from django.db import transaction
@@ -13,6 +13,7 @@ from django.utils import timezone
 from league import guests
 from league.views import home as home_page
 from races.models import Race, Visibility
+from races.selectors import shared_board
 from races.views import races as race_pages
 from tests.factories import a_race, a_racer, drive, laps
 
@@ -135,11 +136,40 @@ def test_a_page_lives_no_longer_than_its_times_are_right(race, made, monkeypatch
     assert made == ["/", "/"]
 
 
-def test_the_version_of_the_database_changes_with_each_commit_of_another_connection(race):
-    first = guests.database_version()
-    assert guests.database_version() == first
-    Race.objects.filter(pk=race.pk).update(opens_at=race.opens_at - timedelta(minutes=1))
-    assert guests.database_version() != first
+def test_a_racer_gets_the_shared_board_with_a_row_of_their_own(race, now, bell):
+    alice, bob = a_racer("alice"), a_racer("bob")
+    for place, racer in enumerate((alice, bob, a_racer("carol"))):
+        drive(race, racer, laps(*(9000 + 100 * place + n for n in range(3))), now)
+    at, clients = race.get_absolute_url(), {"alice": _client(alice), "bob": _client(bob), "guest": Client()}
+    for _ in range(2):
+        for name, client in clients.items():
+            page = client.get(at).content.decode()
+            rows = re.findall(r'<tr class="linked([^"]*)".*?</tr>', page, re.DOTALL)
+            mine = [row for row in re.findall(r"<tr.*?</tr>", page, re.DOTALL) if 'aria-current="true"' in row]
+            assert len(rows) == 3
+            assert len(mine) == (0 if name == "guest" else 1)
+            assert all(f">{name}</a>" in row for row in mine)
+    korean = clients["alice"].get(at, headers={"Accept-Language": "ko"}).content.decode()
+    assert "Watch the run" not in korean, "a row in another language is another row"
+
+
+def test_a_racer_of_a_later_page_sees_their_row_beside_the_shared_one(race, now, bell, monkeypatch):
+    racers = [a_racer(f"racer-{number}") for number in range(4)]
+    for place, racer in enumerate(racers):
+        drive(race, racer, laps(*(9000 + 100 * place + n for n in range(3))), now)
+    first = shared_board(race, racers[0], page=1, per_page=2)
+    last = shared_board(race, racers[3], page=1, per_page=2)
+    assert (first.my_row.rank, first.my_row_is_elsewhere) == (1, False)
+    assert (last.my_row.rank, last.my_row_is_elsewhere) == (4, True)
+    assert [row.entry.pk for row in first.rows] == [row.entry.pk for row in last.rows]
+    assert first.drawn is last.drawn
+    assert not any(row.is_me for row in last.rows)
+
+
+@pytest.mark.slow
+@pytest.mark.postgres
+def test_the_same_on_postgresql(again_on_postgresql):
+    again_on_postgresql(f"{__file__}", "tests/evaluation/test_unchanged.py", "-k", "not postgresql")
 
 
 def _client(racer) -> Client:

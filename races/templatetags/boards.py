@@ -1,0 +1,40 @@
+"""Rows of a board that are drawn once for all of its readers."""
+
+from __future__ import annotations
+
+from django import template
+from django.template import Context
+from django.template.base import FilterExpression, NodeList, Parser, Token
+from django.utils.safestring import SafeString, mark_safe
+from django.utils.translation import get_language
+
+register = template.Library()
+
+
+class _Drawn(template.Node):
+    def __init__(self, board: FilterExpression, row: FilterExpression, inside: NodeList) -> None:
+        self.board, self.row, self.nodelist = board, row, inside
+
+    def render(self, context: Context) -> SafeString:
+        board, row = self.board.resolve(context), self.row.resolve(context)
+        if row.is_me:
+            return self.nodelist.render(context)
+        key = (get_language() or "", row.entry.pk)
+        if key not in board.drawn:
+            board.drawn[key] = str(self.nodelist.render(context))
+        return mark_safe(board.drawn[key])
+
+
+@register.tag
+def drawn(parser: Parser, token: Token) -> _Drawn:
+    """``{% drawn board row %}...{% enddrawn %}``: a row as another reader of the same page of the board was shown it.
+
+    The reader's own row is always drawn anew. What stands inside may look at nothing else of the reader but the
+    language.
+    """
+    words = token.split_contents()
+    if len(words) != 3:
+        raise template.TemplateSyntaxError(f"{words[0]} takes a board and a row")
+    inside = parser.parse(("enddrawn",))
+    parser.delete_first_token()
+    return _Drawn(parser.compile_filter(words[1]), parser.compile_filter(words[2]), inside)
