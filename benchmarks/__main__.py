@@ -35,6 +35,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
         ("--seeds", "1", "--parts", "laps", "--compared-steps", "0", "--tracks", "oval"),
     ),
     "film": ("film", (), ("--seconds", "5")),
+    "spectators": ("spectators", (), ("--seconds", "2", "--rate", "100")),
     "processors": ("processors", (), ("--quick",)),
 }
 LIMIT_S = 3600

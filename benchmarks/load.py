@@ -46,7 +46,7 @@ def measure(races: Mapping[int, Any], seconds: int, turns: int = TURNS) -> dict[
     """
     if not is_there():
         raise LoadError(MISSING)
-    with _server("league.wsgi") as (site, site_pid), _server("benchmarks.bare") as (bare, bare_pid):
+    with server("league.wsgi") as (site, site_pid), server("benchmarks.bare") as (bare, bare_pid):
         targets = {BARE: (f"{bare}/", bare_pid)}
         for size, race in races.items():
             targets[f"page of {size:,}"] = (f"{site}{race.get_absolute_url()}", site_pid)
@@ -85,29 +85,32 @@ def _processor_s(parent: int) -> float:
 
 
 @contextmanager
-def _server(application: str) -> Iterator[tuple[str, int]]:
-    """The web server as the run command starts it, with one process; yields its address and process id."""
+def server(application: str, processes: int = 1) -> Iterator[tuple[str, int]]:
+    """The web server as the run command starts it; yields its address and process id.
+
+    Raises LoadError where it does not start.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     address = f"127.0.0.1:{port}"
     command = [sys.executable, "-m", "league.web", "--port", str(port), "--application", f"{application}:application"]
-    command += ["--processes", "1", "--threads", str(CONNECTIONS)]
-    server = subprocess.Popen(command, start_new_session=True)
+    command += ["--processes", str(processes), "--threads", str(CONNECTIONS)]
+    program = subprocess.Popen(command, start_new_session=True)
     try:
         deadline = time.monotonic() + START_S
         while True:
             with socket.socket() as client:
                 if client.connect_ex(("127.0.0.1", port)) == 0:
                     break
-            if server.poll() is not None or time.monotonic() > deadline:
+            if program.poll() is not None or time.monotonic() > deadline:
                 raise LoadError(f"{application} did not start")
             time.sleep(0.1)
-        yield f"http://{address}", server.pid
+        yield f"http://{address}", program.pid
     finally:
-        server.send_signal(signal.SIGTERM)
+        program.send_signal(signal.SIGTERM)
         try:
-            server.wait(20)
+            program.wait(20)
         except subprocess.TimeoutExpired:
-            server.kill()
-            server.wait()
+            program.kill()
+            program.wait()

@@ -1,7 +1,9 @@
-"""Guests who ask for the same pages again and again: ``python -m benchmarks.spectators ADDRESS PATH...``.
+"""``python -m benchmarks.spectators [--json]``: many who ask for the same pages of a running site.
 
-Each path is asked for ``--rate`` times a second, and beside it, in the same run, a Django view that does nothing from
-the same web server: milliseconds from when a request was due, so that a server that falls behind cannot hide it.
+Home, the races and a board of a thousand, asked for ``--rate`` times a second by guests, while nobody writes and while
+the database is written to; the board by racers who are signed in; and beside them, in the same run, a Django view that
+does nothing from the same web server. Milliseconds from when a request was due, so that a server that falls behind
+cannot hide it. The site has a database and a folder of its own (``--postgres``: on a PostgreSQL server of its own).
 """
 
 from __future__ import annotations
@@ -9,23 +11,39 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import os
+import sys
+import threading
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 from urllib.parse import urlsplit
 
-from benchmarks.load import BARE, _server
+from .board import _track, database
+from .board_rows import counted_at_the_end, fill, make_race, make_racers
+from .load import BARE, server
 
 RATE, SECONDS, READERS = 500, 6.0, 50
+RACERS_RATE = 50
+WRITES = 10
+ENTRIES = 1_000
+P95_MS = 100.0  # what is promised
+QUIET, WRITTEN = "nobody writes", "somebody writes"
 
 
-async def _ask(host: str, port: int, path: str, rate: int, seconds: float) -> dict[str, float]:
+async def _ask(address: str, rate: int, seconds: float, cookies: Sequence[str]) -> dict[str, float]:
+    """Ask ``rate`` times a second, in turns over ``READERS`` connections; each sends one of ``cookies``, if any."""
+    where = urlsplit(address)
     took: list[float] = []
     failed = 0
     start = time.perf_counter() + 0.5
 
     async def reader(number: int) -> None:
         nonlocal failed
-        incoming, outgoing = await asyncio.open_connection(host, port)
-        request = f"GET {path} HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
+        incoming, outgoing = await asyncio.open_connection(where.hostname, where.port)
+        cookie = f"Cookie: {cookies[number % len(cookies)]}\r\n" if cookies else ""
+        request = f"GET {where.path} HTTP/1.1\r\nHost: {where.netloc}\r\n{cookie}\r\n".encode()
         for turn in range(int(rate * seconds / READERS)):
             due = start + (turn * READERS + number) / rate
             await asyncio.sleep(max(0.0, due - time.perf_counter()))
@@ -43,27 +61,132 @@ async def _ask(host: str, port: int, path: str, rate: int, seconds: float) -> di
     return {"per_second": round(len(took) / (time.perf_counter() - start)), "failed": failed, **share}
 
 
-def measure(address: str, paths: list[str], rate: int = RATE, seconds: float = SECONDS) -> dict[str, dict[str, float]]:
-    """``per_second`` answered, ``failed``, ``p50_ms``, ``p95_ms`` and ``p99_ms`` of each path at a running site, and of
-    the bare view. Raises OSError where nobody listens, LoadError where the bare view does not start."""
-    with _server("benchmarks.bare") as (bare, _):
-        found = {}
-        for name, whole in {BARE: f"{bare}/", **{path: f"{address}{path}" for path in paths}}.items():
-            where = urlsplit(whole)
-            asyncio.run(_ask(where.hostname or "", where.port or 80, where.path, READERS, 1.0))
-            found[name] = asyncio.run(_ask(where.hostname or "", where.port or 80, where.path, rate, seconds))
-        return found
+@contextmanager
+def _written_to(race: Any, per_second: int) -> Iterator[None]:
+    """Commit ``per_second`` times a second to the race meanwhile."""
+    from django.db import connection
+
+    from races.models import Race
+
+    done = threading.Event()
+
+    def write() -> None:
+        turn = 0
+        while not done.wait(1.0 / per_second):
+            turn += 1
+            Race.objects.filter(pk=race.pk).update(description=f"Note {turn}")
+        connection.close()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        yield
+    finally:
+        done.set()
+        writer.join()
+
+
+def _cookies(count: int) -> list[str]:
+    """Sessions of ``count`` racers who are on the board and have a car, as they are sent."""
+    from django.conf import settings
+    from django.test import Client
+
+    from league.models import Racer
+    from tests.factories import a_model
+
+    found = []
+    for racer in Racer.objects.filter(alias__in=[f"r{number}" for number in range(count)]):
+        a_model(racer)
+        client = Client()
+        client.force_login(racer)
+        found.append(f"{settings.SESSION_COOKIE_NAME}={client.cookies[settings.SESSION_COOKIE_NAME].value}")
+    return found
+
+
+def measure(
+    rate: int = RATE,
+    seconds: float = SECONDS,
+    entries: int = ENTRIES,
+    writes: int = WRITES,
+    racers_rate: int = RACERS_RATE,
+) -> dict[str, Any]:
+    """``per_second`` answered, ``failed``, ``p50_ms``, ``p95_ms`` and ``p99_ms`` of the bare view and of each page;
+    ``ratio``: its p95 by the bare view's. Django is set up on an empty database.
+
+    Raises LoadError where a server does not start.
+    """
+    from django.db import connection
+    from django.utils import timezone
+
+    now = timezone.now()
+    with counted_at_the_end():
+        make_racers(entries, now)
+        race = make_race("board", _track(), now)
+        fill(race, entries, now)
+    cookies, board = _cookies(READERS), race.get_absolute_url()
+    found: dict[str, Any] = {}
+
+    def ask(name: str, address: str, each: int, sent: Sequence[str] = ()) -> None:
+        asyncio.run(_ask(address, READERS, 1.0, sent))
+        found[name] = asyncio.run(_ask(address, each, seconds, sent))
+
+    with server("benchmarks.bare", 2) as (bare, _):
+        ask(BARE, f"{bare}/", rate)
+    with server("league.wsgi", 2) as (site, _):
+        for path in ("/", "/races/", board):
+            ask(f"guests, {path}, {QUIET}", f"{site}{path}", rate)
+            with _written_to(race, writes):
+                ask(f"guests, {path}, {WRITTEN}", f"{site}{path}", rate)
+        ask(f"racers, {board}, {QUIET}", f"{site}{board}", racers_rate, cookies)
+        with _written_to(race, writes):
+            ask(f"racers, {board}, {WRITTEN}", f"{site}{board}", racers_rate, cookies)
+    for figures in found.values():
+        figures["ratio"] = round(figures["p95_ms"] / found[BARE]["p95_ms"], 1)
+    options = {"rate": rate, "racers_rate": racers_rate, "writes": writes, "entries": entries, "seconds": seconds}
+    load = os.getloadavg()[0]
+    return {
+        "database": connection.vendor,
+        **options,
+        "pages": found,
+        "cores": len(os.sched_getaffinity(0)),
+        "load": load,
+    }
+
+
+def misses(figures: dict[str, Any]) -> list[str]:
+    """The promises that the figures do not keep."""
+    return [
+        f"{name}: p95 {page['p95_ms']} ms, {page['failed']} failed"
+        for name, page in figures["pages"].items()
+        if page["p95_ms"] > P95_MS or page["failed"]
+    ]
+
+
+def table(figures: dict[str, Any]) -> str:
+    """The figures for a reader."""
+    lines = [f"{'':40}  a second     p50     p95     p99   failed"]
+    for name, page in figures["pages"].items():
+        times = "".join(f"{page[key]:8.1f}" for key in ("p50_ms", "p95_ms", "p99_ms"))
+        lines.append(f"{name:40}  {page['per_second']:8} {times} {page['failed']:8}")
+    return "\n".join(lines)
 
 
 def main() -> None:
-    """All paths as one JSON object."""
+    """All pages as a table or as one JSON object; missed promises on standard error."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("address", help="a running site: http://127.0.0.1:8000")
-    parser.add_argument("paths", nargs="+", help="what guests ask for: / /races/ /races/SLUG/")
-    parser.add_argument("--rate", type=int, default=RATE, help="requests a second")
+    parser.add_argument("--rate", type=int, default=RATE, help="requests of guests a second")
     parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--entries", type=int, default=ENTRIES, help="racers on the board")
+    parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server of its own")
+    parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    print(json.dumps(measure(given.address, given.paths, given.rate, given.seconds), indent=1))
+    with database(given.postgres):
+        figures = measure(given.rate, given.seconds, given.entries)
+    print(json.dumps(figures, indent=1) if given.json else table(figures))
+    missed = misses(figures)
+    for line in missed:
+        print(f"missed: {line}", file=sys.stderr)
+    sys.exit(1 if missed else 0)
 
 
 if __name__ == "__main__":

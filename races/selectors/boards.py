@@ -59,6 +59,15 @@ class BoardRow:
         return self.entry.classified
 
     @property
+    def told(self) -> tuple:
+        """All that a reader is told in the line, so that lines with the same are drawn the same."""
+        entry, racer = self.entry, self.entry.racer
+        of_entry = repr([entry.__dict__[field.attname] for field in Entry._meta.concrete_fields])
+        run = entry.best and entry.best.evaluation.public_id
+        about = (racer.alias, racer.country, run, entry.race.ranking_method, entry.race.race_type)
+        return of_entry, *about, self.rank, self.gap_ms, self.sector_colours, self.has_fastest_lap
+
+    @property
     def group(self) -> str:
         """Which part of the board the row stands in."""
         if self.entry.seed is not None:
@@ -74,7 +83,7 @@ class Board:
     baselines), ``classified_count`` of them with a rank. ``my_row``: the reader's row, wherever it stands; None if they
     are not on the board. ``my_entry``: the reader's entry, also one that has left. ``leader_ms``: the leader's score;
     None once duels are drawn, whose board ranks by points. ``drawn``: the rows that are the same for every reader, as
-    they were drawn already, by language and entry.
+    they were drawn already, by language and what they show.
     """
 
     race: Race
@@ -86,7 +95,7 @@ class Board:
     my_row: BoardRow | None
     my_entry: Entry | None
     leader_ms: int | None
-    drawn: dict[tuple[str, int], str] = field(default_factory=dict, repr=False, compare=False)
+    drawn: dict[tuple, str] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def is_drawn(self) -> bool:

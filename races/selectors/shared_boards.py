@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from collections import OrderedDict
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from evaluation.services.unchanged import Unchanged, is_shared
@@ -19,6 +23,8 @@ LIVES_S = 1.0
 PAGES = 40  # of one process, of at most a few hundred kilobytes each
 
 _pages: Unchanged[Board] = Unchanged(PAGES)
+_drawn: OrderedDict[tuple, tuple[float, dict]] = OrderedDict()
+_lock = threading.Lock()
 
 
 def shared_board(
@@ -27,5 +33,21 @@ def shared_board(
     """What :func:`races.selectors.board` gives, its page read once for all readers while the database is as it was."""
     if not is_shared():
         return board(race, racer, page=page, per_page=per_page)
-    shown = _pages.get((race.pk, page, per_page), LIVES_S, lambda: (page_for_all(race, page, per_page), True))
-    return as_seen_by(shown, race, racer)
+    key = (race.pk, page, per_page)
+
+    def make() -> tuple[Board, bool]:
+        return replace(page_for_all(race, page, per_page), drawn=_drawn_lately(key)), True
+
+    return as_seen_by(_pages.get(key, LIVES_S, make), race, racer)
+
+
+def _drawn_lately(key: tuple) -> dict[tuple, str]:
+    """The rows of a page that were drawn within the time that they live. A commit changes few of them, or none."""
+    with _lock:
+        began_at, drawn = _drawn.pop(key, (0.0, {}))
+        if time.monotonic() - began_at > LIVES_S:
+            began_at, drawn = time.monotonic(), {}
+        _drawn[key] = (began_at, drawn)
+        while len(_drawn) > PAGES:
+            _drawn.popitem(last=False)
+    return drawn

@@ -12,14 +12,14 @@ register = template.Library()
 
 
 class _Drawn(template.Node):
-    def __init__(self, board: FilterExpression, row: FilterExpression, inside: NodeList) -> None:
-        self.board, self.row, self.nodelist = board, row, inside
+    def __init__(self, board: FilterExpression, row: FilterExpression, beside: list, inside: NodeList) -> None:
+        self.board, self.row, self.beside, self.nodelist = board, row, beside, inside
 
     def render(self, context: Context) -> SafeString:
         board, row = self.board.resolve(context), self.row.resolve(context)
         if row.is_me:
             return self.nodelist.render(context)
-        key = (get_language() or "", row.entry.pk)
+        key = (get_language() or "", row.told, *(repr(each.resolve(context)) for each in self.beside))
         if key not in board.drawn:
             board.drawn[key] = str(self.nodelist.render(context))
         return mark_safe(board.drawn[key])
@@ -27,14 +27,15 @@ class _Drawn(template.Node):
 
 @register.tag
 def drawn(parser: Parser, token: Token) -> _Drawn:
-    """``{% drawn board row %}...{% enddrawn %}``: a row as another reader of the same page of the board was shown it.
+    """``{% drawn board row cut %}...{% enddrawn %}``: a row as another reader of the same page was shown it.
 
-    The reader's own row is always drawn anew. What stands inside may look at nothing else of the reader but the
-    language.
+    The reader's own row is always drawn anew. What stands inside may look at nothing else than the row, the language
+    and the values that are named after the row.
     """
     words = token.split_contents()
-    if len(words) != 3:
-        raise template.TemplateSyntaxError(f"{words[0]} takes a board and a row")
+    if len(words) < 3:
+        raise template.TemplateSyntaxError(f"{words[0]} takes a board, a row and what else the row shows")
     inside = parser.parse(("enddrawn",))
     parser.delete_first_token()
-    return _Drawn(parser.compile_filter(words[1]), parser.compile_filter(words[2]), inside)
+    board, row, *beside = map(parser.compile_filter, words[1:])
+    return _Drawn(board, row, beside, inside)
