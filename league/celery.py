@@ -3,7 +3,7 @@
 import os
 
 from celery import Celery
-from celery.signals import setup_logging
+from celery.signals import beat_init, setup_logging, worker_init
 
 from evaluation.heartbeat import Heartbeat
 
@@ -17,3 +17,10 @@ app.steps["consumer"].add(Heartbeat)
 @setup_logging.connect
 def leave_logging_to_django(**kwargs: object) -> None:
     """A receiver is all it takes: Celery then leaves the loggers of settings.LOGGING alone."""
+
+
+@worker_init.connect
+@beat_init.connect
+def keep_files_private(**kwargs: object) -> None:
+    """What a worker or the clock writes is its owner's alone."""
+    os.umask(0o077)

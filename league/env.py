@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import stat
+import sys
 from email.utils import parseaddr
 from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
@@ -15,6 +17,9 @@ from django.core.exceptions import ImproperlyConfigured
 
 # What may stand in Django's ALLOWED_HOSTS: a name, a name below a domain (".example.org"), an address, or anything
 _HOST = re.compile(r"\*|\.?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*|\[[0-9A-Fa-f:.]+\]")
+
+# what is in a data folder, from its first start on
+_OURS = {"secret-key", "paddock.sqlite3", "files", "run.lock", "uploads"}
 
 
 def env_str(name: str, default: str | None = None) -> str:
@@ -146,6 +151,32 @@ def env_folder(name: str, default: Path) -> Path:
         ) from None
     if not os.access(folder, os.W_OK | os.X_OK):
         raise ImproperlyConfigured(f"{name} must be a folder that can be written, which {folder} is not.")
+    return folder
+
+
+def private_folder(name: str, folder: Path) -> Path:
+    """The folder, closed to everybody but its owner: the secret key, sessions and racers' files are in it.
+
+    One that is open is closed, and that is said on standard error. Raises ImproperlyConfigured when it belongs to
+    somebody else, or holds what is not Paddock's: then others may need it open, and it is no folder for secrets.
+    """
+    found = folder.stat()
+    if not found.st_mode & 0o077:
+        return folder
+    kept = {one.name for one in os.scandir(folder)}
+    why = ""
+    if found.st_mode & stat.S_ISVTX or (kept and not kept & _OURS):
+        why = "and holds what is not Paddock's; name a folder that is for Paddock alone"
+    elif os.geteuid() not in (0, found.st_uid):
+        why = "and belongs to somebody else"
+    else:
+        try:
+            folder.chmod(0o700)
+        except OSError as error:
+            why = f"and cannot be closed: {error.strerror}"
+    if why:
+        raise ImproperlyConfigured(f"{name}: other users of this machine may read {folder} {why}.")
+    print(f"{name}: {folder} was open to other users of this machine; it is its owner's alone now.", file=sys.stderr)
     return folder
 
 

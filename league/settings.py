@@ -31,11 +31,12 @@ from .env import (
     env_str,
     env_time_zone,
     env_url,
+    private_folder,
     secret_from_file,
 )
 
 BASE_DIR = Path(__file__).resolve().parent.parent
-DATA_DIR = env_folder("PADDOCK_DATA", BASE_DIR / "data")
+DATA_DIR = private_folder("PADDOCK_DATA", env_folder("PADDOCK_DATA", BASE_DIR / "data"))
 
 DEBUG = env_bool("PADDOCK_DEBUG", False)
 SECRET_KEY = env_str("PADDOCK_SECRET_KEY", "") or secret_from_file(DATA_DIR / "secret-key")
@@ -281,7 +282,7 @@ STATIC_URL = "static/"
 STATIC_ROOT = DATA_DIR / "static"
 STATICFILES_DIRS = [BASE_DIR / "static"]
 FILE_UPLOAD_TEMP_DIR = DATA_DIR / "uploads"
-FILE_UPLOAD_TEMP_DIR.mkdir(exist_ok=True)
+FILE_UPLOAD_TEMP_DIR.mkdir(mode=0o700, exist_ok=True)
 DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 
 # --- people --------------------------------------------------------------------------------------------------------

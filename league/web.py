@@ -48,6 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--application", default="league.wsgi:application", help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
     _many_files()
+    os.umask(0o077)
     try:
         listening = listen(given.host, given.port)
     except OSError as problem:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evaluation.archive import Part, part_of, part_of_gzip, zipped
 from evaluation.robomaker import HYPERPARAMETERS, METADATA, settings_lines, trace_lines
@@ -17,9 +17,19 @@ from faults import PlatformFault
 
 from .models import BestMetric, TrainingIteration, TrainingJob
 
+if TYPE_CHECKING:
+    from league.models import Racer
+
 VERSION = 2.0
+# no type that a program opens by itself: a zip of stable-baselines3 holds pickles, and Python runs what they say
+SB3_TYPE = "application/octet-stream"
 AT_A_TIME = 50  # iterations that are held
 _METRIC_NAMES = {BestMetric.PROGRESS: "progress", BestMetric.REWARD: "reward", BestMetric.LAP_TIME: "laptime"}
+
+
+def sb3_name(job: TrainingJob, reader: Racer) -> str:
+    """What the zip of stable-baselines3 is called; for whoever did not train it themselves, with a warning."""
+    return f"{job.name}-sb3.zip" if job.owner_id == reader.pk else f"UNTRUSTED-{job.owner.alias}-{job.name}-sb3.zip"
 
 
 def training_metrics(job: TrainingJob) -> dict[str, Any]:

@@ -7,11 +7,13 @@ import zipfile
 
 import pytest
 from django.core.cache import cache
+from django.test import Client
 
 from evaluation.models import Evaluation
-from tests.factories import a_track
+from tests.factories import a_racer, a_track
 from tests.training.jobs import REWARD, a_trained_one, a_training
 from training.models import TrainingJob
+from training.services import stop_training
 
 pytestmark = pytest.mark.django_db
 CHECK = "/api/v1/reward-functions/validate/"
@@ -38,6 +40,20 @@ def test_a_training_is_taken_home(alice, as_racer, job):
     assert "reward_function.py" in logs.namelist()
     trace = client.get(address(job, "trace/"), headers={"Accept": "text/csv"})
     assert (trace["Content-Type"], trace.content) == ("text/csv; charset=utf-8", b"episode,steps\n0,1\n")
+
+
+def test_a_racers_pickles_are_handed_to_others_with_a_warning(alice, cast, as_racer, job, now):
+    mine, theirs = as_racer(alice).get(address(job, "sb3/")), cast["admin"].get(address(job, "sb3/"))
+    assert mine["Content-Type"] == theirs["Content-Type"] == "application/octet-stream"
+    assert "UNTRUSTED" not in mine["Content-Disposition"]
+    assert theirs["Content-Disposition"].startswith('attachment; filename="UNTRUSTED-alice-')
+    assert theirs["X-Content-Type-Options"] == "nosniff"
+    assert as_racer(alice).get(address(job, "sb3/"), headers={"Accept": "application/zip"}).status_code == 200
+    stop_training(job=job, now=now)  # its page then has the files
+    for racer, warned in ((alice, False), (a_racer(is_staff=True), True)):
+        browser = Client()
+        browser.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+        assert ('id="untrusted"' in browser.get(job.get_absolute_url()).content.decode()) is warned
 
 
 def test_what_there_is_not_yet_is_not_found(alice, as_racer, now, trainings_taken_on):

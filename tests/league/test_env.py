@@ -141,3 +141,50 @@ def test_the_command_line_says_what_is_wrong_in_one_line_and_without_a_traceback
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.startswith(f"Paddock cannot start: {name}") and done.stderr.count("\n") == 1
+
+
+class TestAFolderOfSecrets:
+    @pytest.fixture
+    def open_one(self, tmp_path: Path) -> Path:
+        made = tmp_path / "data"
+        made.mkdir()
+        made.chmod(0o755)
+        return made
+
+    @pytest.mark.parametrize("inside", [[], ["secret-key", "notes.txt"]], ids=["empty", "Paddock's"])
+    def test_one_that_others_can_read_is_closed_and_that_is_said(self, open_one, inside, capsys):
+        for name in inside:
+            (open_one / name).touch()
+        assert env.private_folder("PADDOCK_DATA", open_one) == open_one
+        assert open_one.stat().st_mode & 0o777 == 0o700
+        assert "was open to other users" in capsys.readouterr().err
+        env.private_folder("PADDOCK_DATA", open_one)
+        assert capsys.readouterr().err == "", "once"
+
+    @pytest.mark.parametrize(
+        ("change", "why"),
+        [
+            (lambda folder: (folder / "letters.txt").touch(), "not Paddock's"),
+            (lambda folder: folder.chmod(0o1777), "not Paddock's"),
+        ],
+        ids=["somebody's home", "a folder for all"],
+    )
+    def test_one_that_others_may_need_is_left_open_and_refused(self, open_one, change, why):
+        change(open_one)
+        mode = open_one.stat().st_mode
+        with pytest.raises(ImproperlyConfigured, match=why):
+            env.private_folder("PADDOCK_DATA", open_one)
+        assert open_one.stat().st_mode == mode
+
+    def test_one_of_somebody_else_is_refused(self, open_one, monkeypatch):
+        monkeypatch.setattr(env.os, "geteuid", lambda: open_one.stat().st_uid + 1)
+        with pytest.raises(ImproperlyConfigured, match="belongs to somebody else"):
+            env.private_folder("PADDOCK_DATA", open_one)
+
+    def test_one_that_cannot_be_closed_is_refused(self, open_one, monkeypatch):
+        def refuse(self: Path, mode: int) -> None:
+            raise PermissionError(1, "Operation not permitted")
+
+        monkeypatch.setattr(Path, "chmod", refuse)
+        with pytest.raises(ImproperlyConfigured, match="cannot be closed: Operation not permitted"):
+            env.private_folder("PADDOCK_DATA", open_one)

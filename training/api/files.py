@@ -9,13 +9,14 @@ from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_sche
 from rest_framework import serializers
 from rest_framework.exceptions import NotFound
 from rest_framework.permissions import IsAuthenticated
+from rest_framework.renderers import BaseRenderer
 from rest_framework.request import Request
 
 from evaluation.files import as_download, download_of
 from faults import UserFault
-from tracks.file_view import FileView
+from tracks.file_view import FileRenderer, FileView
 from tracks.forms import explain
-from training.files import logs_zip, newest_simtrace, sb3_of
+from training.files import SB3_TYPE, logs_zip, newest_simtrace, sb3_name, sb3_of
 
 from .trainings import visible_training
 
@@ -49,11 +50,18 @@ class TrainingSb3View(FileView):
     """The model for Python."""
 
     permission_classes = [IsAuthenticated]
+    media_type = SB3_TYPE
+
+    def get_renderers(self) -> list[BaseRenderer]:
+        return [*super().get_renderers(), FileRenderer("application/zip")]  # what it was called before
 
     @extend_schema(
         operation_id="training_sb3",
         summary="The model as stable-baselines3 saves it",
-        responses=ZIP,
+        description="A zip with pickles in it, which a racer's own Python has written: stable-baselines3 runs what "
+        "they say when it loads them. Load your own only, or in a sandbox. For admins, who may read everybody's, its "
+        "name begins with UNTRUSTED.",
+        responses={(200, SB3_TYPE): OpenApiTypes.BINARY},
         tags=["trainings"],
     )
     def get(self, request: Request, public_id: str) -> HttpResponse:
@@ -61,7 +69,7 @@ class TrainingSb3View(FileView):
         data = sb3_of(job)
         if data is None:
             raise NotFound(_("This training has no file of stable-baselines3."))
-        return as_download(HttpResponse(data, content_type="application/zip"), f"{job.name}-sb3.zip")
+        return as_download(HttpResponse(data, content_type=SB3_TYPE), sb3_name(job, request.user))
 
 
 class TrainingLogsView(FileView):

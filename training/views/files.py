@@ -7,7 +7,7 @@ from django.http import Http404, HttpRequest, HttpResponse, StreamingHttpRespons
 from django.views.decorators.http import require_safe
 
 from evaluation.files import as_download, download_of
-from training.files import logs_zip, metrics_json, newest_simtrace, sb3_of
+from training.files import SB3_TYPE, logs_zip, metrics_json, newest_simtrace, sb3_name, sb3_of
 
 from .common import visible_training
 
@@ -31,7 +31,7 @@ def training_sb3(request: HttpRequest, public_id: str) -> HttpResponse:
     data = sb3_of(job)
     if data is None:
         raise Http404
-    return _file(data, "application/zip", f"{job.name}-sb3.zip")
+    return _file(data, SB3_TYPE, sb3_name(job, request.user))
 
 
 @login_required

@@ -44,6 +44,7 @@ class Command(BaseCommand):
             sys.exit(130)
 
     def _run(self, host: str, port: int) -> None:
+        os.umask(0o077)  # also of all that is started here
         lock = hold_data(settings.DATA_DIR / "run.lock")
         _refuse_taken_port(host, port)
         self._prepare()
