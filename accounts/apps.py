@@ -5,3 +5,12 @@ from django.utils.translation import gettext_lazy as _
 class AccountsConfig(AppConfig):
     name = "accounts"
     verbose_name = _("Accounts")
+
+    def ready(self) -> None:
+        from allauth.account.signals import password_changed, password_reset
+        from django.contrib.auth.signals import user_logged_in
+
+        from .receivers import know_the_address
+
+        for signal in (user_logged_in, password_changed, password_reset):
+            signal.connect(know_the_address, dispatch_uid="accounts.know_the_address")

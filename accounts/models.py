@@ -1,4 +1,4 @@
-"""What an admin has set for single racers, and invitations to sign up."""
+"""What an admin has set for single racers, invitations to sign up, and where racers have logged in from."""
 
 from __future__ import annotations
 
@@ -80,3 +80,19 @@ class SignUpInvitation(models.Model):
     def is_open(self, now: datetime) -> bool:
         """Whether somebody may still sign up with it."""
         return self.used < self.uses and now < self.expires_at
+
+
+class KnownAddress(models.Model):
+    """A racer has logged in from an address, which is kept as a digest (:mod:`accounts.log_in`)."""
+
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="known_addresses")
+    digest = models.CharField(max_length=64)
+    seen_at = models.DateTimeField()
+
+    class Meta:
+        verbose_name = _("known address")
+        verbose_name_plural = _("known addresses")
+        constraints = [models.UniqueConstraint(fields=["racer", "digest"], name="known_address_once")]
+
+    def __str__(self) -> str:
+        return f"{self.racer_id}: {self.digest[:8]}"

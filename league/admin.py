@@ -6,6 +6,8 @@ from typing import Any
 
 from allauth.account import admin as account_admin
 from allauth.account.models import EmailAddress, EmailConfirmation
+from allauth.mfa import admin as mfa_admin
+from allauth.mfa.models import Authenticator
 from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
@@ -27,9 +29,9 @@ from .services import put_in_division
 from .services.fields import give_fields
 from .services.seasons import FIXED_ONCE_OFFICIAL, edition_of
 
-# E-mail addresses are shown with their racer and nowhere else.
-for model in (EmailAddress, EmailConfirmation):
-    if account_admin.admin.site.is_registered(model):
+# E-mail addresses and second factors are shown with their racer and nowhere else, and secrets nowhere.
+for model in (EmailAddress, EmailConfirmation, Authenticator):
+    if account_admin.admin.site.is_registered(model) or mfa_admin.admin.site.is_registered(model):
         admin.site.unregister(model)
 
 POWERS = ("is_staff", "is_superuser", "groups", "user_permissions")
@@ -61,6 +63,17 @@ class EmailInline(admin.TabularInline):
     extra = 0
 
 
+class FactorInline(admin.TabularInline):
+    """The racer's second factors: which there are. They may be taken away from who has lost them."""
+
+    model = Authenticator
+    extra = 0
+    fields = readonly_fields = ("type", "created_at", "last_used_at")
+
+    def has_add_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
+        return False
+
+
 @admin.register(Racer)
 class RacerAdmin(UserAdmin):
     """Racers. Who has raced is deactivated, never deleted: their results are part of other racers' boards."""
@@ -74,7 +87,7 @@ class RacerAdmin(UserAdmin):
     date_hierarchy = "joined_at"
     filter_horizontal = ("groups", "user_permissions")
     readonly_fields = ("joined_at", "last_login", "is_house")
-    inlines = (EmailInline, QuotaInline)
+    inlines = (EmailInline, FactorInline, QuotaInline)
     actions = ("deactivate", "activate")
     fieldsets = (
         (None, {"fields": ("alias", "email", "password", "country")}),

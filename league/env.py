@@ -93,6 +93,16 @@ def check_url(name: str, value: str, schemes: tuple[str, ...], example: str) -> 
     return parts
 
 
+def passkeys_work(site_url: str) -> bool:
+    """Whether browsers make passkeys for a site at this address: one with a name, over https or on this machine."""
+    parts = urlsplit(site_url)
+    host = parts.hostname or ""
+    if host == "localhost":
+        return True
+    is_address = ":" in host or host.replace(".", "").isdigit()
+    return parts.scheme == "https" and not is_address
+
+
 def env_hosts(name: str, default: str) -> list[str]:
     """Comma-separated host names as ALLOWED_HOSTS takes them. Raises ImproperlyConfigured for what is no host name."""
     hosts = env_list(name, default)

@@ -31,6 +31,7 @@ from .env import (
     env_str,
     env_time_zone,
     env_url,
+    passkeys_work,
     private_folder,
     secret_from_file,
 )
@@ -78,6 +79,7 @@ INSTALLED_APPS = [
     "django.forms",
     "allauth",
     "allauth.account",
+    "allauth.mfa",
     "csp",
     "django_htmx",
     "rest_framework",
@@ -104,6 +106,7 @@ MIDDLEWARE = [
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "django_htmx.middleware.HtmxMiddleware",
     "allauth.account.middleware.AccountMiddleware",
+    "league.staff_factor.SecondFactorOfStaff",
     "league.our_faults.OurFaults",
 ]
 
@@ -287,7 +290,9 @@ DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 
 # --- people --------------------------------------------------------------------------------------------------------
 AUTH_USER_MODEL = "league.Racer"
+# The first has the last word; the others are named for the sessions that were begun with them
 AUTHENTICATION_BACKENDS = [
+    "accounts.backends.PasswordBackend",
     "django.contrib.auth.backends.ModelBackend",
     "allauth.account.auth_backends.AuthenticationBackend",
 ]
@@ -305,7 +310,25 @@ ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional"
 ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True
 ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
-ACCOUNT_ADAPTER = "accounts.sign_up.AccountAdapter"
+ACCOUNT_ADAPTER = "accounts.adapter.AccountAdapter"
+ACCOUNT_REAUTHENTICATION_REQUIRED = True
+# Wrong passwords are counted by accounts.log_in; here, how often anybody may ask at all. A class of 40 behind one
+# address signs up and logs in at once. login_failed counts codes of the second factor
+ACCOUNT_RATE_LIMITS = {
+    "login": "120/m/ip",
+    "login_failed": "5/5m/key",
+    "signup": "60/m/ip",
+    "reauthenticate": "10/10m/user",
+    "change_password": "5/5m/user",
+}
+# --- a second factor: codes of an app, codes on paper, and passkeys where browsers allow them
+MFA_ADAPTER = "accounts.second_factor.SecondFactorAdapter"
+MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", *(["webauthn"] if passkeys_work(SITE_URL) else [])]
+MFA_PASSKEY_LOGIN_ENABLED = True
+MFA_WEBAUTHN_ALLOW_INSECURE_ORIGIN = not BEHIND_HTTPS
+# Whoever resets the password of an address that was never verified ends the second factor too (accounts.services)
+MFA_ALLOW_UNVERIFIED_EMAIL = True
+STAFF_SECOND_FACTOR = env_bool("PADDOCK_STAFF_SECOND_FACTOR", False)
 SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed"))
 LOGIN_URL = "account_login"
 LOGIN_REDIRECT_URL = "home"

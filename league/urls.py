@@ -1,13 +1,18 @@
 """Addresses of the site. Each room has its own pages; the API is put together in league.api."""
 
+from allauth.account.decorators import secure_admin_login
 from allauth.account.views import LoginView
 from django.contrib import admin
 from django.urls import include, path, re_path
 from django.views.decorators.csrf import csrf_exempt
+from django.views.generic import RedirectView
 from django.views.i18n import set_language
 
 from .forms import LoginForm, SignUpForm
 from .views import account, home, notices, organising, racers, seasons, site, webhooks, workers
+
+# One door: who is not logged in is sent to the site's own form, with its limits and its second factor
+admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -56,5 +61,7 @@ urlpatterns = [
     path("api/", include("league.api.urls")),
     # without a token, so that pages for guests need none: a cookie with a language is all that it makes
     path("i18n/setlang/", csrf_exempt(set_language), name="set_language"),
+    # the admin site's own form for it has no limit on guesses of the old one
+    path("admin/password_change/", RedirectView.as_view(pattern_name="account_change_password")),
     path("admin/", admin.site.urls),
 ]

@@ -25,6 +25,8 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
 
 TRAINING = True  # the site's side needs no torch; tests that really train are skipped where it is missing
 
+MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", "webauthn"]  # their pages are there, whatever the site's address
+
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.locmem.LocMemCache"}}
 STORAGES = {**STORAGES, "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}}
 STATIC_ROOT = DATA_DIR / "static"

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext_lazy
 from drf_spectacular.contrib.knox_auth_token import KnoxTokenScheme
 from knox.auth import TokenAuthentication as KnoxAuthentication
+from rest_framework import status
 from rest_framework.authentication import get_authorization_header
-from rest_framework.exceptions import AuthenticationFailed
+from rest_framework.exceptions import APIException, AuthenticationFailed
+
+from accounts.second_factor import lacks_demanded_factor
 
 if TYPE_CHECKING:  # views import this module
     from drf_spectacular.openapi import AutoSchema
     from rest_framework.request import Request
 
 BEARER = b"bearer"
-_invalid = _("Invalid token.")
+_invalid = gettext_lazy("Invalid token.")
+
+
+class SecondFactorMissing(APIException):
+    """An admin on a site that demands a second factor of admins."""
+
+    status_code = status.HTTP_403_FORBIDDEN
+    default_code = "second_factor_missing"
+    default_detail = gettext_lazy("This site demands a second factor of its admins. Set one up in your settings.")
 
 
 class TokenAuthentication(KnoxAuthentication):
@@ -35,7 +46,10 @@ class TokenAuthentication(KnoxAuthentication):
     def authenticate_credentials(self, token: bytes) -> tuple:
         if not token.isascii():
             raise AuthenticationFailed(_invalid)
-        return super().authenticate_credentials(token)
+        racer, found = super().authenticate_credentials(token)
+        if lacks_demanded_factor(racer):
+            raise SecondFactorMissing()
+        return racer, found
 
 
 class TokenScheme(KnoxTokenScheme):

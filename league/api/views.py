@@ -6,6 +6,7 @@ from allauth.account import app_settings as account_settings
 from allauth.account.adapter import get_adapter
 from allauth.account.models import EmailAddress
 from allauth.core import ratelimit
+from allauth.mfa.base.forms import AuthenticateForm
 from django.contrib.auth.signals import user_logged_in, user_logged_out
 from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
@@ -22,11 +23,14 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.quotas import usage_of
+from accounts.second_factor import factors_of, lacks_demanded_factor
+from accounts.tokens import create_token, revoke_token, tokens_of
 from league.countries import COUNTRIES
 from league.models import Racer
 from league.services.profile import change_profile
-from league.tokens import create_token, revoke_token, tokens_of
 from tracks.bodies import Body, refuse_fields
+
+from .auth import SecondFactorMissing
 
 TOO_MANY_ATTEMPTS_WAIT_S = 300
 
@@ -47,6 +51,24 @@ class AddressUnverified(APIException):
     default_detail = gettext_lazy("Verify your e-mail address first: follow the link in the message we sent you.")
 
 
+class SecondFactorNeeded(APIException):
+    """The password was right, and this racer has a second factor."""
+
+    status_code = status.HTTP_403_FORBIDDEN
+    default_code = "second_factor_needed"
+    default_detail = gettext_lazy(
+        "Send the code of your second factor too. Who has only a passkey makes a token in the settings on the site."
+    )
+
+
+class WrongCode(APIException):
+    """The code of the second factor is wrong, used or too old."""
+
+    status_code = status.HTTP_400_BAD_REQUEST
+    default_code = "wrong_code"
+    default_detail = gettext_lazy("The code is wrong or was used already.")
+
+
 class NoToken(APIException):
     """Only a request that came with a token can give it back."""
 
@@ -60,6 +82,9 @@ class LoginSerializer(Body):
 
     login = serializers.CharField(max_length=254, help_text="Alias or e-mail address.")
     password = serializers.CharField(max_length=1024, trim_whitespace=False, style={"input_type": "password"})
+    code = serializers.CharField(
+        max_length=32, required=False, help_text="Of the second factor, where the racer has one: an app's, or on paper."
+    )
 
 
 class TokenSerializer(serializers.Serializer):
@@ -133,7 +158,9 @@ class TokenView(APIView):
     def post(self, request: Request) -> Response:
         serializer = LoginSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
-        racer = _authenticate(request, **serializer.validated_data)
+        sent = serializer.validated_data
+        racer = _authenticate(request, sent["login"], sent["password"])
+        _show_second_factor(racer, sent.get("code", ""))
         token = create_token(racer=racer)
         user_logged_in.send(sender=Racer, request=request._request, user=racer)
         return Response({"token": token, "alias": racer.alias}, status=status.HTTP_201_CREATED)
@@ -257,6 +284,22 @@ def _authenticate(request: Request, login: str, password: str) -> Racer:
     if account_settings.EMAIL_VERIFICATION == account_settings.EmailVerificationMethod.MANDATORY:
         _require_verified_address(racer)
     return racer
+
+
+def _show_second_factor(racer: Racer, code: str) -> None:
+    """The password is not enough where there is more. Shares allauth's limit on wrong codes."""
+    if lacks_demanded_factor(racer):
+        raise SecondFactorMissing()
+    if not factors_of(racer).exists():
+        return
+    if not code:
+        raise SecondFactorNeeded()
+    form = AuthenticateForm(user=racer, data={"code": code})
+    if not form.is_valid():
+        if form.has_error("code", "too_many_login_attempts"):
+            raise Throttled(wait=TOO_MANY_ATTEMPTS_WAIT_S)
+        raise WrongCode()
+    form.authenticator.record_usage()
 
 
 def _require_verified_address(racer: Racer) -> None:

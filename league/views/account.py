@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from allauth.account.decorators import reauthentication_required
 from allauth.account.views import SignupView
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
@@ -12,10 +13,10 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
+from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from faults import UserFault
 from league.forms import ProfileForm
 from league.services.profile import change_profile
-from league.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from tracks.forms import add_fault, explain
 
 
@@ -45,6 +46,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
 @login_required
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@reauthentication_required(enabled=lambda request: request.method == "POST", app="allauth.account")
 def api_tokens(request: HttpRequest) -> HttpResponse:
     """The racer's API tokens; a POST makes one and shows it this once."""
     token = ""

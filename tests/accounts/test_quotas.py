@@ -98,7 +98,7 @@ def test_an_admin_sets_a_limit_on_the_racer_s_page(client, boss) -> None:
     alice = a_racer("alice")
     page = reverse("admin:league_racer_change", args=[alice.pk])
     form = {"email": alice.email, "country": "", "is_active": "on"}
-    for prefix in ("emailaddress_set", "quotas"):
+    for prefix in ("emailaddress_set", "authenticator_set", "quotas"):
         form |= {f"{prefix}-TOTAL_FORMS": "0", f"{prefix}-INITIAL_FORMS": "0"}
     form |= {"quotas-TOTAL_FORMS": "1", "quotas-0-name": "training_minutes", "quotas-0-limit": "60"}
     assert client.post(page, form).status_code == 302

@@ -94,7 +94,7 @@ def test_the_last_place_taken_meanwhile_is_an_error_of_the_form(client, settings
     settings.SIGN_UP = "invitation"
     invitation = an_invitation()
     client.get(invitation.get_absolute_url())
-    monkeypatch.setattr("accounts.sign_up.open_invitation", lambda code, now: invitation)
+    monkeypatch.setattr("accounts.adapter.open_invitation", lambda code, now: invitation)
     SignUpInvitation.objects.update(used=1)
     page = client.post("/accounts/signup/", form_of("alice"))
     assert "was just taken" in page.content.decode()

@@ -66,6 +66,22 @@ ONLY_ON_PAGES: dict[str, str] = {
     "account_set_password": "likewise",
     "account_reset_password": "of who cannot log in",
     "account_reset_password_from_key": "the link in a mail",
+    **dict.fromkeys(
+        (
+            "mfa_activate_totp",
+            "mfa_add_webauthn",
+            "mfa_deactivate_totp",
+            "mfa_download_recovery_codes",
+            "mfa_edit_webauthn",
+            "mfa_generate_recovery_codes",
+            "mfa_remove_webauthn",
+        ),
+        "without the second factor the account could be taken over: a token alone must not be enough",
+    ),
+    "mfa_authenticate": "logging in: a program sends the code with the password",
+    "mfa_login_webauthn": "logging in with a passkey, which a browser holds",
+    "mfa_reauthenticate": "of a browser's session",
+    "mfa_reauthenticate_webauthn": "of a browser's session",
     "notices_stop": "the link in a mail, which works without logging in; choose_notices does the same",
     "race_course": "draws the map of a form that is being filled in; it changes nothing",
     "reward_lab": "draws a map of a reward function along a drive; it changes nothing",
@@ -76,16 +92,16 @@ ONLY_ON_PAGES: dict[str, str] = {
 }
 
 
-def pages(below: URLResolver, prefix: str = "") -> Iterator[tuple[str, set[str]]]:
+def pages(below: URLResolver, prefix: str = "", above: frozenset[str] = frozenset()) -> Iterator[tuple[str, set[str]]]:
     """Name and parameters of every page outside the API and the admin site."""
     for one in below.url_patterns:
         path = prefix + str(one.pattern)
         if path.startswith(("admin/", "api/")):
             continue
         if isinstance(one, URLResolver):
-            yield from pages(one, path)
+            yield from pages(one, path, above | one.pattern.converters.keys())
         elif isinstance(one, URLPattern):
-            yield one.name, {*one.pattern.converters, *one.pattern.regex.groupindex}
+            yield one.name, {*above, *one.pattern.converters, *one.pattern.regex.groupindex}
 
 
 def takes_a_post(client: Client, name: str, parameters: set[str]) -> bool:

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from accounts.tokens import TOKENS_PER_RACER
 from evaluation.network.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
 from evaluation.packages.gate.operators import OPERATORS
 from evaluation.packages.inputs import CAMERAS, SENSOR_NAMES
@@ -27,7 +28,6 @@ from evaluation.simulator.physics import PADDOCK_CAR
 from evaluation.simulator.rewards import Objects
 from evaluation.simulator.rules import RaceRules
 from evaluation.simulator.trace import COLUMNS, STATUSES
-from league.tokens import TOKENS_PER_RACER
 from races.sensors import OFFERABLE, SAME_AS
 from races.validation import MAX_AHEAD, MAX_DURATION
 from tracks.catalogue import CATALOGUE

@@ -88,6 +88,7 @@ CASES = [
     Case(
         "newcomer", "/accounts/email/", "Change the address", "to new@example.org.", {"New address": "new@example.org"}
     ),
+    Case("alice", "/accounts/reauthenticate/", "Go on", "css=.race-card", {"Password": PASSWORD}),
     Case("alice", "/accounts/email/", "Send it again", "A link to confirm your address"),
     Case("alice", "", "Keep the old address", "css=main:not(:has([name=action_remove]))"),
     Case(

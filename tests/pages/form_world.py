@@ -9,12 +9,12 @@ from allauth.account.forms import default_token_generator
 from allauth.account.models import EmailAddress, EmailConfirmationHMAC
 from allauth.account.utils import user_pk_to_url_str
 
+from accounts.tokens import create_token
 from evaluation.services import share_model
 from league.models import NoticeKind, Racer, Round, Stage
 from league.services import close_round
 from league.services.notices import stopping_token, tell_what_happened
 from league.services.webhooks import add_webhook
-from league.tokens import create_token
 from races.models import Race
 from races.services import enter_race, remove_entry, withdraw
 from races.services.videos import ask_for_video, run_next_video
@@ -156,6 +156,7 @@ class Cast:
             "videos/<str:public_id>/": [{"public_id": said["waits"]}],
             "models/<str:public_id>/": [{"public_id": said[name]} for name in ("model", "spare", "shared", "theirs")],
             "tracks/<slug:slug>/": [{"slug": "oval"}],
+            "accounts/2fa/": [],  # tests/pages/test_second_factor_browser.py
             "accounts/^confirm-email/": [{"key": said["confirm"]}] if is_guest else [],
             "accounts/^password/reset/key/": [dict(zip(("uidb36", "key"), said["reset"].split("-", 1), strict=True))]
             if is_guest

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import timedelta
 
+from allauth.mfa.totp.internal.auth import TOTP
 from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
@@ -40,6 +41,9 @@ NO_PAGES = {
     # which lead elsewhere unless something has just happened
     *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
     "sign_up_invitation",
+    # which a second factor that was just shown leads to (tests/pages/test_second_factor_browser.py)
+    *("mfa_authenticate", "mfa_deactivate_totp", "mfa_download_recovery_codes", "mfa_edit_webauthn"),
+    *("mfa_login_webauthn", "mfa_reauthenticate_webauthn", "mfa_remove_webauthn", "mfa_view_recovery_codes"),
 }
 
 
@@ -83,6 +87,7 @@ def make_site() -> Site:
     training = run(a_training(world.alice, world.track, now, name="trains"))
     add_webhook(owner=world.alice, url="https://example.org/hook", race=world.race)
     tell_what_happened(now=now)
+    TOTP.activate(world.bob, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
     token = stopping_token(world.alice.pk, "opens")
     return Site(world, season, trained, training, _paths(world, season, trained, training, filmed, vehicle, token))
 
@@ -120,8 +125,12 @@ def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str
             "/settings/usage/",
             *("/accounts/password/change/", "/accounts/logout/"),
         ],
-        "bob": [f"/evaluations/{runs['running']}/"],
-        "newcomer": ["/", "/models/", "/train/", "/vehicles/", "/notices/", "/races/open-race/", "/racers/newcomer/"],
+        "bob": [f"/evaluations/{runs['running']}/", "/accounts/2fa/", "/accounts/2fa/reauthenticate/"],
+        "newcomer": [
+            *("/", "/models/", "/train/", "/vehicles/", "/notices/", "/races/open-race/", "/racers/newcomer/"),
+            *("/accounts/2fa/", "/accounts/2fa/totp/activate/", "/accounts/2fa/recovery-codes/generate/"),
+            *("/accounts/2fa/webauthn/", "/accounts/2fa/webauthn/add/"),
+        ],
         "admin": [
             *("/", "/seasons/new/", "/workers/", "/workers/evaluations/failed/?hours=0", "/races/open-race/", "/usage/")
         ],

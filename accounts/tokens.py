@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from django.db import transaction
 from django.db.models import QuerySet
 from knox.models import AuthToken, get_token_model
 
 from faults import UserFault
 
-from .models import Racer
+if TYPE_CHECKING:
+    from league.models import Racer
 
 TOKENS_PER_RACER = 20
 

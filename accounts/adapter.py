@@ -1,0 +1,50 @@
+"""What allauth asks of the site: who may sign up under which alias, and who may try to log in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from allauth.account.adapter import DefaultAccountAdapter
+from django.conf import settings
+from django.contrib.auth.base_user import AbstractBaseUser
+from django.db import transaction
+from django.forms import BaseForm
+from django.http import HttpRequest
+from django.utils import timezone
+
+from . import log_in
+from .selectors import open_invitation
+from .services import take_up_invitation
+from .sign_up import CODE, INVITATION, OPEN
+
+
+class AccountAdapter(DefaultAccountAdapter):
+    """allauth's, with our rules of who may sign up, and our limits on guesses."""
+
+    def is_open_for_signup(self, request: HttpRequest) -> bool:
+        """Whether this visitor may sign up now."""
+        if settings.SIGN_UP == INVITATION:
+            return open_invitation(request.session.get(CODE, ""), timezone.now()) is not None
+        return settings.SIGN_UP == OPEN
+
+    def save_user(
+        self, request: HttpRequest, user: AbstractBaseUser, form: BaseForm, commit: bool = True
+    ) -> AbstractBaseUser:
+        """The racer, and one place less on the invitation: both or neither. Raises UserFault("sign_up_invitation")."""
+        with transaction.atomic():
+            user = super().save_user(request, user, form, commit)
+            if settings.SIGN_UP == INVITATION:
+                take_up_invitation(code=request.session.get(CODE, ""), now=timezone.now())
+        request.session.pop(CODE, None)
+        return user
+
+    def pre_authenticate(self, request: HttpRequest, **credentials: Any) -> None:
+        """Count the attempt; allauth takes it back once the password was right. Raises ValidationError beyond the
+        limits of :mod:`accounts.log_in`."""
+        self._login_failed_rl_usage = log_in.begin(request, credentials, timezone.now())
+        if self._login_failed_rl_usage is None:
+            raise self.validation_error("too_many_login_attempts")
+
+    def reauthenticate(self, user: AbstractBaseUser, password: str) -> bool:
+        """Whether it is the password of who is logged in already. allauth's page limits how often that is asked."""
+        return user.check_password(password)

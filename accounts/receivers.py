@@ -1,0 +1,19 @@
+"""What accounts do when somebody has logged in or shown who they are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from django.http import HttpRequest
+from django.utils import timezone
+
+from .log_in import remember_address
+
+if TYPE_CHECKING:
+    from league.models import Racer
+
+
+def know_the_address(sender: object, *, request: HttpRequest | None, user: Racer, **kwargs: object) -> None:
+    """Somebody has logged in, or chosen a new password: they are known at this address."""
+    if request is not None:
+        remember_address(racer=user, request=request, now=timezone.now())

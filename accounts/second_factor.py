@@ -1,0 +1,51 @@
+"""The second factor beside a password: an app's codes, codes on paper, passkeys. allauth.mfa does the work."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from allauth.mfa.adapter import DefaultMFAAdapter
+from allauth.mfa.models import Authenticator
+from django.conf import settings
+from django.db.models import QuerySet
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from league.models import Racer
+
+FACTORS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)
+
+
+class SecondFactorAdapter(DefaultMFAAdapter):
+    """allauth's, with the site's own name: that of its settings, whatever a request says it is."""
+
+    def _get_site_name(self) -> str:
+        return f"Paddock {_host()}"
+
+    def _get_user_identifier(self, user: Racer) -> str:
+        return user.alias
+
+    def get_public_key_credential_rp_entity(self) -> dict[str, str]:
+        """A passkey belongs to the host where the site is reached."""
+        return {"id": _host(), "name": self._get_site_name()}
+
+
+def factors_of(racer: Racer) -> QuerySet[Authenticator]:
+    """What the racer may show beside the password. Codes on paper alone are none."""
+    return Authenticator.objects.filter(user=racer, type__in=FACTORS)
+
+
+def lacks_demanded_factor(racer: Racer | AnonymousUser) -> bool:
+    """Whether this is an admin on a site that demands a second factor of admins, and there is none."""
+    return bool(settings.STAFF_SECOND_FACTOR and getattr(racer, "is_staff", False) and not factors_of(racer).exists())
+
+
+def forget_second_factor(*, racer: Racer) -> int:
+    """Take all factors away, of somebody who has lost theirs; how many there were, lists of paper codes included."""
+    return Authenticator.objects.filter(user=racer).delete()[0]
+
+
+def _host() -> str:
+    return urlsplit(settings.SITE_URL).hostname or ""

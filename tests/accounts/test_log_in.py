@@ -1,0 +1,200 @@
+"""Guessing passwords: what it costs, what stops it, and that it never stops the owner."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.contrib.auth import authenticate
+from django.contrib.auth.hashers import MD5PasswordHasher
+from django.core.cache import cache
+from django.test import Client
+from django.utils import timezone
+
+from accounts.log_in import KNOWN_FOR, KNOWN_PER_RACER
+from accounts.models import KnownAddress
+from tests.factories import a_racer
+
+PASSWORD = "correct horse battery"
+HOME, SCHOOL, ELSEWHERE = "192.0.2.1", "192.0.2.2", "198.51.100.7"
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def counted_from_nothing() -> None:
+    cache.clear()
+
+
+def logs_in(login: str, password: str = PASSWORD, at: str = HOME, by: str = "page") -> bool:
+    """Whether it opens the account."""
+    client = Client(REMOTE_ADDR=at)
+    said = {"login": login, "password": password}
+    if by == "api":
+        return client.post("/api/v1/auth/token/", said, "application/json").status_code == 201
+    return client.post("/accounts/login/", said).status_code == 302
+
+
+def guess(login: str, times: int, at: str = ELSEWHERE, by: str = "page") -> None:
+    for number in range(times):
+        assert not logs_in(login, f"guess {number}", at, by)
+
+
+def crowd(number: int) -> str:
+    return f"203.0.113.{number}"
+
+
+@pytest.fixture
+def hashed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Every password that is hashed."""
+    found: list[str] = []
+    encode = MD5PasswordHasher.encode
+
+    def counting(self: MD5PasswordHasher, password: str, salt: str) -> str:
+        found.append(password)
+        return encode(self, password, salt)
+
+    monkeypatch.setattr(MD5PasswordHasher, "encode", counting)
+    return found
+
+
+@pytest.mark.parametrize("login", ["alice", "ALICE", "alice@example.org", "nobody", "nobody@example.org"])
+@pytest.mark.parametrize("by", ["page", "api"])
+def test_a_guess_is_hashed_once(alice, hashed, login, by):
+    logs_in(login, "a guess", by=by)
+    assert hashed == ["a guess"]
+
+
+@pytest.mark.parametrize("login", ["alice", "alice@example.org"])
+def test_the_right_password_is_hashed_once(alice, hashed, login):
+    assert logs_in(login)
+    assert hashed == [PASSWORD]
+
+
+def test_a_session_begun_with_the_backend_of_before_goes_on(alice):
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    assert client.get("/settings/").status_code == 200
+
+
+def test_an_address_that_somebody_is_about_to_change_to_is_still_its_owners(alice, bob):
+    bob.emailaddress_set.create(email=alice.email, verified=False)
+    assert authenticate(email=alice.email, password=PASSWORD) == alice
+
+
+def test_the_admin_site_has_no_door_of_its_own(alice, hashed):
+    answer = Client().get("/admin/login/?next=/admin/")
+    assert (answer.status_code, answer["Location"]) == (302, "/accounts/login/?next=%2Fadmin%2F")
+    statuses = {
+        Client().post("/admin/login/", {"username": "alice", "password": "guess"}).status_code for _ in range(9)
+    }
+    assert (statuses, hashed) == ({302}, [])
+
+
+def test_an_admin_comes_through_the_one_door_to_the_admin_site(alice):
+    alice.is_staff = alice.is_superuser = True
+    alice.save()
+    client = Client()
+    sent = {"login": "alice", "password": PASSWORD, "next": "/admin/"}
+    assert client.post("/accounts/login/", sent)["Location"] == "/admin/"
+    assert client.get("/admin/").status_code == 200
+    assert client.get("/admin/password_change/")["Location"] == "/accounts/password/change/"
+
+
+def test_who_is_no_admin_is_refused_at_the_admin_sites_door(alice):
+    client = Client()
+    client.force_login(alice)
+    assert client.get("/admin/login/").status_code == 403
+
+
+@pytest.mark.parametrize("by", ["page", "api"])
+def test_five_wrong_guesses_stop_the_guesser_and_the_right_one_is_no_longer_told_apart(alice, hashed, by):
+    guess("alice", 5, by=by)
+    assert not logs_in("alice", at=ELSEWHERE, by=by)
+    assert PASSWORD not in hashed
+
+
+def test_page_api_alias_and_address_are_counted_together(alice):
+    guess("alice", 2, by="page")
+    guess("Alice", 2, by="api")
+    guess("alice@example.org", 1)
+    assert not logs_in("alice", at=ELSEWHERE)
+
+
+def test_guesses_from_elsewhere_never_lock_the_owner_out(alice):
+    guess("alice", 9)
+    assert logs_in("alice", at=HOME)
+
+
+def test_a_class_of_forty_behind_one_address_logs_in_at_once(db):
+    pupils = [a_racer(f"pupil-{number}") for number in range(40)]
+    for pupil in pupils:
+        pupil.set_password(PASSWORD)
+        pupil.save()
+    assert [logs_in(pupil.alias, at=SCHOOL) for pupil in pupils] == [True] * 40
+
+
+def test_one_address_guesses_at_sixty_racers_and_then_at_none(alice, hashed):
+    for number in range(70):
+        logs_in(f"racer-{number}", "password1", ELSEWHERE)
+    assert len(hashed) == 60
+    assert not logs_in("alice", at=ELSEWHERE)
+    assert logs_in("alice", at=HOME)
+
+
+def test_own_log_ins_in_between_do_not_wipe_the_count(alice, bob):
+    for number in range(70):
+        logs_in(f"racer-{number}", "password1", ELSEWHERE)
+        if number < 20:
+            assert logs_in("bob", at=ELSEWHERE)
+    assert not logs_in("alice", at=ELSEWHERE)
+
+
+def test_a_crowd_of_addresses_guesses_twenty_times_an_hour_and_the_owner_comes_in_from_a_known_one(alice, hashed):
+    assert logs_in("alice", at=HOME)
+    hashed.clear()
+    for number in range(40):
+        logs_in("alice", "guess", crowd(number))
+    assert len(hashed) == 20
+    assert not logs_in("alice", at=crowd(99))
+    assert logs_in("alice", at=HOME)
+
+
+def test_from_a_known_address_the_owner_comes_in_though_others_there_have_used_the_address_up(alice):
+    assert logs_in("alice", at=SCHOOL)
+    for number in range(61):
+        logs_in(f"racer-{number}", "password1", SCHOOL)
+    assert logs_in("alice", at=SCHOOL)
+
+
+def test_at_a_known_address_too_one_racer_is_guessed_at_five_times(alice, hashed):
+    assert logs_in("alice", at=SCHOOL)
+    hashed.clear()
+    guess("alice", 9, SCHOOL)
+    assert len(hashed) == 5
+
+
+def test_an_address_is_known_for_ninety_days_and_the_last_twenty_are(alice):
+    for number in range(KNOWN_PER_RACER + 3):
+        assert logs_in("alice", at=crowd(number))
+    assert alice.known_addresses.count() == KNOWN_PER_RACER
+    KnownAddress.objects.update(seen_at=timezone.now() - KNOWN_FOR - timedelta(minutes=1))
+    for number in range(100, 120):
+        logs_in("alice", "guess", crowd(number))
+    assert not logs_in("alice", at=crowd(KNOWN_PER_RACER))
+
+
+def test_no_address_is_stored_in_clear(alice, bob):
+    logs_in("alice")
+    logs_in("bob")
+    digests = set(KnownAddress.objects.values_list("digest", flat=True))
+    assert len(digests) == 2
+    assert not [digest for digest in digests if HOME in digest]
+
+
+def test_the_old_password_is_guessed_five_times_in_five_minutes_on_the_page_that_changes_it(alice, hashed):
+    client = Client()
+    client.force_login(alice)
+    sent = {"oldpassword": "guess", "password1": "quite another one", "password2": "quite another one"}
+    statuses = [client.post("/accounts/password/change/", sent).status_code for _ in range(7)]
+    assert statuses == [200] * 5 + [429] * 2
+    assert hashed == ["guess"] * 5
