@@ -27,6 +27,8 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
         ("--postgres", "--runs", "9", "--load", "0"),
         ("--postgres", "--sizes", "1000,10000", "--runs", "3", "--closed", "2000", "--load", "0"),
     ),
+    "queue": ("queue", (), ("--runs", "9")),
+    "queue_postgres": ("queue", ("--postgres",), ("--postgres", "--runs", "9")),
     "season": ("season", (), ("--results", "1000,3000")),
     "season_postgres": ("season", ("--postgres",), ("--postgres", "--results", "1000,3000")),
     "training": (

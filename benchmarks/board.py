@@ -49,7 +49,7 @@ def measure(
     load_before, now = os.getloadavg()[0], timezone.now()
     with counted_at_the_end():
         make_racers(max(*sizes, closed), now)
-        races = {size: make_race(f"board-{size}", _track(), now) for size in sizes}
+        races = {size: make_race(f"board-{size}", oval(), now) for size in sizes}
         for size, race in races.items():
             fill(race, size, now)
     looks = {name: {size: _look(name, race) for size, race in races.items()} for name in PAGES}
@@ -74,7 +74,7 @@ def measure(
 
 def _least(calls: dict[int, Callable[[], Callable[[], Any]]], runs: int) -> dict[int, float]:
     """The least milliseconds of each size's call. Each call is made ready first, which is not timed."""
-    clock = _clock()
+    clock = processor_clock()
     times: dict[int, list[float]] = {size: [] for size in calls}
     for number in range(runs + 1):
         for size, ready in calls.items():
@@ -86,7 +86,7 @@ def _least(calls: dict[int, Callable[[], Callable[[], Any]]], runs: int) -> dict
     return {size: min(every) for size, every in times.items()}
 
 
-def _clock() -> Callable[[], float]:
+def processor_clock() -> Callable[[], float]:
     """Seconds of the processor that this process and its connection's server process have taken."""
     from django.db import connection
 
@@ -166,10 +166,10 @@ def _close(entries: int) -> dict[str, float]:
     now = timezone.now()
     season = create_season(slug="bench", name="Bench", starts_on=now.date(), ends_on=(now + timedelta(days=30)).date())
     times = {"opens_at": now - timedelta(days=1), "closes_at": now + timedelta(days=1)}
-    round_ = schedule_round(season=season, number=1, division="open", now=now, name="Month", track=_track(), **times)
+    round_ = schedule_round(season=season, number=1, division="open", now=now, name="Month", track=oval(), **times)
     with counted_at_the_end():
         fill(round_.race, entries, now)
-    clock, began = _clock(), time.perf_counter()
+    clock, began = processor_clock(), time.perf_counter()
     processor = clock()
     close_round(round=round_, now=times["closes_at"])
     seconds, processor_s = time.perf_counter() - began, clock() - processor
@@ -177,7 +177,7 @@ def _close(entries: int) -> dict[str, float]:
     return {"seconds": seconds, "processor_s": processor_s}
 
 
-def _track() -> Any:
+def oval() -> Any:
     from tracks.models import Track
     from tracks.services import load_catalogue
 

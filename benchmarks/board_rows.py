@@ -21,7 +21,7 @@ def make_racers(count: int, now: datetime) -> None:
     from league.models import Racer
 
     values = {"alias": "'r' || n", "email": "'r' || n || '@example.org'"}
-    _insert(Racer, values, {"password": "!", "joined_at": now}, f"({_numbers(count)}) AS numbers")
+    insert(Racer, values, {"password": "!", "joined_at": now}, f"({series(count)}) AS numbers")
 
 
 def make_race(slug: str, track: Any, now: datetime) -> Any:
@@ -67,7 +67,7 @@ def fill(race: Any, count: int, now: datetime) -> None:
         "sectors": either(json.format("'[]'"), json.format(sectors)),
     }
     fixed = {"race": race.pk, "entered_at": now, "achieved_at": now}
-    _insert(Entry, values, fixed, f"({_numbers(count)}) AS numbers")
+    insert(Entry, values, fixed, f"({series(count)}) AS numbers")
 
 
 @contextmanager
@@ -93,7 +93,7 @@ def counted_at_the_end() -> Iterator[None]:
             install("default")
 
 
-def _numbers(count: int) -> str:
+def series(count: int) -> str:
     """SQL for the rows 0 to ``count - 1`` of a column ``n``."""
     if connection.vendor == "postgresql":
         return f"SELECT n FROM generate_series(CAST(0 AS bigint), {count - 1}) AS series (n)"
@@ -103,7 +103,7 @@ def _numbers(count: int) -> str:
     )
 
 
-def _insert(model: type[models.Model], values: Mapping[str, str], fixed: Mapping[str, Any], source: str) -> None:
+def insert(model: type[models.Model], values: Mapping[str, str], fixed: Mapping[str, Any], source: str) -> None:
     """A row of ``model`` for each row of ``source``: SQL by field, the same value everywhere, or the default."""
     columns, expressions, parameters = [], [], []
     for field in model._meta.concrete_fields:

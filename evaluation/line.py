@@ -1,91 +1,80 @@
 """The order of the queue.
 
-Higher priority first. Within a priority, racers take turns: first comes whoever has had the fewest turns while waiting,
-where a turn is an evaluation of theirs that is running, or that was started after the one now at the head of their own
-line was queued. Among equals the oldest comes first. So one submission each is first come, first served, with any
-number of workers, and fifty submissions of one racer do not keep a newcomer waiting.
+Higher priority first. Within a priority, racers take turns: every evaluation is given the number of a round when it is
+queued, its *turn*, and lower turns run first; within a turn, what was queued earlier. A racer has one evaluation in a
+round: the first of them joins the round that is being run, each further one the round after that of the one before,
+also when that one has ended meanwhile. Once nothing of a priority waits or runs, the next round begins for everybody.
 
-What nobody waits for (:data:`BACKGROUND`) runs when nothing else is there to run, and is no turn of anybody's.
+So one submission each is first come, first served, with any number of workers; fifty submissions of one racer do not
+keep a newcomer waiting for more than one of them; and racers who send one car after the other do not keep the second
+car of another waiting either. (Start-time fair queueing, where each evaluation counts as one.)
+
+A turn never changes while an evaluation waits, also when it was claimed and came back. So the order is an index, and
+neither a claim nor a place costs more in a longer queue. The place is exact within the first :data:`FRONT`; of what is
+farther behind is only said that it is.
+
+What nobody waits for (:data:`BACKGROUND`) runs when nothing else is there to run. What :data:`URGENT` is for is told in
+:mod:`evaluation.services.turns`.
 """
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from datetime import datetime
-from typing import NamedTuple
+from collections.abc import Iterable
 
-from django.db.models import Count, F, IntegerField, OuterRef, Q, Subquery, Window
-from django.db.models.functions import Coalesce, RowNumber
+from django.contrib.auth import get_user_model
+from django.db.models import Max, Min, OuterRef, QuerySet, Subquery
 
 from .models import Evaluation, State
 
 BACKGROUND = -20  # the lowest priority there is
+URGENT = 10
+FRONT = 1000  # the places that are exact
+ORDER = ("-priority", "turn", "queued_at", "pk")
 
 
-class Waiting(NamedTuple):
-    """A queued evaluation as the queue sees it."""
-
-    pk: int
-    attempt: int
-    owner_id: int
-    priority: int
-    queued_at: datetime
+def next_in_line(count: int) -> list[tuple[int, int]]:
+    """``(id, attempt)`` of the next ``count`` evaluations that run, in their order. What pauses after a fault of ours
+    stands aside."""
+    return list(queued().filter(not_before=None).order_by(*ORDER).values_list("pk", "attempt")[:count])
 
 
-def heads_of_line(now: datetime) -> list[Waiting]:
-    """The next evaluation of every racer who waits at the highest priority, in the order in which they run. What pauses
-    after a fault of ours stands aside."""
-    ready = queued().filter(due(now))
-    top = ready.order_by("-priority").values("priority")[:1]
-    first_of_owner = (
-        ready.filter(priority=Subquery(top))
-        .annotate(place=Window(RowNumber(), partition_by=F("owner_id"), order_by=[F("queued_at"), F("pk")]))
-        .filter(place=1)
-    )
-    rows = [Waiting(*row) for row in first_of_owner.values_list(*Waiting._fields)]
-    turns = _turns_taken([row.pk for row in rows])
-    return sorted(rows, key=lambda row: (turns[row.pk], row.queued_at, row.pk))
+def front_of_line() -> list[int]:
+    """The ids of the first :data:`FRONT` queued evaluations in the order in which they will run if nothing else is
+    queued."""
+    return list(queued().order_by(*ORDER).values_list("pk", flat=True)[:FRONT])
 
 
-def whole_line() -> list[int]:
-    """The ids of all queued evaluations in the order in which they will run if nothing else is queued."""
-    lines: dict[tuple[int, int], list[Waiting]] = defaultdict(list)
-    for row in queued().order_by("queued_at", "pk").values_list(*Waiting._fields):
-        waiting = Waiting(*row)
-        lines[-waiting.priority, waiting.owner_id].append(waiting)
-    turns = _turns_taken([line[0].pk for line in lines.values()])
-    order = []
-    before: Counter[int] = Counter()  # turns that a racer will have had with rows of a higher priority
-    for (minus_priority, owner_id), line in sorted(lines.items()):
-        first_turn = turns[line[0].pk] + before[owner_id]
-        before[owner_id] += len(line)
-        order += [(minus_priority, first_turn + place, row.queued_at, row.pk) for place, row in enumerate(line)]
-    return [pk for *_, pk in sorted(order)]
-
-
-def due(now: datetime) -> Q:
-    """What does not pause."""
-    return Q(not_before=None) | Q(not_before__lte=now)
-
-
-def queued():
+def queued() -> QuerySet[Evaluation]:
     """All queued evaluations, unordered."""
     return Evaluation.objects.filter(state=State.QUEUED).order_by()
 
 
-def _turns_taken(heads: list[int]) -> dict[int, int]:
-    """For each head of a racer's line, how many turns that racer has had while it waited."""
-    turns = (
-        Evaluation.objects.filter(owner=OuterRef("owner"))
-        .exclude(state=State.QUEUED)
-        .filter(priority__gt=BACKGROUND)
-        .filter(Q(state=State.RUNNING) | Q(started_at__gte=OuterRef("queued_at")))
-        .order_by()
-        .values("owner")
-        .annotate(turns=Count("pk"))
-        .values("turns")
-    )
-    rows = Evaluation.objects.filter(pk__in=heads).order_by()
-    return dict(
-        rows.annotate(turns=Coalesce(Subquery(turns, output_field=IntegerField()), 0)).values_list("pk", "turns")
-    )
+def next_turns(owners: Iterable[int], priority: int) -> list[int]:
+    """The turns of evaluations that are about to be queued at a priority, one for each of ``owners`` (ids of racers, in
+    order, as often as they have one)."""
+    owners = list(owners)
+    before = _round_under_way(priority) - 1
+    mine = Evaluation.objects.filter(owner=OuterRef("pk"), priority=priority, turn__isnull=False).order_by("-turn")
+    waiting, begun = mine.filter(state=State.QUEUED), mine.filter(started_at__isnull=False)
+    racers = get_user_model().objects.filter(pk__in=set(owners)).order_by()
+    last = racers.annotate(waiting=Subquery(waiting.values("turn")[:1]), begun=Subquery(begun.values("turn")[:1]))
+    of_owner = {
+        owner: max([before, *(turn for turn in turns if turn is not None)])
+        for owner, *turns in last.values_list("pk", "waiting", "begun")
+    }
+    turns = []
+    for owner in owners:
+        of_owner[owner] += 1
+        turns.append(of_owner[owner])
+    return turns
+
+
+def _round_under_way(priority: int) -> int:
+    """The turn of a racer who has nothing in the queue and had nothing in this round."""
+    rows = Evaluation.objects.filter(priority=priority).order_by()
+    begun = rows.filter(started_at__isnull=False).aggregate(turn=Max("turn"))["turn"]
+    begun = -1 if begun is None else begun
+    if begun >= 0 and rows.filter(state=State.RUNNING).exists():
+        return begun
+    waiting = rows.filter(state=State.QUEUED).aggregate(turn=Min("turn"))["turn"]
+    return begun + 1 if waiting is None else max(begun, waiting)

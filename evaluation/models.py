@@ -196,6 +196,8 @@ class Evaluation(models.Model):
     track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="evaluations", verbose_name=_("track"))
     spec = models.JSONField(_("specification"))
     priority = models.SmallIntegerField(_("priority"), default=0, help_text=_("Higher runs first."))
+    turn = models.PositiveIntegerField(_("turn"), null=True, blank=True, help_text=_("Lower runs first."))
+    urgent_from = models.DateTimeField(_("goes before others from"), null=True, blank=True)
 
     state = models.CharField(_("state"), max_length=8, choices=State.choices, default=State.QUEUED)
     attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
@@ -222,7 +224,40 @@ class Evaluation(models.Model):
         ordering = ["-queued_at", "-pk"]
         indexes = [
             # claim: the next row in line
-            models.Index(fields=["-priority", "queued_at", "id"], condition=Q(state="queued"), name="evaluation_queue"),
+            models.Index(
+                fields=["-priority", "turn", "queued_at", "id"], condition=Q(state="queued"), name="evaluation_in_turn"
+            ),
+            # the same without what pauses
+            models.Index(
+                fields=["-priority", "turn", "queued_at", "id"],
+                condition=Q(state="queued", not_before__isnull=True),
+                name="evaluation_ready",
+            ),
+            models.Index(fields=["not_before"], condition=Q(not_before__isnull=False), name="evaluation_pausing"),
+            # sweep: what has begun to hurry
+            models.Index(
+                fields=["urgent_from"],
+                condition=Q(state="queued", urgent_from__isnull=False),
+                name="evaluation_urgent_from",
+            ),
+            # readiness: since when somebody waits (-20: nobody does)
+            models.Index(
+                fields=["queued_at"], condition=Q(state="queued", priority__gt=-20), name="evaluation_waiting_since"
+            ),
+            # the turn that is being run, and the last that a racer had
+            models.Index(
+                fields=["priority", "turn"], condition=Q(started_at__isnull=False), name="evaluation_round_begun"
+            ),
+            models.Index(
+                fields=["owner", "priority", "turn"],
+                condition=Q(started_at__isnull=False),
+                name="evaluation_turns_begun",
+            ),
+            models.Index(fields=["priority"], condition=Q(state="running"), name="evaluation_running"),
+            # sweep: what a site of before there were turns has queued, during an upgrade
+            models.Index(
+                fields=["priority"], condition=Q(state="queued", turn__isnull=True), name="evaluation_without_turn"
+            ),
             # sweep: leases that ran out
             models.Index(fields=["leased_until"], condition=Q(state="running"), name="evaluation_leases"),
             # what has ended of late, for whoever tells of it
@@ -249,6 +284,10 @@ class Evaluation(models.Model):
                 name="evaluation_pauses_in_queue",
             ),
             models.CheckConstraint(condition=Q(kills__lte=models.F("attempt")), name="evaluation_kills_of_attempts"),
+            # racers take turns: one evaluation of each in a round
+            models.UniqueConstraint(
+                fields=["owner", "priority", "turn"], condition=Q(state="queued"), name="evaluation_one_in_a_turn"
+            ),
         ]
 
     def __str__(self) -> str:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db.models import Avg, DurationField, ExpressionWrapper, F, Q, QuerySet
 
-from .line import BACKGROUND, queued, whole_line
-from .models import Evaluation, State, TrainedModel
+from .line import BACKGROUND, FRONT, ORDER, front_of_line, queued
+from .models import Evaluation, Result, State, TrainedModel
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -79,31 +79,37 @@ def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) ->
 
 
 def queue_length() -> int:
-    """How many evaluations wait that somebody waits for."""
-    return queued().filter(priority__gt=BACKGROUND).count()
+    """How many evaluations wait that somebody waits for; ``FRONT + 1`` says that there are more than ``FRONT``."""
+    return queued().filter(priority__gt=BACKGROUND).order_by(*ORDER)[: FRONT + 1].count()
 
 
 def queue_position(evaluation: Evaluation) -> int | None:
-    """The place in the queue, 1 for the next one to run; None when it does not wait."""
+    """The place in the queue, 1 for the next one to run; None when it does not wait.
+
+    Exact up to ``FRONT``; ``FRONT + 1`` stands for every place behind: counting those would cost all the more the
+    longer the queue is, and each page that waits asks every second.
+    """
     if evaluation.state != State.QUEUED:
         return None
-    line = whole_line()
-    return line.index(evaluation.pk) + 1 if evaluation.pk in line else None
+    front = front_of_line()
+    if evaluation.pk in front:
+        return front.index(evaluation.pk) + 1
+    still = len(front) == FRONT and queued().filter(pk=evaluation.pk).exists()
+    return FRONT + 1 if still else None
 
 
 def expected_wait_s(evaluation: Evaluation, position: int | None = None) -> float | None:
-    """Seconds until a waiting evaluation has probably ended, from the last runs; None without any to judge by.
+    """Seconds until a waiting evaluation has probably ended, from the last runs; None without any to judge by. Behind
+    ``FRONT``, how long it waits at least.
 
     ``position`` saves looking it up again.
     """
     position = position or queue_position(evaluation)
     if position is None:
         return None
-    took = ExpressionWrapper(F("ended_at") - F("started_at"), output_field=DurationField())
-    recent = Evaluation.objects.filter(state=State.FINISHED, started_at__isnull=False).order_by("-ended_at")[:RECENT]
-    mean: timedelta | None = Evaluation.objects.filter(pk__in=list(recent.values_list("pk", flat=True))).aggregate(
-        mean=Avg(took)
-    )["mean"]
+    took = ExpressionWrapper(F("evaluation__ended_at") - F("evaluation__started_at"), output_field=DurationField())
+    recent = list(Result.objects.order_by("-pk").values_list("pk", flat=True)[:RECENT])
+    mean: timedelta | None = Result.objects.filter(pk__in=recent).aggregate(mean=Avg(took))["mean"]
     if mean is None:
         return None
     return mean.total_seconds() * math.ceil(position / settings.WORKER_CONCURRENCY)

@@ -21,6 +21,7 @@ from .leases import (
 )
 from .nodes import engines_at_work, note_worker
 from .queue import queue_again, queue_copies, queue_evaluation, stop_evaluation
+from .turns import reschedule
 from .work import job_of, run_next_evaluation
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "queue_copies",
     "queue_evaluation",
     "release_evaluation",
+    "reschedule",
     "ring_bell",
     "run_next_evaluation",
     "share_model",

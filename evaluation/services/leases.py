@@ -19,12 +19,13 @@ from django.db.models.functions import Concat
 
 from faults import PaddockError, PlatformFault
 
-from ..line import due, heads_of_line
+from ..line import FRONT, next_in_line, queued
 from ..models import Evaluation, Result, State
 from ..signals import evaluation_ended
 from .bell import BELLS_AT_ONCE, ring_bell
 from .outages import look_after_storage, storage_is_out
 from .results import delete_files, file_names, store_files, write_result
+from .turns import put_in_turn
 
 if TYPE_CHECKING:
     from ..pipeline import EvaluationOutcome
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 DETAIL_LIMIT = 4000
 FIRST_PAUSE, LONGEST_PAUSE = timedelta(seconds=4), timedelta(hours=1)
+CANDIDATES = 16  # looked at by one claim at once: as many workers may reach for the first
 # The simulator's process ended under a car, and its worker lived to tell.
 KILLS = frozenset(("runner_died", "runner_error", "runner_protocol", "runner_timeout"))
 
@@ -48,10 +50,11 @@ def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
     """
     if storage_is_out():
         return None
-    while candidates := heads_of_line(now):
-        for waiting in candidates:
+    _end_pauses(now)
+    while candidates := next_in_line(CANDIDATES):
+        for pk, attempt in candidates:
             lease = uuid.uuid4()
-            mine = Evaluation.objects.filter(due(now), pk=waiting.pk, state=State.QUEUED, attempt=waiting.attempt)
+            mine = Evaluation.objects.filter(pk=pk, state=State.QUEUED, not_before=None, attempt=attempt)
             claimed = mine.update(
                 state=State.RUNNING,
                 lease=lease,
@@ -63,7 +66,7 @@ def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
                 progress={},
             )
             # by its lease: if it was stopped or taken over in this very moment, it is not ours to run
-            evaluation = _held(waiting.pk, lease).select_related("model__network", "track").first() if claimed else None
+            evaluation = _held(pk, lease).select_related("model__network", "track").first() if claimed else None
             if evaluation is not None:
                 return evaluation
     return None  # a lost race means that somebody else won it, so this loop ends
@@ -135,15 +138,16 @@ def release_evaluation(*, evaluation_id: int, lease: uuid.UUID, now: datetime) -
 
 @dataclass(frozen=True)
 class SweepReport:
-    """What a sweep found: leases that had run out, and how many evaluations wait now and could be run."""
+    """What a sweep found: leases that had run out, and how many evaluations wait now and could be run (of more than
+    ``FRONT``, that many)."""
 
     requeued: int = 0
     waiting: int = 0
 
 
 def sweep_queue(*, now: datetime, ring: bool = True) -> SweepReport:
-    """Put evaluations whose worker disappeared back into the queue, see whether a storage that was out is back, and
-    ring for whatever waits and does not pause.
+    """Put evaluations whose worker disappeared back into the queue, see whether a storage that was out is back, move
+    forward what hurries, and ring for whatever waits and does not pause.
 
     One evaluation that cannot be ended (a receiver raises) does not keep the others waiting. ``ring=False`` is for a
     caller that is about to look at the queue itself.
@@ -161,10 +165,18 @@ def sweep_queue(*, now: datetime, ring: bool = True) -> SweepReport:
         delete_files(file_names(evaluation))  # left behind if the worker died between storing and committing
         requeued += 1
     look_after_storage(now=now)
-    waiting = 0 if storage_is_out() else Evaluation.objects.filter(due(now), state=State.QUEUED).count()
+    _end_pauses(now)
+    put_in_turn(now=now)
+    waiting = 0 if storage_is_out() else len(next_in_line(FRONT))
     if waiting and ring:
         ring_bell(times=min(waiting, BELLS_AT_ONCE))
     return SweepReport(requeued, waiting)
+
+
+def _end_pauses(now: datetime) -> None:
+    over = queued().filter(not_before__lte=now)
+    if over.exists():  # an update that changes nothing would still wait for the one who writes
+        over.update(not_before=None)
 
 
 def _held(evaluation_id: int, lease: uuid.UUID) -> QuerySet[Evaluation]:

@@ -10,11 +10,13 @@ from django.db import transaction
 
 from faults import UserFault
 
+from ..line import URGENT
 from ..models import Evaluation, EvaluationRival, State, TrainedModel
 from ..rivals import check_rivals
 from ..selectors import can_use_model
 from ..signals import evaluation_ended
 from .bell import BELLS_AT_ONCE, ring_bell
+from .turns import hurry_from, insert_in_turn
 
 if TYPE_CHECKING:
     from league.models import Racer
@@ -32,9 +34,13 @@ def queue_evaluation(
     rules: RaceRules,
     rivals: Sequence[TrainedModel] = (),
     priority: int = 0,
+    closes_at: datetime | None = None,
     now: datetime,
 ) -> Evaluation:
     """Freeze what is to be run and put it into the queue; a worker is woken once the transaction is committed.
+
+    ``closes_at``: when the race closes that waits for it; within the last hour it goes before others, whatever its
+    ``priority``.
 
     ``rivals``: models that race along as cars 1, 2 and 3, whoever owns them: that they may meet is the caller's word.
     A run with rivals is made of models that were entered before, so one that left its garage since then still races.
@@ -46,14 +52,18 @@ def queue_evaluation(
     if not mine:
         raise UserFault("model_not_yours")
     check_rivals(rules, len(rivals))
-    evaluation = Evaluation.objects.create(
+    urgent_from = None if closes_at is None else hurry_from(closes_at)
+    hurries = urgent_from is not None and urgent_from <= now
+    evaluation = Evaluation(
         owner=owner,
         model=model,
         track=track,
         spec={"track": track.fingerprint, "look": track.look, "rules": rules.to_dict(), "metadata": model.metadata},
-        priority=priority,
+        priority=URGENT if hurries else priority,
+        urgent_from=None if hurries else urgent_from,
         queued_at=now,
     )
+    insert_in_turn([evaluation])
     EvaluationRival.objects.bulk_create(
         EvaluationRival(evaluation=evaluation, number=number, model=rival, metadata=rival.metadata)
         for number, rival in enumerate(rivals, 1)
@@ -66,7 +76,7 @@ def queue_evaluation(
 def queue_copies(*, evaluations: Sequence[Evaluation], priority: int, now: datetime) -> list[Evaluation]:
     """Queue runs of exactly what these evaluations were specified to be, in their order: frozen track, rules, metadata
     and rivals are taken over as they stand, whatever has become of the models in their owners' garages since."""
-    copies = Evaluation.objects.bulk_create(
+    copies = [
         Evaluation(
             owner_id=one.owner_id,
             model_id=one.model_id,
@@ -76,7 +86,9 @@ def queue_copies(*, evaluations: Sequence[Evaluation], priority: int, now: datet
             queued_at=now,
         )
         for one in evaluations
-    )
+    ]
+    if copies:
+        insert_in_turn(copies)
     by_source = {one.pk: copy for one, copy in zip(evaluations, copies, strict=True)}
     EvaluationRival.objects.bulk_create(
         EvaluationRival(
@@ -121,7 +133,12 @@ def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     A worker that is running it finds its lease gone at the next beat, kills the processes and writes nothing.
     """
     stopped = Evaluation.objects.filter(pk=evaluation.pk, state__in=(State.QUEUED, State.RUNNING)).update(
-        state=State.STOPPED, lease=None, leased_until=None, not_before=None, ended_at=now, reason_code="stopped"
+        state=State.STOPPED,
+        lease=None,
+        leased_until=None,
+        not_before=None,
+        ended_at=now,
+        reason_code="stopped",
     )
     evaluation.refresh_from_db()
     if stopped:

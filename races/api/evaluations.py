@@ -60,9 +60,11 @@ class ReasonSerializer(serializers.Serializer):
 class QueueSerializer(serializers.Serializer):
     """Where a waiting evaluation stands."""
 
-    position = serializers.IntegerField(help_text="1 is the next to run.")
-    waiting = serializers.IntegerField(help_text="All that wait.")
-    expected_wait_s = serializers.FloatField(allow_null=True, help_text="Until its probable end, from recent runs.")
+    position = serializers.IntegerField(help_text="1 is the next to run; 1001 is any place behind the first 1,000.")
+    waiting = serializers.IntegerField(help_text="All that wait; 1001 for more than 1,000.")
+    expected_wait_s = serializers.FloatField(
+        allow_null=True, help_text="Until its probable end, from recent runs; behind the first 1,000, at least."
+    )
 
 
 class RivalProgressSerializer(serializers.Serializer):

@@ -15,6 +15,8 @@ from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
 from accounts.quotas import limit_of, used_by
+from evaluation.models import Evaluation
+from evaluation.services import reschedule
 from faults import UserFault
 from tracks.locks import hold
 from tracks.models import Track
@@ -109,6 +111,8 @@ def edit_race(*, race: Race, now: datetime, edition: str | None = None, **change
         setattr(after, name, value)
     check_race(after, now=now, before=before, submissions=has_submissions(before))
     after.save(update_fields=list(changes))
+    if after.closes_at != before.closes_at:
+        _reschedule(race, after.closes_at)
     race.refresh_from_db()
     return race
 
@@ -144,6 +148,7 @@ def close_race(*, race: Race, now: datetime) -> Race:
     if now == locked.opens_at:  # a race lasts for a moment at least
         now += timedelta(milliseconds=1)
     Race.objects.filter(pk=race.pk).update(closes_at=now)
+    _reschedule(race, now)
     race.refresh_from_db()
     return race
 
@@ -200,6 +205,12 @@ def _create(race: Race, now: datetime) -> Race:
     check_race(race, now=now)
     race.save(force_insert=True)
     return race
+
+
+def _reschedule(race: Race, closes_at: datetime) -> None:
+    """After the commit: whoever ends one of these evaluations waits for the race, which is locked here."""
+    cars = Evaluation.objects.filter(submission__entry__race=race)
+    transaction.on_commit(partial(reschedule, evaluations=cars, closes_at=closes_at), robust=True)
 
 
 def _refuse_unknown(options: Iterable[str], *, but: Iterable[str] = (), also: Iterable[str] = ()) -> None:

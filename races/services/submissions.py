@@ -138,6 +138,7 @@ def _queue(entry: Entry, race: Race, model: TrainedModel, *, submitted_at: datet
         track=race.track,
         rules=race_rules(race),
         priority=HOUSE_PRIORITY if racer.is_house else 0,
+        closes_at=None if racer.is_house else race.closes_at,
         now=now,
     )
     entry.race = race

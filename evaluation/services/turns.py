@@ -1,0 +1,75 @@
+"""Giving evaluations their turns in the queue (:mod:`evaluation.line`), and moving those forward that hurry.
+
+What belongs to a race goes before others once that race closes within the hour, at the priority ``URGENT``: its racers
+can still answer with another car. Among what hurries, racers take turns as everywhere.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from django.db import IntegrityError, transaction
+
+from ..line import URGENT, next_turns, queued
+from ..models import Evaluation
+
+logger = logging.getLogger(__name__)
+HURRY = timedelta(hours=1)
+AT_ONCE = 500  # moved by one sweep
+TRIES = 5
+
+
+def insert_in_turn(evaluations: Sequence[Evaluation]) -> None:
+    """Insert evaluations of one priority with their turns, in order.
+
+    Racers who queue two in the same moment would give both the same turn: the constraint refuses the second, which is
+    then given the one after. Raises IntegrityError for anything else, and if it were to happen time and again.
+    """
+    # one order for all who insert several: nobody waits for a row of another who waits for his
+    for left in reversed(range(TRIES)):
+        turns = next_turns([one.owner_id for one in evaluations], evaluations[0].priority)
+        for one, turn in zip(evaluations, turns, strict=True):
+            one.turn = turn
+        try:
+            with transaction.atomic():
+                Evaluation.objects.bulk_create(evaluations)
+            return
+        except IntegrityError:
+            if not left:
+                raise
+
+
+def put_in_turn(*, now: datetime) -> None:
+    """For the sweep: move what has begun to hurry, and give turns to what was queued without one (by a site of before
+    there were any, during an upgrade)."""
+    hurried = queued().filter(urgent_from__lte=now).order_by("turn", "queued_at", "pk")
+    _move(hurried, {"urgent_from__isnull": False}, URGENT)
+    without = queued().filter(turn=None)
+    for priority in list(without.values_list("priority", flat=True).distinct()):
+        _move(without.filter(priority=priority).order_by("queued_at", "pk"), {"turn": None}, priority)
+
+
+def hurry_from(closes_at: datetime) -> datetime:
+    """From when on the cars of a race that closes then go before others."""
+    return closes_at - HURRY
+
+
+def reschedule(*, evaluations, closes_at: datetime) -> None:
+    """Their race closes at another time: those that wait and do not hurry yet (a queryset) begin to by that."""
+    evaluations.filter(pk__in=queued().filter(urgent_from__isnull=False)).update(urgent_from=hurry_from(closes_at))
+
+
+def _move(rows, unless_moved: dict, priority: int) -> None:
+    found = list(rows[:AT_ONCE])
+    if not found:
+        return
+    turns = next_turns([one.owner_id for one in found], priority)
+    for one, turn in zip(found, turns, strict=True):
+        one.priority, one.turn, one.urgent_from = priority, turn, None if priority == URGENT else one.urgent_from
+    try:
+        with transaction.atomic():
+            queued().filter(**unless_moved).bulk_update(found, ["priority", "turn", "urgent_from"])
+    except IntegrityError:  # a racer has queued something meanwhile
+        logger.info("%s evaluations get their turns with the next sweep.", len(found))

@@ -1,0 +1,44 @@
+"""What pages say of a place in the queue."""
+
+from __future__ import annotations
+
+import math
+
+from django import template
+from django.utils.formats import number_format
+from django.utils.translation import gettext as _
+
+from evaluation.line import FRONT
+
+register = template.Library()
+
+
+@register.filter
+def in_line(position: int | None) -> str:
+    """A place in the queue as a sentence; ``""`` for none."""
+    if not position:
+        return ""
+    if position == 1:
+        return _("Next in line.")
+    if position > FRONT:
+        return _("Behind the first %(count)s in line.") % {"count": number_format(FRONT, force_grouping=True)}
+    return _("Number %(position)s in line.") % {"position": position}
+
+
+@register.filter
+def place(position: int | None) -> str:
+    """A place in the queue as short as can be."""
+    if not position:
+        return "…"
+    if position == 1:
+        return _("next")
+    return f"> {number_format(FRONT, force_grouping=True)}" if position > FRONT else str(position)
+
+
+@register.simple_tag
+def done_in(wait_s: float | None, position: int | None) -> str:
+    """When a car that waits will have driven; ``""`` where there is nothing to judge by."""
+    if not wait_s or not position:
+        return ""
+    seconds = {"seconds": math.ceil(wait_s)}
+    return (_("Not before %(seconds)s s.") if position > FRONT else _("Done in about %(seconds)s s.")) % seconds

@@ -1,0 +1,174 @@
+"""Racers take turns, what hurries goes first, and the queue costs the same however long it is."""
+
+from __future__ import annotations
+
+import threading
+from datetime import timedelta
+
+import pytest
+from django.db import IntegrityError, connections, transaction
+
+from evaluation import line, selectors, services
+from evaluation.line import URGENT
+from evaluation.models import Evaluation, State
+from evaluation.simulator.rules import RaceRules
+from evaluation.templatetags.queue import done_in, in_line, place
+from tests.evaluation.stubs import outcome_of
+from tests.rows import model_row
+
+HOUR = timedelta(hours=1)
+
+
+@pytest.fixture
+def submit(oval, bell, now):
+    """Queue an evaluation ``after`` seconds from now, of a race that closes at ``closes_at``."""
+
+    def queue(racer, after=0, **options):
+        model = racer.models.first() or model_row(racer)
+        at = now + timedelta(seconds=after)
+        return services.queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(), now=at, **options)
+
+    return queue
+
+
+def run_next(now):
+    """Run what is next; whose it was."""
+    evaluation = services.claim_next_evaluation(worker="w", now=now)
+    services.finish_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
+    return evaluation.owner.alias
+
+
+class TestTurns:
+    def test_who_comes_into_a_flood_waits_for_one_of_its_cars_at_most(self, alice, bob, submit, now):
+        for second in range(6):
+            submit(alice, second)
+        assert [run_next(now) for _ in range(3)] == ["alice"] * 3
+        submit(bob, 60)
+        assert "bob" in [run_next(now), run_next(now)]
+
+    def test_racers_who_send_one_car_after_the_other_do_not_keep_the_second_of_another_waiting(
+        self, alice, bob, charlie, submit, now
+    ):
+        submit(alice), submit(alice, 1)
+        submit(bob, 2), submit(charlie, 3)
+        ran = []
+        for second in range(10, 16):
+            ran.append(run_next(now))
+            if ran[-1] != "alice":  # they always have exactly one
+                submit({"bob": bob, "charlie": charlie}[ran[-1]], second)
+        assert ran.count("alice") == 2
+
+    def test_what_a_racer_takes_back_costs_no_turn(self, alice, bob, submit, now):
+        for second in range(5):
+            services.stop_evaluation(evaluation=submit(alice, second), now=now)
+        mine, other = submit(alice, 10), submit(bob, 11)
+        assert (selectors.queue_position(mine), selectors.queue_position(other)) == (1, 2)
+
+    def test_an_empty_queue_forgets_who_drove(self, alice, bob, submit, now):
+        for second in range(5):
+            submit(alice, second)
+        for _ in range(5):
+            run_next(now)
+        submit(alice, 60), submit(bob, 61)
+        assert run_next(now) == "alice"
+
+    def test_a_racer_has_one_car_in_a_round_whatever_writes_it(self, alice, submit):
+        first = submit(alice)
+        with pytest.raises(IntegrityError), transaction.atomic():
+            Evaluation.objects.filter(pk=submit(alice, 1).pk).update(turn=first.turn)
+
+    def test_what_the_site_of_before_queues_during_an_upgrade_gets_its_turn(self, alice, bob, submit, now):
+        fields = {"model": model_row(alice), "track": submit(bob).track, "spec": {}, "queued_at": now}
+        old = [Evaluation.objects.create(owner=alice, **fields) for _ in range(2)]
+        services.sweep_queue(now=now)
+        for one in old:
+            one.refresh_from_db()
+        assert old[0].turn is not None and old[1].turn == old[0].turn + 1
+
+
+@pytest.mark.django_db(transaction=True)
+def test_cars_queued_in_the_same_moment_get_turns_one_after_the_other(alice, submit):
+    model_row(alice)
+    ready, failed = threading.Barrier(4), []
+
+    def queue_one():
+        try:
+            ready.wait()
+            submit(alice)
+        except Exception as error:
+            failed.append(error)
+            raise
+        finally:
+            connections.close_all()
+
+    threads = [threading.Thread(target=queue_one) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failed
+    turns = sorted(Evaluation.objects.values_list("turn", flat=True))
+    assert turns == list(range(turns[0], turns[0] + 4))
+
+
+class TestHurry:
+    def test_a_race_that_closes_within_the_hour_goes_before_others(self, alice, bob, submit, now):
+        submit(alice)
+        hurried = submit(bob, 10, closes_at=now + HOUR)
+        assert selectors.queue_position(hurried) == 1
+        assert run_next(now) == "bob"
+
+    def test_cars_that_wait_move_forward_when_their_race_comes_to_its_last_hour(self, alice, bob, submit, now):
+        submit(alice)
+        waiting = submit(bob, 10, closes_at=now + 2 * HOUR)
+        services.sweep_queue(now=now + HOUR - timedelta(seconds=1))
+        assert selectors.queue_position(waiting) == 2
+        services.sweep_queue(now=now + HOUR)
+        assert selectors.queue_position(waiting) == 1
+
+    def test_racers_take_turns_among_what_hurries_too(self, alice, bob, submit, now):
+        for second in range(3):
+            submit(alice, second, closes_at=now + 2 * HOUR)
+        submit(bob, 20, closes_at=now + 2 * HOUR)
+        services.sweep_queue(now=now + HOUR)
+        submit(bob, 3600, closes_at=now + 2 * HOUR)
+        later = now + HOUR
+        assert [run_next(later) for _ in range(5)] == ["alice", "bob", "alice", "bob", "alice"]
+
+    def test_the_race_may_close_at_another_time(self, alice, submit, now):
+        submit(alice, closes_at=now + 9 * HOUR)
+        services.reschedule(evaluations=Evaluation.objects.all(), closes_at=now + 5 * HOUR)
+        assert Evaluation.objects.get().urgent_from == now + 4 * HOUR
+
+    def test_what_is_driven_again_and_house_cars_never_hurry(self, alice, submit, now):
+        done = submit(alice, closes_at=now + HOUR)
+        (copy,) = services.queue_copies(evaluations=[done], priority=line.BACKGROUND, now=now)
+        services.sweep_queue(now=now + 3 * HOUR)
+        copy.refresh_from_db()
+        assert (copy.priority, copy.urgent_from, done.priority) == (line.BACKGROUND, None, URGENT)
+
+
+class TestLength:
+    @pytest.fixture
+    def short_front(self, monkeypatch):
+        for module in (line, selectors):
+            monkeypatch.setattr(module, "FRONT", 3)
+
+    def test_the_place_is_exact_in_front_and_behind_it_only_said_to_be_behind(self, alice, submit, short_front):
+        waiting = [submit(alice, second) for second in range(6)]
+        assert [selectors.queue_position(one) for one in waiting] == [1, 2, 3, 4, 4, 4]
+        assert selectors.queue_length() == 4
+
+    def test_who_left_the_queue_behind_its_front_has_no_place(self, alice, submit, short_front, now):
+        *_, last = [submit(alice, second) for second in range(6)]
+        Evaluation.objects.filter(pk=last.pk).update(state=State.STOPPED, ended_at=now)
+        assert selectors.queue_position(last) is None
+
+    def test_a_page_says_so(self):
+        assert [in_line(number) for number in (None, 1, 1000, 1001)] == [
+            *("", "Next in line.", "Number 1000 in line.", "Behind the first 1,000 in line.")
+        ]
+        assert [place(number) for number in (None, 1, 7, 1001)] == ["…", "next", "7", "> 1,000"]
+        assert (done_in(7.2, 3), done_in(7.2, 1001), done_in(None, 3)) == (
+            *("Done in about 8 s.", "Not before 8 s.", ""),
+        )
