@@ -1,8 +1,9 @@
-"""What a site answers while many hold connections open without ever finishing: ``python -m benchmarks.slow ADDRESS``.
+"""``python -m benchmarks.slow [--json]``: what a site answers while many hold connections open and never finish.
 
 Four ways to be slow: say nothing (``silent``), drip a header (``headers``), drip a form (``bodies``), or ask for a file
 and take it a few bytes at a time (``readers``). Meanwhile somebody asks for the health page, another for a page, and
-one sends a file of 64 MB. All of it in one process that mostly waits.
+one sends a file of 64 MB. All of it in one process that mostly waits. The site has a database and a folder of its own;
+beside it, in the same run, the same web server with a view that does nothing.
 """
 
 from __future__ import annotations
@@ -12,10 +13,17 @@ import asyncio
 import json
 import resource
 import socket
+import sys
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from typing import Any
 from urllib.parse import urlsplit
+from urllib.request import urlopen
+
+from .board import database
+from .load import server
 
 KINDS = ("silent", "headers", "bodies", "readers")
 CONNECTIONS = 1000
@@ -25,6 +33,8 @@ PATIENCE_S = 20.0
 HEALTH_S, PAGE_S = 0.1, 0.5
 MEGABYTE = 1024 * 1024
 READER_BUFFER = 4096
+LARGE = "large"
+HEALTH_MS, PAGE_MS = 100.0, 1000.0  # what is promised
 
 
 @dataclass
@@ -207,26 +217,72 @@ def _many_files() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
+def everything(connections: int = CONNECTIONS, seconds: float = SECONDS, upload_mb: int = 64) -> dict[str, Any]:
+    """The figures of each kind at the bare view and at a site that runs; ``ratio``: the median of its page by the bare
+    view's. Django is set up on an empty database. Raises LoadError where a server does not start."""
+    from django.conf import settings
+
+    from accounts.tokens import create_token
+    from tests.factories import a_racer
+
+    large = settings.STATIC_ROOT / LARGE
+    with large.open("wb") as file:
+        file.truncate(32 * MEGABYTE)
+    token = create_token(racer=a_racer("sender"))
+    found: dict[str, Any] = {"connections": connections}
+    with _broker(), server("benchmarks.bare", 2) as (bare, _), server("league.wsgi", 2) as (site, _):
+        for _ in range(8):  # each process reads its templates once
+            urlopen(f"{site}/", timeout=60).close()
+        for kind in KINDS:
+            plain = measure(bare, kind, connections, seconds).shown()
+            own = measure(site, kind, connections, seconds, "/", f"/static/{LARGE}", upload_mb, token=token).shown()
+            found[kind] = {"bare": plain, "site": own, "ratio": round(own["page_p50_ms"] / plain["page_p50_ms"], 2)}
+    return found
+
+
+def _broker() -> AbstractContextManager:
+    """The site's own: limits of uploads are counted there."""
+    from django.conf import settings
+
+    from league import broker
+    from tests.servers import answers, running
+
+    broker.make_private(settings.VALKEY_DIR)
+    broker.make_private(settings.VALKEY_SOCKET.parent)
+    command = broker.server_command(settings.VALKEY_DIR, settings.VALKEY_SOCKET)
+    return running(command, lambda: answers(settings.VALKEY_SOCKET))
+
+
+def misses(figures: dict[str, Any]) -> list[str]:
+    """The promises that the figures do not keep."""
+    found = []
+    for kind in KINDS:
+        own = figures[kind]["site"]
+        if own["failed"] or own["slow_connections"] < figures["connections"]:
+            found.append(f"{kind}: {own['failed']} failed, {own['slow_connections']} slow connections open")
+        found += [f"{kind}: health p95 {own['health_p95_ms']} ms"] * (own["health_p95_ms"] > HEALTH_MS)
+        found += [f"{kind}: page p95 {own['page_p95_ms']} ms"] * (own["page_p95_ms"] > PAGE_MS)
+    return found
+
+
 def main() -> None:
-    """Each kind in turn, as one JSON object."""
+    """Each kind in turn, as a table or as one JSON object; missed promises on standard error."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("address", help="a running site: http://127.0.0.1:8000")
     parser.add_argument("--connections", type=int, default=CONNECTIONS)
     parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--page", default="/")
-    parser.add_argument("--file", default="/static/vendor/codemirror.min.js", help="what slow readers ask for")
-    parser.add_argument("--upload-mb", type=int, default=64)
-    parser.add_argument("--token", default="", help="of a racer, who sends the file of 64 MB")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    found = {
-        kind: measure(
-            given.address, kind, given.connections, given.seconds, given.page, given.file, given.upload_mb,
-            token=given.token,
-        ).shown()
-        for kind in given.kinds
-    }  # fmt: skip
-    print(json.dumps(found, indent=1))
+    with database(on_postgres=False):
+        figures = everything(given.connections, given.seconds)
+    if given.json:
+        print(json.dumps(figures, indent=1))
+    else:
+        for kind in KINDS:
+            print(f"{kind}: {figures[kind]['site']}, page {figures[kind]['ratio']} times the bare view's")
+    missed = misses(figures)
+    for line in missed:
+        print(f"missed: {line}", file=sys.stderr)
+    sys.exit(1 if missed else 0)
 
 
 if __name__ == "__main__":

@@ -22,10 +22,10 @@ from django.db.models import Count, F, Max  # noqa: E402
 from django.utils import timezone  # noqa: E402
 from onnx import numpy_helper  # noqa: E402
 
+from accounts.tokens import create_token  # noqa: E402
 from evaluation.models import Evaluation, Result, State  # noqa: E402
 from evaluation.packages.read import UploadPart  # noqa: E402
 from evaluation.services import bell, upload_model  # noqa: E402
-from league.tokens import create_token  # noqa: E402
 from races.models import Entry, Submission  # noqa: E402
 from tests.factories import a_race, a_racer  # noqa: E402
 from tests.shared import CHECKOUT  # noqa: E402
