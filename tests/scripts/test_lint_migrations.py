@@ -1,0 +1,49 @@
+"""A migration that the code before it cannot live with does not pass."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from scripts import lint_migrations
+from tests.postgres import is_installed
+
+
+@pytest.fixture
+def asked(monkeypatch, tmp_path) -> list:
+    """Which migrations the linter is asked about, instead of asking it."""
+    asked: list = []
+    monkeypatch.setattr(lint_migrations, "lint", lambda found: asked.append(found) or 1)
+    monkeypatch.setattr(lint_migrations, "ACCEPTED", tmp_path / "accepted")
+    monkeypatch.setattr(lint_migrations, "all_migrations", lambda: [("races", "0001_a"), ("races", "0002_b")])
+    monkeypatch.setattr(sys, "argv", ["lint_migrations.py"])
+    return asked
+
+
+def test_only_what_is_newer_than_the_accepted_ones_is_looked_at(asked):
+    lint_migrations.ACCEPTED.write_text("races 0001_a\n")
+    assert lint_migrations.main() == 1 and asked == [[("races", "0002_b")]]
+
+
+def test_what_is_accepted_is_written_down_and_not_looked_at_again(asked, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["lint_migrations.py", "--accept"])
+    assert lint_migrations.main() == 0
+    monkeypatch.setattr(sys, "argv", ["lint_migrations.py"])
+    assert lint_migrations.main() == 0 and asked == []
+
+
+def test_every_migration_of_the_checkout_is_known_and_every_accepted_one_is_there():
+    known = lint_migrations.all_migrations()
+    accepted = [tuple(line.split()) for line in lint_migrations.ACCEPTED.read_text().splitlines()]
+    assert {app for app, _name in known} == {"accounts", "evaluation", "league", "races", "tracks", "training"}
+    assert set(accepted) <= set(known)
+
+
+@pytest.mark.slow
+@pytest.mark.postgres
+@pytest.mark.skipif(not is_installed(), reason="PostgreSQL is not installed")
+def test_a_new_column_that_running_code_does_not_fill_is_refused(capfd):
+    assert lint_migrations.lint([("tracks", "0003_looks")]) == 1
+    said = capfd.readouterr()
+    assert "NOT NULL constraint on columns" in said.out + said.err and "In two steps" in said.err

@@ -1,0 +1,97 @@
+"""How the site of an older version was made, which the tests upgrade: run with that version's own code.
+
+In a checkout of that version, with this folder copied into its ``tests``:
+``PADDOCK_DATA=/tmp/site python -m tests.upgrade.make site-1.tar.xz site-1.json``. Small networks that really drove.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import sys
+import tarfile
+from contextlib import closing
+from datetime import timedelta
+from io import BytesIO
+from pathlib import Path
+
+from tests.upgrade.told import MOMENT, set_up, told
+
+
+def make() -> None:
+    """A season with a race under way, a race of a racer, cars that drove, one who withdrew, a webhook, notices."""
+    from django.core.management import call_command
+    from onnx import numpy_helper
+
+    from evaluation.packages.read import UploadPart
+    from evaluation.services import upload_model
+    from evaluation.services.work import run_next_evaluation
+    from league.models import Racer
+    from league.services import demo
+    from league.services.notices import tell_what_happened
+    from league.services.webhooks import add_webhook, queue_deliveries
+    from races.models import Race
+    from races.services import create_community_race, submit_model, withdraw
+    from tests.hostile.parts import metadata, network
+    from tracks.services import load_catalogue
+
+    call_command("migrate", interactive=False, verbosity=0)
+    tracks = {track.slug: track for track in load_catalogue(now=MOMENT)}
+    demo.MONTHS = 2
+    demo.open_demo_season(now=MOMENT - timedelta(days=10))
+    racers = [
+        Racer.objects.create_user(alias, f"{alias}@example.org", None, joined_at=MOMENT - timedelta(days=9))
+        for alias in ("alice", "bob", "carol")
+    ]
+    Racer.objects.create_superuser("boss", "boss@example.org", None)
+    mine = create_community_race(
+        organiser=racers[0],
+        now=MOMENT - timedelta(days=2),
+        name="Before the upgrade",
+        track=tracks["oval"],
+        opens_at=MOMENT - timedelta(days=2),
+        closes_at=MOMENT + timedelta(days=30),
+        laps=1,
+        minimum_laps=1,
+        max_simulated_ms=60_000,
+    )
+    add_webhook(owner=racers[0], url="https://example.org/hook")
+    month = Race.objects.filter(kind="league", division="open", opens_at__lte=MOMENT).latest("opens_at")
+    for number, racer in enumerate(racers):
+        model = network()
+        for weight in model.graph.initializer:
+            array = numpy_helper.to_array(weight)
+            if array.dtype.kind == "f":
+                weight.CopyFrom(numpy_helper.from_array(array * array.dtype.type(1 + number), weight.name))
+        files = [
+            UploadPart("model.onnx", BytesIO(model.SerializeToString())),
+            UploadPart("model_metadata.json", BytesIO(metadata())),
+        ]
+        car = upload_model(owner=racer, files=files, name=f"Car {number}", now=MOMENT - timedelta(days=1)).model
+        for race in (mine, month):
+            submit_model(race=race, racer=racer, model=car, now=MOMENT - timedelta(hours=3 - number))
+    while run_next_evaluation(worker="made"):
+        pass
+    withdraw(entry=mine.entries.get(racer=racers[2]), now=MOMENT - timedelta(minutes=5))
+    tell_what_happened(now=MOMENT)
+    queue_deliveries(now=MOMENT)
+
+
+def pack(data: Path, target: Path) -> None:
+    """The database, in one file, and the stored files."""
+    copy = data / "packed.sqlite3"
+    with closing(sqlite3.connect(data / "paddock.sqlite3")) as live, closing(sqlite3.connect(copy)) as database:
+        live.backup(database)
+        database.execute("PRAGMA journal_mode=DELETE")
+    with tarfile.open(target, "w:xz", preset=9) as archive:
+        archive.add(copy, "paddock.sqlite3")
+        for name in ("secret-key", "files"):
+            archive.add(data / name, name)
+
+
+if __name__ == "__main__":
+    set_up()
+    make()
+    Path(sys.argv[2]).write_text(json.dumps(told(), sort_keys=True) + "\n")
+    pack(Path(os.environ["PADDOCK_DATA"]), Path(sys.argv[1]))
