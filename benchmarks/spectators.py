@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
-from .board import _track, database
+from .board import database, oval
 from .board_rows import counted_at_the_end, fill, make_race, make_racers
 from .load import BARE, server
 
@@ -121,7 +121,7 @@ def measure(
     now = timezone.now()
     with counted_at_the_end():
         make_racers(entries, now)
-        race = make_race("board", _track(), now)
+        race = make_race("board", oval(), now)
         fill(race, entries, now)
     cookies, board = _cookies(READERS), race.get_absolute_url()
     found: dict[str, Any] = {}
