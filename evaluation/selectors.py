@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from django.conf import settings
@@ -81,6 +81,12 @@ def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) ->
 def queue_length() -> int:
     """How many evaluations wait that somebody waits for; ``FRONT + 1`` says that there are more than ``FRONT``."""
     return queued().filter(priority__gt=BACKGROUND).order_by(*ORDER)[: FRONT + 1].count()
+
+
+def waiting_since() -> datetime | None:
+    """Since when the evaluation waits that was queued first, of those that somebody waits for."""
+    waiting = queued().filter(priority__gt=BACKGROUND).order_by("queued_at")
+    return waiting.values_list("queued_at", flat=True).first()
 
 
 def queue_position(evaluation: Evaluation) -> int | None:

@@ -203,6 +203,8 @@ try:
     configured_range()
 except ValueError as problem:
     raise ImproperlyConfigured(f"{problem}.") from None
+QUEUE_ALARM_MINUTES = env_int("PADDOCK_QUEUE_ALARM_MINUTES", 30, minimum=1)
+LOW_DISK_MB = env_int("PADDOCK_LOW_DISK_MB", 1024)
 LEASE_SECONDS = env_int("PADDOCK_LEASE_SECONDS", 30, minimum=5)
 EVALUATION_WALL_SECONDS = env_int("PADDOCK_EVALUATION_WALL_SECONDS", 300, minimum=10)
 EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 5, minimum=1)

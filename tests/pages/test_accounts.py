@@ -7,11 +7,9 @@ import re
 import pytest
 from django.core import mail
 from django.core.cache import cache
-from django.db import DatabaseError
 from knox.models import AuthToken
 
 from accounts.tokens import TOKENS_PER_RACER, create_token
-from league import health
 from league.models import Racer
 from tests.pages.conftest import World
 
@@ -152,25 +150,3 @@ def test_the_language_is_chosen_by_the_form_and_before_that_by_the_browser(clien
     client.post("/i18n/setlang/", {"language": "ko", "next": "/about/"})
     html = client.get("/about/", headers={"Accept-Language": "en"}).content.decode()
     assert "이용 안내" in html and '<html lang="ko"' in html
-
-
-def test_health_says_live_and_ready(client, db, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert client.get("/health/live").content == b"ok\n"
-    monkeypatch.setattr(health, "_broker", lambda: None)
-    ready = client.get("/health/ready")
-    assert (ready.status_code, ready.json()) == (200, {"database": True, "cache": True, "broker": True})
-
-
-def test_health_names_the_part_that_does_not_answer(client, db, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken() -> None:
-        raise DatabaseError("gone")
-
-    monkeypatch.setattr(health, "_broker", lambda: None)
-    monkeypatch.setattr(health, "_database", broken)
-    ready = client.get("/health/ready")
-    assert (ready.status_code, ready.json()["database"], ready.json()["cache"]) == (503, False, True)
-
-
-def test_without_its_broker_the_site_is_not_ready_and_says_so_soon(client, db) -> None:
-    ready = client.get("/health/ready")
-    assert (ready.status_code, ready.json()["broker"]) == (503, False)

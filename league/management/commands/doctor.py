@@ -36,7 +36,6 @@ from races.services.videos import encoder_problem
 from races.services.videos.work import ENCODER
 
 OK, WARN, FAIL = "ok", "warn", "fail"
-LOW_DISK_MB = 1024
 NAMED = 5
 PATIENCE_S = 2.0
 INEXACT_ADVICE = (
@@ -240,7 +239,7 @@ def storage() -> Iterator[Finding]:
         area, "data folder", OK if writable else FAIL, f"{settings.DATA_DIR}{'' if writable else ' is read-only'}"
     )
     free_mb = shutil.disk_usage(settings.DATA_DIR).free // 2**20
-    low = free_mb < LOW_DISK_MB
+    low = free_mb < settings.LOW_DISK_MB
     yield Finding(area, "disk space", WARN if low else OK, f"{free_mb} MB free{', make room' if low else ''}")
 
 
