@@ -8,8 +8,6 @@ asks both, in turns one first and then the other.
 
 from __future__ import annotations
 
-import json
-import os
 import sys
 from collections.abc import Mapping
 from time import perf_counter
@@ -17,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from evaluation import exact
 from evaluation.network.bound import Facts
 from evaluation.network.session import load
 from evaluation.runner_process import policy_header
 from evaluation.sandbox.policy_process import Policy
 from evaluation.simulator.action import ActionSpace
 from evaluation.simulator.race import run_race
+from training.golden.bare import answer_each
 from training.golden.cars import car
 from training.golden.runs import GoldenRun
 
@@ -89,14 +87,7 @@ def _timed(policy: Policy, readings: Mapping[str, np.ndarray]) -> tuple[np.ndarr
 
 def main() -> int:
     """Drive what stdin lists; 2 without the pins."""
-    if not exact.is_pinned():
-        print("start this with the pins: python -m evaluation.exact -m benchmarks.decisions", file=sys.stderr)
-        return 2
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # Bullet says when it was built, on stdout
-    for described in json.load(sys.stdin):
-        print(json.dumps(drive(GoldenRun.from_dict(described))), file=answers, flush=True)
-    return 0
+    return answer_each("benchmarks.decisions", lambda described: drive(GoldenRun.from_dict(described)))
 
 
 if __name__ == "__main__":

@@ -9,24 +9,37 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Callable
+from typing import Any
 
 from evaluation import exact
 
 
-def main() -> int:
-    """Drive what stdin lists (:meth:`.runs.GoldenRun.to_dict`), and print what each came to as soon as it did."""
+def answer_each(program: str, drive: Callable[[dict[str, Any]], Any]) -> int:
+    """Print what ``drive`` makes of each description of a run on stdin, as JSON and as soon as it is there.
+
+    2 without the pins. ``program``: what is started with ``python -m evaluation.exact -m``.
+    """
     if not exact.is_pinned():
-        print("start this with the pins: python -m evaluation.exact -m training.golden.bare", file=sys.stderr)
+        print(f"start this with the pins: python -m evaluation.exact -m {program}", file=sys.stderr)
         return 2
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # Bullet says when it was built, on stdout
-    from .drive import in_this_process
+    for described in json.load(sys.stdin):
+        print(json.dumps(drive(described)), file=answers, flush=True)
+    return 0
+
+
+def _driven(described: dict[str, Any]) -> dict[str, Any]:
+    from .drive import in_this_process  # loads Bullet
     from .runs import GoldenRun
 
-    for described in json.load(sys.stdin):
-        driven = in_this_process(GoldenRun.from_dict(described))
-        print(json.dumps(driven.to_dict()), file=answers, flush=True)
-    return 0
+    return in_this_process(GoldenRun.from_dict(described)).to_dict()
+
+
+def main() -> int:
+    """Drive what stdin lists (:meth:`.runs.GoldenRun.to_dict`)."""
+    return answer_each("training.golden.bare", _driven)
 
 
 if __name__ == "__main__":
