@@ -36,6 +36,7 @@ SHARE = float(os.environ.get("STORM_SHARE", "1"))
 RACERS, RACES = 20, max(2, round(50 * SHARE))
 KILLS = round(300 * SHARE)
 KILL_EVERY_S = 1.2
+EVERYTHING = 0.02  # of the kills: the supervisor, and all ends with it
 AWAY_S = 20.0
 LIMIT_S = 45 * 60.0
 SUBMITTERS = 3
@@ -114,15 +115,16 @@ class Storm:
         return True
 
     def kill(self) -> None:
-        """SIGKILL to any process of the site's: its supervisor, broker, web server, workers, sandboxes."""
+        """SIGKILL to any process of the site's: broker, web server, workers, sandboxes, and now and then all of it."""
         while sum(self.seen.killed.values()) < KILLS and not self.over.wait(KILL_EVERY_S):
-            if self.site is None:
+            if self.site is None or not (family := sorted(family_of(self.site.pid) - {self.site.pid})):
                 continue
-            pid = self.luck.choice(sorted(family_of(self.site.pid)))
+            everything = self.luck.random() < EVERYTHING
+            pid = self.site.pid if everything else self.luck.choice(family)
             with suppress(OSError):
-                name = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+                name = _name(pid)
                 os.kill(pid, signal.SIGKILL)
-                self.seen.killed[" ".join(name.split()[1:6]) or name] += 1
+                self.seen.killed[name] += 1
 
     def send(self, cars: list[tuple[str, str, str]]) -> None:
         """Send each car (token, model, race) until the site says that it has it."""
@@ -187,6 +189,14 @@ def embedded(folder: Path) -> Iterator[Place]:
                     os.kill(pid, signal.SIGKILL)
 
     yield Place(_settings(data), storage_away, broker_away)
+
+
+def _name(pid: int) -> str:
+    """What a process is. OSError when it is gone."""
+    said = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+    known = {"manage.py run": "everything", "league.web": "web", "valkey": "broker", "--queues training": "trainer"}
+    known |= {"--queues videos": "filmer", "--queues messages": "messenger", "celery": "worker", "bwrap": "sandbox"}
+    return next((name for part, name in known.items() if part in said), "runner or policy")
 
 
 def _is_broker(cmdline: Path, data: Path) -> bool:
