@@ -63,14 +63,6 @@ class RequestTooLarge(exceptions.APIException):
     default_detail = gettext_lazy("The request is too large. Send less at once.")
 
 
-class LengthRequired(exceptions.APIException):
-    """A body in chunks, whose length nobody knows before it was read: Django takes it for an empty one."""
-
-    status_code = status.HTTP_411_LENGTH_REQUIRED
-    default_code = "length_required"
-    default_detail = gettext_lazy("Say how long the request is (Content-Length); one sent in chunks is not read.")
-
-
 class Unavailable(exceptions.APIException):
     """The database or the broker does not answer now."""
 

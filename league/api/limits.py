@@ -9,14 +9,15 @@ from django.http import HttpRequest, HttpResponse, JsonResponse
 
 from faults import UserFault
 
-from .errors import LengthRequired, handle
+from .errors import handle
 
 # Form fields and boundaries beside the file itself.
 OVERHEAD_BYTES = 1024 * 1024
 
 
 class BodyLimit:
-    """Middleware: refuses API requests that announce more than PADDOCK_UPLOAD_LIMIT_MB, or do not say how much.
+    """Middleware: refuses API requests that announce more than PADDOCK_UPLOAD_LIMIT_MB. What comes in chunks has been
+    taken whole by the web server, and measured (league.whole).
 
     Django bounds form fields and JSON (DATA_UPLOAD_MAX_MEMORY_SIZE), but not files, and it spools them to disk as soon
     as anything asks for the form: with session authentication even the check of the CSRF token does.
@@ -30,8 +31,6 @@ class BodyLimit:
             limit_mb = settings.UPLOAD_LIMIT_MB
             if _announced(request) > limit_mb * 1024 * 1024 + OVERHEAD_BYTES:
                 return _refused(UserFault("too_large", limit_mb=limit_mb))
-            if "HTTP_TRANSFER_ENCODING" in request.META and not _announced(request):
-                return _refused(LengthRequired())
         return self.get_response(request)
 
 

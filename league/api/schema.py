@@ -56,7 +56,7 @@ DESCRIPTIONS = {
     "409": "Not now, or not again: it contradicts how things stand.",
     "404": "It does not exist, or you may not see it.",
     "429": "Too many requests; `Retry-After` says when to try again.",
-    "default": "Any other failure, in the same form: 405, 406, 411, 413, 415, 500, 503.",
+    "default": "Any other failure, in the same form: 405, 406, 413, 415, 500, 503.",
 }
 
 

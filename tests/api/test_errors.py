@@ -136,13 +136,6 @@ def test_a_body_over_the_upload_limit_is_refused_before_it_is_read(settings):
     assert (answer.status_code, answer.json()["code"]) == (413, "too_large")
 
 
-def test_a_body_in_chunks_is_not_called_an_empty_file():
-    answer = Client().generic(
-        "POST", "/api/v1/models/", b"", "multipart/form-data; boundary=x", HTTP_TRANSFER_ENCODING="chunked"
-    )
-    assert (answer.status_code, answer.json()["code"]) == (411, "length_required")
-
-
 @pytest.mark.django_db
 def test_a_wrong_method_is_named(alice, as_racer):
     answer = as_racer(alice).put("/api/v1/me/", {})

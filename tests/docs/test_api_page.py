@@ -51,7 +51,7 @@ def api_codes() -> dict[str, int]:
 
 def test_the_codes_of_the_error_table_exist_and_have_that_status():
     rows = re.findall(r"^\| ([\d, ]+) \| .+ \| (.+) \|$", section(text("api.md"), "## Errors"), re.M)
-    assert len(rows) == 11
+    assert len(rows) == 10
     known = api_codes()
     for statuses, codes in rows:
         allowed = {int(status) for status in statuses.split(", ")}
