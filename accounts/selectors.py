@@ -49,7 +49,7 @@ def racers_by_use(quota: Quota, now: datetime) -> list[int]:
 
 
 def usage_rows(racers: Iterable[Racer], now: datetime) -> list[RacerUsage]:
-    """All quotas of these racers, in their order: one query a quota, however many racers."""
+    """All quotas of these racers, in their order: as many queries for one racer as for all."""
     racers = list(racers)
     ids = [racer.pk for racer in racers]
     own = {

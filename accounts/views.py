@@ -15,6 +15,7 @@ from django.views.decorators.http import require_safe
 from .quotas import all_quotas, usage_of
 from .selectors import open_invitation, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
 from .sign_up import CODE, INVITATION
+from .storage import stored_by
 
 RACERS_PER_PAGE = 50
 
@@ -36,7 +37,8 @@ def invitation(request: HttpRequest, code: str) -> HttpResponse:
 @require_safe
 def usage(request: HttpRequest) -> HttpResponse:
     """How much of each quota the racer has used."""
-    return render(request, "accounts/usage.html", {"usage": usage_of(request.user, timezone.now())})
+    context = {"usage": usage_of(request.user, timezone.now()), "stored": stored_by(request.user)}
+    return render(request, "accounts/usage.html", context)
 
 
 @login_required

@@ -7,9 +7,11 @@ class EvaluationConfig(AppConfig):
     verbose_name = _("Evaluation")
 
     def ready(self) -> None:
-        from accounts.quotas import register
+        from accounts import quotas, storage
 
-        from .quotas import MODELS, STORAGE
+        from .quotas import MODELS, NETWORKS, STORAGE, TRACES
 
-        register(MODELS)
-        register(STORAGE)
+        quotas.register(MODELS)
+        quotas.register(STORAGE)
+        storage.register(NETWORKS)
+        storage.register(TRACES)

@@ -10,6 +10,7 @@ from django.db.models import Count, QuerySet, Sum
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import Quota
+from accounts.storage import Shelf
 
 from .models import UNDER_WAY, Kind, Race, Video
 
@@ -41,6 +42,12 @@ def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
     return asked if racers is None else asked.filter(asked_by__in=racers)
 
 
+def _video_files(racers: Collection[int] | None) -> Mapping[int, float]:
+    """Films that are ready, by who asked for them."""
+    films = _videos(racers).filter(size__gt=0)
+    return dict(films.order_by().values_list("asked_by").annotate(Sum("size")))
+
+
 def _have_videos() -> bool:
     return settings.VIDEOS
 
@@ -48,3 +55,4 @@ def _have_videos() -> bool:
 RACES = Quota(4, "races", "RACES_PER_RACER", _("Races held at a time"), _races)
 VIDEOS_AT_ONCE = Quota(7, "videos_at_once", "VIDEOS_AT_ONCE", _("Videos under way"), _videos_at_once, _have_videos)
 VIDEOS_A_DAY = Quota(8, "videos_a_day", "VIDEOS_A_DAY", _("Videos in 24 hours"), _videos_a_day, _have_videos)
+VIDEO_FILES = Shelf(4, "videos", _("Videos"), _video_files)

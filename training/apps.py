@@ -15,14 +15,16 @@ class TrainingConfig(AppConfig):
     verbose_name = _("Training")
 
     def ready(self) -> None:
+        from accounts import storage
         from accounts.quotas import register
         from evaluation import proof
 
         from . import queues
-        from .quotas import AT_ONCE, MINUTES
+        from .quotas import AT_ONCE, FILES, MINUTES
 
         register(AT_ONCE)
         register(MINUTES)
+        storage.register(FILES)
         queues.register()
         _read_policies_of_sb3()
         proof.register(_prove)

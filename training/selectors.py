@@ -5,14 +5,14 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from django.db.models import Q, QuerySet
+from django.db.models import QuerySet
 
 from accounts.quotas import limit_of, used_by
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model, visible_models
 
 from .cloning import build_of_model
-from .models import JobState, TrainingJob
+from .models import TrainingJob
 from .quotas import MINUTES
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
     """The racer's trainings, newest first, without what only single pages need. Twin of :func:`can_see_training`."""
     return (
-        TrainingJob.objects.filter(owner_id=racer.pk)
+        TrainingJob.objects.filter(owner_id=racer.pk, deleted_at=None)
         .select_related("track", "best_model", "last_model")
         .defer("log", "printed")
     )
@@ -33,18 +33,23 @@ def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
 def visible_trainings(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
     """All that the racer may look at: their own; for admins all. Twin of :func:`can_see_training`."""
     if racer.is_staff:
-        return TrainingJob.objects.all()
-    return TrainingJob.objects.filter(owner_id=racer.pk)
+        return TrainingJob.objects.filter(deleted_at=None)
+    return TrainingJob.objects.filter(owner_id=racer.pk, deleted_at=None)
 
 
 def can_see_training(racer: Racer | AnonymousUser, job: TrainingJob) -> bool:
-    """Whether the racer may look at the training: its owner, or an admin."""
-    return racer.pk is not None and (racer.pk == job.owner_id or racer.is_staff)
+    """Whether the racer may look at the training: its owner, or an admin; nobody at a deleted one."""
+    return racer.pk is not None and job.deleted_at is None and (racer.pk == job.owner_id or racer.is_staff)
 
 
 def can_stop_training(racer: Racer | AnonymousUser, job: TrainingJob) -> bool:
     """Whether the racer may stop the training while it waits or runs: its owner, or an admin."""
     return not job.is_final and can_see_training(racer, job)
+
+
+def can_delete_training(racer: Racer | AnonymousUser, job: TrainingJob) -> bool:
+    """Whether the racer may delete the training: its owner, once it is over."""
+    return job.is_final and job.deleted_at is None and racer.pk == job.owner_id
 
 
 def clonable_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
@@ -65,14 +70,6 @@ def house_cars() -> list[TrainedModel]:
 def can_clone_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
     """Whether the racer may begin with the weights of this model."""
     return can_see_model(racer, model)
-
-
-def training_queue_position(job: TrainingJob) -> int | None:
-    """The place in the queue, 1 for the next one to run; None when it does not wait."""
-    if job.state != JobState.QUEUED:
-        return None
-    before = Q(created_at__lt=job.created_at) | Q(created_at=job.created_at, pk__lt=job.pk)
-    return TrainingJob.objects.filter(before, state=JobState.QUEUED).count() + 1
 
 
 def minutes_used(racer: Racer, now: datetime) -> float:

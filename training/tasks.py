@@ -15,7 +15,7 @@ from evaluation.services.clock import database_now
 from evaluation.stopping import shutdown_flag
 from faults import PlatformFault
 
-from .services import purge_trainings, ring_training_bell, run_next_training, sweep_trainings
+from .services import forget_deleted, purge_trainings, ring_training_bell, run_next_training, sweep_trainings
 
 logger = logging.getLogger(__name__)
 
@@ -48,5 +48,6 @@ def sweep() -> int:
 
 @shared_task
 def purge() -> int:
-    """Delete what trainings of long ago need no more."""
+    """Delete what trainings of long ago need no more, and what is left of deleted ones."""
+    forget_deleted(now=database_now())
     return purge_trainings(now=database_now())

@@ -12,6 +12,7 @@ urlpatterns = [
     path("train/<str:public_id>/", trainings.training, name="training"),
     path("train/<str:public_id>/live/", trainings.training_live, name="training_live"),
     path("train/<str:public_id>/stop/", trainings.training_stop, name="training_stop"),
+    path("train/<str:public_id>/delete/", trainings.training_delete, name="training_delete"),
     path("train/<str:public_id>/evaluate/", trainings.training_evaluate, name="training_evaluate"),
     path("train/<str:public_id>/best.zip", files.training_package, {"which": "best"}, name="training_best"),
     path("train/<str:public_id>/last.zip", files.training_package, {"which": "last"}, name="training_last"),

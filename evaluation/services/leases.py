@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db import transaction
 from django.db.models import F, QuerySet, Value
-from django.db.models.functions import Concat
+from django.db.models.functions import Concat, Right
 
 from faults import PaddockError, PlatformFault
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..pipeline import EvaluationOutcome
 
 logger = logging.getLogger(__name__)
-DETAIL_LIMIT = 4000
+DETAIL_LIMIT, DETAILS_LIMIT = 4000, 20_000
 FIRST_PAUSE, LONGEST_PAUSE = timedelta(seconds=4), timedelta(hours=1)
 CANDIDATES = 16  # looked at by one claim at once: as many workers may reach for the first
 # The simulator's process ended under a car, and its worker lived to tell.
@@ -41,6 +41,12 @@ KILLS = frozenset(("runner_died", "runner_error", "runner_protocol", "runner_tim
 def pause_after(attempts: int) -> timedelta:
     """How long a run waits after so many attempts: none after the first, then 4, 16, 64 s and so on to an hour."""
     return timedelta(0) if attempts < 2 else min(FIRST_PAUSE * 4 ** min(attempts - 2, 10), LONGEST_PAUSE)
+
+
+def detail_with(note: str) -> Right:
+    """The column ``operator_detail`` with one more note, as an expression. The newest 20,000 characters are kept: what
+    is tried for as long as it takes has no end of them."""
+    return Right(Concat("operator_detail", Value(note.strip() + "\n")), DETAILS_LIMIT)
 
 
 def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
@@ -198,8 +204,8 @@ def _fail(mine: QuerySet[Evaluation], evaluation: Evaluation, fault: PaddockErro
     changes: dict = {"lease": None, "leased_until": None}
     ours = isinstance(fault, PlatformFault)
     if ours or detail:
-        note = f"Attempt {evaluation.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}".strip()
-        changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
+        note = f"Attempt {evaluation.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}"
+        changes["operator_detail"] = detail_with(note)
     if ours:
         logger.warning("Evaluation %s, attempt %s: %s. %s", evaluation, evaluation.attempt, fault.code, detail)
     kills = evaluation.kills + (ours and _killed_alone(evaluation, fault))

@@ -83,11 +83,20 @@ _USER = table(
             "rate, smaller rewards, a discount factor below 1 or the Huber loss. What it had learned before is kept."
         ),
         "training_broke_down": _(
-            "The training broke down %(attempts)s times, outside of the lines of your reward function (%(how)s). A "
-            "function that changes anything but its own values does that. Try one of the examples instead of it; if "
-            "that breaks down as well, tell whoever operates this site."
+            "The training broke down %(attempts)s times without getting any further, outside of the lines of your "
+            "reward function (%(how)s). A function that changes anything but its own values does that. Try one of the "
+            "examples instead of it; if that breaks down as well, tell whoever operates this site."
         ),
         "training_over": _("This training is over."),
+        "training_under_way": _("Only a training that is over can be deleted. Stop this one first."),
+        "training_model_races": _(
+            "The model “%(name)s” is in the race “%(race)s”, which is not over. Delete the training without its "
+            "models, or wait for the end of the race."
+        ),
+        "training_model_drives": _(
+            "The model “%(name)s” is in a run that waits or is driven. Delete the training without its models, or wait "
+            "for the end of the run."
+        ),
     },
 )
 
@@ -103,8 +112,8 @@ _PLATFORM = table(
         "trainer_protocol": _("The training sent something unreadable. It will go on from its last checkpoint."),
         "trainer_error": _("The training failed (%(detail)s). It will go on from its last checkpoint."),
         "training_gave_up": _(
-            "Paddock failed to train this model %(attempts)s times. Nothing is wrong with it, and its minutes do not "
-            "count: train it again later."
+            "Paddock failed to train this model %(attempts)s times without getting any further. Nothing is wrong with "
+            "it, and its minutes do not count: train it again later."
         ),
     },
 )

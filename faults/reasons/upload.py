@@ -80,8 +80,9 @@ REASONS = table(
             "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."
         ),
         "storage_full": _(
-            "The networks you uploaded take up %(limit_mb)s MB, which is the most that one racer may store. Those of "
-            "deleted models that never raced are removed after a day; for more, ask an operator."
+            "What you have stored takes up %(limit_mb)s MB, which is the most that one racer may. Your usage page says "
+            "what it is. Delete models and trainings that you need no more (networks that never raced are removed "
+            "after a day); for more, ask an operator."
         ),
         "model_name_missing": _("The model needs a name with at least one visible character."),
         "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),

@@ -40,6 +40,7 @@ SAME: dict[str, set[str]] = {
     "submit": {"submit_model"},
     "track_import": {"import_track"},
     "training_evaluate": {"evaluate_training"},
+    "training_delete": {"delete_training"},
     "training_first": {"create_training"},
     "training_new": {"create_training"},
     "training_stop": {"stop_training"},

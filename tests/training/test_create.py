@@ -132,7 +132,7 @@ def test_minutes_of_the_month_are_used_up_by_what_ran_and_what_may_run(alice, ov
     fault = refusal(alice, oval, now, stop_minutes=11)
     assert (fault.code, fault.params["left"]) == ("training_minutes_left", 10)
     TrainingJob.objects.filter(pk=job.pk).update(
-        state=JobState.STOPPED, ended_because="stopped", ended_at=now, seconds_done=120.0
+        state=JobState.STOPPED, ended_because="stopped", ended_at=now, charged_s=120.0
     )
     assert minutes_used(alice, now) == 2.0
     assert minutes_left(alice, now + timedelta(days=31)) == 30.0
@@ -141,7 +141,7 @@ def test_minutes_of_the_month_are_used_up_by_what_ran_and_what_may_run(alice, ov
 def test_our_own_faults_cost_no_minutes(alice, oval, now):
     job = a_training(alice, oval, now)
     TrainingJob.objects.filter(pk=job.pk).update(
-        state=JobState.FAILED, ended_because="failed", ended_at=now, seconds_done=600.0, reason_code="training_gave_up"
+        state=JobState.FAILED, ended_because="failed", ended_at=now, charged_s=600.0, reason_code="training_gave_up"
     )
     assert minutes_used(alice, now) == 0.0
     TrainingJob.objects.filter(pk=job.pk).update(reason_code="reward_raised")

@@ -12,13 +12,13 @@ from django.core.files.storage import default_storage
 from evaluation.models import Outage
 from faults import PlatformFault, UserFault
 from tests.training.jobs import a_training, an_iteration
+from training.line import place_of
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
 from training.rewards.examples import DEFAULT
 from training.selectors import (
     can_see_training,
     can_stop_training,
     minutes_used,
-    training_queue_position,
     visible_trainings,
 )
 from training.services import (
@@ -62,7 +62,7 @@ def saved(iteration: int) -> SavedState:
 def test_the_first_that_came_is_the_first_that_runs_and_nobody_runs_it_twice(alice, bob, oval, now):
     second = a_training(bob, oval, now + timedelta(seconds=1))
     first = a_training(alice, oval, now)
-    assert [training_queue_position(job) for job in (first, second)] == [1, 2]
+    assert [place_of(job, now) for job in (first, second)] == [1, 2]
     assert claim_next_training(worker="a", now=now) == first
     assert claim_next_training(worker="b", now=now) == second
     assert claim_next_training(worker="c", now=now) is None
@@ -110,16 +110,21 @@ def test_whoever_lost_the_lease_changes_nothing(held, now):
     )
 
 
-def test_a_lease_that_ran_out_goes_back_to_the_queue_and_in_the_end_fails_as_our_fault(held, now, settings):
+def test_a_lease_that_ran_out_goes_back_to_the_queue_for_as_long_as_it_takes(held, now, settings):
+    """Hosts are killed, and that is nobody's fault who trains. It pauses ever longer, an hour at most."""
     settings.EVALUATION_MAX_ATTEMPTS = 2
-    late = held.leased_until + timedelta(seconds=1)
     assert sweep_trainings(now=held.leased_until) == 0
-    assert sweep_trainings(now=late) == 1
-    again = claim_next_training(worker="v", now=late)
-    assert (again.pk, again.attempt) == (held.pk, 2)
-    sweep_trainings(now=late + timedelta(hours=1))
-    held.refresh_from_db()
-    assert (held.state, held.reason_code, held.reason_params) == (JobState.FAILED, "training_gave_up", {"attempts": 2})
+    at, pauses = held.leased_until + timedelta(seconds=1), []
+    for _ in range(9):
+        sweep_trainings(now=at)
+        held.refresh_from_db()
+        assert (held.state, held.reason_code, held.kills) == (JobState.QUEUED, "", 0)
+        pauses.append((held.not_before - at).total_seconds() if held.not_before else 0)
+        at = held.not_before or at
+        assert claim_next_training(worker="v", now=at - timedelta(seconds=1)) is None or not pauses[-1]
+        held = claim_next_training(worker="v", now=at) or TrainingJob.objects.get(pk=held.pk)
+        at = held.leased_until + timedelta(seconds=1)
+    assert pauses == [0, 4, 16, 64, 256, 1024, 3600, 3600, 3600]
 
 
 def test_a_racers_fault_is_final_at_once(held, now):
@@ -140,35 +145,69 @@ class TestAFunctionThatBreaksTheTrainer:
     """From inside of its process a function can bring about what looks like our fault. Not without end, not for
     nothing, and not in our name."""
 
-    @pytest.mark.parametrize(
-        "fault", [PlatformFault("trainer_error", detail="TypeError: x"), PlatformFault("trainer_died", how="signal 9")]
-    )
-    def test_is_the_racers_fault_in_the_end(self, held, now, settings, fault):
+    FAULT = PlatformFault("trainer_error", detail="TypeError: x")
+
+    def test_is_the_racers_fault_in_the_end(self, held, now, settings):
         settings.EVALUATION_MAX_ATTEMPTS = 2
-        assert fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
-        again = claim_next_training(worker="w", now=now)
-        TrainingJob.objects.filter(pk=again.pk).update(seconds_done=120.0)
-        assert fail_training(job_id=again.pk, lease=again.lease, fault=fault, now=now)
+        minute = timedelta(minutes=1)
+        assert fail_training(job_id=held.pk, lease=held.lease, fault=self.FAULT, now=now + minute)
+        again = claim_next_training(worker="w", now=now + minute)
+        assert fail_training(job_id=again.pk, lease=again.lease, fault=self.FAULT, now=now + 2 * minute)
         held.refresh_from_db()
         assert (held.state, held.reason_code, held.attempt) == (JobState.FAILED, "training_broke_down", 2)
         assert "example" in held.reason and "%(" not in held.reason
         assert minutes_used(held.owner, now) == 2.0, "or it would train for nothing"
-        assert claim_next_training(worker="w", now=now) is None
+        assert claim_next_training(worker="w", now=now + 2 * minute) is None
 
-    def test_is_ours_where_the_function_is_ours(self, alice, oval, now, settings):
+    def test_is_counted_anew_when_it_got_further(self, held, now, settings):
+        """Attempts are counted by progress, not for life."""
+        settings.EVALUATION_MAX_ATTEMPTS = 2
+        job = held
+        for number in range(1, 7):
+            keep_checkpoint(job=job, lease=job.lease, saved=saved(number), networks=NETWORKS, now=now)
+            fail_training(job_id=job.pk, lease=job.lease, fault=self.FAULT, now=now)
+            job.refresh_from_db()
+            assert (job.state, job.kills, job.failures, job.got_to) == (JobState.QUEUED, 1, 1, number)
+            job = claim_next_training(worker="w", now=now)
+        fail_training(job_id=job.pk, lease=job.lease, fault=self.FAULT, now=now)
+        job.refresh_from_db()
+        assert (job.attempt, job.reason_code) == (7, "training_broke_down")
+        assert job.reason_params["attempts"] == 2
+
+    @pytest.mark.parametrize("others_pass", [True, False])
+    def test_is_ours_where_the_function_is_ours_and_others_pass(self, alice, bob, oval, now, settings, others_pass):
+        """While nobody's training passes the cause is ours, and nothing is given up."""
         settings.EVALUATION_MAX_ATTEMPTS = 1
+        if others_pass:
+            other = a_training(bob, oval, now)
+            TrainingJob.objects.filter(pk=other.pk).update(
+                state=JobState.FINISHED, ended_because="time", ended_at=now, steps_done=1
+            )
         a_training(alice, oval, now, reward_code=DEFAULT.code)
         job = claim_next_training(worker="w", now=now)
-        fail_training(job_id=job.pk, lease=job.lease, fault=PlatformFault("trainer_error", detail="x"), now=now)
+        fail_training(job_id=job.pk, lease=job.lease, fault=self.FAULT, now=now)
         job.refresh_from_db()
-        assert job.reason_code == "training_gave_up"
+        assert (job.state, job.reason_code) == (
+            (JobState.FAILED, "training_gave_up") if others_pass else (JobState.QUEUED, "")
+        )
 
-    @pytest.mark.parametrize("code", ["storage_failed", "internal_error", "host_overloaded", "sandbox_failed"])
-    def test_is_not_to_blame_for_the_host(self, held, now, settings, code):
+    @pytest.mark.parametrize(
+        "fault",
+        [
+            PlatformFault("trainer_died", how="signal 9"),
+            PlatformFault("storage_failed"),
+            PlatformFault("internal_error"),
+            PlatformFault("host_overloaded"),
+            PlatformFault("sandbox_failed", detail="x"),
+            PlatformFault("file_damaged"),
+        ],
+        ids=lambda fault: fault.code,
+    )
+    def test_is_not_to_blame_for_what_comes_from_outside(self, held, now, settings, fault):
         settings.EVALUATION_MAX_ATTEMPTS = 1
-        fail_training(job_id=held.pk, lease=held.lease, fault=PlatformFault(code), now=now)
+        fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
         held.refresh_from_db()
-        assert held.reason_code == "training_gave_up"
+        assert (held.state, held.reason_code, held.kills, held.failures) == (JobState.QUEUED, "", 0, 1)
 
 
 def test_our_faults_are_written_down_for_operators_only(held, now):

@@ -8,6 +8,7 @@ import numpy as np
 import onnx
 import pytest
 from django.core.files.storage import default_storage
+from django.utils import timezone
 
 from evaluation import stopping
 from evaluation.models import TrainedModel
@@ -15,9 +16,10 @@ from faults import PlatformFault, UserFault
 from tests.rows import model_row
 from tests.training.jobs import a_training, an_iteration, network
 from training import tasks
-from training.models import Checkpoint, JobState
+from training.models import Checkpoint, JobState, TrainingJob
 from training.services import (
     claim_next_training,
+    fail_training,
     keep_checkpoint,
     record_iteration,
     run_next_training,
@@ -194,32 +196,37 @@ def test_a_garage_that_has_filled_up_meanwhile_takes_its_models_all_the_same(job
     assert (job.state, job.best_model.name, job.last_model.name) == (JobState.FINISHED, "first", "first-last")
 
 
-class TestWorkersThatDisappear:
+class TestATrainingThatIsGivenUp:
     """Whatever ends a training, what its last checkpoint holds becomes its models, once."""
 
     @pytest.fixture(autouse=True)
     def _attempts(self, settings):
         settings.EVALUATION_MAX_ATTEMPTS = 3
 
-    def lose(self, job, now, *, with_checkpoint: bool = True, times: int = 3) -> None:
-        """So many workers take it on and are never heard of again, the first after a checkpoint."""
-        for number in range(times):
-            held = claim_next_training(worker=f"w{number}", now=now)
+    def break_down(self, job, *, with_checkpoint: bool = True) -> None:
+        """Its process says three times that it failed, after one checkpoint."""
+        at = timezone.now() - timedelta(hours=9)
+        TrainingJob.objects.update(created_at=at)
+        for number in range(3):
+            held = claim_next_training(worker=f"w{number}", now=at)
             assert held == job
             if with_checkpoint and not number:
-                record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=now)
+                record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=at)
                 networks = (network(job, 1), network(job, 2))
                 state = SavedState(1, 100, 1.0, b"state")
-                keep_checkpoint(job=held, lease=held.lease, saved=state, networks=networks, now=now)
-            sweep_trainings(now=now + timedelta(hours=1))
+                keep_checkpoint(job=held, lease=held.lease, saved=state, networks=networks, now=at)
+            fault = PlatformFault("trainer_error", detail="x")
+            fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=at)
+            at += timedelta(hours=1)
         job.refresh_from_db()
 
-    def test_leave_the_models_of_the_last_checkpoint(self, job, trainer, now):
-        self.lose(job, now)
-        assert (job.state, job.reason_code) == (JobState.QUEUED, "training_gave_up"), "its models are to be kept yet"
+    def test_leaves_the_models_of_the_last_checkpoint(self, job, trainer):
+        self.break_down(job)
+        assert (job.state, job.reason_code) == (JobState.QUEUED, "training_broke_down"), "its models are to be kept yet"
         assert run_next_training(worker="another")
         job.refresh_from_db()
-        assert (job.state, job.reason_code, job.reason_params) == (JobState.FAILED, "training_gave_up", {"attempts": 3})
+        assert (job.state, job.reason_code) == (JobState.FAILED, "training_broke_down")
+        assert job.reason_params["attempts"] == 3
         assert trainer.starts == [], "it is not trained once more"
         with job.best_model.network.onnx.open() as best, job.last_model.network.onnx.open() as last:
             kept = weights(best.read()), weights(last.read())
@@ -228,30 +235,38 @@ class TestWorkersThatDisappear:
         assert not Checkpoint.objects.exists()
         assert not run_next_training(worker="another"), "nothing is left to do"
 
-    def test_leave_none_without_a_checkpoint(self, job, now):
-        self.lose(job, now, with_checkpoint=False)
-        assert (job.state, job.reason_code, job.best_model) == (JobState.FAILED, "training_gave_up", None)
+    def test_leaves_none_without_a_checkpoint(self, job):
+        self.break_down(job, with_checkpoint=False)
+        assert (job.state, job.reason_code, job.best_model) == (JobState.FAILED, "training_broke_down", None)
 
-    def test_are_followed_by_one_that_disappears_while_it_keeps_the_models(self, job, now):
-        """They are in the garage already, and the next worker finds them there."""
-        self.lose(job, now)
-        held = claim_next_training(worker="also lost", now=now)
-        admit_networks(job=held, best=network(job, 1), last=network(job, 2), now=now)
-        sweep_trainings(now=now + timedelta(hours=1))
+    def test_is_followed_by_a_worker_that_disappears_while_it_keeps_the_models(self, job):
+        """They are in the garage already, and the next worker finds them there, however many disappear."""
+        self.break_down(job)
+        at = timezone.now() - timedelta(hours=5)
+        for lost in range(6):
+            held = claim_next_training(worker="also lost", now=at)
+            if not lost:
+                admit_networks(job=held, best=network(job, 1), last=network(job, 2), now=at)
+            at += timedelta(minutes=30)
+            sweep_trainings(now=at)
+            held.refresh_from_db()
+            assert held.state == JobState.QUEUED
+            TrainingJob.objects.update(not_before=None)
         run_next_training(worker="another")
         job.refresh_from_db()
         assert (job.state, job.best_model.name, job.last_model.name) == (JobState.FAILED, "first", "first-last")
         assert TrainedModel.objects.count() == 2
 
-    def test_are_not_followed_without_end(self, job, now):
-        self.lose(job, now)
-        lost = 0
-        while claim_next_training(worker="also lost", now=now) is not None:
-            sweep_trainings(now=now + timedelta(hours=1))
-            lost += 1
-            assert lost < 20
+    def test_is_not_followed_by_our_own_mistakes_without_end(self, job, now):
+        self.break_down(job)
+        mistakes = 0
+        while (held := claim_next_training(worker="w", now=timezone.now() + timedelta(days=mistakes))) is not None:
+            fault = PlatformFault("internal_error")
+            fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=timezone.now())
+            mistakes += 1
+            assert mistakes < 20
         job.refresh_from_db()
-        assert (job.state, job.reason_code, lost) == (JobState.FAILED, "training_gave_up", KEEPINGS_TRIED)
+        assert (job.state, job.reason_code, mistakes) == (JobState.FAILED, "training_broke_down", KEEPINGS_TRIED)
         assert not Checkpoint.objects.exists()
 
     def test_cost_no_more_than_the_newest_checkpoint_when_it_cannot_be_read(self, job, trainer, now):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from django.db.models import QuerySet
+from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiTypes, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, OpenApiTypes, extend_schema, extend_schema_field, extend_schema_view
 from rest_framework import generics, serializers, status
 from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
@@ -26,10 +27,12 @@ from training.endings import how_it_ended
 from training.files import training_metrics
 from training.forms.training import CONTINUOUS, DISCRETE, signature_of
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
+from training.line import place_of
 from training.models import Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, TrainingJob
 from training.models.job import MAX_MINUTES, MAX_TRIALS
-from training.selectors import clonable_models, training_queue_position, trainings_of, visible_trainings
-from training.services import create_training, evaluate_training, stop_training
+from training.quotas import bytes_of
+from training.selectors import clonable_models, trainings_of, visible_trainings
+from training.services import create_training, delete_training, evaluate_training, stop_training
 from training.vehicles import vehicles_of
 
 MOST = 2**31 - 1
@@ -48,6 +51,10 @@ class TrainingSummarySerializer(serializers.Serializer):
     algorithm = serializers.ChoiceField(Algorithm.choices)
     steps = serializers.IntegerField(source="steps_done", help_text="Control steps driven.")
     training_s = serializers.FloatField(source="seconds_done", help_text="Wall time of training so far.")
+    charged_s = serializers.FloatField(
+        help_text="What counts of its minutes: from each claim by a trainer to its end; of an attempt that was lost "
+        "through no fault of its own what a checkpoint has kept."
+    )
     ended_because = serializers.ChoiceField(
         EndReason.choices, allow_blank=True, help_text="Which of these ended it; empty while nothing has."
     )
@@ -112,6 +119,9 @@ class TrainingSerializer(TrainingSummarySerializer):
         source="submission.evaluation.public_id", default=None, allow_null=True, help_text="Of what was submitted."
     )
     submit_reason_code = serializers.CharField(allow_blank=True, help_text="Why it was not submitted.")
+    stored_bytes = serializers.SerializerMethodField(
+        help_text="What its files weigh, without the networks of its models: so much is free when it is deleted."
+    )
     printed = serializers.CharField(
         allow_blank=True, help_text="The newest lines that the reward function printed, at most 2,000 characters."
     )
@@ -121,7 +131,10 @@ class TrainingSerializer(TrainingSummarySerializer):
         return how_it_ended(job, self.context["request"].user)
 
     def get_queue_position(self, job: TrainingJob) -> int | None:
-        return training_queue_position(job)
+        return place_of(job, timezone.now())
+
+    def get_stored_bytes(self, job: TrainingJob) -> int:
+        return bytes_of(job)
 
     def get_stop_asked(self, job: TrainingJob) -> bool:
         return job.stop_asked_at is not None
@@ -205,6 +218,25 @@ class TrainingView(APIView):
     @extend_schema(operation_id="read_training", summary="A training", responses=TrainingSerializer, tags=["trainings"])
     def get(self, request: Request, public_id: str) -> Response:
         return Response(TrainingSerializer(visible_training(request, public_id), context={"request": request}).data)
+
+    @extend_schema(
+        operation_id="delete_training",
+        summary="Delete a training that is over",
+        description="Its files, graph, log and reward function are gone for good; its minutes still count this month. "
+        "Its models stay in the garage unless `models` is true; what results need of them is kept in any case.",
+        parameters=[OpenApiParameter("models", bool, default=False, description="Its models, too.")],
+        request=None,
+        responses={204: OpenApiResponse(description="What `stored_bytes` said is free.")},
+        tags=["trainings"],
+    )
+    def delete(self, request: Request, public_id: str) -> Response:
+        job = visible_training(request, public_id)
+        refuse_fields(request)
+        if job.owner_id != request.user.pk:
+            raise Http404
+        with_models = serializers.BooleanField().run_validation(request.query_params.get("models", "false"))
+        delete_training(job=job, with_models=with_models, now=timezone.now())
+        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class TrainingStopView(APIView):

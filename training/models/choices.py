@@ -34,6 +34,7 @@ class EndReason(models.TextChoices):
     FAILED = "failed", pgettext_lazy("why a training ended", "it failed")
 
 
+UNDER_WAY = (JobState.QUEUED, JobState.RUNNING)
 FINAL_STATES = (JobState.FINISHED, JobState.FAILED, JobState.STOPPED)
 
 

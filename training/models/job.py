@@ -113,6 +113,25 @@ class TrainingJob(models.Model):
     driving = models.JSONField(_("newest drive"), default=list, blank=True)
     steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
     seconds_done = models.FloatField(_("seconds of training"), default=0.0)
+    charged_s = models.FloatField(
+        _("seconds charged"),
+        default=0.0,
+        db_default=0.0,
+        help_text=_(
+            "From each claim to its end, by the database's clock; of lost attempts what a checkpoint has kept."
+        ),
+    )
+    failures = models.PositiveSmallIntegerField(
+        _("failures"), default=0, db_default=0, help_text=_("Faults of ours in a row, since it last got further.")
+    )
+    kills = models.PositiveSmallIntegerField(
+        _("kills"), default=0, db_default=0, help_text=_("Those of them that its own process told of.")
+    )
+    got_to = models.PositiveIntegerField(
+        _("got to"), default=0, db_default=0, help_text=_("The iteration of its newest checkpoint when it last failed.")
+    )
+    failed_at = models.DateTimeField(_("last failed"), null=True, blank=True)
+    not_before = models.DateTimeField(_("pauses until"), null=True, blank=True)
     best_model = models.ForeignKey(
         "evaluation.TrainedModel",
         models.SET_NULL,
@@ -150,6 +169,12 @@ class TrainingJob(models.Model):
     created_at = models.DateTimeField(_("made"), default=timezone.now)
     started_at = models.DateTimeField(_("started"), null=True, blank=True)
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+    deleted_at = models.DateTimeField(
+        _("deleted"),
+        null=True,
+        blank=True,
+        help_text=_("Its row stays until its month is over, for its minutes count."),
+    )
 
     class Meta:
         verbose_name = _("training job")
@@ -219,6 +244,15 @@ class TrainingJob(models.Model):
             models.CheckConstraint(condition=Q(trials__gte=1, trials__lte=MAX_TRIALS), name="training_trials_range"),
             models.CheckConstraint(condition=Q(best_metric__in=BestMetric.values), name="training_best_metric_known"),
             models.CheckConstraint(condition=~Q(reward_code=""), name="training_has_reward_function"),
+            models.CheckConstraint(condition=Q(charged_s__gte=0), name="training_charged_seconds_positive"),
+            models.CheckConstraint(
+                condition=Q(not_before__isnull=True) | Q(state="queued"), name="training_pauses_while_queued"
+            ),
+            models.CheckConstraint(
+                condition=Q(deleted_at__isnull=True)
+                | Q(state__in=["finished", "failed", "stopped"], best_model=None, last_model=None, sb3_zip="", log=""),
+                name="training_deleted_leaves_nothing",
+            ),
         ]
 
     def __str__(self) -> str:

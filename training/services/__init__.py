@@ -13,6 +13,7 @@ from .leases import (
     sweep_trainings,
 )
 from .records import keep_checkpoint, purge_trainings, record_iteration
+from .remove import delete_training, forget_deleted
 from .results import finish_training
 from .stop import stop_training
 from .work import run_next_training, spec_of
@@ -23,9 +24,11 @@ __all__ = [
     "claim_next_training",
     "clone_settings",
     "create_training",
+    "delete_training",
     "evaluate_training",
     "fail_training",
     "finish_training",
+    "forget_deleted",
     "keep_checkpoint",
     "purge_trainings",
     "record_iteration",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from django.db import transaction
 
 from ..models import JobState, TrainingJob
+from ..quotas import PLATFORM_CODES
 from .bell import ring_training_bell
 from .records import delete_stored
 
@@ -16,13 +17,19 @@ def train_again(*, job: TrainingJob) -> bool:
 
     Raises IntegrityError when its owner has another training of that name under way.
     """
-    again = TrainingJob.objects.filter(pk=job.pk, state=JobState.FAILED, best_model=None, last_model=None).update(
+    failed = TrainingJob.objects.filter(pk=job.pk, state=JobState.FAILED, best_model=None, last_model=None)
+    again = failed.filter(deleted_at=None).update(
         state=JobState.QUEUED,
         attempt=0,
         worker="",
         progress={},
         steps_done=0,
         seconds_done=0,
+        charged_s=0.0 if job.reason_code in PLATFORM_CODES else job.charged_s,
+        failures=0,
+        kills=0,
+        got_to=0,
+        failed_at=None,
         stop_asked_at=None,
         stopped_by=None,
         ended_because="",

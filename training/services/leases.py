@@ -9,23 +9,22 @@ from datetime import datetime, timedelta
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import F, QuerySet, Value
-from django.db.models.functions import Concat
+from django.db.models import F, QuerySet
 
+from evaluation.line import due
+from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.outages import storage_is_out
-from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
+from faults import PaddockError, PlatformFault, fault_from_dict
 
+from ..line import line_of
 from ..models import Checkpoint, EndReason, JobState, TrainingJob
-from ..rewards.examples import EXAMPLES
 from .bell import ring_training_bell
+from .tolls import charge, last_word, toll_of, waits_for_storage
 
 logger = logging.getLogger(__name__)
-DETAIL_LIMIT = 4000
 BELLS_AT_ONCE = 4
-KEEPINGS_TRIED = 3  # by so many workers, one after the other, to make models of what a lost training had learned
-# What a process may die of that a stranger's code ran in; everything else is beyond that code's reach.
-_FROM_INSIDE = ("trainer_error", "trainer_died")
-_OUR_CODE = frozenset(example.code.strip() for example in EXAMPLES)
+KEEPINGS_TRIED = 3  # so often a mistake of ours may stop what makes models of what a lost training had learned
+_MISTAKES = ("internal_error", "file_damaged", "conversion_failed")  # which trying again seldom mends
 
 
 def held(job_id: int, lease: uuid.UUID) -> QuerySet[TrainingJob]:
@@ -34,28 +33,29 @@ def held(job_id: int, lease: uuid.UUID) -> QuerySet[TrainingJob]:
 
 
 def claim_next_training(*, worker: str, now: datetime) -> TrainingJob | None:
-    """Take the training that has waited longest under a new lease; None when nothing waits, and while
-    the storage is out."""
+    """Take the training whose turn it is (:mod:`training.line`) under a new lease; None when nothing waits or all that
+    waits pauses, and while the storage is out."""
     if storage_is_out():
         return None
-    while True:
-        waiting = TrainingJob.objects.filter(state=JobState.QUEUED).order_by("created_at", "pk").only("attempt").first()
-        if waiting is None:
-            return None
-        lease = uuid.uuid4()
-        claimed = TrainingJob.objects.filter(pk=waiting.pk, state=JobState.QUEUED, attempt=waiting.attempt).update(
-            state=JobState.RUNNING,
-            lease=lease,
-            leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
-            worker=worker[:128],
-            attempt=F("attempt") + 1,
-            started_at=now,
-            progress={},
-        )
-        if claimed:
-            job = held(waiting.pk, lease).select_related("track", "owner", "cloned_from__network").first()
+    while line := line_of(now):
+        for waiting in line:
+            lease = uuid.uuid4()
+            mine = TrainingJob.objects.filter(due(now), pk=waiting.pk, state=JobState.QUEUED, attempt=waiting.attempt)
+            claimed = mine.update(
+                state=JobState.RUNNING,
+                lease=lease,
+                leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
+                worker=worker[:128],
+                attempt=F("attempt") + 1,
+                started_at=now,
+                not_before=None,
+                progress={},
+            )
+            related = ("track", "owner", "cloned_from__network")
+            job = held(waiting.pk, lease).select_related(*related).first() if claimed else None
             if job is not None:
                 return job
+    return None  # a lost race means that somebody else won it, so this loop ends
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,10 @@ def beat(*, job_id: int, lease: uuid.UUID, progress: dict | None, now: datetime)
 def fail_training(*, job_id: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = "") -> bool:
     """End an attempt that failed. False: the lease is gone.
 
-    A user's fault is final at once. While the storage is out it waits, and no attempt counts. After another fault of
-    the platform the training waits to go on from its last checkpoint, until ``EVALUATION_MAX_ATTEMPTS`` are
-    used up; then it fails with ``training_gave_up``, or with the UserFault
-    ``training_broke_down`` where a reward function of the racer's own may have brought that about.
+    A user's fault is final at once. After a fault of the platform the training waits to go on from its last checkpoint,
+    with growing pauses, for as long as it takes. It fails only where its own process says so
+    ``EVALUATION_MAX_ATTEMPTS`` times and it gets no further (:mod:`.tolls`): with ``training_gave_up``, or with the
+    UserFault ``training_broke_down`` where a reward function of the racer's own may have brought that about.
 
     Where there is a checkpoint it waits once more, with that reason, for a worker that makes models of what the
     checkpoint holds: a training leaves a model whatever ends it.
@@ -98,28 +98,19 @@ def verdict(job: TrainingJob) -> PaddockError | None:
     return fault_from_dict({"code": job.reason_code, "params": job.reason_params}) if job.reason_code else None
 
 
-def last_word(job: TrainingJob, fault: PaddockError) -> PaddockError | None:
-    """What a training ends with after this fault of this attempt; None: it goes on from its last checkpoint."""
-    if not isinstance(fault, PlatformFault):
-        return fault
-    if job.attempt < settings.EVALUATION_MAX_ATTEMPTS or _waits_for_storage(fault):
-        return None
-    if fault.code in _FROM_INSIDE and job.reward_code.strip() not in _OUR_CODE:
-        how = fault.params.get("detail") or fault.params.get("how", "")
-        return UserFault("training_broke_down", attempts=job.attempt, how=how)
-    return PlatformFault("training_gave_up", attempts=job.attempt)
-
-
-def _waits_for_storage(fault: PaddockError) -> bool:
-    return fault.code == "storage_failed" and storage_is_out()
-
-
 def release_training(*, job_id: int, lease: uuid.UUID, now: datetime) -> bool:
     """Hand a training back because its worker is shutting down: it goes on from its last checkpoint elsewhere. No
     attempt counts."""
     with transaction.atomic():
-        released = held(job_id, lease).update(
-            state=JobState.QUEUED, lease=None, leased_until=None, started_at=None, progress={}, attempt=F("attempt") - 1
+        job = held(job_id, lease).first()
+        released = job is not None and held(job_id, lease).update(
+            state=JobState.QUEUED,
+            lease=None,
+            leased_until=None,
+            started_at=None,
+            progress={},
+            attempt=F("attempt") - 1,
+            charged_s=charge(job, now, PlatformFault("trainer_lost")),
         )
         if released:
             ring_training_bell()
@@ -127,17 +118,15 @@ def release_training(*, job_id: int, lease: uuid.UUID, now: datetime) -> bool:
 
 
 def sweep_trainings(*, now: datetime, ring: bool = True) -> int:
-    """Put trainings whose worker disappeared back into the queue, and ring for whatever waits. How many wait.
-
-    What has used up its attempts fails; with a checkpoint, as soon as a worker has made models of that.
-    """
+    """Put trainings whose worker disappeared back into the queue, and ring for whatever waits and does not pause. How
+    many do."""
     for job in TrainingJob.objects.filter(state=JobState.RUNNING, leased_until__lt=now).order_by("leased_until"):
         mine = held(job.pk, job.lease).filter(leased_until__lt=now)
         try:
             _fail(mine, job, PlatformFault("trainer_lost"), now, f"worker {job.worker}")
         except Exception:
             logger.exception("Training %s cannot be ended.", job.public_id)
-    waiting = TrainingJob.objects.filter(state=JobState.QUEUED).count()
+    waiting = TrainingJob.objects.filter(due(now), state=JobState.QUEUED).count()
     if waiting and ring:
         ring_training_bell(times=min(waiting, BELLS_AT_ONCE))
     return waiting
@@ -145,25 +134,35 @@ def sweep_trainings(*, now: datetime, ring: bool = True) -> int:
 
 @transaction.atomic
 def _fail(mine: QuerySet[TrainingJob], job: TrainingJob, fault: PaddockError, now: datetime, detail: str) -> bool:
+    """End the attempt of the row in ``mine`` (one or none); ``job`` is how it was read under the same lease."""
     from .records import drop_checkpoints
 
-    changes: dict = {"lease": None, "leased_until": None}
     ours = isinstance(fault, PlatformFault)
+    changes: dict = {"lease": None, "leased_until": None, "charged_s": charge(job, now, fault)}
     if ours or detail:
-        note = f"Attempt {job.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}".strip()
-        changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
+        changes["operator_detail"] = detail_with(
+            f"Attempt {job.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}"
+        )
     if ours:
         logger.warning("Training %s, attempt %s: %s. %s", job.public_id, job.attempt, fault.code, detail)
-    if _waits_for_storage(fault):
-        changes["attempt"] = F("attempt") - 1
-        final, again = None, True
-    else:
-        final, again = _what_next(job, fault)
-    if final is not None:
-        changes |= {"reason_code": final.code, "reason_params": final.params}
+    final, again = _what_next(job, fault)
+    pause = None
+    if isinstance(fault, PlatformFault):
+        toll = toll_of(job, fault)
+        changes |= toll.columns() | {"failed_at": now}
+        if waits_for_storage(fault):
+            changes["attempt"] = F("attempt") - 1
+        else:
+            pause = toll.pause
+    if final is not None and verdict(job) is None:
+        pause = None
+        changes |= {"reason_code": final.code, "reason_params": final.params, "failures": 0, "kills": 0}
+    elif final is not None and fault.code in _MISTAKES:
+        changes["kills"] = job.kills + 1
     if again:
-        requeued = mine.update(state=JobState.QUEUED, started_at=None, progress={}, **changes)
-        if requeued:
+        not_before = now + pause if pause else None
+        requeued = mine.update(state=JobState.QUEUED, started_at=None, progress={}, not_before=not_before, **changes)
+        if requeued and not pause:
             ring_training_bell()
         return bool(requeued)
     failed = mine.update(state=JobState.FAILED, ended_because=EndReason.FAILED, ended_at=now, **changes)
@@ -176,7 +175,7 @@ def _what_next(job: TrainingJob, fault: PaddockError) -> tuple[PaddockError | No
     """What the training ends with, None if it goes on; and whether a worker has yet to take it on."""
     known = verdict(job)
     if known is not None:
-        left = settings.EVALUATION_MAX_ATTEMPTS + KEEPINGS_TRIED - job.attempt
-        return known, isinstance(fault, PlatformFault) and left > 0
+        mistakes = job.kills + (fault.code in _MISTAKES)
+        return known, isinstance(fault, PlatformFault) and mistakes < KEEPINGS_TRIED
     final = last_word(job, fault)
     return final, final is None or Checkpoint.objects.filter(job=job).exclude(networks="").exists()

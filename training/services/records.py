@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 from django.core.files.storage import default_storage
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import OuterRef, QuerySet, Subquery
+from django.db.models.functions import Coalesce
 
+from evaluation.models import StoredFile
 from evaluation.services.stored import delete, read, store
 
 from ..models import Checkpoint, TrainingIteration, TrainingJob
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 TRACES_KEPT = timedelta(days=30)
-SIMTRACES_KEPT = 100  # of a job; the newest
+SIMTRACES_KEPT, SIMTRACE_BYTES_KEPT = 100, 32 * 1024 * 1024  # of a job; the newest
 CHECKPOINTS_KEPT = 2
 _LOG_LIMIT = 100_000
 _MARK = " print: "  # behind the time: a line that the reward function has printed
@@ -59,9 +61,7 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
                 if values["is_best"]:
                     TrainingIteration.objects.filter(job=job, is_best=True).update(is_best=False)
                 TrainingIteration.objects.create(job=job, number=number, simtrace=name, **values)
-                stale = TrainingIteration.objects.filter(job=job, number__lte=number - SIMTRACES_KEPT).exclude(
-                    simtrace=""
-                )
+                stale = TrainingIteration.objects.filter(pk__in=_stale(job))
                 old += list(stale.values_list("simtrace", flat=True))
                 stale.update(simtrace="")
     except BaseException:
@@ -69,6 +69,19 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
         raise
     delete_stored(old if mine else [name])
     return bool(mine)
+
+
+def _stale(job: TrainingJob) -> list[int]:
+    """Iterations whose sim-trace is one too many, or weighs too much with those after it."""
+    rows = TrainingIteration.objects.filter(job=job).exclude(simtrace="").order_by("-number")
+    size = StoredFile.objects.filter(name=OuterRef("simtrace")).values("size")[:1]
+    weighed = rows.annotate(size=Coalesce(Subquery(size), 0)).values_list("pk", "size")
+    kept, stale = 0, []
+    for place, (pk, weight) in enumerate(weighed):
+        kept += weight
+        if place >= SIMTRACES_KEPT or kept > SIMTRACE_BYTES_KEPT:
+            stale.append(pk)
+    return stale
 
 
 def keep_checkpoint(

@@ -9,13 +9,12 @@ import uuid
 from datetime import datetime
 
 from django.db import transaction
-from django.db.models import Value
-from django.db.models.functions import Concat
 
 from evaluation.looks import Look
 from evaluation.models import TrainedModel
 from evaluation.packages.read import UploadPart
 from evaluation.services import upload_model
+from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.stored import store
 from faults import PaddockError, UserFault
 from faults.storage import storage_at_work
@@ -23,8 +22,9 @@ from races.services import submit_model
 
 from ..models import EndReason, JobState, TrainingJob
 from ..trainer.client import Ended
-from .leases import DETAIL_LIMIT, held
+from .leases import held
 from .records import append_log, delete_stored, drop_checkpoints
+from .tolls import charge
 
 logger = logging.getLogger(__name__)
 _NAMES_TRIED = 50
@@ -90,11 +90,12 @@ def finish_training(
         changes = {"state": JobState.FAILED, "ended_because": EndReason.FAILED}
         changes |= {"reason_code": fault.code, "reason_params": fault.params}
         if detail:
-            changes["operator_detail"] = Concat("operator_detail", Value(f"{detail.strip()[-DETAIL_LIMIT:]}\n"))
+            changes["operator_detail"] = detail_with(detail.strip()[-DETAIL_LIMIT:])
     elif ended is not None and ended.why == "stopped":
         changes = {"state": JobState.STOPPED, "ended_because": EndReason.STOPPED}
     if ended is not None:
         changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}
+    changes["charged_s"] = charge(job, now)
     with transaction.atomic():
         finished = held(job.pk, lease).update(
             lease=None, leased_until=None, ended_at=now, best_model=best, last_model=last, sb3_zip=sb3_zip, **changes

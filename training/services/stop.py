@@ -29,7 +29,7 @@ def stop_training(*, job: TrainingJob, now: datetime, by: Racer | None = None) -
         )
     if not stopped:
         stopped = TrainingJob.objects.filter(pk=job.pk, state__in=(JobState.QUEUED, JobState.RUNNING)).update(
-            stop_asked_at=now, stopped_by=by
+            stop_asked_at=now, stopped_by=by, not_before=None
         )
         ring_training_bell()
     job.refresh_from_db()

@@ -22,9 +22,10 @@ from ..trainer.messages import Prints
 from ..trainer.network import OURS
 from ..trainer.spec import TrainerSpec
 from .create import course_of
-from .leases import beat, claim_next_training, fail_training, held, last_word, release_training, verdict
+from .leases import beat, claim_next_training, fail_training, held, release_training, verdict
 from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration, record_prints
 from .results import admit_networks, finish_training, keep_sb3
+from .tolls import last_word
 
 logger = logging.getLogger(__name__)
 BEAT_S = 1.0

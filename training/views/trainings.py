@@ -15,6 +15,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from accounts.storage import MEGABYTE
 from faults import PaddockError, UserFault
 from races.course import box_marks
 from races.models import Race, RaceType
@@ -22,11 +23,15 @@ from races.names import named
 from races.replay import map_point, map_size
 from races.views.common import tell_fault
 from tracks.drawing import BoxMark
+from tracks.forms import explain
 from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
+from training.line import place_of
 from training.models import TrainingIteration, TrainingJob
-from training.selectors import can_stop_training, training_queue_position, trainings_of
-from training.services import evaluate_training, stop_training, train_first_car
+from training.quotas import bytes_of
+from training.selectors import can_delete_training, can_stop_training, trainings_of
+from training.services import delete_training, evaluate_training, stop_training, train_first_car
+from training.services.remove import models_of
 
 from .common import usage_of, visible_training
 
@@ -114,6 +119,26 @@ def training_stop(request: HttpRequest, public_id: str) -> HttpResponse:
 
 
 @login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def training_delete(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Ask, and say what it frees; then delete a training of mine that is over."""
+    job = visible_training(request, public_id)
+    if not can_delete_training(request.user, job):
+        raise Http404
+    problem = None
+    if request.method == "POST":
+        try:
+            freed = delete_training(job=job, with_models="models" in request.POST, now=timezone.now())
+        except UserFault as fault:
+            problem = explain(fault)
+        else:
+            messages.success(request, _("The training is deleted: %(mb).1f MB are free.") % {"mb": freed / MEGABYTE})
+            return redirect("trainings")
+    context = {"job": job, "mb": bytes_of(job) / MEGABYTE, "models": models_of(job), "problem": problem}
+    return render(request, "training/delete.html", context, status=409 if problem else 200)
+
+
+@login_required
 @require_POST
 def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
     """Drive the best or the last model three laps on the track that it was trained on, by the referee of races."""
@@ -137,7 +162,7 @@ def _mark(request: HttpRequest, job: TrainingJob, last: TrainingIteration | None
     """What tells two states of the page apart: its figures, its graph, and the lines that are printed; between them
     :data:`APART`."""
     steps = (job.progress or {}).get("steps", 0)
-    figures = (training_queue_position(job), steps, bool(job.stop_asked_at))
+    figures = (place_of(job, timezone.now()), steps, bool(job.stop_asked_at))
     # the row, not its number: what goes on from a checkpoint drives the same numbers again
     graph = (job.state, last.pk if last else 0, _window(request))
     prints = (zlib.crc32(job.printed.encode()),)
@@ -163,6 +188,7 @@ def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
         **_figures(request, job, last),
         **_graph(request, job),
         "can_stop": can_stop_training(request.user, job),
+        "can_delete": can_delete_training(request.user, job),
         "is_mine": mine,
         "map_size": map_size(job.track),
         "course_boxes": _boxes(job),
@@ -183,7 +209,7 @@ def _figures(request: HttpRequest, job: TrainingJob, last: TrainingIteration | N
         "steps_per_second": progress.get("steps_per_second") or (last.steps_per_second if last else None),
         "seconds": seconds,
         "seconds_left": max(0.0, job.stop_minutes * 60.0 - seconds),
-        "position": training_queue_position(job),
+        "position": place_of(job, timezone.now()),
         "smoothing": _window(request),
         "mark": _mark(request, job, last),
     }

@@ -11,6 +11,7 @@ from django.db import IntegrityError, transaction
 
 from accounts.quotas import limit_of, used_by
 from evaluation.models import Evaluation
+from evaluation.quotas import STORAGE
 from faults import UserFault
 from tracks.locks import hold
 
@@ -42,7 +43,8 @@ def ask_for_video(
     is the caller's word.
 
     Raises UserFault ``video_run_not_finished``, ``car_number``, ``video_part``, ``video_no_best_lap``,
-    ``video_lap_unknown``, ``video_language``, ``video_too_long``, ``videos_off``, ``videos_at_once``, ``videos_a_day``.
+    ``video_lap_unknown``, ``video_language``, ``video_too_long``, ``videos_off``, ``storage_full``, ``videos_at_once``,
+    ``videos_a_day``.
     """
     run = FilmedRun.of(evaluation)
     number = run.part(car, part)
@@ -78,6 +80,9 @@ def _refuse(run: FilmedRun, of: dict, by: Racer, now: datetime) -> None:
     seconds = run.length_ms(of["car"], of["part"]) / 1000
     if seconds > settings.VIDEO_SECONDS:
         raise UserFault("video_too_long", seconds=round(seconds), limit=settings.VIDEO_SECONDS)
+    limit_mb = limit_of(by, STORAGE.name)
+    if used_by(by, STORAGE.name, now) >= limit_mb:
+        raise UserFault("storage_full", limit_mb=limit_mb)
     for quota in (VIDEOS_AT_ONCE, VIDEOS_A_DAY):
         limit = limit_of(by, quota.name)
         if used_by(by, quota.name, now) >= limit:

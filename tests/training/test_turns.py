@@ -1,0 +1,161 @@
+"""Trainings take turns by racer, and what they cost is counted by the database's clock from the claim to the end."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from faults import PlatformFault, UserFault
+from tests.training.jobs import a_training
+from training.line import line_of, place_of
+from training.models import JobState, TrainingJob
+from training.selectors import minutes_used
+from training.services import (
+    claim_next_training,
+    fail_training,
+    finish_training,
+    keep_checkpoint,
+    release_training,
+    stop_training,
+    sweep_trainings,
+)
+from training.trainer.client import Ended
+
+from .test_leases import NETWORKS, saved
+
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+MINUTE = timedelta(minutes=1)
+
+
+def order(now) -> list[str]:
+    names = dict(TrainingJob.objects.values_list("pk", "name"))
+    return [names[waiting.pk] for waiting in line_of(now)]
+
+
+def has_had(racer, track, at, minutes: float, name: str = "had") -> TrainingJob:
+    """A training of this racer that ended at ``at`` and held a trainer for so long."""
+    job = a_training(racer, track, at, name=name)
+    TrainingJob.objects.filter(pk=job.pk).update(
+        state=JobState.STOPPED, ended_because="stopped", ended_at=at, charged_s=60 * minutes
+    )
+    return job
+
+
+class TestTheLine:
+    def test_begins_with_who_has_had_the_least(self, alice, bob, charlie, oval, now):
+        has_had(alice, oval, now, 30)
+        has_had(bob, oval, now, 5)
+        for place, (racer, name) in enumerate([(alice, "a"), (bob, "b"), (charlie, "c")]):
+            a_training(racer, oval, now + timedelta(seconds=place), name=name)
+        assert order(now) == ["c", "b", "a"]
+        assert claim_next_training(worker="w", now=now).name == "c"
+
+    def test_lets_nobody_wait_behind_all_of_another_racer_s(self, alice, bob, oval, now, settings):
+        settings.TRAININGS_AT_ONCE = 3
+        for number in range(3):
+            a_training(alice, oval, now + timedelta(seconds=number), name=f"a{number}")
+        last = a_training(bob, oval, now + timedelta(seconds=9), name="b")
+        assert order(now) == ["a0", "b", "a1", "a2"]
+        assert place_of(last, now) == 2
+
+    def test_counts_what_runs(self, alice, bob, oval, now, settings):
+        a_training(alice, oval, now, name="running")
+        claim_next_training(worker="w", now=now)
+        a_training(alice, oval, now, name="a")
+        a_training(bob, oval, now + MINUTE, name="b")
+        assert order(now + 2 * MINUTE) == ["b", "a"]
+
+    def test_forgets_after_a_day(self, alice, bob, oval, now):
+        has_had(alice, oval, now - timedelta(days=1), 600)
+        a_training(alice, oval, now, name="a")
+        a_training(bob, oval, now + MINUTE, name="b")
+        assert order(now + 2 * MINUTE) == ["a", "b"]
+
+    def test_passes_over_what_pauses(self, alice, bob, oval, now):
+        paused = a_training(alice, oval, now, name="a")
+        TrainingJob.objects.filter(pk=paused.pk).update(not_before=now + MINUTE)
+        a_training(bob, oval, now, name="b")
+        paused.refresh_from_db()
+        assert (order(now), place_of(paused, now)) == (["b"], 2)
+        assert order(now + MINUTE) == ["a", "b"]
+
+    def test_puts_first_what_only_waits_for_its_models(self, alice, bob, oval, now):
+        has_had(alice, oval, now, 600)
+        kept = a_training(alice, oval, now + MINUTE, name="a")
+        TrainingJob.objects.filter(pk=kept.pk).update(reason_code="reward_raised")
+        a_training(bob, oval, now, name="b")
+        assert order(now + MINUTE) == ["a", "b"]
+
+    def test_costs_the_same_queries_however_long_it_is(self, alice, bob, oval, now, django_assert_num_queries):
+        for racer in (alice, bob):
+            for name in ("one", "two"):
+                a_training(racer, oval, now, name=name)
+            with django_assert_num_queries(2):
+                line_of(now)
+
+
+class TestTheCharge:
+    @pytest.fixture
+    def held(self, alice, oval, now) -> TrainingJob:
+        a_training(alice, oval, now)
+        return claim_next_training(worker="w", now=now)
+
+    def ends(self, held, fault, at) -> TrainingJob:
+        assert fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=at)
+        held.refresh_from_db()
+        return held
+
+    def test_is_from_the_claim_to_the_end_whatever_the_process_told(self, held, now):
+        job = self.ends(held, UserFault("reward_stuck", how="nothing was heard"), now + 11 * MINUTE)
+        assert (job.charged_s, job.seconds_done) == (660.0, 0.0)
+        assert minutes_used(job.owner, now) == 11.0
+
+    def test_is_the_same_at_a_good_end(self, held, alice, now):
+        from tests.factories import a_model
+
+        models = (a_model(alice),) * 2
+        ended = Ended("time", 100, 2.0, b"")
+        assert finish_training(job=held, lease=held.lease, ended=ended, models=models, now=now + MINUTE)
+        held.refresh_from_db()
+        assert (held.charged_s, held.seconds_done) == (60.0, 2.0)
+
+    def test_is_of_every_attempt_that_its_own_process_ended(self, held, now):
+        self.ends(held, PlatformFault("trainer_error", detail="x"), now + MINUTE)
+        again = claim_next_training(worker="w", now=now + 5 * MINUTE)
+        assert self.ends(again, PlatformFault("trainer_error", detail="x"), now + 7 * MINUTE).charged_s == 180.0
+
+    @pytest.mark.parametrize("how", ["trainer_died", "trainer_lost", "released"])
+    def test_of_what_was_taken_away_from_outside_is_what_a_checkpoint_has_kept(self, held, now, how):
+        keep_checkpoint(job=held, lease=held.lease, saved=saved(40), networks=NETWORKS, now=now)
+        at = held.leased_until + 10 * MINUTE
+        if how == "released":
+            assert release_training(job_id=held.pk, lease=held.lease, now=at)
+        elif how == "trainer_lost":
+            sweep_trainings(now=at)
+        else:
+            self.ends(held, PlatformFault("trainer_died", how="signal 9"), at)
+        held.refresh_from_db()
+        assert (held.state, held.charged_s) == (JobState.QUEUED, 40.0)
+        again = claim_next_training(worker="w", now=at)
+        assert self.ends(again, UserFault("training_diverged"), at + MINUTE).charged_s == 100.0
+
+    def test_is_nothing_where_nothing_was_kept(self, held, now):
+        assert self.ends(held, PlatformFault("trainer_died", how="signal 9"), now + MINUTE).charged_s == 0.0
+
+    def test_under_way_is_what_it_may_take_at_least(self, held, now):
+        assert minutes_used(held.owner, now) == held.stop_minutes
+        TrainingJob.objects.filter(pk=held.pk).update(charged_s=6000.0)
+        assert minutes_used(held.owner, now) == 100.0
+
+
+def test_a_pause_ends_when_its_owner_stops_the_training(alice, oval, now):
+    a_training(alice, oval, now)
+    job = claim_next_training(worker="w", now=now)
+    keep_checkpoint(job=job, lease=job.lease, saved=saved(1), networks=NETWORKS, now=now)
+    TrainingJob.objects.filter(pk=job.pk).update(failures=6, got_to=1)
+    job.refresh_from_db()
+    fail_training(job_id=job.pk, lease=job.lease, fault=PlatformFault("trainer_died", how="signal 9"), now=now)
+    assert claim_next_training(worker="w", now=now + MINUTE) is None
+    stop_training(job=job, now=now)
+    assert claim_next_training(worker="w", now=now + MINUTE) == job
