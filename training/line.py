@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 from django.db.models import Q
 
-from evaluation.line import due
-
 from .models import JobState, TrainingJob
 from .models.choices import UNDER_WAY
 
@@ -47,6 +45,11 @@ def place_of(job: TrainingJob, now: datetime) -> int | None:
         return None
     line = [*line_of(now), *_in_turn(queued().exclude(due(now)), now)]
     return next((place for place, each in enumerate(line, 1) if each.pk == job.pk), None)
+
+
+def due(now: datetime) -> Q:
+    """What does not pause."""
+    return Q(not_before=None) | Q(not_before__lte=now)
 
 
 def queued():

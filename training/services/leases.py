@@ -11,12 +11,11 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import F, QuerySet
 
-from evaluation.line import due
 from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.outages import storage_is_out
 from faults import PaddockError, PlatformFault, fault_from_dict
 
-from ..line import line_of
+from ..line import due, line_of
 from ..models import Checkpoint, EndReason, JobState, TrainingJob
 from .bell import ring_training_bell
 from .tolls import charge, last_word, toll_of, waits_for_storage
