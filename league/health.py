@@ -17,7 +17,7 @@ from typing import Any
 
 from celery import current_app
 from django.conf import settings
-from django.core.cache import cache
+from django.core.cache import cache, caches
 from django.db import DatabaseError, connection, transaction
 from django.db.migrations.executor import MigrationExecutor
 from django.db.migrations.recorder import MigrationRecorder
@@ -30,6 +30,8 @@ from evaluation.services.clock import database_now
 from evaluation.services.nodes import EVALUATIONS, SILENT_AFTER
 from evaluation.services.outages import storage_answers, storage_is_out
 from faults import PlatformFault
+
+from .cache import SteadyCache
 
 log = logging.getLogger(__name__)
 
@@ -85,8 +87,8 @@ def look() -> Readiness:
 def _holds(name: str, check: Callable[[], bool]) -> bool:
     try:
         good = check()
-    except FAILS:
-        log.exception("not ready: %s", name)
+    except FAILS as error:
+        log.error("not ready: %s (%s)", name, error.__cause__ or error)
         return False
     if not good:
         log.error("not ready: %s", name)
@@ -125,6 +127,9 @@ def _migrations() -> bool:
 
 
 def _cache() -> bool:
+    """Whether the server answers; without it the site goes on (:mod:`league.cache`)."""
+    if isinstance(caches["default"], SteadyCache):
+        return caches["default"].answers()
     cache.set("health", "1", 10)
     return cache.get("health") == "1"
 

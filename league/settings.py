@@ -157,7 +157,13 @@ CACHE_URL = env_str("CACHE_URL", "") or (broker.cache_url(VALKEY_SOCKET) if EMBE
 check_url(
     "CACHE_URL (Redis or Valkey, also where CELERY_BROKER_URL is neither)", CACHE_URL, _REDIS, "redis://host:6379/1"
 )
-CACHES = {"default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": CACHE_URL}}
+CACHES = {
+    "default": {
+        "BACKEND": "league.cache.SteadyCache",
+        "LOCATION": CACHE_URL,
+        "OPTIONS": {"socket_connect_timeout": 1.0, "socket_timeout": 1.0},  # no page waits longer for it
+    }
+}
 
 CELERY_TASK_IGNORE_RESULT = True
 CELERY_TASK_ACKS_LATE = True

@@ -1,0 +1,80 @@
+"""The cache goes on in the process's own memory while its server is away, and says so once."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+from redis import ConnectionError as NobodyThere
+from redis import ResponseError
+
+from league import cache as steady
+from league.cache import SteadyCache
+
+
+class Server:
+    """Django's cache for Redis, as far as a test needs it; ``fault`` is what it raises."""
+
+    def __init__(self) -> None:
+        self.kept: dict = {}
+        self.fault: Exception | None = None
+        self.asked = 0
+
+    def __getattr__(self, name: str):
+        def ask(key: str, *values: object, **options: object):
+            self.asked += 1
+            if self.fault is not None:
+                raise self.fault
+            return self.kept.get(key) if name == "get" else self.kept.update({key: values[0]})
+
+        return ask
+
+
+@pytest.fixture
+def server() -> Server:
+    return Server()
+
+
+@pytest.fixture
+def cache(new) -> SteadyCache:
+    return new()
+
+
+@pytest.fixture
+def new(server, request, monkeypatch):
+    """Make the cache of one more thread."""
+    monkeypatch.setattr(steady, "AWAY_S", 0.0)
+
+    def make() -> SteadyCache:
+        made = SteadyCache(f"redis://nobody/{request.node.name}", {})
+        made._server = server
+        return made
+
+    return make
+
+
+@pytest.mark.parametrize("fault", [NobodyThere("refused"), ResponseError("OOM"), OSError("gone")])
+def test_what_cannot_be_asked_of_the_server_is_kept_here(cache, server, fault, caplog) -> None:
+    server.fault = fault
+    cache.set("a", 1)
+    assert (cache.get("a"), cache.incr("a"), cache.add("a", 9), cache.get_or_set("b", 7)) == (1, 2, False, 7)
+    assert not cache.answers()
+    assert [record.levelno for record in caplog.records] == [logging.ERROR]
+
+
+def test_what_was_kept_meanwhile_is_forgotten_once_it_is_back(cache, server, caplog) -> None:
+    server.fault = NobodyThere("refused")
+    cache.set("a", 1)
+    server.fault = None
+    assert cache.get("a") is None
+    server.fault = NobodyThere("again")
+    assert cache.get("a") is None
+    assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING", "ERROR"]
+
+
+def test_a_server_that_hangs_is_asked_once_in_a_while_by_all_threads_together(new, server, monkeypatch) -> None:
+    monkeypatch.setattr(steady, "AWAY_S", 60.0)
+    server.fault = NobodyThere("timeout")
+    for _ in range(9):
+        new().set("a", 1)
+    assert (new().get("a"), server.asked) == (1, 1)
