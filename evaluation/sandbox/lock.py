@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import ctypes
+import errno
 import json
 import os
 import resource
@@ -80,8 +81,7 @@ def _close_layers(spec: LockSpec) -> None:
         if libc.prctl(option, ctypes.c_ulong(value), 0, 0, 0) != 0:
             raise OSError(ctypes.get_errno(), f"prctl {option}")
 
-    if libc.unshare(_CLONE_VM) != 0:  # does nothing but fail in a process with more threads than this one,
-        raise OSError("a thread is already running")  # which Landlock would not reach
+    _require_one_thread(libc)
     prctl(_PR_SET_NO_NEW_PRIVS, 1)
     if spec.uid is not None:
         os.setgroups([])
@@ -93,6 +93,21 @@ def _close_layers(spec: LockSpec) -> None:
     landlock.restrict_self()
     _limit_resources(spec.limits)
     seccomp.install(spec.program)
+
+
+def _require_one_thread(libc: ctypes.CDLL) -> None:
+    """Landlock would not reach another thread. Raises OSError with the true reason."""
+    if libc.unshare(_CLONE_VM) == 0:  # does nothing but fail in a process with more threads than this one
+        return
+    code = ctypes.get_errno()
+    if code == errno.EINVAL:
+        raise OSError("a thread is already running")
+    try:  # a container's seccomp profile refuses the call itself; there the list of processes can be read
+        threads = len(os.listdir("/proc/self/task"))
+    except OSError:
+        raise OSError(code, f"unshare: {os.strerror(code)}, and without /proc no thread can be counted") from None
+    if threads != 1:
+        raise OSError("a thread is already running")
 
 
 def _drop_capabilities(libc: ctypes.CDLL) -> None:

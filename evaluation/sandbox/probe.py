@@ -24,6 +24,7 @@ LEVEL_NAMES = {
     LEVEL_NAMESPACES: "lock and namespaces",
 }
 _VARIABLE = "PADDOCK_SANDBOX_LEVEL"
+FILTERED = "; a seccomp profile around this process refuses it, see docs/operators.md, In a container"
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,15 @@ def require(minimum: int | None = None) -> int:
     return report.level
 
 
+def is_filtered() -> bool:
+    """Whether this process itself runs under a seccomp filter, as in a plain container."""
+    try:
+        with open("/proc/self/status", encoding="ascii", errors="replace") as lines:
+            return any(line.split() == ["Seccomp:", "2"] for line in lines)
+    except OSError:
+        return False
+
+
 def minimum_level() -> int:
     """``PADDOCK_SANDBOX_LEVEL`` (2 or 3), or 2. Raises ValueError for anything else: nobody can ask for less."""
     text = os.environ.get(_VARIABLE, "").strip() or str(MINIMUM_LEVEL)
@@ -165,7 +175,8 @@ def _attempt(level: int, name: str, possible: bool, otherwise: str) -> Layer:
             except FrameError as error:
                 status = process.wait(0.5)
                 said = process.stderr_text().strip().splitlines()[-1:] or [str(error)]
-                return Layer(name, False, f"did not start (exit status {status}): {said[0]}")
+                hint = FILTERED if level == LEVEL_NAMESPACES and is_filtered() else ""
+                return Layer(name, False, f"did not start (exit status {status}): {said[0]}{hint}")
     except (OSError, ValueError, RuntimeError) as error:
         return Layer(name, False, str(error))
     if found["open"]:

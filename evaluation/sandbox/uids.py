@@ -1,15 +1,16 @@
 """One private user id for each sandboxed process, where the launcher is root.
 
 RLIMIT_NPROC, signals and ptrace are per user id, and mean nothing for root: so a root launcher hands every process a
-user id that no account and no other sandbox of this host has. A slot is claimed by binding an abstract unix socket,
-which the kernel frees with the launcher: nothing to clean up after a crash.
+user id that no account and no other sandbox of this host has. See :mod:`.claims`.
 """
 
 from __future__ import annotations
 
 import os
 import pwd
-import socket
+
+from .claims import Claim
+from .claims import claim as claim_name
 
 DEFAULT_RANGE = range(70000, 71000)
 _VARIABLE = "PADDOCK_SANDBOX_UIDS"
@@ -18,7 +19,7 @@ _VARIABLE = "PADDOCK_SANDBOX_UIDS"
 class PrivateUid:
     """A claimed user id (also used as the group id). Close it when the process is gone."""
 
-    def __init__(self, uid: int, claim: socket.socket) -> None:
+    def __init__(self, uid: int, claim: Claim) -> None:
         self.uid = uid
         self._claim = claim
 
@@ -55,19 +56,9 @@ def claim() -> PrivateUid:
     start = os.getpid() % len(uids)  # workers of one host start looking at different places
     for step in range(len(uids)):
         uid = uids[(start + step) % len(uids)]
-        if _mapped(uid) and not _has_account(uid) and (held := _bind(uid)) is not None:
+        if _mapped(uid) and not _has_account(uid) and (held := claim_name(f"uid-{uid}")) is not None:
             return PrivateUid(uid, held)
     raise OSError(f"no free user id in {uids[0]}-{uids[-1]}: set {_VARIABLE} to a range that this container maps")
-
-
-def _bind(uid: int) -> socket.socket | None:
-    held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    try:
-        held.bind(f"\0paddock-sandbox-uid-{uid}")
-    except OSError:
-        held.close()
-        return None
-    return held
 
 
 def _has_account(uid: int) -> bool:

@@ -5,6 +5,8 @@ A heartbeat is one UPDATE of one row with the database's time, so that clocks of
 
 from __future__ import annotations
 
+import functools
+import logging
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
@@ -19,6 +21,7 @@ from ..proof import Proof
 from ..sandbox import probe as probing
 from ..simulator import engine
 
+logger = logging.getLogger(__name__)
 BEAT_EVERY_S = 15.0
 SILENT_AFTER = timedelta(seconds=60)  # three beats were missed
 EVALUATIONS = "celery"  # the broker's queue that they are in
@@ -35,6 +38,8 @@ def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
     sandbox = probing.probe() if sandboxed else None
     if sandbox is not None and not sandbox.sufficient:
         sandbox = probing.look_again()
+    if sandbox is not None:
+        _tell_of_missing_layers(sandbox)
     proof = _proof_of(name) if sandbox is not None and sandbox.sufficient else None
     allowed = settings.INEXACT_WORKERS == "allow"
     node, _ = WorkerNode.objects.update_or_create(
@@ -54,6 +59,18 @@ def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
         fault.add_note(proof.why)
         raise fault
     return node
+
+
+@functools.cache
+def _told(level: int, missing: str) -> None:
+    logger.warning("The sandbox stands at level %s only. %s", level, missing)
+
+
+def _tell_of_missing_layers(sandbox: probing.SandboxReport) -> None:
+    """Once in a process, and anew when it changes."""
+    missing = "; ".join(f"{layer.name}: {layer.detail}" for layer in sandbox.layers if not layer.available)
+    if missing:
+        _told(sandbox.level, missing)
 
 
 def _proof_of(name: str) -> Proof | None:

@@ -173,6 +173,17 @@ def test_a_worker_whose_sandbox_is_not_good_enough_is_shown_to_refuse_work(clien
     assert "1 (partial) not enough" in row(client.get("/workers/").content.decode(), "w@one")
 
 
+def test_a_worker_without_the_full_wall_says_what_is_missing_and_why(client):
+    start_worker(name="w@one", queues=["celery"], processes=1)
+    layers = [
+        {"name": "lock", "available": True, "detail": "closed from inside"},
+        {"name": "namespaces", "available": False, "detail": "bwrap: Creating new namespace failed"},
+    ]
+    WorkerNode.objects.update(sandbox={"level": 2, "name": "lock", "sufficient": True, "layers": layers})
+    shown = row(client.get("/workers/").content.decode(), "w@one")
+    assert "namespaces: bwrap: Creating new namespace failed" in shown and "closed from inside" not in shown
+
+
 def test_the_page_costs_the_same_for_many_workers(client, now, django_assert_max_num_queries):
     for number in range(30):
         start_worker(name=f"w@{number}", queues=["celery"], processes=1)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import socket
 import subprocess
 import sys
 import time
 
 import pytest
 
-from evaluation.sandbox import bubblewrap, landlock, probe, seccomp, uids
+from evaluation.sandbox import bubblewrap, claims, cores, landlock, probe, seccomp, uids
 from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, launch
 from evaluation.sandbox.limits import PROBE
 from faults import PlatformFault
@@ -185,3 +187,43 @@ def test_an_ordinary_user_has_a_wall_too():
     assert report["level"] == LEVEL_NAMESPACES or not bubblewrap.find()
     assert answers
     assert all(answer == answers[0] for answer in answers)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only a root launcher claims user ids")
+def test_nobody_else_can_take_the_names_that_evaluations_need(monkeypatch):
+    """They were abstract sockets, which any account of the machine may bind."""
+    monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "70990-70991")
+    with contextlib.ExitStack() as squatter:
+        names = [f"uid-{uid}" for uid in (70990, 70991)] + [f"core-{core}" for core in os.sched_getaffinity(0)]
+        for name in names:
+            held = squatter.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+            held.bind(f"\0paddock-sandbox-{name}")
+        with uids.claim() as first, uids.claim() as second:
+            assert {first.uid, second.uid} == {70990, 70991}
+            with pytest.raises(OSError, match="no free user id"):
+                uids.claim()
+        uids.claim().close()
+        with cores.one_core([]) as core:
+            assert core is not None
+
+
+def test_claims_lie_in_a_folder_of_this_user_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(claims, "_places", lambda: iter([tmp_path / "link", tmp_path / "file", tmp_path / "open"]))
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "file").write_text("")
+    (tmp_path / "open").mkdir(mode=0o777)
+    folder = claims.private_folder()
+    assert (folder.name, folder.stat().st_mode & 0o777) == ("open", 0o700)
+    with claims.claim("name") as held:
+        assert held is not None and claims.claim("name") is None
+    claims.claim("name").close()
+
+
+def test_without_a_private_folder_that_is_said(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(claims, "_places", lambda: iter([tmp_path / "file"]))
+    with pytest.raises(OSError, match="private to this user"):
+        claims.private_folder()
+    with cores.one_core([]) as core:
+        assert core is None, "only speed is lost"

@@ -230,19 +230,6 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
     assert job.iterations.last().entropy < math.log(5), "it has learned, and its policy is one still"
 
 
-def test_one_whose_last_worker_is_killed_leaves_the_models_of_its_checkpoint(alice, oval, now, settings):
-    settings.EVALUATION_MAX_ATTEMPTS = 1
-    job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
-    kill_the_worker_of(job)
-    sweep_trainings(now=job.leased_until + timedelta(seconds=1))
-    run(job)
-    assert (job.state, job.ended_because, job.reason_code) == (JobState.FAILED, "failed", "training_gave_up")
-    assert job.best_model.name == "first" and job.last_model is not None
-    assert not Checkpoint.objects.exists()
-    clone = run(a_training(alice, oval, now, name="clone", clone_from=job.best_model, stop_steps=1, **SHORT))
-    assert (clone.state, clone.ended_because) == (JobState.FINISHED, "steps"), "it can be learned on"
-
-
 def test_one_that_is_stopped_while_it_waits_to_go_on_keeps_its_best_and_its_last(alice, oval, now):
     """Its worker was killed, its owner has seen enough: nothing more is learned, and nothing that was is lost."""
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)

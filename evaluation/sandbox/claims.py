@@ -1,0 +1,72 @@
+"""What processes of one machine claim from each other, such as a core or a user id: locks on files in a private folder.
+
+The kernel gives a lock back when its holder dies: nothing to clean up after a crash. Whoever else has an account here
+can neither open the files nor put their own in their place, and so keeps no evaluation from what it needs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import stat
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+_CHECKOUT = Path(__file__).resolve().parent.parent.parent
+
+
+class Claim:
+    """A claimed name. Close it to give it back; the end of the process does so, too."""
+
+    def __init__(self, fd: int) -> None:
+        self._fd: int | None = fd
+
+    def __enter__(self) -> Claim:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give it back. Does nothing the second time."""
+        if self._fd is not None:
+            os.close(self._fd)
+            self._fd = None
+
+
+def claim(name: str, folder: Path | None = None) -> Claim | None:
+    """Claim ``name`` on this machine; None when somebody has it. Raises OSError where there is no private folder."""
+    fd = os.open((folder or private_folder()) / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(fd)
+        return None
+    return Claim(fd)
+
+
+def private_folder() -> Path:
+    """The first place that is, or can be made, this user's alone: all processes of a user find the same one.
+
+    Raises OSError when there is none."""
+    for folder in _places():
+        with contextlib.suppress(OSError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            found = folder.lstat()
+            if stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid():
+                if found.st_mode & 0o077:
+                    folder.chmod(0o700)
+                return folder
+    raise OSError(f"no folder can be made that is private to this user: tried {', '.join(map(str, _places()))}")
+
+
+def _places() -> Iterator[Path]:
+    name = "paddock-sandbox"
+    if os.geteuid() == 0:
+        yield Path("/run") / name
+    elif runtime := os.environ.get("XDG_RUNTIME_DIR"):
+        yield Path(runtime) / name
+    yield Path(os.environ.get("PADDOCK_DATA") or _CHECKOUT / "data") / "locks" / "sandbox"
+    yield Path(tempfile.gettempdir()) / f"{name}-{os.geteuid()}"
