@@ -137,5 +137,13 @@ def post(url: str, body: bytes, headers: Mapping[str, str], *, allow_private: bo
 
 
 def host_of(url: str) -> str:
-    """The host of an address that :func:`checked` has let pass, in small letters; deliveries to it take turns."""
-    return (urlsplit(url).hostname or "").rstrip(".")[:255]
+    """The host of an address that :func:`checked` has let pass, in small letters; deliveries to it take turns.
+
+    With scheme and port where they are not those of https: one program there may be away while another answers, and
+    nobody shall have a host paused for all by naming a port of it where nothing listens.
+    """
+    parts = urlsplit(url)
+    host, port = (parts.hostname or "").rstrip("."), parts.port
+    if parts.scheme != "https" or port not in (None, 443):
+        host = f"{parts.scheme}://{host}:{port or (443 if parts.scheme == 'https' else 80)}"
+    return host[:255]

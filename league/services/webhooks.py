@@ -87,8 +87,9 @@ def queue_deliveries(*, now: datetime) -> int:
     queued = WebhookDelivery.objects.filter(at=now)  # not all there are, which grow
     before = queued.count()
     for hook in Webhook.objects.select_related("owner", "race").filter(owner__is_active=True):
-        if not hook.host:  # made by a version that knew no hosts
-            Webhook.objects.filter(pk=hook.pk).update(host=outgoing.host_of(hook.url))
+        host = outgoing.host_of(hook.url)
+        if hook.host != host:  # made by a version that knew no hosts, or no ports of them
+            Webhook.objects.filter(pk=hook.pk).update(host=host)
         since = max(now - REACH, hook.created_at)
         rows = [_delivery(hook, one, now) for one in happenings(hook, since, now)]
         WebhookDelivery.objects.bulk_create(rows, ignore_conflicts=True)

@@ -105,6 +105,21 @@ def test_an_answer_that_is_no_success_pauses_nobody_else_at_that_host(alice, bob
     assert dict(WebhookDelivery.objects.values_list("webhook", "state")) == {one.pk: "due", other.pk: "sent"}
 
 
+@pytest.mark.parametrize(
+    "nothing_there", ["https://shared.example:81/", "http://shared.example/", "http://shared.example:443/"]
+)
+def test_nobody_has_a_host_paused_for_others_by_a_port_where_nothing_listens(alice, bob, net, now, nothing_there):
+    net.away.add(outgoing.host_of(nothing_there))
+    bad = add_webhook(owner=alice, url=nothing_there)
+    well = add_webhook(owner=bob, url="https://shared.example:443/fine")
+    told(bad, now, 2)
+    deliver_due(now=now)
+    (waiting,) = told(well, now)
+    deliver_due(now=now)
+    waiting.refresh_from_db()
+    assert waiting.state == "sent"
+
+
 def test_one_at_a_time_goes_to_a_host(drips, net, now, monkeypatch):
     told(drips, now, 2)
     beside = []
