@@ -1,0 +1,138 @@
+"""Files in a real bucket: a server that is stopped, slow, full or lying fails nobody's car, and no page with a 500."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from datetime import timedelta
+
+import pytest
+from django.core.files.base import ContentFile
+from django.core.files.storage import default_storage
+from django.core.files.uploadedfile import SimpleUploadedFile
+from django.test import Client
+from django.utils import timezone
+
+from evaluation import pipeline, services
+from evaluation.models import Damage, Evaluation, Outage, Result, State, StoredFile
+from evaluation.services import stored, work
+from evaluation.simulator.rules import RaceRules
+from faults import PlatformFault
+from tests.evaluation.stubs import finishes
+from tests.evaluation.test_outages import Steady
+from tests.factories import a_race, a_racer, drive, laps
+from tests.outages.bucket import MOODS
+from tests.pages.test_garage import upload, zipped
+from tests.rows import model_row
+from tests.sandbox.networks import METADATA, small_network
+
+pytestmark = pytest.mark.django_db
+READS = [mood for mood in MOODS if mood != "full"]  # a full one is still read
+
+
+@pytest.fixture
+def turn(monkeypatch, now):
+    """A worker's turn ``after`` seconds, as the pipeline's stub plays it; it sweeps before it looks."""
+    monkeypatch.setattr(pipeline, "evaluate", finishes)
+    monkeypatch.setattr(work, "Heart", lambda *args, **kwargs: contextlib.nullcontext(Steady()))
+
+    def take(after):
+        at = now + timedelta(seconds=after)
+        monkeypatch.setattr(work, "database_now", lambda: at)
+        services.sweep_queue(now=at, ring=False)
+        return services.run_next_evaluation(worker="w")
+
+    return take
+
+
+@pytest.fixture
+def driven(s3, bell):
+    """Somebody's car that has driven, seen by its owner."""
+    now, alice = timezone.now(), a_racer("alice")
+    submission = drive(a_race(now, slug="the-race"), alice, laps(10_000, 9_000, 9_500), now)
+    model = submission.evaluation.model
+    model.network.onnx.delete(save=False)
+    model.network.onnx.name = stored.store(f"networks/{model.network.sha256}.onnx", b"a network")
+    model.network.save(update_fields=["onnx"])
+    return submission
+
+
+@pytest.fixture
+def owner(driven):
+    client = Client(raise_request_exception=False)
+    client.force_login(driven.entry.racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+@pytest.mark.parametrize("mood", MOODS)
+def test_every_car_that_was_accepted_finishes_once_it_is_back(mood, s3, turn, alice, oval, bell, now):
+    for number in range(3):
+        model = model_row(alice, name=f"Car {number}", onnx=f"network {number}".encode())
+        model.network.onnx.delete(save=False)
+        model.network.onnx.name = stored.store(f"networks/{number}.onnx", f"network {number}".encode())
+        model.network.save(update_fields=["onnx"])
+        services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
+    s3.be(mood)
+    taken = [turn(second) for second in range(0, 4)]
+    assert taken.count(True) <= 3 and not Result.objects.exists()
+    assert set(Evaluation.objects.values_list("state", flat=True)) == {State.QUEUED}
+    assert Outage.objects.exists()
+    detail = Evaluation.objects.exclude(operator_detail="").get().operator_detail
+    assert "storage_failed" in detail or "file_damaged" in detail
+    s3.be("")
+    for second in range(60, 160, 5):
+        turn(second)
+    assert set(Evaluation.objects.values_list("state", flat=True)) == {State.FINISHED}
+    assert not Outage.objects.exists()
+
+
+@pytest.mark.parametrize("mood", READS)
+def test_a_file_that_cannot_be_had_is_a_503_that_says_whose_fault_it_is(mood, s3, driven, owner):
+    run, model = driven.evaluation.public_id, driven.evaluation.model.public_id
+    pages = [f"/evaluations/{run}/trace.csv", f"/evaluations/{run}/replay.json", f"/models/{model}/package.zip"]
+    api = [f"/api/v1/evaluations/{run}/trace/", f"/api/v1/evaluations/{run}/logs/", f"/api/v1/models/{model}/package/"]
+    assert {owner.get(address).status_code for address in pages + api} == {200}
+    s3.be(mood)
+    for address in pages:
+        answer = owner.get(address)
+        assert answer.status_code == 503 and answer["Retry-After"], address
+        assert "Nothing is wrong with your model" in answer.content.decode(), address
+    for address in api:
+        answer = owner.get(address)
+        assert answer.status_code == 503 and answer.json()["fault"] == "platform", address
+        assert answer.json()["code"] in ("storage_failed", "file_damaged")
+    for address in ("/", "/races/the-race/", f"/evaluations/{run}/", "/models/", f"/models/{model}/"):
+        assert owner.get(address).status_code == 200, address
+
+
+@pytest.mark.parametrize("mood", ["stopped", "slow", "full"])
+def test_an_upload_that_cannot_be_kept_is_a_503_and_leaves_nothing(mood, s3, driven, owner):
+    package = zipped(bolt__onnx=small_network(), model_metadata__json=json.dumps(METADATA).encode())
+    known = StoredFile.objects.count()
+    s3.be(mood)
+    page = upload(owner, SimpleUploadedFile("car.zip", package))
+    assert page.status_code == 503 and "Nothing is wrong with your model" in page.content.decode()
+    asked = owner.post("/api/v1/models/", {"package": SimpleUploadedFile("car.zip", package)})
+    assert (asked.status_code, asked.json()["code"]) == (503, "storage_failed")
+    assert StoredFile.objects.count() == known and driven.entry.racer.models.count() == 1
+
+
+class TestScrub:
+    def test_finds_what_was_altered_or_lost_in_a_bucket(self, s3, driven, now):
+        altered, lost = driven.evaluation.result.trace.name, driven.evaluation.model.network.onnx.name
+        default_storage.delete(altered)
+        default_storage.save(altered, ContentFile(b"something else"))
+        default_storage.delete(lost)
+        assert stored.scrub(now=now)["damaged"] == 2
+        assert dict(StoredFile.objects.exclude(damage="").values_list("name", "damage")) == {
+            altered: Damage.ALTERED,
+            lost: Damage.MISSING,
+        }
+
+    @pytest.mark.parametrize("mood", ["stopped", "slow", "short"])
+    def test_takes_nothing_for_damaged_while_the_server_is_the_trouble(self, mood, s3, driven, now):
+        s3.be(mood)
+        with pytest.raises(PlatformFault) as raised:
+            stored.scrub(now=now)
+        assert raised.value.code == "storage_failed"
+        assert not StoredFile.objects.exclude(damage="").exists()
