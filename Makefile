@@ -13,7 +13,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: help setup run training test soak lint bench clean compiled system-run system-test
+.PHONY: help setup run training test soak lint lock audit bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -60,8 +60,12 @@ $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Paddock needs Python 3.11 or newer; name it with make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+# To the version and the sha-256 of every file; ours is built with the setuptools that is locked
+LOCKED := -m pip install --quiet --require-hashes --no-deps --requirement
+
+$(VENV)/.run: $(VENV)/bin/python pyproject.toml locks/run.txt
+	$(BIN)/python $(LOCKED) locks/run.txt
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # Training comes with the rest where torch is small; once looked at, "make training" adds it
@@ -69,12 +73,23 @@ $(VENV)/.offered: $(VENV)/.run
 	@$(BIN)/python scripts/offer_training.py
 	@touch $@
 
-# PyPI's torch carries gigabytes of CUDA: TORCH_INDEX= names an index with builds for the processor alone
-TORCH_INDEX ?=
-$(VENV)/.training: $(VENV)/.run
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) --editable '.[training]'
+# PyPI's torch carries gigabytes of CUDA: TORCH_INDEX= names the index that torch is taken from, and no other
+export TORCH_INDEX ?=
+$(VENV)/.training: $(VENV)/.run locks/training.txt
+	$(BIN)/python scripts/offer_training.py --always
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.run
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+$(VENV)/.test: $(VENV)/.run locks/test.txt
+	$(BIN)/python $(LOCKED) locks/test.txt
 	@touch $@
+
+$(VENV)/.tools: locks/tools.txt
+	$(PYTHON) -m venv $(VENV)/tools
+	$(VENV)/tools/bin/python $(LOCKED) locks/tools.txt
+	@touch $@
+
+lock: $(VENV)/.tools ## locks/ and constraints.txt anew, after a change of dependencies (needs an index)
+	PATH="$(CURDIR)/$(VENV)/tools/bin:$$PATH" $(VENV)/tools/bin/python scripts/lock.py
+
+audit: $(VENV)/.tools ## known holes in what is locked (asks the index's list of them, so it needs the network)
+	@for lock in run test training; do echo "$$lock:"; $(VENV)/tools/bin/pip-audit --require-hashes --disable-pip --requirement locks/$$lock.txt || exit 1; done

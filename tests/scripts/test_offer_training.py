@@ -22,13 +22,17 @@ class Pip:
         self.names = names
         self.status = status
         self.installed: list[tuple[str, ...]] = []
+        self.only_here: list[bool] = []
 
-    def __call__(self, *arguments: str, quiet: bool = False) -> subprocess.CompletedProcess[bytes]:
+    def __call__(
+        self, *arguments: str, quiet: bool = False, only_here: bool = False
+    ) -> subprocess.CompletedProcess[bytes]:
         if "--dry-run" in arguments:
             report = Path(arguments[arguments.index("--report") + 1])
             report.write_text(json.dumps({"install": [{"metadata": {"name": name}} for name in self.names]}))
         else:
             self.installed.append(arguments)
+            self.only_here.append(only_here)
         return subprocess.CompletedProcess(arguments, self.status)
 
 
@@ -50,7 +54,9 @@ def offer(script: ModuleType, monkeypatch: pytest.MonkeyPatch, pip: Pip) -> Pip:
 
 
 def test_training_comes_along_where_torch_is_small(script, monkeypatch, capsys) -> None:
-    assert len(offer(script, monkeypatch, Pip(SMALL)).installed) == 1
+    locked, torch = offer(script, monkeypatch, Pip(SMALL)).installed
+    assert "--require-hashes" in locked and "locks/training.txt" in locked
+    assert torch[-1] == "torch==2.13.0"
     assert "make training" not in capsys.readouterr().out
 
 
@@ -75,3 +81,31 @@ def test_nothing_is_looked_at_where_training_is_installed(script, monkeypatch) -
     monkeypatch.setattr(script, "find_spec", lambda name: object())
     monkeypatch.setattr(script, "_pip", lambda *arguments, **options: pytest.fail("pip was asked"))
     script.main()
+
+
+def test_torch_comes_from_the_index_that_is_named_and_from_no_other(script, monkeypatch) -> None:
+    monkeypatch.setenv("TORCH_INDEX", "https://builds.example.org/cpu")
+    monkeypatch.setattr(script.sys, "argv", ["offer_training.py", "--always"])
+    pip = Pip(LARGE)
+    monkeypatch.setattr(script, "_pip", pip)
+    assert script.main() == 0
+    alone = pip.installed[pip.only_here.index(True)]
+    assert alone[-3:] == ("--index-url", "https://builds.example.org/cpu", "torch==2.13.0") and "--no-deps" in alone
+    assert pip.only_here == [False, True, False] and not any("--extra-index-url" in one for one in pip.installed)
+
+
+def test_an_index_is_alone_whatever_pip_is_configured_to_ask(script, monkeypatch) -> None:
+    monkeypatch.setenv("PIP_EXTRA_INDEX_URL", "https://other.example.org/simple")
+    monkeypatch.setenv("PIP_CERT", "/kept")
+    asked = []
+    monkeypatch.setattr(script.subprocess, "run", lambda command, **options: asked.append(options["env"]))
+    script._pip("install", "x", only_here=True)
+    script._pip("install", "x")
+    assert "PIP_EXTRA_INDEX_URL" not in asked[0] and asked[0]["PIP_CONFIG_FILE"] == "/dev/null"
+    assert asked[0]["PIP_CERT"] == "/kept" and asked[1]["PIP_EXTRA_INDEX_URL"]
+
+
+def test_what_was_asked_for_and_cannot_be_installed_fails(script, monkeypatch) -> None:
+    monkeypatch.setattr(script.sys, "argv", ["offer_training.py", "--always"])
+    monkeypatch.setattr(script, "_pip", Pip(SMALL, status=1))
+    assert script.main() == 1
