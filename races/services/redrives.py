@@ -20,9 +20,9 @@ engine of the results that count in a race; the first of them names it. When the
   anybody who sent it today: it has no time. It was not its racer's idea to drive again, so the submission is void and
   given back.
 - **A run that fails by ours** waits in the queue and is tried again like any (:mod:`evaluation.services.leases`). One
-  that was given up is queued again, after pauses that grow to an hour: a car's place is not lost to our fault, and the
-  old board stands. An operator who sees that it will never do (a file is gone
-  for good) stops that run: then it counts like one that failed by the car's fault, and the race goes on.
+  that was given up is queued again, after the same pauses, from the second on: a car's place is not lost to our
+  fault, and the old board stands. An operator who sees that it will never do (a file is gone for good) stops that run:
+  then it counts like one that failed by the car's fault, and the race goes on.
 - **A race that closes meanwhile** is switched all the same, and becomes official only afterwards: cars that were sent
   in time with the new engine would otherwise count nowhere. A car that was queued when its race closed, and is driven
   by another engine, makes the race one to be driven again for the same reason.
@@ -45,7 +45,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from functools import partial
 from typing import TypeAlias
 
@@ -55,6 +55,7 @@ from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
 from evaluation.services import engines_at_work, queue_copies
+from evaluation.services.leases import pause_after
 
 from ..engines import is_official, is_over, site_engine
 from ..models import (
@@ -75,7 +76,6 @@ from .standings import work_out_standings
 from .stopping import stop_evaluations_after_commit
 
 logger = logging.getLogger(__name__)
-FIRST_PAUSE, LONGEST_PAUSE = timedelta(minutes=1), timedelta(hours=1)
 ACTIVE = (State.QUEUED, State.RUNNING)
 BATCH = 500
 Standing: TypeAlias = tuple[int | None, int | None]  # score and place
@@ -178,7 +178,7 @@ def _is_of_no_use(redrive: Redrive, site: str, now: datetime) -> bool:
     failed and the pause is over."""
     run = redrive.evaluation
     if run.is_platform_fault and redrive.engine == site:
-        return run.ended_at + min(FIRST_PAUSE * 4 ** min(redrive.tries - 1, 10), LONGEST_PAUSE) <= now
+        return run.ended_at + pause_after(redrive.tries + 1) <= now  # it was tried before
     return redrive.engine != site or run.is_final
 
 

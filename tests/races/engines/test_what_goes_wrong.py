@@ -8,6 +8,7 @@ import pytest
 
 from evaluation.models import Evaluation
 from evaluation.services import stop_evaluation
+from evaluation.services.leases import pause_after
 from evaluation.services.nodes import start_worker
 from races.models import Redrive, RedriveState, Retiming, Submission
 from races.selectors.counting import DrivenAgain, driven_again
@@ -19,7 +20,7 @@ from races.services.redrives import sweep_redrives
 from tests.factories import a_model, a_race, drive, fail, laps, start
 from tests.redrives import break_down, end, everything, pending, shown
 
-from .site import MINUTE, NEW, NEWEST, OLD, OURS, THEIRS, again, fresh
+from .site import NEW, NEWEST, OLD, OURS, THEIRS, again, fresh
 
 pytestmark = pytest.mark.django_db
 
@@ -44,11 +45,11 @@ class TestRunsThatFail:
         end(second, laps(9_100, 9_100, 9_100), now)
         end(third, laps(9_200, 9_200, 9_200), now)
         at = now
-        for pause in (1, 4, 16, 60, 60):
+        for pause in (pause_after(attempt) for attempt in range(2, 7)):
             (waiting,) = [one for one in pending(upgraded) if one.submission == first.submission]
             break_down(waiting, OURS, at)
-            assert sweep_redrives(now=at + pause * MINUTE - timedelta(seconds=1)) == 0
-            at += pause * MINUTE
+            assert sweep_redrives(now=at + pause - timedelta(seconds=1)) == 0
+            at += pause
             assert sweep_redrives(now=at) == 1
             assert driven_again(fresh(upgraded)) == DrivenAgain(NEW, done=2, runs=3)
         assert shown(upgraded) == before
