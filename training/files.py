@@ -107,7 +107,11 @@ def sb3_of(job: TrainingJob) -> bytes | None:
 
 def logs_zip(job: TrainingJob) -> Iterator[bytes]:
     """Everything that was written down, as a zip in pieces: metrics, the newest sim-traces, the log, and what the
-    training was made of. Laid out as the console's, so that deepracer-utils reads the unpacked folder."""
+    training was made of. Laid out as the console's, so that deepracer-utils reads the unpacked folder.
+
+    Raises PlatformFault ``storage_failed`` at once where no trace can be had now; one that is damaged is left out.
+    """
+    next(_traces(job), None)
     return zipped(_parts(job))
 
 
@@ -135,6 +139,8 @@ def _traces(job: TrainingJob) -> Iterator[tuple[int, bytes]]:
     for iteration in job.iterations.exclude(simtrace="").order_by("number").only("number", "simtrace", "job_id"):
         try:
             packed = read(iteration.simtrace.name)
-        except PlatformFault:  # cleared away in this very moment, or damaged, which operators are told
+        except PlatformFault as fault:
+            if fault.code != "file_damaged":  # else cleared away in this very moment, or operators are told
+                raise
             continue
         yield iteration.number, packed
