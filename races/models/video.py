@@ -55,6 +55,11 @@ class Video(models.Model):
     reason_code = models.CharField(_("reason"), max_length=40, blank=True)
     reason_params = models.JSONField(_("details"), default=dict, blank=True)
     operator_detail = models.TextField(_("for operators"), blank=True)
+    kills = models.PositiveSmallIntegerField(
+        _("kills"), default=0, db_default=0, help_text=_("How often we failed at it while others passed.")
+    )
+    failed_at = models.DateTimeField(_("last failed"), null=True, blank=True)
+    not_before = models.DateTimeField(_("pauses until"), null=True, blank=True)
 
     asked_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("asked by")
@@ -94,6 +99,9 @@ class Video(models.Model):
                 condition=Q(state="drawing", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
                 | (~Q(state="drawing") & Q(lease__isnull=True, leased_until__isnull=True)),
                 name="video_lease_while_drawing",
+            ),
+            models.CheckConstraint(
+                condition=Q(not_before__isnull=True) | Q(state="waiting"), name="video_pauses_while_waiting"
             ),
             models.CheckConstraint(
                 condition=Q(state__in=["ready", "failed"], ended_at__isnull=False)

@@ -120,14 +120,14 @@ def test_a_refusal_is_told_with_its_code(world, run, settings):
 
 
 def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
-    from faults import PlatformFault
+    from faults import UserFault
 
     ask(world, run)
     claim = claim_next_video(worker="w", now=timezone.now())
-    fault = PlatformFault("video_encoder_missing", detail="libx264")
+    fault = UserFault("video_no_steps")
     fail_video(video_id=claim.pk, lease=claim.lease, fault=fault, now=timezone.now())
     html = page_of(world, "newcomer", run, f"?video={claim.public_id}")
-    assert 'data-code="video_encoder_missing"' in html and "Make it again" in html
+    assert 'data-code="video_no_steps"' in html and "Make it again" in html
     assert Video.objects.get(state="failed") == claim
     ask(world, run)
     assert Video.objects.get().state == "waiting"

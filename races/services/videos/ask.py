@@ -95,6 +95,8 @@ def _ask_again(video: Video, by: Racer, now: datetime) -> bool:
     changed = Video.objects.filter(pk=video.pk, state=video.state, ended_at=video.ended_at).update(
         state=VideoState.WAITING,
         attempt=0,
+        kills=0,
+        failed_at=None,
         progress=0,
         reason_code="",
         reason_params={},
@@ -118,6 +120,8 @@ def draw_again(*, video: Video, now: datetime) -> bool:
     again = Video.objects.filter(pk=video.pk, state=VideoState.FAILED).update(
         state=VideoState.WAITING,
         attempt=0,
+        kills=0,
+        failed_at=None,
         worker="",
         progress=0,
         reason_code="",
@@ -139,7 +143,12 @@ def stop_video(*, video: Video, now: datetime) -> bool:
     A worker that draws it finds its lease gone at the next beat, ends and keeps nothing.
     """
     stopped = Video.objects.filter(pk=video.pk, state__in=UNDER_WAY).update(
-        state=VideoState.FAILED, lease=None, leased_until=None, ended_at=now, reason_code="video_stopped"
+        state=VideoState.FAILED,
+        lease=None,
+        leased_until=None,
+        not_before=None,
+        ended_at=now,
+        reason_code="video_stopped",
     )
     video.refresh_from_db()
     return bool(stopped)

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import F, QuerySet, Value
-from django.db.models.functions import Concat
+from django.db.models import F, Q, QuerySet
 
-from evaluation.services.leases import DETAIL_LIMIT
+from evaluation.services.leases import DETAIL_LIMIT, detail_with, pause_after
 from evaluation.services.outages import storage_is_out
 from faults import PaddockError, PlatformFault
 
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
     from evaluation.film import FilmFacts
 
 logger = logging.getLogger(__name__)
-# Trying again helps nobody.
-_HOPELESS = ("video_encoder_missing",)
+# A mistake of ours that may be about this one video, where the host, the storage and the worker are fine.
+_MISTAKES = ("internal_error",)
 
 
 @dataclass(frozen=True)
@@ -41,23 +40,28 @@ class DrawnVideo:
 
 
 def claim_next_video(*, worker: str, now: datetime) -> Video | None:
-    """Take the video that has waited longest under a new lease; None when nothing waits, and while
-    the storage is out."""
+    """Take the video that has waited longest under a new lease; None when nothing waits or all that waits pauses, and
+    while the storage is out."""
     if storage_is_out():
         return None
     while True:
-        waiting = Video.objects.filter(state=VideoState.WAITING).order_by("asked_at", "pk").only("attempt").first()
+        waiting = _due(now).order_by("asked_at", "pk").only("attempt").first()
         if waiting is None:
             return None
         lease = uuid.uuid4()
-        claimed = Video.objects.filter(pk=waiting.pk, state=VideoState.WAITING, attempt=waiting.attempt).update(
-            state=VideoState.DRAWING,
-            lease=lease,
-            leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
-            worker=worker[:128],
-            attempt=F("attempt") + 1,
-            started_at=now,
-            progress=0,
+        claimed = (
+            _due(now)
+            .filter(pk=waiting.pk, attempt=waiting.attempt)
+            .update(
+                state=VideoState.DRAWING,
+                lease=lease,
+                leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
+                worker=worker[:128],
+                attempt=F("attempt") + 1,
+                started_at=now,
+                not_before=None,
+                progress=0,
+            )
         )
         if claimed:
             video = _held(waiting.pk, lease).first()
@@ -111,7 +115,8 @@ def fail_video(*, video_id: int, lease: uuid.UUID, fault: PaddockError, now: dat
     """End an attempt that failed. False: the lease is gone.
 
     A user's fault is final at once. While the storage is out it waits, and no attempt counts. After another fault of
-    the platform the video goes back to its place in the queue until ``EVALUATION_MAX_ATTEMPTS`` are used up; then it
+    the platform the video goes back to its place in the queue, to be tried after growing pauses for as long as it
+    takes. Only one at which our own code fails ``EVALUATION_MAX_ATTEMPTS`` times, while others were drawn in between,
     fails with ``video_gave_up``. ``detail`` is for operators.
     """
     video = _held(video_id, lease).first()
@@ -135,20 +140,34 @@ def release_video(*, video_id: int, lease: uuid.UUID, now: datetime) -> bool:
 
 
 def sweep_videos(*, now: datetime, ring: bool = True) -> int:
-    """Put videos whose worker disappeared back into the queue, and ring for whatever waits. How many wait."""
+    """Put videos whose worker disappeared back into the queue, and ring for whatever waits and does not pause. How many
+    do."""
     for video in Video.objects.filter(state=VideoState.DRAWING, leased_until__lt=now).order_by("leased_until"):
         mine = _held(video.pk, video.lease).filter(leased_until__lt=now)
         if _fail(mine, video, PlatformFault("lease_expired"), now, f"worker {video.worker}"):
             delete_files(names_of(video))  # left behind if the worker died between storing and writing
-    waiting = Video.objects.filter(state=VideoState.WAITING).count()
+    waiting = _due(now).count()
     if waiting and ring:
         ring_video_bell()
     return waiting
 
 
+def _due(now: datetime) -> QuerySet[Video]:
+    """What could be claimed."""
+    return Video.objects.filter(Q(not_before=None) | Q(not_before__lte=now), state=VideoState.WAITING)
+
+
 def _held(video_id: int, lease: uuid.UUID | None) -> QuerySet[Video]:
     """The video while this lease is good: one row or none."""
     return Video.objects.filter(pk=video_id, state=VideoState.DRAWING, lease=lease)
+
+
+def _fails_alone(video: Video, fault: PaddockError) -> bool:
+    """Whether our own code failed at it, and another was drawn since it was asked for or last failed."""
+    if fault.code not in _MISTAKES:
+        return False
+    passed = Video.objects.filter(state=VideoState.READY).exclude(pk=video.pk)
+    return passed.filter(ended_at__gte=video.failed_at or video.asked_at).exists()
 
 
 @transaction.atomic
@@ -157,17 +176,21 @@ def _fail(mine: QuerySet[Video], video: Video, fault: PaddockError, now: datetim
     changes: dict = {"lease": None, "leased_until": None, "progress": 0}
     ours = isinstance(fault, PlatformFault)
     if ours or detail:
-        note = f"Attempt {video.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}".strip()
-        changes["operator_detail"] = Concat("operator_detail", Value(note + "\n"))
+        changes["operator_detail"] = detail_with(
+            f"Attempt {video.attempt}: {fault.code}. {detail.strip()[-DETAIL_LIMIT:]}"
+        )
         logger.warning("Video %s, attempt %s: %s. %s", video, video.attempt, fault.code, detail)
-    final = not ours or fault.code in _HOPELESS
-    waits = fault.code == "storage_failed" and storage_is_out()
-    if waits:
-        changes["attempt"] = F("attempt") - 1
-    if waits or (not final and video.attempt < settings.EVALUATION_MAX_ATTEMPTS):
-        requeued = mine.update(state=VideoState.WAITING, started_at=None, **changes)
-        if requeued:
+    kills = video.kills + _fails_alone(video, fault)
+    pause = pause_after(video.attempt)
+    if fault.code == "storage_failed" and storage_is_out():
+        changes["attempt"], pause = F("attempt") - 1, None
+    if ours:
+        changes |= {"kills": kills, "failed_at": now}
+    if ours and (kills == video.kills or kills < settings.EVALUATION_MAX_ATTEMPTS):
+        not_before = now + pause if pause else None
+        requeued = mine.update(state=VideoState.WAITING, started_at=None, not_before=not_before, **changes)
+        if requeued and not pause:
             ring_video_bell()
         return bool(requeued)
-    code, params = (fault.code, fault.params) if final else ("video_gave_up", {"attempts": video.attempt})
+    code, params = ("video_gave_up", {"attempts": kills}) if ours else (fault.code, fault.params)
     return bool(mine.update(state=VideoState.FAILED, ended_at=now, reason_code=code, reason_params=params, **changes))

@@ -30,10 +30,14 @@ ENCODER = "libx264"
 
 
 def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
-    """Draw the video that has waited longest, to its end. False: nothing waits.
+    """Draw the video that has waited longest, to its end. False: nothing waits, or this machine cannot encode any: then
+    they wait for one that can.
 
     ``interrupted`` turns true when the worker is told to shut down: the video is then handed back.
     """
+    if problem := encoder_problem():
+        logger.error("%s draws no videos: %s", worker, PlatformFault("video_encoder_missing", detail=problem))
+        return False
     video = claim_next_video(worker=worker, now=database_now())
     if video is None:
         return False
@@ -84,9 +88,7 @@ def _remove_abandoned() -> None:
 
 def _draw(video: Video, path: Path, tell: Callable[[int], None], should_stop: Callable[[], bool]) -> DrawnVideo:
     """Draw what the video shows now. Raises what :func:`evaluation.film.film` does, and PlatformFault
-    ``video_encoder_missing``, ``storage_failed``."""
-    if problem := encoder_problem():
-        raise PlatformFault("video_encoder_missing", detail=problem)
+    ``storage_failed``."""
     from evaluation import film
 
     related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
