@@ -11,9 +11,11 @@ from io import StringIO
 
 import pytest
 from django.core.management import call_command
+from django.utils import timezone
 
 from evaluation.proof import Proof
 from evaluation.sandbox.probe import Layer, SandboxReport
+from evaluation.services.nodes import SILENT_AFTER, beat_worker, start_worker
 from evaluation.simulator.engine import ENGINE_ID
 from league.management.commands import doctor
 from tests.shared import CHECKOUT
@@ -175,3 +177,18 @@ def test_a_machine_without_an_encoder_for_videos_is_told_so_and_can_run_all_the_
     assert "no-such-encoder" in finding(report, "encoder")["detail"]
     settings.VIDEOS = False
     assert finding(examine()[1], "encoder")["status"] == "ok"
+
+
+@pytest.mark.parametrize(("queues", "status"), [(["messages"], "ok"), (["celery"], "warn"), (None, "warn")])
+def test_it_says_when_nobody_sends_webhooks_and_mails(queues, status):
+    if queues is not None:
+        start_worker(name="messenger@here", queues=queues, processes=8)
+    (found,) = doctor.messages()
+    assert found.status == status and ("nobody sends" in found.detail) is (status == "warn")
+
+
+def test_a_messenger_that_died_sends_nothing():
+    start_worker(name="messenger@here", queues=["messages"], processes=8)
+    beat_worker(name="messenger@here", now=timezone.now() - 2 * SILENT_AFTER)
+    (found,) = doctor.messages()
+    assert found.status == "warn"

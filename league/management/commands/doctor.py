@@ -22,10 +22,12 @@ from django.db.migrations.executor import MigrationExecutor
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 
-from evaluation.models import StoredFile
+from evaluation.models import StoredFile, WorkerNode
 from evaluation.proof import Proof, prove
 from evaluation.sandbox.probe import SandboxReport, probe
 from evaluation.services import engines_at_work
+from evaluation.services.clock import database_now
+from evaluation.services.nodes import SILENT_AFTER
 from evaluation.simulator.camera import compiled
 from evaluation.simulator.engine import ENGINE_ID, cpu_model
 from league.backup.databases import damage
@@ -88,6 +90,7 @@ class Command(JsonCommand):
             *exactness(report, proof),
             *database(),
             *services(),
+            *messages(),
             *storage(),
             *simulator(),
             *videos(),
@@ -216,6 +219,20 @@ def services() -> Iterator[Finding]:
             yield Finding(area, name, WARN, f"{address} does not answer{hint} ({error})")
         else:
             yield Finding(area, name, OK, f"{address} answers")
+
+
+def messages() -> Iterator[Finding]:
+    """Whether somebody sends webhooks and e-mails, which wait for a worker of their own."""
+    try:
+        alive = WorkerNode.objects.filter(stopped_at=None, seen_at__gt=database_now() - SILENT_AFTER)
+        listening = sum("messages" in node.queues for node in alive)
+    except DatabaseError:  # told above
+        return
+    if listening:
+        yield Finding("Messages", "messenger", OK, f"{listening} send webhooks and e-mails")
+    else:
+        hint = "manage.py run starts one; on several machines one of them needs it"
+        yield Finding("Messages", "messenger", WARN, f"nobody sends webhooks and e-mails, which wait: {hint}")
 
 
 def storage() -> Iterator[Finding]:
