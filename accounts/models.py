@@ -1,4 +1,5 @@
-"""What an admin has set for single racers, invitations to sign up, and where racers have logged in from."""
+"""What an admin has set for single racers, invitations to sign up, where racers have logged in from, and what their
+tokens may do."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
 from .quotas import name_choices
+from .scopes import SCOPES
 
 # An upper bound that every database stores, and no quota needs.
 MOST = 2_000_000_000
@@ -96,3 +98,34 @@ class KnownAddress(models.Model):
 
     def __str__(self) -> str:
         return f"{self.racer_id}: {self.digest[:8]}"
+
+
+class TokenGrant(models.Model):
+    """What an API token may do, and when it was last used. One from before there were scopes has no row until then."""
+
+    token = models.OneToOneField(
+        settings.KNOX_TOKEN_MODEL, models.CASCADE, primary_key=True, related_name="grant", verbose_name=_("token")
+    )
+    may_read = models.BooleanField(_("may read"))
+    may_race = models.BooleanField(_("may race"))
+    may_train = models.BooleanField(_("may train"))
+    may_organise = models.BooleanField(_("may organise"))
+    last_used_at = models.DateTimeField(_("last used"), null=True, editable=False)
+
+    class Meta:
+        verbose_name = _("grant of a token")
+        verbose_name_plural = _("grants of tokens")
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(may_read=True) | Q(may_race=True) | Q(may_train=True) | Q(may_organise=True),
+                name="token_grant_of_something",
+            )
+        ]
+
+    def __str__(self) -> str:
+        return ", ".join(self.scopes)
+
+    @property
+    def scopes(self) -> list[str]:
+        """Their names, in the usual order."""
+        return [scope for scope in SCOPES if getattr(self, f"may_{scope}")]

@@ -8,9 +8,15 @@ from django.http import HttpRequest
 from django.utils import timezone
 
 from .log_in import remember_address
+from .services import take_over
 
 if TYPE_CHECKING:
     from league.models import Racer
+
+
+def take_over_on_reset(sender: object, *, user: Racer, **kwargs: object) -> None:
+    """A link that was sent to the account's own address was followed."""
+    take_over(racer=user)
 
 
 def know_the_address(sender: object, *, request: HttpRequest | None, user: Racer, **kwargs: object) -> None:

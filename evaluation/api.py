@@ -16,6 +16,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import RACE
 from faults import UserFault
 from tracks.bodies import Body, refuse_fields
 from tracks.file_view import FileView
@@ -140,6 +141,7 @@ class DescriptionSerializer(Body):
 class ModelsView(generics.ListAPIView):
     """The garage: list it, add to it."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
     parser_classes = [MultiPartParser]
     serializer_class = ModelSerializer
@@ -236,6 +238,7 @@ class ModelPackageView(FileView):
 class ModelView(APIView):
     """One model: mine, or to look at one that is shared."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
     parser_classes = [JSONParser]
 

@@ -7,6 +7,7 @@ class LeagueConfig(AppConfig):
     verbose_name = _("League")
 
     def ready(self) -> None:
+        from accounts.signals import account_taken_over
         from evaluation.signals import evaluation_ended
         from races.eligibility import register
         from races.engines import register_official
@@ -14,7 +15,7 @@ class LeagueConfig(AppConfig):
         from races.validation import register_hold, register_time_check
 
         from .eligibility import check_division
-        from .receivers import follow_board, follow_late_result, rate_duels
+        from .receivers import drop_webhooks, follow_board, follow_late_result, rate_duels
         from .services.closing import is_official
         from .services.seasons import check_round_times, hold_season
 
@@ -24,4 +25,5 @@ class LeagueConfig(AppConfig):
         register_official(is_official)
         board_changed.connect(follow_board, dispatch_uid="league.follow_board")
         evaluation_ended.connect(follow_late_result, dispatch_uid="league.follow_late_result")
+        account_taken_over.connect(drop_webhooks, dispatch_uid="league.drop_webhooks")
         duels_over.connect(rate_duels, dispatch_uid="league.rate_duels")

@@ -10,7 +10,7 @@ from django.db import transaction
 from evaluation.models import Evaluation, Result
 from races.models import Race
 
-from .models import Round
+from .models import Racer, Round, Webhook
 from .services.ratings import rate_season
 from .services.stewards import correct_results
 
@@ -30,6 +30,11 @@ def follow_late_result(
     if race is not None and result is not None:
         # once the standing is written, whichever room hears of it first
         transaction.on_commit(partial(follow_board, sender, race=race, now=now), robust=True)
+
+
+def drop_webhooks(sender: object, *, racer: Racer, **kwargs: object) -> None:
+    """Whoever made them was perhaps not the owner of the racer's address, and is told nothing more."""
+    Webhook.objects.filter(owner=racer).delete()
 
 
 def rate_duels(sender: object, *, race: Race, now: datetime, **kwargs: object) -> None:

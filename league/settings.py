@@ -319,6 +319,7 @@ ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True
 ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
 ACCOUNT_ADAPTER = "accounts.adapter.AccountAdapter"
+ACCOUNT_FORMS = {"reset_password": "accounts.forms.ResetPasswordForm"}
 ACCOUNT_REAUTHENTICATION_REQUIRED = True
 # Wrong passwords are counted by accounts.log_in; here, how often anybody may ask at all. A class of 40 behind one
 # address signs up and logs in at once. login_failed counts codes of the second factor
@@ -333,6 +334,7 @@ ACCOUNT_RATE_LIMITS = {
 MFA_ADAPTER = "accounts.second_factor.SecondFactorAdapter"
 MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", *(["webauthn"] if passkeys_work(SITE_URL) else [])]
 MFA_PASSKEY_LOGIN_ENABLED = True
+MFA_TOTP_TOLERANCE = 1  # the code before and the next one count too: telephones' clocks differ
 MFA_WEBAUTHN_ALLOW_INSECURE_ORIGIN = not BEHIND_HTTPS
 # Whoever resets the password of an address that was never verified ends the second factor too (accounts.services)
 MFA_ALLOW_UNVERIFIED_EMAIL = True
@@ -401,6 +403,8 @@ REST_FRAMEWORK = {
     "NUM_PROXIES": env_int("PADDOCK_TRUSTED_PROXIES", 0),
     "TEST_REQUEST_DEFAULT_FORMAT": "json",
 }
+KNOX_TOKEN_MODEL = "knox.AuthToken"
+TOKEN_DAYS = env_int("PADDOCK_TOKEN_DAYS", 90, minimum=1, maximum=366)
 REST_KNOX = {"TOKEN_TTL": None, "AUTO_REFRESH": False}
 SPECTACULAR_SETTINGS = {
     "TITLE": "Paddock",

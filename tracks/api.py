@@ -13,6 +13,8 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import ORGANISE
+
 from . import services
 from .bodies import Body
 from .models import Direction, Look, Track
@@ -79,6 +81,7 @@ class ImportSerializer(Body):
 class TracksView(generics.ListAPIView):
     """All tracks: list them, import one."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticatedOrReadOnly]
     parser_classes = [MultiPartParser]
     serializer_class = TrackSerializer

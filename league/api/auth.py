@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from django.utils import timezone
+from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from drf_spectacular.contrib.knox_auth_token import KnoxTokenScheme
 from knox.auth import TokenAuthentication as KnoxAuthentication
@@ -11,7 +13,9 @@ from rest_framework import status
 from rest_framework.authentication import get_authorization_header
 from rest_framework.exceptions import APIException, AuthenticationFailed
 
+from accounts.scopes import in_order, needed
 from accounts.second_factor import lacks_demanded_factor
+from accounts.tokens import grant_of, note_use
 
 if TYPE_CHECKING:  # views import this module
     from drf_spectacular.openapi import AutoSchema
@@ -29,12 +33,38 @@ class SecondFactorMissing(APIException):
     default_detail = gettext_lazy("This site demands a second factor of its admins. Set one up in your settings.")
 
 
+class ScopeMissing(APIException):
+    """The token was made for something else."""
+
+    status_code = status.HTTP_403_FORBIDDEN
+    default_code = "scope_missing"
+    default_detail = gettext_lazy("This token is not for that: it lacks a scope.")
+
+    def __init__(self, missing: list[str]) -> None:
+        names = ", ".join(missing)
+        super().__init__(_("This token is not for that: it lacks %(scopes)s.") % {"scopes": names})
+        self.params = {"scopes": names}
+
+
 class TokenAuthentication(KnoxAuthentication):
     """Knox's, except that the word of RFC 6750 is taken as well as Knox's own, and that bytes which are no text are an
     invalid token and not a crash."""
 
     def authenticate(self, request: Request) -> tuple | None:
-        """The racer and their token; None where neither word is there."""
+        """The racer and their token; None where neither word is there. Raises ScopeMissing, SecondFactorMissing."""
+        found = self._shown(request)
+        if found is not None:
+            racer, token = found
+            if lacks_demanded_factor(racer):
+                raise SecondFactorMissing()
+            grant = grant_of(token)
+            missing = in_order(set(needed(request.parser_context.get("view"), request.method)) - set(grant.scopes))
+            if missing:
+                raise ScopeMissing(missing)
+            note_use(grant=grant, now=timezone.now())
+        return found
+
+    def _shown(self, request: Request) -> tuple | None:
         word, __, rest = get_authorization_header(request).strip().partition(b" ")
         if word.lower() != BEARER:
             return super().authenticate(request)
@@ -46,10 +76,7 @@ class TokenAuthentication(KnoxAuthentication):
     def authenticate_credentials(self, token: bytes) -> tuple:
         if not token.isascii():
             raise AuthenticationFailed(_invalid)
-        racer, found = super().authenticate_credentials(token)
-        if lacks_demanded_factor(racer):
-            raise SecondFactorMissing()
-        return racer, found
+        return super().authenticate_credentials(token)
 
 
 class TokenScheme(KnoxTokenScheme):

@@ -96,7 +96,7 @@ def handle(exc: Exception, context: dict[str, Any]) -> Response:
 
     error = _as_api_exception(exc, context)
     set_rollback()
-    params: dict[str, Any] = {}
+    params: dict[str, Any] = dict(getattr(error, "params", {}))
     if getattr(error, "auth_header", None):
         headers["WWW-Authenticate"] = error.auth_header
     if getattr(error, "wait", None):

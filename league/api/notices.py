@@ -14,6 +14,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import RACE
 from league.models import Notice, NoticeChoice, NoticeKind
 from league.notices import sentence
 from league.selectors.notices import notices_of
@@ -94,6 +95,7 @@ class NoticesView(generics.ListAPIView):
 class NoticesReadView(APIView):
     """All of them at once."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -111,6 +113,7 @@ class NoticesReadView(APIView):
 class NoticeReadView(APIView):
     """One of them."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -132,6 +135,7 @@ class NoticeReadView(APIView):
 class NoticeSettingsView(APIView):
     """What I want to be told."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

@@ -16,6 +16,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import ORGANISE
 from league.models import Season, Stage
 from league.selectors import months_of
 from league.selectors.overview import month_races, seasons_listed
@@ -99,6 +100,8 @@ def require(request: Request, *permissions: str) -> None:
 class SeasonsWrite(APIView):
     """Making seasons; joined to the list of them in :mod:`league.api.seasons`."""
 
+    token_scope = ORGANISE
+
     @extend_schema(
         operation_id="create_season",
         summary="Make a season, for admins",
@@ -115,6 +118,8 @@ class SeasonsWrite(APIView):
 
 class SeasonWrite(APIView):
     """Changing a season; joined to reading it."""
+
+    token_scope = ORGANISE
 
     @extend_schema(
         operation_id="edit_season",
@@ -135,6 +140,7 @@ class SeasonWrite(APIView):
 class StageRulesView(APIView):
     """The rules of a stage of a season."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -157,6 +163,8 @@ class StageRulesView(APIView):
 
 class RoundsWrite(APIView):
     """Scheduling rounds; joined to the list of them."""
+
+    token_scope = ORGANISE
 
     @extend_schema(
         operation_id="create_round",

@@ -41,6 +41,7 @@ class Operation:
     summary: str
     description: str
     needs_token: bool
+    scopes: tuple[str, ...]
     body_type: str
     fields: tuple[Field, ...]
     answers: tuple[tuple[str, str], ...]
@@ -75,6 +76,7 @@ def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[s
         summary=operation.get("summary", ""),
         description=operation.get("description", ""),
         needs_token={} not in operation.get("security", [{}]),
+        scopes=tuple(operation.get("x-token-scopes", ())),
         body_type=body_type,
         fields=(
             *(_field(schema, each["name"], each["in"], each["schema"], each) for each in parameters),

@@ -6,6 +6,8 @@ from typing import Any
 
 from drf_spectacular.openapi import AutoSchema
 
+from accounts.scopes import needed
+
 WRITES = ("post", "put", "patch", "delete")
 
 ERROR = {
@@ -65,6 +67,13 @@ class Schema(AutoSchema):
 
     def get_description(self) -> str:
         return ""
+
+    def get_operation(self, *args: Any, **kwargs: Any) -> dict[str, Any] | None:
+        """The operation, and which scopes a token needs for it (none for an operation that any token may use)."""
+        operation = super().get_operation(*args, **kwargs)
+        if operation and operation.get("security", [{}]) != [{}]:
+            operation["x-token-scopes"] = list(needed(self.view, self.method))
+        return operation
 
 
 def add_errors(result: dict[str, Any], generator: Any, request: Any, public: bool) -> dict[str, Any]:

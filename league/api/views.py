@@ -23,8 +23,9 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.quotas import usage_of
+from accounts.scopes import ANY, EVERY, RACE, SCOPES
 from accounts.second_factor import factors_of, lacks_demanded_factor
-from accounts.tokens import create_token, revoke_token, tokens_of
+from accounts.tokens import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
 from league.countries import COUNTRIES
 from league.models import Racer
 from league.services.profile import change_profile
@@ -85,6 +86,16 @@ class LoginSerializer(Body):
     code = serializers.CharField(
         max_length=32, required=False, help_text="Of the second factor, where the racer has one: an app's, or on paper."
     )
+    scopes = serializers.ListField(
+        child=serializers.ChoiceField(SCOPES),
+        required=False,
+        allow_empty=False,
+        max_length=len(SCOPES),
+        help_text="What the token is for. All if left out.",
+    )
+    days = serializers.IntegerField(
+        required=False, min_value=1, max_value=LONGEST_DAYS, help_text="How long it holds; the site has a usual time."
+    )
 
 
 class TokenSerializer(serializers.Serializer):
@@ -92,6 +103,8 @@ class TokenSerializer(serializers.Serializer):
 
     token = serializers.CharField(help_text="Shown once: only a hash of it is kept.")
     alias = serializers.CharField()
+    scopes = serializers.ListField(child=serializers.ChoiceField(SCOPES), help_text="What it may be used for.")
+    expires_at = serializers.DateTimeField(help_text="From then on it is void.")
 
 
 class RacerSerializer(serializers.Serializer):
@@ -129,7 +142,15 @@ class KnownTokenSerializer(serializers.Serializer):
 
     key = serializers.CharField(source="token_key", help_text="The letters that it begins with.")
     created_at = serializers.DateTimeField(source="created")
+    scopes = serializers.SerializerMethodField(help_text="What it may be used for.")
+    expires_at = serializers.DateTimeField(source="expiry", allow_null=True, help_text="Null for never.")
+    last_used_at = serializers.DateTimeField(
+        source="grant.last_used_at", default=None, allow_null=True, help_text="To ten minutes."
+    )
     is_this_one = serializers.SerializerMethodField(help_text="The token of this very request.")
+
+    def get_scopes(self, token: AuthToken) -> list[str]:
+        return scopes_of(token)
 
     def get_is_this_one(self, token: AuthToken) -> bool:
         return token == self.context["request"].auth
@@ -137,6 +158,8 @@ class KnownTokenSerializer(serializers.Serializer):
 
 class TokenView(APIView):
     """Log in to the API and out of it."""
+
+    token_scope = ANY
 
     def get_permissions(self) -> list:
         return [AllowAny() if self.request.method == "POST" else IsAuthenticated()]
@@ -161,9 +184,11 @@ class TokenView(APIView):
         sent = serializer.validated_data
         racer = _authenticate(request, sent["login"], sent["password"])
         _show_second_factor(racer, sent.get("code", ""))
-        token = create_token(racer=racer)
+        wanted = {name: sent[name] for name in ("scopes", "days") if name in sent}
+        token, text = create_token(racer=racer, now=timezone.now(), **wanted)
         user_logged_in.send(sender=Racer, request=request._request, user=racer)
-        return Response({"token": token, "alias": racer.alias}, status=status.HTTP_201_CREATED)
+        made = {"token": text, "alias": racer.alias, "scopes": token.grant.scopes, "expires_at": token.expiry}
+        return Response(TokenSerializer(made).data, status=status.HTTP_201_CREATED)
 
     @extend_schema(
         operation_id="delete_token",
@@ -184,6 +209,7 @@ class TokenView(APIView):
 class MeView(APIView):
     """Who the token belongs to."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(operation_id="me", summary="The racer behind the token", responses=RacerSerializer, tags=["account"])
@@ -220,12 +246,13 @@ class TokensView(generics.ListAPIView):
     serializer_class = KnownTokenSerializer
 
     def get_queryset(self) -> QuerySet[AuthToken]:
-        return tokens_of(self.request.user)
+        return tokens_of(self.request.user, timezone.now())
 
 
 class TokenRevocationView(APIView):
     """Locking a program out."""
 
+    token_scope = EVERY
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

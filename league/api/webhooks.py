@@ -12,6 +12,8 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import ORGANISE
+from accounts.tokens import scopes_of
 from league import chats
 from league.happenings import EVENTS
 from league.models import Webhook, WebhookDelivery
@@ -31,7 +33,9 @@ class WebhookSerializer(serializers.Serializer):
     chat = serializers.SerializerMethodField(help_text="Discord or Slack, told in their own form; else null.")
     race = serializers.CharField(source="race.slug", default=None, allow_null=True, help_text="Null for all.")
     events = serializers.SerializerMethodField(help_text="What it is told.")
-    secret = serializers.SerializerMethodField(help_text="What signs its deliveries (whsec_ and Base64).")
+    secret = serializers.SerializerMethodField(
+        help_text="What signs its deliveries (whsec_ and Base64); empty for a token that lacks the scope organise."
+    )
     old_secret_until = serializers.DateTimeField(allow_null=True, help_text="Until then the secret before signs too.")
     created_at = serializers.DateTimeField()
 
@@ -42,7 +46,8 @@ class WebhookSerializer(serializers.Serializer):
         return hook.events or list(EVENTS)
 
     def get_secret(self, hook: Webhook) -> str:
-        return shown(hook.secret)
+        token = self.context["request"].auth
+        return shown(hook.secret) if token is None or ORGANISE in scopes_of(token) else ""
 
 
 class DeliverySerializer(serializers.Serializer):
@@ -82,6 +87,7 @@ class WebhookBody(Body):
 class WebhooksView(generics.ListAPIView):
     """A racer's webhooks: list them, add one."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
     serializer_class = WebhookSerializer
 
@@ -102,17 +108,18 @@ class WebhooksView(generics.ListAPIView):
         slug = sent.get("race")
         race = None if slug is None else get_object_or_404(races_to_hear_of(request.user), slug=slug)
         hook = add_webhook(owner=request.user, url=sent["url"], race=race, events=sent.get("events", ()))
-        return Response(WebhookSerializer(hook).data, status=status.HTTP_201_CREATED)
+        return Response(WebhookSerializer(hook, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
 
 class WebhookView(APIView):
     """One of my webhooks."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(operation_id="read_webhook", summary="A webhook", responses=WebhookSerializer, tags=["webhooks"])
     def get(self, request: Request, number: int) -> Response:
-        return Response(WebhookSerializer(_own(request, number)).data)
+        return Response(WebhookSerializer(_own(request, number), context={"request": request}).data)
 
     @extend_schema(
         operation_id="remove_webhook",
@@ -130,6 +137,7 @@ class WebhookView(APIView):
 class WebhookSecretView(APIView):
     """Another secret."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -143,12 +151,14 @@ class WebhookSecretView(APIView):
     def post(self, request: Request, number: int) -> Response:
         hook = _own(request, number)
         refuse_fields(request)
-        return Response(WebhookSerializer(change_secret(webhook=hook, now=timezone.now())).data)
+        hook = change_secret(webhook=hook, now=timezone.now())
+        return Response(WebhookSerializer(hook, context={"request": request}).data)
 
 
 class WebhookTestView(APIView):
     """Trying one."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

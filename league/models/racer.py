@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from django.contrib.auth.models import AbstractBaseUser, BaseUserManager, PermissionsMixin
 from django.core.validators import RegexValidator
-from django.db import models
+from django.db import models, transaction
 from django.db.models.functions import Lower
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from accounts.services import end_access
 from races.models import ONE_LINE
 
 ALIAS_PATTERN = r"^[A-Za-z0-9_-]{2,64}$"
@@ -78,6 +79,20 @@ class Racer(AbstractBaseUser, PermissionsMixin):
 
     def __str__(self) -> str:
         return self.alias
+
+    def set_unusable_password(self) -> None:
+        super().set_unusable_password()
+        self._closed = True
+
+    def save(self, *args, **kwargs) -> None:
+        """Whichever way a password is changed, what the old one let in ends with it. (One that is only hashed anew, by
+        stronger means, is no change.)"""
+        changed = not self._state.adding and (self._password is not None or getattr(self, "_closed", False))
+        with transaction.atomic():
+            super().save(*args, **kwargs)
+            if changed:
+                end_access(racer=self)
+        self._closed = False
 
     def get_absolute_url(self) -> str:
         return reverse("racer", args=[self.alias])

@@ -9,10 +9,12 @@ from django.contrib.auth.decorators import login_required
 from django.forms import BaseForm
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
+from accounts.forms import TokenForm
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from faults import UserFault
 from league.forms import ProfileForm
@@ -49,14 +51,16 @@ def settings_page(request: HttpRequest) -> HttpResponse:
 @reauthentication_required(enabled=lambda request: request.method == "POST", app="allauth.account")
 def api_tokens(request: HttpRequest) -> HttpResponse:
     """The racer's API tokens; a POST makes one and shows it this once."""
-    token = ""
-    if request.method == "POST":
+    text, now = "", timezone.now()
+    form = TokenForm(request.POST or None)
+    if request.method == "POST" and form.is_valid():
         try:
-            token = create_token(racer=request.user)
+            text = create_token(racer=request.user, now=now, **form.cleaned_data)[1]
         except UserFault as fault:
             messages.error(request, explain(fault))
             return redirect("api_tokens")
-    context = {"tokens": tokens_of(request.user), "token": token, "limit": TOKENS_PER_RACER}
+        form = TokenForm()
+    context = {"tokens": tokens_of(request.user, now), "token": text, "form": form, "limit": TOKENS_PER_RACER}
     return render(request, "league/tokens.html", context)
 
 

@@ -10,6 +10,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import ORGANISE
 from faults import UserFault
 from tracks.bodies import refuse_fields
 
@@ -65,6 +66,7 @@ class DuelsSerializer(serializers.Serializer):
 class DuelsView(APIView):
     """The duels of a race."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticatedOrReadOnly]
 
     @extend_schema(

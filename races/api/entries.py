@@ -11,6 +11,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import ORGANISE, RACE
 from evaluation.models import State
 from evaluation.selectors import models_of
 from faults import UserFault
@@ -97,6 +98,7 @@ class RemovalSerializer(Body):
 class EntryView(APIView):
     """My entry in a race."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(operation_id="read_entry", summary="My entry", responses=EntrySerializer, tags=["races"])
@@ -140,6 +142,7 @@ class EntryView(APIView):
 class SubmissionsView(generics.ListAPIView):
     """My submissions to a race: list them, send a car."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
     serializer_class = SubmissionSerializer
 
@@ -172,6 +175,7 @@ class SubmissionsView(generics.ListAPIView):
 class InvitationView(APIView):
     """Joining a race by its invitation."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -190,6 +194,7 @@ class InvitationView(APIView):
 class RemovalView(APIView):
     """Taking somebody out of a race for good."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

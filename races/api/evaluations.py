@@ -16,6 +16,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import RACE
 from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
@@ -268,6 +269,7 @@ class EvaluationView(APIView):
 class StopView(APIView):
     """Stopping an evaluation."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

@@ -12,6 +12,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import ORGANISE
 from faults import UserFault
 from tracks.bodies import Body, refuse_fields
 from tracks.models import Direction, Track
@@ -198,6 +199,7 @@ class CancelSerializer(Body):
 class RacesView(generics.ListAPIView):
     """Races: list them, make one."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticatedOrReadOnly]
     serializer_class = RaceSerializer
 
@@ -243,6 +245,7 @@ class RacesView(generics.ListAPIView):
 class RaceView(APIView):
     """One race."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticatedOrReadOnly]
 
     @extend_schema(operation_id="read_race", summary="A race", responses=RaceDetailSerializer, tags=["races"])
@@ -270,6 +273,7 @@ class RaceView(APIView):
 class CancelView(APIView):
     """Cancelling a race."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -290,6 +294,7 @@ class CancelView(APIView):
 class CloseView(APIView):
     """Closing a race before its time."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -309,6 +314,7 @@ class CloseView(APIView):
 class InvitationResetView(APIView):
     """Another invitation link."""
 
+    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

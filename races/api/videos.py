@@ -17,6 +17,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import RACE
 from evaluation.models import State
 from tracks.bodies import Body, refuse_fields
 from tracks.file_view import FileView
@@ -101,6 +102,7 @@ class AskSerializer(Body):
 class VideosView(APIView):
     """The videos of an evaluation."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticatedOrReadOnly]
 
     @extend_schema(
@@ -155,6 +157,7 @@ class VideoView(APIView):
 class VideoStopView(APIView):
     """Stopping a video."""
 
+    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

@@ -129,7 +129,7 @@ def test_what_concerns_the_second_factor_asks_who_is_there(with_app, path):
 
 def test_a_token_is_made_once_it_was_asked_who_is_there(alice):
     client = logged_in(alice)
-    asked = client.post("/settings/tokens/")
+    asked = client.post("/settings/tokens/", {"scopes": "read", "days": "30"})
     assert asked["Location"].startswith("/accounts/reauthenticate/")
     assert not AuthToken.objects.exists()
     client.post(asked["Location"], {"password": "guess"})

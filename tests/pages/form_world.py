@@ -80,7 +80,7 @@ class Cast:
         TrainingJob.objects.filter(pk=ended.pk).update(**values)
         vehicle = save_vehicle(owner=alice, vehicle=None, name="Buggy", sensors=["FRONT_FACING_CAMERA"])
 
-        create_token(racer=bob)
+        create_token(racer=bob, now=now)
         add_webhook(owner=alice, url="https://example.org/hook")
         self._season(world)
         tell_what_happened(now=now)

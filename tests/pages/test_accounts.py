@@ -7,6 +7,7 @@ import re
 import pytest
 from django.core import mail
 from django.core.cache import cache
+from django.utils import timezone
 from knox.models import AuthToken
 
 from accounts.tokens import TOKENS_PER_RACER, create_token
@@ -115,7 +116,7 @@ def test_the_country_is_shown_on_boards(world: World) -> None:
 
 def test_a_token_is_shown_once_works_and_is_revoked(world: World) -> None:
     client = world.client("alice")
-    page = client.post("/settings/tokens/")
+    page = client.post("/settings/tokens/", {"scopes": "read", "days": "30"})
     token = re.search(r'id="new-token" value="(\w+)"', page.content.decode())[1]
     assert "no-store" in page["Cache-Control"]
     assert token not in client.get("/settings/tokens/").content.decode()
@@ -129,8 +130,9 @@ def test_a_token_is_shown_once_works_and_is_revoked(world: World) -> None:
 
 def test_a_racer_keeps_a_limited_number_of_tokens(world: World) -> None:
     for _ in range(TOKENS_PER_RACER):
-        create_token(racer=world.alice)
-    html = world.client("alice").post("/settings/tokens/", follow=True).content.decode()
+        create_token(racer=world.alice, now=timezone.now())
+    sent = {"scopes": "read", "days": "30"}
+    html = world.client("alice").post("/settings/tokens/", sent, follow=True).content.decode()
     assert f"You have {TOKENS_PER_RACER} API tokens already" in html
     assert AuthToken.objects.count() == TOKENS_PER_RACER
 

@@ -9,6 +9,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import TRAIN
 from faults import UserFault
 from races.models import RaceType
 from tracks.bodies import Body
@@ -53,6 +54,7 @@ class RewardReportSerializer(serializers.Serializer):
 class RewardValidationView(APIView):
     """The wizard's check."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

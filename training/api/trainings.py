@@ -22,6 +22,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import TRAIN
 from faults import UserFault
 from races.api.course import BoxPlaceSerializer
 from races.api.evaluations import EvaluationSerializer
@@ -196,6 +197,7 @@ class CreateSerializer(Body):
 class TrainingsView(generics.ListAPIView):
     """A racer's trainings: list them, begin one."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
     serializer_class = TrainingSummarySerializer
 
@@ -249,6 +251,7 @@ class TrainingView(APIView):
 class TrainingStopView(APIView):
     """Stop one."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -275,6 +278,7 @@ class EvaluateBody(Body):
 class TrainingEvaluationsView(APIView):
     """A private run of what was trained."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

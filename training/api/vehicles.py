@@ -13,6 +13,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.scopes import TRAIN
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from faults import UserFault
 from tracks.bodies import Body, refuse_fields
@@ -84,6 +85,7 @@ class VehicleBody(Body):
 class VehiclesView(generics.ListAPIView):
     """A racer's vehicles: list them, add one."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
     serializer_class = VehicleSerializer
 
@@ -106,6 +108,7 @@ class VehiclesView(generics.ListAPIView):
 class VehicleView(APIView):
     """One of my vehicles."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
 
     @extend_schema(operation_id="read_vehicle", summary="A vehicle", responses=VehicleSerializer, tags=["vehicles"])

@@ -1,0 +1,212 @@
+"""API tokens: what for, until when, and what ends them all."""
+
+from __future__ import annotations
+
+import re
+from datetime import timedelta
+
+import pytest
+from allauth.account.models import EmailAddress
+from allauth.mfa.totp.internal.auth import TOTP
+from django.core import mail
+from django.core.cache import cache
+from django.db import IntegrityError
+from django.test import Client
+from django.utils import timezone
+from knox.models import AuthToken
+
+from accounts.models import KnownAddress, TokenGrant
+from accounts.scopes import SCOPES
+from accounts.tokens import NOTED_AGAIN_AFTER, create_token, note_use, tokens_of
+from league.models import Racer
+from league.services.webhooks import add_webhook
+
+PASSWORD, NEW = "correct horse battery", "quite another passphrase"
+CHANGE = {"oldpassword": PASSWORD, "password1": NEW, "password2": NEW}
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def counted_from_nothing() -> None:
+    cache.clear()
+
+
+def a_token(racer: Racer, **more) -> str:
+    return create_token(racer=racer, now=timezone.now(), **more)[1]
+
+
+def works(text: str) -> bool:
+    return Client().get("/api/v1/me/", headers={"Authorization": f"Bearer {text}"}).status_code == 200
+
+
+def logged_in(racer: Racer, password: str = PASSWORD) -> Client:
+    client = Client()
+    client.post("/accounts/login/", {"login": racer.alias, "password": password})
+    return client
+
+
+def is_in(client: Client) -> bool:
+    return client.get("/settings/").status_code == 200
+
+
+def reset(address: str, client: Client | None = None) -> None:
+    """Whoever reads the mailbox chooses a new password."""
+    client = client or Client()
+    mail.outbox.clear()
+    client.post("/accounts/password/reset/", {"email": address})
+    link = re.search(r"(/accounts/password/reset/key/\S+)", mail.outbox[-1].body)[1]
+    form = client.get(link)["Location"]
+    assert client.post(form, {"password1": NEW, "password2": NEW}).status_code == 302
+
+
+def test_a_token_holds_for_the_usual_time_and_then_no_more(alice, settings):
+    settings.TOKEN_DAYS = 3
+    token, text = create_token(racer=alice, now=timezone.now())
+    assert abs(token.expiry - timezone.now() - timedelta(days=3)) < timedelta(minutes=1)
+    assert works(text)
+    AuthToken.objects.update(expiry=timezone.now() - timedelta(seconds=1))
+    assert not tokens_of(alice, timezone.now()).exists()
+    assert not works(text)
+
+
+def test_tokens_that_are_over_make_room_for_new_ones(alice):
+    for _ in range(20):
+        a_token(alice)
+    AuthToken.objects.update(expiry=timezone.now() - timedelta(seconds=1))
+    assert works(a_token(alice))
+    assert AuthToken.objects.count() == 1
+
+
+def test_a_token_without_any_scope_cannot_be_stored(alice):
+    with pytest.raises(IntegrityError):
+        create_token(racer=alice, now=timezone.now(), scopes=[])
+
+
+def test_there_are_no_other_scopes(alice):
+    with pytest.raises(ValueError, match="everything"):
+        create_token(racer=alice, now=timezone.now(), scopes=["everything"])
+
+
+def test_a_token_from_before_there_were_scopes_works_for_all_and_for_ever(alice):
+    text = AuthToken.objects.create(user=alice)[1]
+    assert not TokenGrant.objects.exists()
+    assert "everything" in logged_in(alice).get("/settings/tokens/").content.decode()
+    assert works(text)
+    grant = TokenGrant.objects.get()
+    assert grant.scopes == [*SCOPES]
+    assert grant.last_used_at is not None
+    assert grant.token.expiry is None
+
+
+def test_use_is_noted_to_ten_minutes(alice, django_assert_num_queries, now):
+    grant = create_token(racer=alice, now=now)[0].grant
+    note_use(grant=grant, now=now)
+    with django_assert_num_queries(0):
+        note_use(grant=grant, now=now + NOTED_AGAIN_AFTER / 2)
+    note_use(grant=grant, now=now + NOTED_AGAIN_AFTER)
+    assert TokenGrant.objects.get().last_used_at == now + NOTED_AGAIN_AFTER
+
+
+def test_the_page_makes_a_token_for_what_was_ticked_and_shows_when_it_was_used(alice):
+    client = logged_in(alice)
+    asked = client.post("/settings/tokens/", {"scopes": ["read", "train"], "days": "7"})
+    page = client.post(asked["Location"], {"password": PASSWORD}).content.decode()
+    text = re.search(r'id="new-token" value="(\w+)"', page)[1]
+    grant = TokenGrant.objects.get()
+    assert grant.scopes == ["read", "train"]
+    assert abs(grant.token.expiry - timezone.now() - timedelta(days=7)) < timedelta(minutes=1)
+    assert "–" in page
+    assert works(text)
+    shown = client.get("/settings/tokens/").content.decode()
+    assert re.findall(r'<span class="tag" lang="en">(\w+)</span>', shown) == ["read", "train"]
+    assert "<td>–</td>" not in shown
+
+
+@pytest.mark.parametrize(
+    "sent", [{}, {"days": "7"}, {"scopes": ["read"], "days": "9999"}, {"scopes": ["x"], "days": "7"}]
+)
+def test_the_page_refuses_a_token_for_nothing_and_one_for_too_long(alice, sent):
+    client = logged_in(alice)
+    client.post("/accounts/reauthenticate/", {"password": PASSWORD})
+    client.post("/settings/tokens/", sent)
+    assert not AuthToken.objects.exists()
+
+
+def test_a_new_password_ends_all_tokens_and_the_sessions_of_other_devices(alice):
+    here, there, text = logged_in(alice), logged_in(alice), a_token(alice)
+    assert here.post("/accounts/password/change/", CHANGE).status_code == 302
+    assert (is_in(here), is_in(there), works(text)) == (True, False, False)
+    assert KnownAddress.objects.count() == 1  # of here
+
+
+def test_a_reset_ends_all_tokens_and_all_sessions(alice):
+    EmailAddress.objects.create(user=alice, email=alice.email, verified=True, primary=True)
+    there, text = logged_in(alice), a_token(alice)
+    reset(alice.email)
+    assert (is_in(there), works(text)) == (False, False)
+    assert is_in(logged_in(alice, NEW))
+
+
+@pytest.mark.parametrize("how", ["admin site", "unusable", "code"])
+def test_however_the_password_is_changed_tokens_end(alice, how):
+    text = a_token(alice)
+    if how == "admin site":
+        client = Client()
+        client.force_login(Racer.objects.create_superuser("sam", "sam@example.org", None))
+        sent = {"password1": NEW, "password2": NEW, "usable_password": "true"}
+        assert client.post(f"/admin/league/racer/{alice.pk}/password/", sent).status_code == 302
+    else:
+        alice.set_unusable_password() if how == "unusable" else alice.set_password(NEW)
+        alice.save()
+    assert not works(text)
+
+
+def test_a_password_that_is_only_hashed_anew_and_other_changes_end_nothing(alice, settings):
+    text = a_token(alice)
+    settings.PASSWORD_HASHERS = ["django.contrib.auth.hashers.ScryptPasswordHasher", *settings.PASSWORD_HASHERS]
+    before = alice.password
+    assert alice.check_password(PASSWORD)
+    assert Racer.objects.get().password != before
+    alice.team = "Blue"
+    alice.save()
+    assert works(text)
+
+
+def test_the_owner_of_an_address_that_somebody_has_signed_up_with_takes_the_account_over(alice):
+    """Mallory has signed up as alice, with Alice's address, and made everything that opens the account again."""
+    EmailAddress.objects.create(user=alice, email=alice.email, primary=True)
+    session, text = logged_in(alice), a_token(alice)
+    EmailAddress.objects.create(user=alice, email="mallory@example.org")
+    TOTP.activate(alice, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
+    add_webhook(owner=alice, url="https://mallory.example.org/hook")
+    reset(alice.email)
+    assert (is_in(session), works(text)) == (False, False)
+    assert list(alice.emailaddress_set.values_list("email", "verified", "primary")) == [(alice.email, True, True)]
+    assert not alice.webhooks.exists()
+    assert is_in(logged_in(alice, NEW))  # without a second factor
+
+
+def test_an_address_that_a_racer_is_only_about_to_change_to_resets_no_password(alice):
+    EmailAddress.objects.create(user=alice, email=alice.email, primary=True)
+    EmailAddress.objects.create(user=alice, email="mallory@example.org")
+    mail.outbox.clear()
+    Client().post("/accounts/password/reset/", {"email": "mallory@example.org"})
+    assert not [message for message in mail.outbox if "/password/reset/key/" in message.body]
+
+
+def test_a_reset_of_a_verified_account_keeps_second_factor_and_webhooks(alice):
+    EmailAddress.objects.create(user=alice, email=alice.email, verified=True, primary=True)
+    TOTP.activate(alice, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
+    add_webhook(owner=alice, url="https://example.org/hook")
+    reset(alice.email)
+    assert alice.webhooks.exists()
+    assert not is_in(logged_in(alice, NEW))
+
+
+def test_who_has_reset_the_password_comes_in_from_there_while_others_guess(alice):
+    for number in range(30):
+        Client(REMOTE_ADDR=f"203.0.113.{number}").post("/accounts/login/", {"login": "alice", "password": "guess"})
+    away = Client(REMOTE_ADDR="198.51.100.7")
+    assert away.post("/accounts/login/", {"login": "alice", "password": PASSWORD}).status_code == 200
+    reset(alice.email, away)
+    assert away.post("/accounts/login/", {"login": "alice", "password": NEW}).status_code == 302
