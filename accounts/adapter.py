@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
+from urllib.parse import urlsplit
 
 from allauth.account.adapter import DefaultAccountAdapter
 from django.conf import settings
 from django.contrib.auth.base_user import AbstractBaseUser
+from django.contrib.sites.requests import RequestSite
+from django.core.mail import EmailMessage
 from django.db import transaction
 from django.forms import BaseForm
 from django.http import HttpRequest
 from django.utils import timezone
 
 from . import log_in
+from .aliases import is_reserved
 from .selectors import open_invitation
 from .services import take_up_invitation
 from .sign_up import CODE, INVITATION, OPEN
@@ -37,6 +42,24 @@ class AccountAdapter(DefaultAccountAdapter):
                 take_up_invitation(code=request.session.get(CODE, ""), now=timezone.now())
         request.session.pop(CODE, None)
         return user
+
+    def clean_username(self, username: str, shallow: bool = False) -> str:
+        """Raises ValidationError for an alias that seems to speak for the site, too."""
+        alias = super().clean_username(username, shallow)
+        if is_reserved(alias):
+            raise self.validation_error("username_blacklisted")
+        return alias
+
+    def render_mail(
+        self,
+        template_prefix: str,
+        email: str | list[str],
+        context: dict[str, Any],
+        headers: dict[str, str] | None = None,
+    ) -> EmailMessage:
+        """A mail says where the site is by the settings, not by what a request was sent to."""
+        where = RequestSite(SimpleNamespace(get_host=lambda: urlsplit(settings.SITE_URL).netloc))
+        return super().render_mail(template_prefix, email, context | {"current_site": where}, headers)
 
     def pre_authenticate(self, request: HttpRequest, **credentials: Any) -> None:
         """Count the attempt; allauth takes it back once the password was right. Raises ValidationError beyond the

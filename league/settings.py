@@ -88,6 +88,7 @@ INSTALLED_APPS = [
 ]
 
 MIDDLEWARE = [
+    "league.addresses.ConfiguredLinks",
     "django.middleware.security.SecurityMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "league.delivery.PublicReads",
@@ -313,7 +314,7 @@ ACCOUNT_LOGIN_METHODS = {"email", "username"}
 ACCOUNT_SIGNUP_FIELDS = ["email*", "username*", "password1*", "password2*"]
 ACCOUNT_USERNAME_VALIDATORS = "league.models.ALIAS_VALIDATORS"
 ACCOUNT_USERNAME_MIN_LENGTH = 2
-ACCOUNT_USERNAME_BLACKLIST = ["admin", "administrator", "paddock", "house", "steward", "anonymous", "me", "new"]
+ACCOUNT_EMAIL_SUBJECT_PREFIX = f"[{_site_host}] "
 ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional", ("none", "optional", "mandatory"))
 ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True

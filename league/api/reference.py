@@ -11,6 +11,8 @@ from django.shortcuts import render
 from django.views.decorators.http import require_safe
 from drf_spectacular.generators import SchemaGenerator
 
+from league.addresses import origin_of
+
 from .schema import WRITES
 
 METHODS = ("get", *WRITES)
@@ -50,7 +52,7 @@ class Operation:
 @require_safe
 def page(request: HttpRequest) -> HttpResponse:
     """Every operation by subject."""
-    return render(request, "league/api.html", {"subjects": operations()})
+    return render(request, "league/api.html", {"subjects": operations(), "origin": origin_of(request)})
 
 
 @lru_cache(maxsize=1)

@@ -17,6 +17,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 from accounts.forms import TokenForm
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from faults import UserFault
+from league.addresses import origin_of
 from league.forms import ProfileForm
 from league.services.profile import change_profile
 from tracks.forms import add_fault, explain
@@ -61,6 +62,7 @@ def api_tokens(request: HttpRequest) -> HttpResponse:
             return redirect("api_tokens")
         form = TokenForm()
     context = {"tokens": tokens_of(request.user, now), "token": text, "form": form, "limit": TOKENS_PER_RACER}
+    context["origin"] = origin_of(request)
     return render(request, "league/tokens.html", context)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import pytest
 from django.core.cache import cache
-from knox.models import AuthToken
+from django.utils import timezone
 from rest_framework.test import APIClient
 
+from accounts.tokens import create_token, note_use
 from league.models import Racer
 
 
@@ -30,7 +31,9 @@ def as_racer() -> Callable[[Racer | None], APIClient]:
     def make(racer: Racer | None) -> APIClient:
         client = APIClient()
         if racer is not None:
-            client.credentials(HTTP_AUTHORIZATION=f"Token {AuthToken.objects.create(user=racer)[1]}")
+            token, text = create_token(racer=racer, now=timezone.now())
+            note_use(grant=token.grant, now=timezone.now())
+            client.credentials(HTTP_AUTHORIZATION=f"Token {text}")
         return client
 
     return make

@@ -49,12 +49,13 @@ class Cast:
             racer.save()
         EmailAddress.objects.create(user=alice, email=alice.email, primary=True, verified=True)
         EmailAddress.objects.create(user=alice, email="alice.again@example.org")
-        fresh = EmailAddress.objects.create(user=bob, email=bob.email, primary=True)
+        EmailAddress.objects.create(user=bob, email=bob.email, primary=True, verified=True)
 
         left = a_race(now, slug="left-race", name="Left race")
         withdraw(entry=enter_race(race=left, racer=newcomer, now=now), now=now)
         enter_race(race=world.race, racer=newcomer, now=now)
         gone = a_racer("gone")
+        fresh = EmailAddress.objects.create(user=gone, email=gone.email, primary=True)
         remove_entry(entry=enter_race(race=world.race, racer=gone, now=now), by=alice, now=now, reason="Rude")
         a_race(now, slug="later-race", name="Later race", opens_at=now + timedelta(days=2), organiser=alice)
         a_race(now, slug="rain-race", name="Rain race", organiser=alice)
@@ -80,7 +81,7 @@ class Cast:
         TrainingJob.objects.filter(pk=ended.pk).update(**values)
         vehicle = save_vehicle(owner=alice, vehicle=None, name="Buggy", sensors=["FRONT_FACING_CAMERA"])
 
-        create_token(racer=bob, now=now)
+        create_token(racer=world.admin, now=now)
         add_webhook(owner=alice, url="https://example.org/hook")
         self._season(world)
         tell_what_happened(now=now)
