@@ -12,8 +12,8 @@ root staff steward stewards support sysadmin superuser system webmaster
 # As a whole.
 _NAMES = """
 about abuse account accounts all anonymous anyone api app billing bot bots contact docs deleted everybody everyone
-example guest health help host hostmaster info league localhost login logout me moderation new nobody none noreply notices null
-password postmaster privacy race racer racers races removed results rules season seasons security service settings
+example guest health help host hostmaster info league localhost login logout me moderation new nobody none noreply
+notices null password postmaster privacy race racer racers races removed results rules season seasons security service
 signup static status team test track tracks train training undefined unknown user users webhooks workers www you
 """
 # Marks that look like letters; l, i and 1 are one, and so are o and 0.
