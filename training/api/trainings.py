@@ -222,6 +222,7 @@ class TrainingsView(generics.ListAPIView):
 class TrainingView(APIView):
     """One training."""
 
+    token_scope = TRAIN
     permission_classes = [IsAuthenticated]
 
     @extend_schema(operation_id="read_training", summary="A training", responses=TrainingSerializer, tags=["trainings"])
