@@ -6,7 +6,8 @@ import pytest
 
 from tests.evaluation import test_processes as processes
 
-FILES = [f"tests/evaluation/test_{name}.py" for name in ("states", "queue", "rivals", "work", "garage", "storm")]
+NAMES = ("states", "queue", "turns", "rivals", "work", "garage", "storm")
+FILES = [f"tests/evaluation/test_{name}.py" for name in NAMES]
 CUT_OFF = (  # in the middle of a transaction; a stop, a wall or a whole worker's end is the same with every database
     processes.test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result,
     processes.test_a_pool_process_killed_in_a_run_is_made_up_for_with_redis_too,
