@@ -128,4 +128,4 @@ def test_six_tabs_save_the_same_vehicle_and_one_does(now):
 @pytest.mark.slow
 @pytest.mark.django_db(transaction=False)
 def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
-    again_on_postgresql(*(f"tests/training/test_{name}.py" for name in ("concurrency", "leases", "create")))
+    again_on_postgresql(*(f"tests/training/test_{name}.py" for name in ("concurrency", "leases", "create", "removal")))
