@@ -10,6 +10,7 @@ import json
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -20,12 +21,16 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
+from http.client import HTTPException
 from pathlib import Path
 
+import boto3
 import pytest
 
 from tests.evaluation.processes import family_of
 from tests.league.test_run import environment, free_port
+from tests.outages.bucket import BUCKET, KEY, S3Server
+from tests.postgres import postgres
 from tests.servers import short_folder
 from tests.shared import CHECKOUT
 
@@ -155,7 +160,7 @@ class Storm:
             with suppress(ValueError):
                 return error.code, json.loads(told)
             return error.code, {}
-        except (OSError, ValueError):
+        except (OSError, ValueError, HTTPException):
             return 0, {}
 
 
@@ -191,6 +196,67 @@ def embedded(folder: Path) -> Iterator[Place]:
     yield Place(_settings(data), storage_away, broker_away)
 
 
+@contextmanager
+def grown(folder: Path) -> Iterator[Place]:
+    """PostgreSQL, Redis, files in S3."""
+    redis = _Redis(folder)
+    bucket = S3Server()
+    key = {"AWS_ACCESS_KEY_ID": KEY["access_key"], "AWS_SECRET_ACCESS_KEY": KEY["secret_key"]}
+    where = {"AWS_ENDPOINT_URL": bucket.address, "AWS_DEFAULT_REGION": "us-east-1", "STORAGE": f"s3://{BUCKET}"}
+
+    @contextmanager
+    def storage_away() -> Iterator[None]:
+        bucket.be("stopped")
+        try:
+            yield
+        finally:
+            bucket.be("")
+
+    @contextmanager
+    def broker_away() -> Iterator[None]:
+        redis.stop()
+        try:
+            yield
+        finally:
+            redis.start()
+
+    try:
+        names = {"endpoint_url": bucket.address, "region_name": "us-east-1"}
+        boto3.client("s3", aws_access_key_id="a-key", aws_secret_access_key="a-secret", **names).create_bucket(
+            Bucket=BUCKET
+        )
+        redis.start()
+        with postgres() as url:
+            ours = {"DATABASE_URL": url, "CELERY_BROKER_URL": redis.url, **key, **where}
+            yield Place(_settings(folder / "d") | ours, storage_away, broker_away)
+    finally:
+        redis.stop()
+        bucket.close()
+
+
+class _Redis:
+    """A Redis server that goes and comes back, as empty as it began."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._port = folder, free_port()
+        self._process: subprocess.Popen | None = None
+        self.url = f"redis://127.0.0.1:{self._port}/0"
+
+    def start(self) -> None:
+        options = ["--port", str(self._port), "--bind", "127.0.0.1", "--save", "", "--dir", str(self._folder)]
+        self._process = subprocess.Popen(["redis-server", *options], stdout=subprocess.DEVNULL)
+        _until(self._answers, 30)
+
+    def _answers(self) -> bool:
+        with socket.socket() as client:
+            return client.connect_ex(("127.0.0.1", self._port)) == 0
+
+    def stop(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+
 def _name(pid: int) -> str:
     """What a process is. OSError when it is gone."""
     said = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
@@ -218,7 +284,7 @@ def _settings(data: Path) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("where", [embedded])
+@pytest.mark.parametrize("where", [embedded, grown])
 def test_every_car_that_was_accepted_gets_its_result_once(where, tmp_path):
     with short_folder() as folder, where(folder) as place:
         storm = Storm(place, tmp_path / "site.log", seed=1)
