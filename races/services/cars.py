@@ -1,13 +1,15 @@
 """One car, one place: whoever sent a car to a race first keeps its place, unless the race lets racers share cars.
 
-House cars take no place from anybody, and a car whose racer has left the race is free again. The place is a row
+The racer who brought a car to the site has its place before all who got it from them, whenever they send it: who shares
+a car is not to be shut out of a race by whoever sends it sooner. House cars take no place from anybody, and a car whose racer has left the race is free again. The place is a row
 (:class:`~races.models.RaceCar`), once for each race and car, written under the race's lock.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Collection, Iterable
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING
 from django.db import transaction
 from django.db.models import Exists, OuterRef, Q, QuerySet
 
-from evaluation.models import Network
+from evaluation.models import Network, TrainedModel
 from faults import UserFault
 
 from ..models import Entry, Race, RaceCar, RefusedCar, Submission, car_of
@@ -32,7 +34,8 @@ BATCH = 500
 def take_place(*, entry: Entry, race: Race, network: Network) -> None:
     """Take a car's place in a race for an entry; both are locked by the caller.
 
-    Raises UserFault("car_of_another") when another entry that is in the race sent the car before.
+    Raises UserFault("car_of_another") when another entry that is in the race sent the car before, unless the car came
+    from this entry's racer: then the other's result goes once the transaction is committed.
     """
     if race.shared_cars or entry.is_baseline:
         return
@@ -45,8 +48,13 @@ def take_place(*, entry: Entry, race: Race, network: Network) -> None:
     elif place.entry_id != entry.pk and not _is_held(place):
         RaceCar.objects.filter(pk=place.pk).update(entry=entry)
         return
-    if place.entry_id != entry.pk:
+    if place.entry_id == entry.pk:
+        return
+    sent = _counted(race).filter(_same(car)).values_list("network", flat=True)
+    if _brought_by({*sent, network.pk}) != entry.racer_id:
         raise UserFault("car_of_another", racer=place.entry.racer.alias)
+    RaceCar.objects.filter(pk=place.pk).update(entry=entry)
+    transaction.on_commit(partial(settle_cars, race=race), robust=True)
 
 
 def note_refused(*, race: Race, racer: Racer, network: Network, now: datetime) -> None:
@@ -60,15 +68,15 @@ def note_refused(*, race: Race, racer: Racer, network: Network, now: datetime) -
 
 @transaction.atomic
 def settle_cars(*, race: Race) -> int:
-    """Work out anew whose each car of a race is, by when they were sent, and the standings of whom that changes.
-    Returns how many submissions count now that did not, or the other way round."""
+    """Work out anew whose each car of a race is, by who brought it and when it was sent, and the standings of whom that
+    changes. Returns how many submissions count now that did not, or the other way round."""
     entries = {entry.pk: entry for entry in lock_entries(race.entries.values_list("pk", flat=True))}
     race = Race.objects.get(pk=race.pk)
-    holders: dict[str, int] = {}
+    holders = _holders(race)
     changed = []
     for submission in _counted(race).select_related("network").order_by("submitted_at", "pk").iterator(BATCH):
         car = car_of(submission.network_id, submission.network.facts)
-        holder = holders.setdefault(car, submission.entry_id)
+        holder = holders[car]
         wanted = None if race.shared_cars or holder == submission.entry_id else holder
         if submission.car_of_id != wanted:
             submission.car_of_id = wanted
@@ -113,12 +121,36 @@ def _counted(race: Race) -> QuerySet[Submission]:
     )
 
 
+def _holders(race: Race) -> dict[str, int]:
+    """The entry whose each car of a race is: of the racer who brought the car to the site, else who sent it first."""
+    entries: dict[str, dict[int, int]] = defaultdict(dict)  # of each car, by racer
+    networks: dict[str, set[str]] = defaultdict(set)
+    columns = ("network", "network__facts", "entry", "entry__racer")
+    for sha256, facts, entry, racer in _counted(race).order_by("submitted_at", "pk").values_list(*columns).iterator():
+        car = car_of(sha256, facts)
+        entries[car].setdefault(racer, entry)
+        networks[car].add(sha256)
+    first = {car: next(iter(sent_by.values())) for car, sent_by in entries.items()}
+    several = [car for car, sent_by in entries.items() if len(sent_by) > 1]
+    return first | {car: entries[car].get(_brought_by(networks[car]), first[car]) for car in several}
+
+
+def _brought_by(networks: Collection[str]) -> int | None:
+    """The racer in whose garage one of these networks was before it was in any other; the house's id for its own."""
+    models = TrainedModel.objects.filter(network__in=networks).order_by("created_at", "pk")
+    return models.values_list("owner", flat=True).first()
+
+
+def _same(car: str) -> Q:
+    """Submissions of a car."""
+    return Q(network=car) | Q(network__facts__answers=car)
+
+
 def _is_held(place: RaceCar) -> bool:
     """Whether the entry is still in the race with this car."""
     if place.entry.is_withdrawn:
         return False
-    same = Q(network=place.car) | Q(network__facts__answers=place.car)
-    return Submission.objects.filter(same, entry=place.entry, is_void=False).exists()
+    return Submission.objects.filter(_same(place.car), entry=place.entry, is_void=False).exists()
 
 
 def _write_places(race: Race, holders: dict[str, int]) -> None:

@@ -202,9 +202,9 @@ def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on
 
 def test_of_two_racers_who_send_the_same_car_at_once_one_has_its_place(now):
     for _ in range(3):
-        race, racers = a_race(now), [a_racer() for _ in range(4)]
-        models = [a_model(racer) for racer in racers]
-        TrainedModel.objects.filter(pk__in=[model.pk for model in models]).update(network=models[0].network)
+        race, sample = a_race(now), a_model(a_racer(is_house=True))
+        models = [a_model(a_racer()) for _ in range(4)]
+        TrainedModel.objects.filter(pk__in=[model.pk for model in models]).update(network=sample.network)
         models = [TrainedModel.objects.select_related("network").get(pk=model.pk) for model in models]
         answers = at_once(
             [lambda m=m, race=race: submit_model(race=race, racer=m.owner, model=m, now=now) for m in models]

@@ -90,6 +90,33 @@ class TestSending:
             edit_race(race=race, now=now, shared_cars=False)
         assert "shared_cars" in caught.value.errors.error_dict
 
+    @pytest.mark.parametrize("answers", [None, "a"])
+    def test_nobody_shuts_out_who_shares_a_car_by_sending_it_first(
+        self, alice, bob, now, answers, django_capture_on_commit_callbacks
+    ):
+        race, mine = a_race(now), a_model(alice)
+        if answers:
+            copy = answering(a_model(bob), answers)
+            answering(mine, answers)
+        else:
+            copy = a_copy(bob, mine)
+        finish(submit_model(race=race, racer=bob, model=copy, now=now), LAPS, now)
+        assert ranks(race) == {"bob": 1}
+        with django_capture_on_commit_callbacks(execute=True):
+            finish(submit_model(race=race, racer=alice, model=mine, now=now + HOUR), LAPS, now)
+        assert ranks(race) == {"alice": 1, "bob": None}
+        other = a_racer("carol")
+        refused(race=race, racer=other, model=a_copy(other, mine), now=now)
+        with django_capture_on_commit_callbacks(execute=True):
+            withdraw(entry=Entry.objects.get(racer=alice), now=now + HOUR)
+        assert ranks(race) == {"bob": 1}, "who brought it has left"
+
+    def test_a_car_of_the_house_is_whose_who_sends_it_first_however_long_others_have_had_it(self, alice, bob, now):
+        race, sample = a_race(now), a_model(a_racer(is_house=True))
+        a_copy(alice, sample)
+        assert submit_model(race=race, racer=bob, model=a_copy(bob, sample), now=now)
+        refused(race=race, racer=alice, model=TrainedModel.objects.get(owner=alice), now=now)
+
     def test_a_house_car_takes_nobodys_place_and_nobody_takes_the_houses(self, alice, bob, now):
         race, house = a_race(now), a_racer(is_house=True)
         sample = a_model(house)
@@ -147,7 +174,7 @@ class TestWhoWasInAlready:
         assert settle_due(now=now) == 1 and settle_due(now=now) == 0
         assert ranks(race) == {"alice": 1, "bob": None}
         page = Client().get(race.get_absolute_url()).content.decode()
-        assert "excluded: same car as alice, who sent it first" in page
+        assert "excluded: same car as alice, whose it is" in page
         rows = {
             row["racer"]: row["car_of"] for row in Client().get(f"/api/v1/races/{race.slug}/board/").json()["results"]
         }
