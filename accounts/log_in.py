@@ -32,6 +32,7 @@ RATES = {
     "racer_from_address": "5/5m/key",
     "address": "60/5m/key,600/d/key",
     "racer": "20/h/key",
+    "challenge": "60/m/key",
 }
 KNOWN_FOR = timedelta(days=90)
 KNOWN_PER_RACER = 20
@@ -75,6 +76,13 @@ def begin(request: HttpRequest, credentials: Mapping[str, Any], now: datetime) -
             return None
         attempt.counted.append(usage)
     return attempt
+
+
+def may_ask_for_challenge(request: HttpRequest) -> bool:
+    """Count a guest who asks for a passkey's challenge, which a session keeps; False where it is one too many."""
+    address = ratelimit.get_ip(request)
+    usage = ratelimit.consume(request, app="accounts", action="challenge", config=RATES, key=address, limit_get=True)
+    return usage is not None
 
 
 def is_known(racer: Racer | None, address: str, now: datetime) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from django.conf import settings
 from django.http import HttpRequest
 from django.utils import timezone
 
@@ -12,6 +13,8 @@ from .services import take_over
 
 if TYPE_CHECKING:
     from league.models import Racer
+
+PASSING, PASSING_S = "passing", 600
 
 
 def take_over_on_reset(sender: object, *, user: Racer, **kwargs: object) -> None:
@@ -23,3 +26,17 @@ def know_the_address(sender: object, *, request: HttpRequest | None, user: Racer
     """Somebody has logged in, or chosen a new password: they are known at this address."""
     if request is not None:
         remember_address(racer=user, request=request, now=timezone.now())
+
+
+def begin_passing_session(request: HttpRequest) -> None:
+    """A guest's session that ends after ten minutes, unless they log in with it."""
+    request.session[PASSING] = True
+    request.session.set_expiry(PASSING_S)
+
+
+def keep_the_session(sender: object, *, request: HttpRequest | None, user: Racer, **kwargs: object) -> None:
+    """Who has logged in with a guest's session keeps it as long as any."""
+    if request is None or settings.SESSION_COOKIE_NAME not in request.COOKIES:
+        return
+    if request.session.pop(PASSING, False):
+        request.session.set_expiry(None)

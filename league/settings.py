@@ -196,6 +196,7 @@ CELERY_BEAT_SCHEDULE = {
     "old_videos": {"task": "races.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
+    "old_sessions": {"task": "league.tasks.old_sessions", "schedule": 3600.0, "options": {"expires": 3600}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 

@@ -6,6 +6,7 @@ import logging
 
 from celery import shared_task
 from celery.signals import worker_ready
+from django.contrib.sessions.models import Session
 from django.utils import timezone
 
 from evaluation.services.bell import send
@@ -53,6 +54,12 @@ def webhooks() -> int:
 def deliver() -> int:
     """Send what is due beside whoever else does. Returns how many deliveries were tried."""
     return deliver_due(now=timezone.now())
+
+
+@shared_task
+def old_sessions() -> int:
+    """Remove the sessions that are over. Returns how many."""
+    return Session.objects.filter(expire_date__lt=timezone.now()).delete()[0]
 
 
 @worker_ready.connect

@@ -2,6 +2,7 @@
 
 from allauth.account.decorators import secure_admin_login
 from allauth.account.views import LoginView
+from django.conf import settings
 from django.contrib import admin
 from django.urls import include, path, re_path
 from django.views.decorators.csrf import csrf_exempt
@@ -57,6 +58,11 @@ urlpatterns = [
     path("", include("tracks.urls")),
     path("accounts/login/", LoginView.as_view(form_class=LoginForm), name="account_login"),
     path("accounts/signup/", account.SignUpView.as_view(form_class=SignUpForm), name="account_signup"),
+    *(
+        [path("accounts/2fa/webauthn/login/", account.PasskeyLogInView.as_view(), name="mfa_login_webauthn")]
+        if "webauthn" in settings.MFA_SUPPORTED_TYPES
+        else []
+    ),
     path("accounts/", include("allauth.urls")),
     path("api/", include("league.api.urls")),
     # without a token, so that pages for guests need none: a cookie with a language is all that it makes

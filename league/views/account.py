@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from allauth.account.decorators import reauthentication_required
 from allauth.account.views import SignupView
+from allauth.core import ratelimit
+from allauth.mfa.webauthn.views import LoginWebAuthnView
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.forms import BaseForm
@@ -15,6 +19,8 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.forms import TokenForm
+from accounts.log_in import may_ask_for_challenge
+from accounts.receivers import begin_passing_session
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from faults import UserFault
 from league.addresses import origin_of
@@ -32,6 +38,19 @@ class SignUpView(SignupView):
         except UserFault as fault:
             add_fault(form, fault)
             return self.form_invalid(form)
+
+
+class PasskeyLogInView(LoginWebAuthnView):
+    """allauth's. Every guest who asks for a challenge is given a session, so how often is limited, and how long it
+    stays unless they log in."""
+
+    def get(self, request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponse:
+        if not may_ask_for_challenge(request):
+            return ratelimit.respond_429(request)
+        answer = super().get(request, *args, **kwargs)
+        if not request.session.is_empty():
+            begin_passing_session(request)
+        return answer
 
 
 @login_required
