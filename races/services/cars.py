@@ -1,8 +1,9 @@
 """One car, one place: whoever sent a car to a race first keeps its place, unless the race lets racers share cars.
 
 The racer who brought a car to the site has its place before all who got it from them, whenever they send it: who shares
-a car is not to be shut out of a race by whoever sends it sooner. House cars take no place from anybody, and a car whose racer has left the race is free again. The place is a row
-(:class:`~races.models.RaceCar`), once for each race and car, written under the race's lock.
+a car is not to be shut out of a race by whoever sends it sooner. House cars take no place from anybody, and a car whose
+racer has left the race is free again. The place is a row (:class:`~races.models.RaceCar`), once for each race and car,
+written under the race's lock.
 """
 
 from __future__ import annotations
