@@ -58,13 +58,18 @@ _last: tuple[float, Readiness] | None = None
 
 
 def readiness() -> Readiness:
-    """What was found at most :data:`KEPT_S` seconds ago."""
+    """What was found at most :data:`KEPT_S` seconds ago, or before the look that is being taken now: a part that does
+    not answer keeps one request of this process waiting, and not every thread of it."""
     global _last
-    with _looking:
+    if not _looking.acquire(blocking=_last is None):
+        return _last[1]
+    try:
         if _last is None or monotonic() - _last[0] > KEPT_S:
             found = look()
             _last = (monotonic(), found)
         return _last[1]
+    finally:
+        _looking.release()
 
 
 def look() -> Readiness:

@@ -7,6 +7,7 @@ import sqlite3
 from collections import namedtuple
 from contextlib import closing
 from datetime import timedelta
+from threading import Thread
 
 import pytest
 from django.conf import settings
@@ -97,6 +98,24 @@ def test_a_database_that_is_read_and_cannot_be_written_is_named(monkeypatch) -> 
         assert broken() == {"writes"}
         other.execute("ROLLBACK")
     assert broken() == set()
+
+
+def test_a_part_that_drips_keeps_one_request_waiting_and_no_other(monkeypatch) -> None:
+    asked: list[health.Readiness] = []
+    before = health.Readiness({"storage": True})
+
+    def drips() -> health.Readiness:
+        others = [Thread(target=lambda: asked.append(health.readiness()), daemon=True) for _ in range(3)]
+        for other in others:
+            other.start()
+        for other in others:
+            other.join(2)
+        return health.Readiness({"storage": False})
+
+    monkeypatch.setattr(health, "_last", (0.0, before))
+    monkeypatch.setattr(health, "look", drips)
+    assert not health.readiness().is_ready
+    assert asked == [before] * 3
 
 
 def test_migrations_that_have_not_run_are_named() -> None:
