@@ -6,6 +6,8 @@ Three counts, all of wrong guesses only (a right one takes back what it has coun
 - from one address, whoever is guessed, so that one machine does not try its way through all racers;
 - of one racer from all addresses together.
 
+Guesses by a racer's e-mail address and by their alias are counted apart, so that nobody learns whose address it is.
+
 The last two do not hold where the racer has logged in from this very address before: whatever others do, from there or
 from elsewhere, its owner comes in.
 """
@@ -63,7 +65,10 @@ def racer_with(credentials: Mapping[str, Any]) -> Racer | None:
 def begin(request: HttpRequest, credentials: Mapping[str, Any], now: datetime) -> Attempt | None:
     """Count an attempt to log in, before the password is looked at; None where it is one too many."""
     racer = racer_with(credentials)
-    who = f"racer {racer.pk}" if racer else str(credentials.get("email") or credentials.get("username")).casefold()
+    email = credentials.get("email")
+    # by address and by alias apart: were they one count, who uses up that of an address would see whose alias is stuck
+    named = "address" if email else "alias"
+    who = f"{named} of {racer.pk}" if racer else str(email or credentials.get("username")).casefold()
     address = ratelimit.get_ip(request)
     limits = [("racer_from_address", f"{address} {who}")]
     if not is_known(racer, address, now):

@@ -120,11 +120,18 @@ def test_five_wrong_guesses_stop_the_guesser_and_the_right_one_is_no_longer_told
     assert PASSWORD not in hashed
 
 
-def test_page_api_alias_and_address_are_counted_together(alice):
-    guess("alice", 2, by="page")
+def test_page_and_api_are_counted_together_however_the_alias_is_written(alice):
+    guess("alice", 3, by="page")
     guess("Alice", 2, by="api")
-    guess("alice@example.org", 1)
     assert not logs_in("alice", at=ELSEWHERE)
+
+
+@pytest.mark.parametrize("address", ["alice@example.org", "ALICE@example.org", "nobody@example.org"])
+def test_who_uses_up_the_guesses_at_an_address_does_not_learn_whose_alias_it_belongs_to(alice, hashed, address):
+    guess(address, 6)
+    hashed.clear()
+    guess("alice", 1)
+    assert hashed == ["guess 0"]
 
 
 def test_guesses_from_elsewhere_never_lock_the_owner_out(alice):
