@@ -23,6 +23,7 @@ GIVEN = {
     "restore": ["nothing.backup"],
     "evaluate": ["nothing.tar.gz", "--track", "oval"],
     "export_season": ["2026", "out"],
+    "forget_second_factor": ["alice"],
     "import_season": ["season"],
     "import_track": ["track.npy"],
     "replay_trace": ["nothing.csv", "--track", "a-track-of-ours"],
@@ -75,7 +76,8 @@ def test_every_command_is_tried_here():
 def test_without_a_database(run, command):
     sentence = said(run(command, *GIVEN[command]))
     assert "database_not_ready" in sentence or "cannot be " in sentence or "import_no_folder" in sentence
-    assert ("database_not_ready" in sentence) == (command in ("backup", "export_season", "import_track", "verify"))
+    asking = ("backup", "export_season", "forget_second_factor", "import_track", "verify")
+    assert ("database_not_ready" in sentence) == (command in asking)
 
 
 @pytest.mark.parametrize(

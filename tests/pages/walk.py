@@ -116,7 +116,7 @@ def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str
             *(f"/models/{world.model.public_id}/edit/", f"/models/{world.model.public_id}/delete/"),
             *("/vehicles/", "/vehicles/new/", f"/vehicles/{vehicle.public_id}/"),
             *(f"/vehicles/{vehicle.public_id}/delete/", "/train/", "/train/new/"),
-            *(f"/train/{trained.public_id}/", f"/train/{training.public_id}/"),
+            *(f"/train/{trained.public_id}/", f"/train/{training.public_id}/", f"/train/{trained.public_id}/delete/"),
             *("/learn/", "/learn/laboratory/", "/learn/elsewhere/", *(f"/learn/{each.slug}/" for each in LESSONS)),
             *("/tracks/", "/tracks/oval/", "/tracks/import/"),
             *("/seasons/", at, f"{at}standings/", f"{at}finales/", f"{at}rules/", f"{at}calendar/"),
