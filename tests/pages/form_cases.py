@@ -147,7 +147,7 @@ CASES = [
     Case("alice", "/train/{job}/", "Stop the training", "The training is stopped before it began."),
     Case("alice", "/train/{ended}/", "Evaluate: three laps", "css=#evaluation"),
     Case("alice", "/train/{ended}/", "css=form[action$='/submit/'] button", "css=#board"),
-    Case("alice", "/train/{ended}/delete/", "Delete", "The training is deleted."),
+    Case("alice", "/train/{ended}/delete/", "Delete", "The training is deleted:"),
     Case("alice", "/learn/laboratory/", "Show it on the track", "css=#maps svg"),
     Case("alice", "/learn/laboratory/", "Validate", "It works:", scripts=False),
     # runs
