@@ -46,7 +46,7 @@ def prepare(racers: int, races: int) -> dict[str, Any]:
     for number in range(racers):
         racer = a_racer(f"storm-{number}")
         model = upload_model(owner=racer, files=_car(number), now=now).model
-        cars[create_token(racer=racer)] = model.public_id
+        cars[create_token(racer=racer, now=now)[1]] = model.public_id
     return {"cars": cars, "races": [race.slug for race in open_races]}
 
 
