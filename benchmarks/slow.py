@@ -47,11 +47,11 @@ class Figures:
     seconds: dict[str, list[float]] = field(default_factory=dict)
 
     def shown(self) -> dict[str, float | int]:
-        """Milliseconds: median, 95th of a hundred and the longest of each, beside ``open`` and ``failed``."""
+        """Milliseconds: median, 95th and 99th of a hundred and the longest of each, beside ``open`` and ``failed``."""
         found: dict[str, float | int] = {"slow_connections": self.most_open, "failed": self.failed}
         for name, all_seconds in self.seconds.items():
             ordered = sorted(all_seconds)
-            for label, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0)):
+            for label, share in (("p50", 0.5), ("p95", 0.95), ("p99", 0.99), ("max", 1.0)):
                 at = min(len(ordered) - 1, int(len(ordered) * share))
                 found[f"{name}_{label}_ms"] = round(ordered[at] * 1000, 1)
         return found

@@ -32,6 +32,7 @@ from evaluation.services.outages import storage_answers, storage_is_out
 from faults import PlatformFault
 
 from .cache import SteadyCache
+from .pages import are_whole
 
 log = logging.getLogger(__name__)
 
@@ -78,6 +79,7 @@ def look() -> Readiness:
     checks: dict[str, Callable[[], bool]] = {
         "database": _database,
         "writes": _writes,
+        "pages": are_whole,
         "migrations": _migrations,
         "cache": _cache,
         "broker": _broker,

@@ -197,6 +197,7 @@ CELERY_BEAT_SCHEDULE = {
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
     "old_sessions": {"task": "league.tasks.old_sessions", "schedule": 3600.0, "options": {"expires": 3600}},
+    "pages": {"task": "league.tasks.pages", "schedule": crontab(minute=30, hour=0), "options": {"expires": 3600}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
 

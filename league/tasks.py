@@ -11,6 +11,7 @@ from django.utils import timezone
 
 from evaluation.services.bell import send
 
+from .pages import look_at_pages
 from .services import close_due_rounds, enter_house_cars
 from .services.deliveries import AT_ONCE, deliver_due, hosts_due
 from .services.notices import send_mails, tell_what_happened
@@ -60,6 +61,12 @@ def deliver() -> int:
 def old_sessions() -> int:
     """Remove the sessions that are over. Returns how many."""
     return Session.objects.filter(expire_date__lt=timezone.now()).delete()[0]
+
+
+@shared_task
+def pages() -> bool:
+    """Read every page of the database. Returns whether all are whole."""
+    return not look_at_pages()
 
 
 @worker_ready.connect

@@ -22,11 +22,12 @@ from redis import ConnectionError as NobodyThere
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, Outage, WorkerNode
 from evaluation.services.nodes import start_worker
-from league import health
+from league import health, pages, tasks
+from league.backup.databases import damage
 from tests.factories import a_model, a_racer, a_track
 
 pytestmark = pytest.mark.django_db
-PARTS = {"database", "writes", "migrations", "cache", "broker", "storage", "disk", "workers", "queue"}
+PARTS = {"database", "writes", "pages", "migrations", "cache", "broker", "storage", "disk", "workers", "queue"}
 
 
 @pytest.fixture(autouse=True)
@@ -116,6 +117,21 @@ def test_a_part_that_drips_keeps_one_request_waiting_and_no_other(monkeypatch) -
     monkeypatch.setattr(health, "look", drips)
     assert not health.readiness().is_ready
     assert asked == [before] * 3
+
+
+def test_a_damaged_page_is_named_until_all_are_found_whole(monkeypatch, tmp_path) -> None:
+    with closing(sqlite3.connect(tmp_path / "damaged")) as database:
+        database.execute("CREATE TABLE cars AS SELECT 1 AS car")
+        database.commit()
+    content = bytearray((tmp_path / "damaged").read_bytes())
+    content[4096:] = bytes(len(content) - 4096)
+    (tmp_path / "damaged").write_bytes(content)
+    with closing(sqlite3.connect(tmp_path / "damaged")) as damaged, monkeypatch.context() as patch:
+        patch.setattr(pages, "damage", lambda whole: damage(damaged))
+        assert not tasks.pages()
+    assert broken() == {"pages"}
+    assert tasks.pages()
+    assert broken() == set()
 
 
 def test_migrations_that_have_not_run_are_named() -> None:
