@@ -113,38 +113,38 @@ class Board:
 def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of the board of ``race`` as ``racer`` sees it.
 
-    Two queries, two more on a later page (the leader, the rank that it begins with), one in the middle of a long board,
-    and two for a reader who is not on this page; the cost does not grow with the board.
+    Two queries, one more for a leader or a reader who is not on this page, one more for the ranks of reader and page,
+    and one in the middle of a long board; the cost does not grow with the board.
     """
-    return as_seen_by(page_for_all(race, page, per_page), race, racer)
-
-
-def page_for_all(race: Race, page: int = 1, per_page: int = PER_PAGE) -> Board:
-    """A page as a reader sees it who is not on the board."""
     totals = totals_of(race)
     pages = max(1, -(-totals.rows // per_page))
     page = min(max(1, page), pages)
     offset = (page - 1) * per_page
     entries = list(page_of(_with_relations(board_entries(race)), race, ORDER, offset, per_page, totals.rows))
-    view = _View(race, None)
-    view.find_leader(entries if offset == 0 else ())
+    view = _View(race, racer)
+    mine = next((entry for entry in entries if entry.racer_id == view.reader_id), None)
+    elsewhere = view.look_up(entries if offset == 0 else (), reader=mine is None)
     first = next((entry for entry in entries if has_rank(entry)), None) if offset else None
-    before = 0 if first is None else ranks_of([first])[first.pk] - 1
+    ranks = ranks_of([entry for entry in (first, elsewhere) if entry is not None])
+    rows = list(view.rows(entries, 0 if first is None else ranks[first.pk] - 1))
+    my_row = next((row for row in rows if row.is_me), None)
+    if elsewhere is not None and not elsewhere.is_withdrawn:
+        my_row = view.row(elsewhere, ranks[elsewhere.pk])
     return Board(
         race=race,
-        rows=list(view.rows(entries, before)),
+        rows=rows,
         count=totals.racers,
         classified_count=totals.classified,
         page=page,
         pages=pages,
-        my_row=None,
-        my_entry=None,
+        my_row=my_row,
+        my_entry=mine or elsewhere,
         leader_ms=view.leader_ms,
     )
 
 
 def as_seen_by(shown: Board, race: Race, racer: Racer | AnonymousUser | None) -> Board:
-    """``shown``, a page for all, with what ``racer`` sees of their own. ``race``: the reader's own instance.
+    """``shown``, a page as guests see it, with what ``racer`` sees of their own. ``race``: the reader's own instance.
 
     No query for guests and for who is on the page; else their entry, and its rank if it has one.
     """
@@ -162,7 +162,7 @@ def as_seen_by(shown: Board, race: Race, racer: Racer | AnonymousUser | None) ->
 def whole_board(race: Race, racer: Racer | AnonymousUser | None = None) -> Iterator[BoardRow]:
     """Every row of a board in order, read in chunks: for exports."""
     view = _View(race, racer)
-    view.find_leader()
+    view.look_up()
     return view.rows(_with_relations(board_entries(race)).iterator(chunk_size=1000), 0)
 
 
@@ -222,13 +222,27 @@ class _View:
         self.reader_id = racer.pk if racer is not None and racer.is_authenticated else None
         self.leader_ms = leader_ms
 
-    def find_leader(self, first_page: Sequence[Entry] = ()) -> None:
-        """Find ``leader_ms``, in ``first_page`` or in the database."""
+    def look_up(self, first_page: Sequence[Entry] = (), *, reader: bool = False) -> Entry | None:
+        """Find the leader, in ``first_page`` or in the database, and in the same query the reader's entry, also one
+        that has left the board, where ``reader`` asks for it."""
         leader = next((entry for entry in first_page if has_rank(entry)), None)
+        wanted = []
+        if reader and self.reader_id is not None:
+            wanted.append(Entry.objects.filter(race=self.race, racer_id=self.reader_id).values("pk")[:1])
         if leader is None:
-            leader = board_entries(self.race).filter(CLASSIFIED, is_baseline=False).first()
+            wanted.append(board_entries(self.race).filter(CLASSIFIED, is_baseline=False).values("pk")[:1])
+        mine = None
+        if wanted:  # by their numbers: an OR would read the whole board
+            entries = Entry.objects.filter(pk__in=[Subquery(each) for each in wanted])
+            found = list(_with_relations(entries.order_by(*ORDER)))
+            if leader is None:
+                leader = next((entry for entry in found if has_rank(entry)), None)
+            mine = next((entry for entry in found if reader and entry.racer_id == self.reader_id), None)
         if leader is not None:
             self.leader_ms = _lead(leader.score_ms, leader.seed)
+        if mine is not None:
+            mine.race = self.race
+        return mine
 
     def rows(self, entries: Iterable[Entry], rank: int) -> Iterator[BoardRow]:
         """Rows for entries that follow each other on the board; ``rank``: how many with a rank stand above them."""

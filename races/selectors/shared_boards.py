@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from evaluation.services.unchanged import Unchanged, is_shared
 
 from ..models import Race
-from .boards import PER_PAGE, Board, as_seen_by, board, page_for_all
+from .boards import PER_PAGE, Board, as_seen_by, board
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -36,7 +36,7 @@ def shared_board(
     key = (race.pk, page, per_page)
 
     def make() -> tuple[Board, bool]:
-        return replace(page_for_all(race, page, per_page), drawn=_drawn_lately(key)), True
+        return replace(board(race, page=page, per_page=per_page), drawn=_drawn_lately(key)), True
 
     return as_seen_by(_pages.get(key, LIVES_S, make), race, racer)
 
