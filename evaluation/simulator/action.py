@@ -55,7 +55,8 @@ class ActionSpace:
         """A list of (steering in degrees, speed in m/s)."""
         if not actions:
             raise ValueError("a discrete action space needs at least one action")
-        return cls(DISCRETE, actions=tuple(_command(*action) for action in actions))
+        commands = (_within_limits(*action) for action in actions)
+        return cls(DISCRETE, actions=tuple((round(steering, 4) + 0.0, round(speed, 4)) for steering, speed in commands))
 
     @classmethod
     def continuous(cls, steering: tuple[float, float], speed: tuple[float, float]) -> ActionSpace:
@@ -121,7 +122,8 @@ def is_clear(values: Sequence[float], bound: float, ranges: Sequence[Sequence[fl
 def _continuous(values: Sequence[float], ranges: Sequence[Sequence[float]]) -> tuple[float, float]:
     """Steering in degrees and speed in m/s that two values of a continuous space mean."""
     steering, speed = (_scale(value, limits) for value, limits in zip(values, ranges, strict=True))
-    steering, speed = _command(steering, speed)
+    steering, speed = _within_limits(steering, speed)
+    # once: a rounding to more digits before it would move where commands change, see is_clear
     return round(steering, _STEERING_DIGITS) + 0.0, round(speed, _SPEED_DIGITS)
 
 
@@ -135,11 +137,11 @@ def _scale(value: float, limits: Sequence[float]) -> float:
     return low + (value + 1.0) / 2.0 * (high - low)
 
 
-def _command(steering_deg: float, speed: float) -> tuple[float, float]:
-    """Clip to the car's limits, and round to 1e-4."""
+def _within_limits(steering_deg: float, speed: float) -> tuple[float, float]:
+    """Clip to what the car can do. Raises ValueError for what is not finite."""
     limit = PADDOCK_CAR.max_steering_deg
     steering_deg = min(max(float(steering_deg), -limit), limit)
     speed = min(max(float(speed), PADDOCK_CAR.min_speed), PADDOCK_CAR.max_speed)
     if not (math.isfinite(steering_deg) and math.isfinite(speed)):
         raise ValueError("steering and speed must be finite")
-    return round(steering_deg, 4) + 0.0, round(speed, 4)
+    return steering_deg, speed

@@ -9,7 +9,7 @@ import platform
 import sys
 
 # Raise the number with any change that can move a lap time.
-ENGINE_ID = "paddock-v2"
+ENGINE_ID = "paddock-v3"
 
 
 @functools.cache

@@ -35,6 +35,26 @@ def test_a_clear_answer_of_a_table_is_one_action(scores, bound, wrong):
         assert TABLE.decode(np.array(other)) == TABLE.decode(np.array(scores))
 
 
+@pytest.mark.parametrize("space", [WIDE, BEYOND])
+@given(
+    step=st.integers(0, 3000),
+    off=st.floats(-0.6, 0.6),
+    bound=st.floats(1e-8, 1e-5),
+    wrong=st.tuples(errors, errors),
+)
+def test_commands_change_nowhere_but_half_way_between_two_steps(space, step, off, bound, wrong):
+    """Where answers are close to a rounding, of which one at random never is."""
+    pair = [
+        (value - low) / (high - low) * 2.0 - 1.0
+        for value, (low, high) in zip(
+            (-15.0 + (step + 0.5 + off / 5) * 0.01, 0.6 + (step + 0.5 + off / 5) * 0.001), space.ranges, strict=True
+        )
+    ]
+    if is_clear(pair, bound, space.ranges):
+        other = [value + bound * error for value, error in zip(pair, wrong, strict=True)]
+        assert space.decode(np.array(other)) == space.decode(np.array(pair))
+
+
 def test_half_way_between_two_steps_is_not_clear():
     value = 0.005 / 30.0  # 0.005 degrees: 0.00 or 0.01
     assert not is_clear([value, 0.0], 1e-7, WIDE.ranges)

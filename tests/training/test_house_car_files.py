@@ -83,5 +83,5 @@ def test_the_record_shows_that_they_drive_every_catalogue_track() -> None:
         assert set(measured) == set(TRACKS)
         drives = [way for ways in measured.values() for way in ways.values()]
         assert all(drive["complete_laps"] == LAPS for drive in drives), name
-        # The fastest dares more than it can, once in a while.
-        assert all(drive["resets"] <= (1 if name == "flyer" else 0) for drive in drives), name
+        # The fastest dares more than it can: a hairpin in fourteen drives.
+        assert all(drive["resets"] <= (2 if name == "flyer" else 0) for drive in drives), name
