@@ -12,6 +12,8 @@ BENCH_ARGS ?=
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OMP_NUM_THREADS := 1
 export ORT_DISABLE_TELEMETRY := 1
+# Each process would compile our code and rewrite the tests anew
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup run training test soak lint lock audit bench clean compiled system-run system-test
 
