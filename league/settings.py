@@ -68,6 +68,7 @@ INSTALLED_APPS = [
     "evaluation",
     "tracks",
     "accounts",
+    "core",
     "django.contrib.admin",
     "django.contrib.auth",
     "django.contrib.contenttypes",
@@ -177,6 +178,7 @@ CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
 CELERY_TIMEZONE = "UTC"
 # what waits for servers of others has a worker of its own, so that no car waits for them
 CELERY_TASK_ROUTES = {f"league.tasks.{name}": {"queue": "messages"} for name in ("notices", "webhooks", "deliver")}
+CELERY_TASK_ROUTES["core.events.tasks.*"] = {"queue": "messages"}
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
@@ -196,10 +198,15 @@ CELERY_BEAT_SCHEDULE = {
     "old_videos": {"task": "races.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
+    "events": {"task": "core.events.tasks.sweep", "schedule": 60.0, "options": {"expires": 59}},
+    "old_events": {"task": "core.events.tasks.trim", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "old_sessions": {"task": "league.tasks.old_sessions", "schedule": 3600.0, "options": {"expires": 3600}},
     "pages": {"task": "league.tasks.pages", "schedule": crontab(minute=30, hour=0), "options": {"expires": 3600}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
+
+# what happened is read within minutes; how long it can be looked up afterwards
+EVENTS_KEPT_DAYS = env_int("PADDOCK_EVENTS_KEPT_DAYS", 30, minimum=4)
 
 # --- evaluation ----------------------------------------------------------------------------------------------------
 WORKER_CONCURRENCY = env_int("PADDOCK_WORKER_CONCURRENCY", 1, minimum=1)

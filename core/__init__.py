@@ -1,0 +1,1 @@
+"""The ground floor of the site: what every room stands on, and nothing of racing."""

@@ -1,0 +1,5 @@
+"""The ground floor's tables, each written down where it is used."""
+
+from .events.models import Event, EventCursor
+
+__all__ = ["Event", "EventCursor"]

@@ -1,0 +1,48 @@
+"""A kind of event and a reader that only these tests know."""
+
+from __future__ import annotations
+
+import pytest
+
+from core.events import KINDS, OWN, Event, Kind, Reader, reading, register_reader, waking
+from core.events import register as register_kind
+
+BELL = Kind("test.rang", "a bell has rung", OWN, data=("number",))
+FIRST = Kind("test.first", "a bell has rung for the first time", OWN, names=("subject",), once="bell")
+OTHER = Kind("test.other", "something that nobody reads", OWN)
+
+
+@pytest.fixture(autouse=True)
+def kinds_of_these_tests(monkeypatch):
+    """Known during these tests only; and no other reader looks on."""
+    before = dict(KINDS)
+    for kind in (BELL, FIRST, OTHER):
+        register_kind(kind)
+    monkeypatch.setattr(reading, "READERS", {})
+    monkeypatch.setattr(waking, "_INTERESTED", {})
+    yield
+    KINDS.clear()
+    KINDS.update(before)
+
+
+@pytest.fixture(autouse=True)
+def woken(monkeypatch) -> list[str]:
+    """The readers that are woken, instead of a broker."""
+    names: list[str] = []
+    monkeypatch.setattr(waking, "wake", names.append)
+    return names
+
+
+@pytest.fixture
+def heard() -> list[int]:
+    """What the reader ``ear`` has heard."""
+    return []
+
+
+@pytest.fixture
+def ear(heard) -> Reader:
+    def handle(event: Event, now) -> int:
+        heard.append(event.data["number"])
+        return 1
+
+    return register_reader(Reader("ear", (BELL,), handle))

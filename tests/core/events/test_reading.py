@@ -1,0 +1,125 @@
+"""Readers: each event once, in order, whatever is killed."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from core.events import Event, Reader, follow, record, register_reader, tasks
+from core.events.models import EventCursor
+from core.events.reading import number_new, trim
+
+from .conftest import BELL, FIRST, OTHER
+
+pytestmark = pytest.mark.django_db
+
+
+def ring(now, *numbers: int) -> None:
+    for number in numbers:
+        record(BELL, at=now, number=number)
+
+
+def positions() -> list[int | None]:
+    return list(Event.objects.order_by("pk").values_list("position", flat=True))
+
+
+class TestFollowing:
+    def test_a_reader_hears_each_event_of_its_kinds_once_and_in_order(self, ear, heard, now):
+        ring(now, 1, 2)
+        record(OTHER, at=now)
+        ring(now, 3)
+        assert follow("ear", now=now) == 3 and follow("ear", now=now) == 0
+        ring(now, 4)
+        assert follow("ear", now=now) == 1
+        assert heard == [1, 2, 3, 4] and positions() == [1, 2, 3, 4, 5]
+
+    def test_readers_go_their_own_ways(self, ear, heard, now):
+        ring(now, 1)
+        follow("ear", now=now)
+        late = []
+        register_reader(Reader("late", (BELL, FIRST), lambda event, now: late.append(event.kind) or 1))
+        ring(now, 2)
+        record(FIRST, at=now, subject="church", once="church")
+        assert follow("late", now=now) == 3, "from the first that is kept"
+        assert heard == [1] and late == [BELL.name, BELL.name, FIRST.name]
+
+    def test_a_reader_that_raises_has_done_nothing_and_hears_it_again(self, ear, heard, now):
+        ring(now, 1, 2, 3)
+
+        def stumble(event: Event, now) -> int:
+            Event.objects.create(kind="test.note", at=now)
+            if event.data["number"] == 2:
+                raise ZeroDivisionError
+            return 1
+
+        register_reader(Reader("clumsy", (BELL,), stumble))
+        for _ in range(2):
+            with pytest.raises(ZeroDivisionError):
+                follow("clumsy", now=now)
+        assert EventCursor.objects.get(pk="clumsy").position == 1
+        assert Event.objects.filter(kind="test.note").count() == 1, "what it wrote for the second is undone"
+        assert follow("ear", now=now) == 3 and heard == [1, 2, 3], "the others go on"
+
+    def test_a_look_at_nothing_new_takes_no_lock(self, ear, now, django_assert_num_queries):
+        ring(now, 1)
+        follow("ear", now=now)
+        with django_assert_num_queries(3) as looked:
+            follow("ear", now=now)
+        assert not [query["sql"] for query in looked if not query["sql"].startswith("SELECT")]
+
+    def test_many_events_are_numbered_in_the_order_of_their_writing(self, ear, heard, now, monkeypatch):
+        monkeypatch.setattr("core.events.reading.AT_ONCE", 3)
+        ring(now, *range(8))
+        assert number_new() == 8 and number_new() == 0
+        assert positions() == list(range(1, 9))
+        follow("ear", now=now)
+        assert heard == list(range(8))
+
+    def test_the_sweep_wakes_every_reader_and_the_task_lets_it_follow(self, ear, heard, now, monkeypatch):
+        ring(now, 1)
+        asked = []
+        monkeypatch.setattr(tasks, "wake", asked.append)
+        assert tasks.sweep() == 1 and asked == ["ear"]
+        assert tasks.follow("ear") == 1 and heard == [1]
+
+
+class TestTrimming:
+    @pytest.fixture
+    def old(self, settings):
+        """A moment at which what is written now is too old to be kept."""
+        from django.utils import timezone
+
+        settings.EVENTS_KEPT_DAYS = 10
+        return timezone.now() + timedelta(days=11)
+
+    def test_what_is_old_and_read_goes_and_positions_are_never_given_again(self, ear, now, old):
+        ring(now, 1, 2)
+        follow("ear", now=now)
+        assert trim(now=old - timedelta(days=2)) == 0, "not old yet"
+        assert trim(now=old) == 2 and trim(now=old) == 0
+        ring(now, 3)
+        assert follow("ear", now=now) == 1 and positions() == [3]
+
+    def test_what_a_reader_has_not_read_stays_however_old(self, ear, heard, now, old):
+        ring(now, 1)
+        follow("ear", now=now)
+        ring(now, 2)
+        assert trim(now=old) == 1
+        follow("ear", now=now)
+        assert heard == [1, 2] and trim(now=old) == 1
+
+    def test_a_reader_of_rare_events_keeps_none_of_the_others(self, ear, now, old):
+        for _ in range(5):
+            record(OTHER, at=now)
+        assert trim(now=old) == 5 and EventCursor.objects.get(pk="ear").position == 5
+
+    def test_a_reader_that_never_looked_keeps_all_of_its_kinds(self, ear, now, old):
+        record(OTHER, at=now)
+        ring(now, 1)
+        record(OTHER, at=now)
+        assert trim(now=old) == 1 and list(Event.objects.values_list("kind", flat=True)) == [BELL.name, OTHER.name]
+
+    def test_without_readers_age_alone_counts(self, now, old):
+        ring(now, 1)
+        assert trim(now=now) == 0 and tasks.trim() == 0 and trim(now=old) == 1

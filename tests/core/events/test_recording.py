@@ -1,0 +1,100 @@
+"""Writing down what happened."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from django.db import IntegrityError, connection, transaction
+from django.utils import timezone
+
+from core.events import Event, Kind, record, record_all, register, written
+
+from .conftest import BELL, FIRST, OTHER
+
+pytestmark = pytest.mark.django_db
+
+
+def test_an_event_stands_with_the_transaction_that_wrote_it(now):
+    record(BELL, at=now, number=1)
+    with pytest.raises(ZeroDivisionError), transaction.atomic():
+        record(BELL, at=now, number=2)
+        raise ZeroDivisionError
+    event = Event.objects.get()
+    assert (event.kind, event.at, event.data, event.position) == ("test.rang", now, {"number": 1}, None)
+
+
+def test_when_it_was_written_is_the_database_s_clock(now):
+    record(BELL, at=now, number=1)
+    assert abs(Event.objects.get().recorded_at - timezone.now()) < timedelta(minutes=1)
+
+
+def test_what_happens_once_is_written_once(now):
+    assert record(FIRST, at=now, subject="church", once="church")
+    assert not record(FIRST, at=now + timedelta(days=1), subject="church", once="church")
+    assert record(FIRST, at=now, subject="school", once="school")
+    assert list(Event.objects.order_by("pk").values_list("subject", "at")) == [("church", now), ("school", now)]
+    with pytest.raises(IntegrityError), transaction.atomic():
+        Event.objects.create(kind=FIRST.name, at=now, once="church")
+
+
+def test_many_at_once_are_written_by_a_few_queries(now, django_assert_max_num_queries):
+    with django_assert_max_num_queries(4):
+        assert record_all(written(BELL, at=now, number=number) for number in range(100)) == 100
+    assert record_all([]) == 0 and Event.objects.count() == 100
+
+
+@pytest.mark.parametrize(
+    ("kind", "what"),
+    [
+        (BELL, {}),
+        (BELL, {"number": 1, "colour": "red"}),
+        (BELL, {"number": 1, "race": 1}),
+        (BELL, {"number": 1, "once": "x"}),
+        (FIRST, {"subject": "church"}),
+        (FIRST, {"once": "church"}),
+        (Kind("test.unheard", "of which nobody has heard", "own"), {}),
+    ],
+)
+def test_an_event_that_is_not_as_its_kind_says_is_a_mistake_of_ours(now, kind, what):
+    with pytest.raises(TypeError):
+        record(kind, at=now, **what)
+    assert not Event.objects.exists()
+
+
+def test_two_kinds_of_one_name_and_columns_that_there_are_not_are_refused():
+    assert register(BELL) is BELL
+    with pytest.raises(ValueError):
+        register(Kind(BELL.name, "something else", "own"))
+    with pytest.raises(ValueError):
+        register(Kind("test.new", "something new", "own", names=("weather",)))
+
+
+class TestWakingUp:
+    def test_readers_of_the_kind_are_woken_once_after_the_commit(
+        self, ear, woken, now, django_capture_on_commit_callbacks
+    ):
+        with django_capture_on_commit_callbacks(execute=True):
+            for number in range(3):
+                record(BELL, at=now, number=number)
+            record(OTHER, at=now)
+            assert woken == []
+        assert woken == ["ear"]
+
+    def test_nobody_is_woken_for_what_nobody_reads_or_what_is_no_news(
+        self, ear, woken, now, django_capture_on_commit_callbacks
+    ):
+        with django_capture_on_commit_callbacks(execute=True):
+            record(OTHER, at=now)
+        assert woken == []
+
+    def test_an_undone_savepoint_takes_its_wake_up_along_and_no_other(
+        self, ear, woken, now, django_capture_on_commit_callbacks
+    ):
+        with django_capture_on_commit_callbacks(execute=True):
+            with pytest.raises(ZeroDivisionError), transaction.atomic():
+                record(BELL, at=now, number=1)
+                raise ZeroDivisionError
+            assert not connection.run_on_commit
+            record(BELL, at=now, number=2)
+        assert woken == ["ear"]
