@@ -8,11 +8,11 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from faults import PlatformFault
+    from paddock.errors import PlatformFault
 
 
 def main() -> None:
-    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
     from django.core.exceptions import ImproperlyConfigured
     from django.core.management import execute_from_command_line
 
@@ -32,7 +32,7 @@ def main() -> None:
 
 def _database_fault(error: Exception) -> PlatformFault | None:
     """What a command ends with that found no database or no tables; None for what is a bug."""
-    from league.management import database_fault
+    from config.management import database_fault
 
     return database_fault(error)
 

@@ -1,5 +1,5 @@
 """What pyproject.toml cannot say: the camera's C function is compiled where there is a compiler, and left out
-elsewhere, see evaluation/simulator/camera/compiled.py."""
+elsewhere, see paddock/simulator/camera/compiled.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import CompileError
 
-SOURCE = Path("evaluation", "simulator", "camera", "compiled.py")
+SOURCE = Path("paddock", "simulator", "camera", "compiled.py")
 
 # The package itself cannot be imported where it is built.
 spec = importlib.util.spec_from_file_location("compiled", Path(__file__).parent / SOURCE)
@@ -34,6 +34,6 @@ class BuildWarp(build_ext):
 
 
 setup(
-    ext_modules=[Extension("evaluation.simulator.camera.warp", [str(SOURCE.with_name("warp.c"))], optional=True)],
+    ext_modules=[Extension("paddock.simulator.camera.warp", [str(SOURCE.with_name("warp.c"))], optional=True)],
     cmdclass={"build_ext": BuildWarp},
 )

@@ -10,7 +10,7 @@ from django.db import transaction
 from django.db.models import F
 from knox.models import get_token_model
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .models import KnownAddress, SignUpInvitation
 from .second_factor import forget_second_factor

@@ -12,7 +12,7 @@ from django.db import transaction
 from django.db.models import Q, QuerySet
 from knox.models import AuthToken, get_token_model
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .models import TokenGrant
 from .scopes import SCOPES

@@ -1,4 +1,4 @@
-"""A Django site with one view that answers at once, for league.web: what a request costs before all else."""
+"""A Django site with one view that answers at once, for config.web: what a request costs before all else."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _look(name: str, race: Any) -> Callable[[], Callable[[], Any]]:
     client = Client()
     # each page is made: readers would be given the one that was made before
     shared_boards.LIVES_S = -1.0
-    with override_settings(MIDDLEWARE=[name for name in settings.MIDDLEWARE if name != "league.guests.SharedPages"]):
+    with override_settings(MIDDLEWARE=[name for name in settings.MIDDLEWARE if name != "config.guests.SharedPages"]):
         client.handler.load_middleware()
     looks: dict[str, Callable[[], Any]] = {
         "first page": lambda: board(race),
@@ -192,7 +192,7 @@ def database(on_postgres: bool) -> Iterator[None]:
     takes longer than what is measured: a SQLite file, for a server the data folder that tests/postgres.py keeps."""
     ready = os.environ.get("BENCH_DATABASE")
     with tempfile.TemporaryDirectory(prefix="paddock-bench-") as folder:
-        os.environ |= {"PADDOCK_DATA": folder, "DJANGO_SETTINGS_MODULE": "league.settings"}
+        os.environ |= {"PADDOCK_DATA": folder, "DJANGO_SETTINGS_MODULE": "config.settings"}
         os.environ["PADDOCK_HOSTS"] = "testserver,127.0.0.1"
         os.environ.pop("DATABASE_URL", None)
         server: Any = nullcontext()

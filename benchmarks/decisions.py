@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.network.bound import Facts
-from evaluation.network.session import load
 from evaluation.runner_process import policy_header
 from evaluation.sandbox.policy_process import Policy
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.race import run_race
+from paddock.network.bound import Facts
+from paddock.network.session import load
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.race import run_race
 from training.golden.bare import answer_each
 from training.golden.cars import car
 from training.golden.runs import GoldenRun

@@ -17,8 +17,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import cv2
 
-from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE
 
 from . import renderers, site, traffic, whole
 from .machine import measured_on

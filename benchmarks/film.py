@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from evaluation.film import MAX_SECONDS, film
 from tests.evaluation.film.runs import car, driven, lap, scene
+from videos.film import MAX_SECONDS, film
 
 from .machine import measured_on
 

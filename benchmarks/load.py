@@ -46,7 +46,7 @@ def measure(races: Mapping[int, Any], seconds: int, turns: int = TURNS) -> dict[
     """
     if not is_there():
         raise LoadError(MISSING)
-    with server("league.wsgi") as (site, site_pid), server("benchmarks.bare") as (bare, bare_pid):
+    with server("config.wsgi") as (site, site_pid), server("benchmarks.bare") as (bare, bare_pid):
         targets = {BARE: (f"{bare}/", bare_pid)}
         for size, race in races.items():
             targets[f"page of {size:,}"] = (f"{site}{race.get_absolute_url()}", site_pid)
@@ -94,7 +94,7 @@ def server(application: str, processes: int = 1) -> Iterator[tuple[str, int]]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     address = f"127.0.0.1:{port}"
-    command = [sys.executable, "-m", "league.web", "--port", str(port), "--application", f"{application}:application"]
+    command = [sys.executable, "-m", "config.web", "--port", str(port), "--application", f"{application}:application"]
     command += ["--processes", str(processes), "--threads", str(CONNECTIONS)]
     program = subprocess.Popen(command, start_new_session=True)
     try:

@@ -6,7 +6,7 @@ import os
 import sys
 from typing import Any
 
-from evaluation.simulator.engine import ENGINE_ID, cpu_model, versions
+from paddock.simulator.engine import ENGINE_ID, cpu_model, versions
 
 
 def measured_on(load_before: float) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from evaluation.packages.admit import admit
-from evaluation.packages.read import UploadPart
+from evaluation.admit import admit
+from paddock.packages.read import UploadPart
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 CONSOLE_CAR = CHECKOUT.parent / "shared" / "models" / "deepracer-console-15.tar.gz"

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.sandbox.policy_wire import EXACT, EXCEEDED
-from evaluation.simulator.rules import RaceRules
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.rules import RaceRules
 from training.golden.__main__ import console_car
 from training.golden.drive import Driven
 from training.golden.processors import BARE, NATIVE, PROCESSORS, ProcessorFailed, emulator, side_by_side

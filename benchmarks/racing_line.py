@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.simulator.physics import PADDOCK_CAR, CarPhysics
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.physics import PADDOCK_CAR, CarPhysics
 
 SPACING_M = 0.2
 _ROUNDS = 1000

@@ -20,11 +20,11 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from evaluation.packages.metadata import parse_metadata
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.simulator.rules import RaceRules
-from tracks.catalogue import CATALOGUE
-from tracks.geometry import TrackGeometry
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.track import TrackGeometry
+from paddock.packages.metadata import parse_metadata
+from paddock.simulator.rules import RaceRules
 from training.actions import discrete_actions
 from training.rewards.examples import example
 from training.trainer.client import Iteration, Listener, train

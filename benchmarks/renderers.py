@@ -14,21 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.network.session import load
 from evaluation.sandbox.policy_process import Policy
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.camera.optics import Optics
-from evaluation.simulator.camera.view import Camera
-from evaluation.simulator.car import Pose
-from evaluation.simulator.clock import STEP_MS
-from evaluation.simulator.course import lay_course
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.rules import OBJECT_AVOIDANCE, RaceRules
-from evaluation.simulator.sensors import POSE, sensor_spec
-from evaluation.simulator.solids import Solid, box
-from evaluation.simulator.stage import Ground, Stage
+from paddock.geometry.track import TrackGeometry
+from paddock.network.session import load
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.camera.optics import Optics
+from paddock.simulator.camera.view import Camera
+from paddock.simulator.car import Pose
+from paddock.simulator.clock import STEP_MS
+from paddock.simulator.course import lay_course
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.rules import OBJECT_AVOIDANCE, RaceRules
+from paddock.simulator.sensors import POSE, sensor_spec
+from paddock.simulator.solids import Solid, box
+from paddock.simulator.stage import Ground, Stage
 from tests.simulator.tiny_scene import OVERSAMPLING, TinyScene
-from tracks.geometry import TrackGeometry
 
 from .models import AdmittedCar
 

@@ -211,7 +211,7 @@ def _environment(state: Path) -> dict[str, str]:
         kept.pop(name, None)
     return {
         **kept,
-        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "DJANGO_SETTINGS_MODULE": "config.settings",
         "PADDOCK_DATA": str(state),
         "OMP_NUM_THREADS": "1",
     }

@@ -231,7 +231,7 @@ def everything(connections: int = CONNECTIONS, seconds: float = SECONDS, upload_
         file.truncate(32 * MEGABYTE)
     token = create_token(racer=a_racer("sender"), now=timezone.now())[1]
     found: dict[str, Any] = {"connections": connections}
-    with _broker(), server("benchmarks.bare", 2) as (bare, _), server("league.wsgi", 2) as (site, _):
+    with _broker(), server("benchmarks.bare", 2) as (bare, _), server("config.wsgi", 2) as (site, _):
         for _ in range(8):  # each process reads its templates once
             urlopen(f"{site}/", timeout=60).close()
         for kind in KINDS:
@@ -245,7 +245,7 @@ def _broker() -> AbstractContextManager:
     """The site's own: limits of uploads are counted there."""
     from django.conf import settings
 
-    from league import broker
+    from config import broker
     from tests.servers import answers, running
 
     broker.make_private(settings.VALKEY_DIR)

@@ -132,7 +132,7 @@ def measure(
 
     with server("benchmarks.bare", 2) as (bare, _):
         ask(BARE, f"{bare}/", rate)
-    with server("league.wsgi", 2) as (site, _):
+    with server("config.wsgi", 2) as (site, _):
         for path in ("/", "/races/", board):
             ask(f"guests, {path}, {QUIET}", f"{site}{path}", rate)
             with _written_to(race, writes):

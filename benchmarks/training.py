@@ -29,8 +29,8 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from evaluation.simulator.physics import PADDOCK_CAR
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.physics import PADDOCK_CAR
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, DEFAULTS
 from training.rewards.examples import EXAMPLES
 from training.trainer.client import Iteration, Listener, train

@@ -16,8 +16,8 @@ from typing import Any
 
 from evaluation.crew import Crew
 from evaluation.pipeline import EvaluationOutcome, RaceJob, evaluate
-from evaluation.simulator.rules import RaceRules
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.rules import RaceRules
 
 from .models import AdmittedCar
 from .processor import Clock

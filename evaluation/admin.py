@@ -9,6 +9,8 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
+from core.clock import database_now
+
 from .models import (
     Evaluation,
     EvaluationRival,
@@ -22,7 +24,6 @@ from .models import (
     WorkerNode,
 )
 from .services import delete_model, stop_evaluation, stop_sharing_model, sweep_queue
-from .services.clock import database_now
 
 
 class ReadOnlyAdmin(admin.ModelAdmin):

@@ -17,16 +17,16 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
-from faults import UserFault
-from tracks.bodies import Body, refuse_fields
-from tracks.file_view import FileView
+from core.bodies import Body, refuse_fields
+from core.file_view import FileView
+from paddock.errors import UserFault
+from paddock.packages.kinds import is_weights_file
+from paddock.packages.read import UploadPart
 
 from . import services
 from .files import download_of
 from .looks import Look, Shell
 from .models import TrainedModel
-from .packages.kinds import is_weights_file
-from .packages.read import UploadPart
 from .selectors import is_shared, models_of, shared_models, visible_models
 
 SOURCE_KINDS = [("onnx", "ONNX"), ("tensorflow", "frozen TensorFlow graph"), ("sb3", "zip of stable-baselines3")]

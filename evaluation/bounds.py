@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from django.conf import settings
 
-from .packages.limits import DEFAULT_LIMITS, MEGABYTE, PackageLimits
+from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE, PackageLimits
 
 
 def package_limits() -> PackageLimits:

@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from faults import PlatformFault
+from paddock.errors import PlatformFault
 
 from .sandbox.frames import FrameError, write_message
 from .sandbox.launch import SandboxedProcess, launch, widen_pipe

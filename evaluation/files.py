@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
-from .archive import Part, part_of, zipped
+from core.archive import Part, part_of, zipped
+
 from .models import CarResult, Evaluation, TrainedModel
 from .robomaker import METADATA, settings_lines, trace_lines
 from .selectors import can_see_model

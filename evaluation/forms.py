@@ -9,9 +9,10 @@ from django import forms
 from django.core.files.uploadedfile import UploadedFile
 from django.utils.translation import gettext_lazy as _
 
+from paddock.packages.read import UploadPart
+
 from .looks import Look, Shell
 from .models import TrainedModel
-from .packages.read import UploadPart
 
 NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
 DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length

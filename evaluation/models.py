@@ -13,11 +13,11 @@ from django.utils import timezone
 from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
-from faults.reasons import REASONS
+from core.ids import new_public_id
+from paddock.errors.reasons import REASONS
+from paddock.simulator.rules import MAX_CARS
 
-from .ids import new_public_id
 from .looks import COLOUR, DEFAULT_COLOUR, Look, Shell
-from .simulator.rules import MAX_CARS
 
 SHA256 = r"^[0-9a-f]{64}$"
 
@@ -77,7 +77,7 @@ class StoredFile(models.Model):
 class Network(models.Model):
     """The canonical bytes that run, stored once however many racers upload them. ``sha256`` is a model's identity.
 
-    ``facts``: as in :class:`evaluation.network.bound.Facts`; None for one that was admitted before there were any.
+    ``facts``: as in :class:`paddock.network.bound.Facts`; None for one that was admitted before there were any.
     """
 
     sha256 = models.CharField(_("sha-256"), max_length=64, primary_key=True)

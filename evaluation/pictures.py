@@ -12,12 +12,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from evaluation.packages.inputs import CAMERAS, lidar_settings
-from evaluation.simulator import lidar
-from evaluation.simulator.camera.view import Scene
-from evaluation.simulator.sensors import make_sensors
-from evaluation.simulator.solids import Solid, box, car
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.packages.inputs import CAMERAS, lidar_settings
+from paddock.simulator import lidar
+from paddock.simulator.camera.view import Scene
+from paddock.simulator.sensors import make_sensors
+from paddock.simulator.solids import Solid, box, car
 
 ZOOM = 2  # a pixel of a camera is so many here
 FAN_PX = 240  # side of a lidar's square, as high as a camera's frame

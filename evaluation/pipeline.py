@@ -14,11 +14,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
-from tracks.geometry import TrackGeometry
+from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
+from paddock.geometry.track import TrackGeometry
+from paddock.network.bound import Facts
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.engine import cpu_model
+from paddock.simulator.rules import RaceRules
 
 from .crew import Crew
-from .network.bound import Facts
 from .rivals import check_rivals
 from .sandbox.cores import one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
@@ -26,9 +29,6 @@ from .sandbox.launch import widen_pipe
 from .sandbox.policy import describe, failed_start
 from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from .sandbox.policy_wire import EXCEEDED, WAYS
-from .simulator.camera.theme import OFFICIAL
-from .simulator.engine import cpu_model
-from .simulator.rules import RaceRules
 from .venue import Venue
 
 WALL_LIMIT_S = 300.0
@@ -49,10 +49,10 @@ class RivalCar:
 @dataclass(frozen=True)
 class RaceJob:
     """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes;
-    ``facts``: what its admission found out (:class:`evaluation.network.bound.Facts`), None if that is not known.
+    ``facts``: what its admission found out (:class:`paddock.network.bound.Facts`), None if that is not known.
 
     ``rivals``: cars 1, 2 and 3; the model itself is car 0. ``look``: what cameras see of the track, the name of one of
-    ``evaluation.simulator.camera.theme.THEMES``. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
+    ``paddock.simulator.camera.theme.THEMES``. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
     """
 
     track: TrackGeometry
@@ -83,7 +83,7 @@ class PolicyBudget:
 
 @dataclass(frozen=True)
 class CarOutcome:
-    """What came of one car. ``laps``: dicts of :class:`evaluation.simulator.race.LapResult`; times in simulated ms.
+    """What came of one car. ``laps``: dicts of :class:`paddock.simulator.race.LapResult`; times in simulated ms.
 
     ``trace_csv``: the official sim-trace; ``metrics``: the field's evaluation metrics. ``retired``: the fault that took
     the car off the track while others drove on, ``{"code", "params"}``, or None.
@@ -107,7 +107,7 @@ class EvaluationOutcome:
     which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
     sets of policies and runner added up. ``ways``: for each car, how many steps were answered in each of the ways of
     :data:`evaluation.sandbox.policy_wire.WAYS`. ``inexact``: numbers of cars whose bound did not hold
-    (:class:`evaluation.network.bound.Facts`); all was driven again without it.
+    (:class:`paddock.network.bound.Facts`); all was driven again without it.
     """
 
     laps: list[dict[str, Any]]
@@ -143,7 +143,7 @@ def evaluate(
 ) -> EvaluationOutcome:
     """Run the job behind the wall. Whatever happens, no process, descriptor or file is left when it returns.
 
-    ``on_progress`` gets dicts of :class:`evaluation.simulator.race.Progress`; ``should_stop`` is asked about four
+    ``on_progress`` gets dicts of :class:`paddock.simulator.race.Progress`; ``should_stop`` is asked about four
     times a second, also in between; both are called in this thread, and what they raise goes through. ``wall_limit_s``
     protects the platform from its own simulator and is for each car: a model's slowness is judged by ``budget``, which
     must be the smaller and which every model has for itself. ``level``: as for

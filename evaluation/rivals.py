@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from faults import UserFault
-
-from .simulator.rules import HEAD_TO_HEAD, MAX_CARS, RaceRules
+from paddock.errors import UserFault
+from paddock.simulator.rules import HEAD_TO_HEAD, MAX_CARS, RaceRules
 
 
 def check_rivals(rules: RaceRules, rivals: int) -> None:

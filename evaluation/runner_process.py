@@ -26,21 +26,21 @@ from typing import Any
 import cv2
 import numpy as np
 
-from faults import PaddockError, UserFault
-from tracks.geometry import TrackGeometry
+from paddock.errors import PaddockError, UserFault
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.camera.theme import THEMES
+from paddock.simulator.engine import versions
+from paddock.simulator.metrics import metrics_json
+from paddock.simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.sensors import sensor_spec
+from paddock.simulator.stage import Ground
+from paddock.simulator.world import make_ready
 
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
 from .sandbox.policy_wire import WAYS
-from .simulator.action import ActionSpace
-from .simulator.camera.theme import THEMES
-from .simulator.engine import versions
-from .simulator.metrics import metrics_json
-from .simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
-from .simulator.rules import RaceRules
-from .simulator.sensors import sensor_spec
-from .simulator.stage import Ground
-from .simulator.world import make_ready
 
 _PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated

@@ -9,12 +9,12 @@ from time import monotonic
 from celery import shared_task
 from celery.signals import worker_process_init, worker_process_shutdown, worker_ready
 
-from faults import PlatformFault
+from core.clock import database_now
+from paddock.errors import PlatformFault
 
 from .crew import Spare
 from .sandbox import probe as probing
 from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
-from .services.clock import database_now
 from .services.stored import scrub as scrub_files
 from .stopping import is_stopping, shutdown_flag
 

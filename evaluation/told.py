@@ -5,8 +5,9 @@ from __future__ import annotations
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
-from .packages.admit import AdmittedPackage
-from .packages.choose import BEST, LAST
+from paddock.packages.choose import BEST, LAST
+
+from .admit import AdmittedPackage
 
 _NAMED = 12  # files that a sentence names
 

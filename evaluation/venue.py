@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
 
 
 @dataclass(frozen=True)
 class Venue:
     """A track, the direction in which it is driven, and what cameras see of it (the name of one of
-    ``evaluation.simulator.camera.theme.THEMES``)."""
+    ``paddock.simulator.camera.theme.THEMES``)."""
 
     track: TrackGeometry
     direction: str

@@ -16,16 +16,16 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.quotas import limit_of
-from faults import PlatformFault, UserFault
-from tracks.catalogue import by_slug
-from tracks.forms import add_fault, explain
+from core.forms import add_fault, explain
+from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.catalogue import by_slug
+from paddock.simulator.engine import ENGINE_ID
 
 from . import services
 from .files import download_of
 from .forms import DescribeForm, UploadForm
 from .quotas import MODELS
 from .selectors import can_stop_sharing, can_use_model, models_of, visible_models
-from .simulator.engine import ENGINE_ID
 from .told import sentences
 
 MODELS_PER_PAGE = 50

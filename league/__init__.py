@@ -1,5 +1,1 @@
-"""The Django project, and the league itself: racers, seasons, rounds."""
-
-from .celery import app as celery_app
-
-__all__ = ["celery_app"]
+"""The league: seasons, rounds, divisions, promotion, standings."""

@@ -14,7 +14,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
-from faults import PaddockError
+from paddock.errors import PaddockError
 from races.admin.actions import ReadOnly, sentence
 
 from .models import Racer, Round

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Division, Kind, Race
 
 from .models import Racer

@@ -6,7 +6,8 @@ from allauth.account import forms as allauth_forms
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from .countries import country_choices
+from accounts.countries import country_choices
+
 from .models import Racer
 
 

@@ -17,7 +17,7 @@ from threading import Thread, Timer
 from time import monotonic
 from urllib.parse import SplitResult, urlsplit
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .own_addresses import leads_home
 

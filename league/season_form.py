@@ -14,10 +14,10 @@ from django.utils import timezone
 from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
-from faults import UserFault
+from core.forms import add_fault
+from paddock.errors import UserFault
 from races.errors import RaceRefused, problem
 from races.models import RankingMethod
-from tracks.forms import add_fault
 from tracks.models import Direction, Track
 
 from .calendars import zone_names

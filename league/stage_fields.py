@@ -9,8 +9,8 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
 from evaluation.templatetags.garage import SENSOR_NAMES
+from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
 from races.fields import PlainNumberField, ResetsField, SecondsField
 from races.models import DuelFormat, RankingMethod
 from races.models.course import BOX_DISTANCES_M

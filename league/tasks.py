@@ -6,12 +6,10 @@ import logging
 
 from celery import shared_task
 from celery.signals import worker_ready
-from django.contrib.sessions.models import Session
 from django.utils import timezone
 
 from evaluation.services.bell import send
 
-from .pages import look_at_pages
 from .services import close_due_rounds, enter_house_cars
 from .services.deliveries import AT_ONCE, deliver_due, hosts_due
 from .services.notices import send_mails, tell_what_happened
@@ -55,18 +53,6 @@ def webhooks() -> int:
 def deliver() -> int:
     """Send what is due beside whoever else does. Returns how many deliveries were tried."""
     return deliver_due(now=timezone.now())
-
-
-@shared_task
-def old_sessions() -> int:
-    """Remove the sessions that are over. Returns how many."""
-    return Session.objects.filter(expire_date__lt=timezone.now()).delete()[0]
-
-
-@shared_task
-def pages() -> bool:
-    """Read every page of the database. Returns whether all are whole."""
-    return not look_at_pages()
 
 
 @worker_ready.connect

@@ -30,7 +30,7 @@ class CarRow:
 class LiveCar:
     """A car of a run that waits or drives: its number as in :class:`CarRow`, whose, and what it looks like.
 
-    ``progress``: what the runner told of it last (``evaluation.simulator.race.Progress`` or its ``RivalProgress``),
+    ``progress``: what the runner told of it last (``paddock.simulator.race.Progress`` or its ``RivalProgress``),
     with the ``laps`` of the race; empty as long as it has told nothing.
     """
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext as _
 
-from evaluation.simulator.course import Course, box_faults, lay_course, place_box
-from evaluation.simulator.rules import BoxPlace, RaceRules
-from evaluation.simulator.solids import Solid, box
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.course import Course, box_faults, lay_course, place_box
+from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.simulator.solids import Solid, box
 from tracks.drawing import BoxMark
-from tracks.geometry import TrackGeometry
 
 from .errors import problem
 from .models import Lane
@@ -48,7 +48,7 @@ def race_rules(race: Race) -> RaceRules:
 
 def laid_out(race: Race) -> Course:
     """The course of a race, boxes in the order driven. Raises UserFault when boxes or bots have no room, with the codes
-    of :func:`evaluation.simulator.course.lay_course`."""
+    of :func:`paddock.simulator.course.lay_course`."""
     return _lay(race.track.geometry, race_rules(race))
 
 

@@ -10,7 +10,7 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, PROPOSED_BOTS, PROPOSED_BOXES
+from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, PROPOSED_BOTS, PROPOSED_BOXES
 from tracks.drawing import BoxMark
 from tracks.models import Direction, Track
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 if TYPE_CHECKING:
     from league.models import Racer

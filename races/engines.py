@@ -9,7 +9,7 @@ from datetime import datetime
 from django.db.models import Exists, OuterRef
 
 from evaluation.models import Evaluation, State
-from evaluation.simulator import engine as simulator
+from paddock.simulator import engine as simulator
 
 from .models import Draw, Opponents, Race, RaceState, Redrive, RedriveState, Submission
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy
 
-from faults import Param, UserFault
-from faults.reasons import REASONS
+from paddock.errors import Param, UserFault
+from paddock.errors.reasons import REASONS
 
 
 def problem(code: str, **params: Param) -> ValidationError:

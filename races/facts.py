@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
-from evaluation.simulator.rules import RaceRules
 from evaluation.templatetags.garage import SENSOR_NAMES
+from paddock.simulator.rules import RaceRules
 
 from .models import DuelFormat, Opponents, RankingMethod
 from .ranking import rule_for

@@ -10,7 +10,7 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import MAX_BOXES
+from paddock.simulator.rules import MAX_BOXES
 
 from .errors import problem
 from .models import Lane

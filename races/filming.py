@@ -14,7 +14,7 @@ from django.utils import translation
 
 from evaluation.models import Evaluation, State
 from evaluation.services.results import read_course, read_trace
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .cars import CarRow, car_rows
 from .honours import race_of_marks
@@ -22,7 +22,7 @@ from .models import WHOLE, Race, Video
 from .names import named, names_track
 
 if TYPE_CHECKING:
-    from evaluation.film import Scene
+    from videos.film import Scene
 
 FORMAT = 2  # raise it whenever the picture changes: videos of another format are made anew
 
@@ -101,7 +101,7 @@ class FilmedRun:
 
     def scene(self, car: int, part: int, language: str) -> Scene:
         """What is to be drawn. Reads the stored traces. Raises PlatformFault("storage_failed"), UserFault."""
-        from evaluation.film import FilmedCar, Scene, Words
+        from videos.film import FilmedCar, Scene, Words
 
         evaluation = self.evaluation
         title, subtitle = self._titles(language)

@@ -10,9 +10,9 @@ from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from django.utils.translation import get_language
 
+from core.ranges import stored_file_response
+from core.storage_faults import storage_at_work
 from evaluation.files import as_download
-from evaluation.ranges import stored_file_response
-from faults.storage import storage_at_work
 
 from .models import WHOLE, Video, VideoState
 from .selectors.videos import shown_video, videos_visible_to

@@ -11,9 +11,9 @@ from django import forms
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from core.forms import add_fault
 from evaluation.templatetags.garage import SENSOR_NAMES
-from faults import UserFault
-from tracks.forms import add_fault
+from paddock.errors import UserFault
 
 from .course_form import DRAWN, FIXED, PROPOSALS, CourseForm
 from .errors import RaceRefused

@@ -1,6 +1,6 @@
 """How laps become a standing: one class for each ranking method, which also says its rule in plain sentences.
 
-Pure functions of the laps that an evaluation measured (evaluation.simulator LapResult dicts, times in whole simulated
+Pure functions of the laps that an evaluation measured (paddock.simulator LapResult dicts, times in whole simulated
 milliseconds); no database. The average is the old service's (DRoA, ModelPerformanceMetricsHelper.ts): the lowest
 floor(mean) over every window of ``minimum_laps`` consecutive complete laps. Unlike there, an unfinished lap is never a
 best lap.

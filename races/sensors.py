@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-# What the simulator can feed (evaluation.simulator.sensors, which the site does not load: it brings the physics along).
+# What the simulator can feed (paddock.simulator.sensors, which the site does not load: it brings the physics along).
 CAMERAS = ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS")
 OFFERABLE = (*CAMERAS, "LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")
 

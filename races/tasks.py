@@ -10,8 +10,8 @@ import logging
 from celery import shared_task
 from django.conf import settings
 
+from core.clock import database_now
 from evaluation.services import note_worker
-from evaluation.services.clock import database_now
 from evaluation.stopping import shutdown_flag
 
 from .services import drive_all_on

@@ -195,9 +195,9 @@ def bell(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
 def films(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
     """Every ring of the bell for videos, instead of a broker; and films of a few bytes, for tests that are not about
     what is drawn."""
-    from evaluation import film
     from races import tasks
     from tests.films import a_film
+    from videos import film
 
     rings: list[dict] = []
     monkeypatch.setattr(tasks.draw, "apply_async", lambda **options: rings.append(options))

@@ -10,8 +10,8 @@ from typing import Any
 from evaluation.models import Evaluation
 from evaluation.pipeline import CarOutcome, EvaluationOutcome
 from evaluation.services import finish_evaluation
-from faults import PlatformFault
 from league.models import Racer
+from paddock.errors import PlatformFault
 from races.models import Duel, DuelState, Entry, Race
 from races.selectors import board
 from races.services import draw_duels, drive_on

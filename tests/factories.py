@@ -13,9 +13,9 @@ from unittest.mock import patch
 from evaluation.models import Evaluation, State
 from evaluation.pipeline import EvaluationOutcome
 from evaluation.services import fail_evaluation, finish_evaluation, leases
-from evaluation.simulator import engine
-from faults import PaddockError
 from league.models import Racer
+from paddock.errors import PaddockError
+from paddock.simulator import engine
 from races.models import Kind, Race, Submission
 from races.services import submit_model
 from tests.evaluation.stubs import trace_csv

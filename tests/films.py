@@ -8,7 +8,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from evaluation.film import FilmFacts, Scene
 from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
 from races.models import Race
@@ -16,6 +15,7 @@ from races.services import submit_model
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, laps, outcome, start
 from tracks.models import Track
+from videos.film import FilmFacts, Scene
 
 LAP_MS = 1_000
 

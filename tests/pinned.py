@@ -1,4 +1,4 @@
-"""A process started with the pins of :mod:`evaluation.exact`, as sandboxed processes are."""
+"""A process started with the pins of :mod:`paddock.exact`, as sandboxed processes are."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from unittest import mock
 
-from evaluation import exact
+from paddock import exact
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from evaluation import proof
-from evaluation.simulator.engine import ENGINE_ID
+from paddock.simulator.engine import ENGINE_ID
 
 
 def take_as_proven() -> None:

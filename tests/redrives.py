@@ -8,13 +8,13 @@ from typing import Any
 
 from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
-from faults import PaddockError
+from paddock.errors import PaddockError
 from races.models import Entry, Race, Redrive, RedriveState
 from races.selectors import board
 from tests import factories
 from tests.factories import outcome, start
 
-SITE = "evaluation.simulator.engine.ENGINE_ID"
+SITE = "paddock.simulator.engine.ENGINE_ID"
 
 
 def pending(race: Race) -> list[Redrive]:

@@ -10,9 +10,9 @@ from django.utils import timezone
 
 from evaluation.models import Network, TrainedModel
 from league.models import Racer
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import write_npy
 from tracks.models import Track
-from tracks.npy import write_npy
 
 METADATA = {
     "action_space_type": "discrete",

@@ -16,8 +16,8 @@ os.environ["PADDOCK_DATA"] = str(Path(os.environ["PADDOCK_TEST_DATA"]) / os.envi
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
-from league.settings import *  # noqa: F403
-from league.settings import DATA_DIR, DATABASES, STORAGES
+from config.settings import *  # noqa: F403
+from config.settings import DATA_DIR, DATABASES, STORAGES
 
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     # a real file: in memory there is no WAL, and other threads and processes see nothing

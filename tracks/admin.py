@@ -14,11 +14,11 @@ from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.npy import MAX_BYTES
 
 from .drawing import draw_svg
 from .models import Look, Track
-from .npy import MAX_BYTES
 from .services import import_track
 
 

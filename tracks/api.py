@@ -14,11 +14,11 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
+from core.bodies import Body
+from paddock.geometry.npy import MAX_BYTES
 
 from . import services
-from .bodies import Body
 from .models import Direction, Look, Track
-from .npy import MAX_BYTES
 from .selectors import all_tracks
 
 LINE = {

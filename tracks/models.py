@@ -10,10 +10,9 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from faults import UserFault
-
-from .geometry import TrackGeometry
-from .npy import read_npy
+from paddock.errors import UserFault
+from paddock.geometry.npy import read_npy
+from paddock.geometry.track import TrackGeometry
 
 
 class Direction(models.TextChoices):
@@ -24,7 +23,7 @@ class Direction(models.TextChoices):
 
 
 class Look(models.TextChoices):
-    """How a track looks to cameras: the names of the themes in evaluation.simulator.camera.theme."""
+    """How a track looks to cameras: the names of the themes in paddock.simulator.camera.theme."""
 
     OFFICIAL = "official", _("as in the official simulator")
     TEXTURES = "textures", _("the official textures in full light")

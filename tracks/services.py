@@ -13,13 +13,13 @@ from django.utils import timezone
 from django.utils.text import slugify
 
 from accounts.quotas import limit_of, used_by
-from faults import UserFault
+from core.locks import hold
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
+from paddock.geometry.npy import read_npy, write_npy
+from paddock.geometry.track import TrackGeometry
 
-from .catalogue import CATALOGUE, CatalogueTrack
-from .geometry import TrackGeometry
-from .locks import hold
 from .models import Look, Track
-from .npy import read_npy, write_npy
 from .quotas import TRACKS
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ def import_track(
     ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
     ``look``: one of :class:`tracks.models.Look`, for good: cars of one race must see the same track.
-    Raises UserFault("track_...") for a file that is no track (see :mod:`tracks.npy`), "track_known" (with ``name`` and
-    ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
+    Raises UserFault("track_...") for a file that is no track (see :mod:`paddock.geometry.npy`), "track_known" (with
+    ``name`` and ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
     "track_look".
     """
     name = _valid_name(name)

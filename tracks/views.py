@@ -12,9 +12,10 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.quotas import limit_of
-from faults import UserFault
+from core.forms import add_fault
+from paddock.errors import UserFault
 
-from .forms import ImportTrackForm, add_fault
+from .forms import ImportTrackForm
 from .models import Track
 from .quotas import TRACKS
 from .services import import_track

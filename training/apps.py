@@ -39,9 +39,9 @@ def _prove() -> Proof:
 
 def _read_policies_of_sb3() -> None:
     """Uploads of stable-baselines3's zips are read where torch is installed, in a process behind the wall."""
-    from evaluation.packages.admit import PROCESSES, Reader
-    from evaluation.packages.kinds import SB3
+    from evaluation.admit import PROCESSES, Reader
     from evaluation.sandbox.limits import SB3_CONVERTER
+    from paddock.packages.kinds import SB3
 
     if find_spec("torch") is not None:
         PROCESSES[SB3] = Reader("training.sb3.process", SB3_CONVERTER, start_s=120.0, random=True)

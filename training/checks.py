@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from django.core.cache import cache
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 if TYPE_CHECKING:
     from league.models import Racer

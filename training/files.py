@@ -10,10 +10,10 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from evaluation.archive import Part, part_of, part_of_gzip, zipped
+from core.archive import Part, part_of, part_of_gzip, zipped
 from evaluation.robomaker import HYPERPARAMETERS, METADATA, settings_lines, trace_lines
 from evaluation.services.stored import read, read_gzip
-from faults import PlatformFault
+from paddock.errors import PlatformFault
 
 from .models import BestMetric, TrainingIteration, TrainingJob
 

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evaluation.packages.metadata import CONTINUOUS, DISCRETE
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.metadata import CONTINUOUS, DISCRETE
 
 PPO, SAC = "ppo", "sac"
 HUBER, MEAN_SQUARED_ERROR = "huber", "mean squared error"

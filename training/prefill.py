@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from evaluation.models import TrainedModel
-from evaluation.packages.inputs import lidar_settings
+from paddock.packages.inputs import lidar_settings
 from races.course_form import DRAWN, FIXED
 
 from .actions import discrete_actions

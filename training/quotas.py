@@ -15,7 +15,7 @@ from accounts.quotas import Quota
 from accounts.storage import Shelf
 from evaluation.models import StoredFile
 from evaluation.quotas import sizes_of_files
-from faults.reasons import REASONS
+from paddock.errors.reasons import REASONS
 
 from .models import Checkpoint, JobState, TrainingIteration, TrainingJob
 from .models.choices import UNDER_WAY

@@ -10,10 +10,10 @@ import logging
 from celery import shared_task
 from django.conf import settings
 
+from core.clock import database_now
 from evaluation.services import note_worker
-from evaluation.services.clock import database_now
 from evaluation.stopping import shutdown_flag
-from faults import PlatformFault
+from paddock.errors import PlatformFault
 
 from .services import forget_deleted, purge_trainings, ring_training_bell, run_next_training, sweep_trainings
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from django.db import transaction
 from django.db.models import QuerySet
 
-from faults import UserFault
-from tracks.locks import hold
+from core.locks import hold
+from paddock.errors import UserFault
 
 from .models import Vehicle
 

@@ -2,7 +2,7 @@
 
 ::
 
-    with launch("evaluation.packages.convert_process", limits=CONVERTER) as process:
+    with launch("evaluation.convert_process", limits=CONVERTER) as process:
         write_frame(process.stdin, question, process.deadline)
         answer = read_frame(process.stdout, limit, process.deadline)
 
@@ -28,7 +28,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from .. import exact
+from paddock import exact
+
 from . import bubblewrap, seccomp, uids
 from .enter import COMMAND
 from .frames import FrameError, wait_for
@@ -40,7 +41,7 @@ LEVEL_NONE, LEVEL_PARTIAL, LEVEL_LOCK, LEVEL_NAMESPACES = 0, 1, 2, 3
 
 CODE_ROOT = Path(__file__).resolve().parent.parent.parent
 # racers who practise have the simulator without the rooms above it
-_CODE = tuple(name for name in ("evaluation", "faults", "tracks", "training") if (CODE_ROOT / name).is_dir())
+_CODE = tuple(name for name in ("evaluation", "paddock", "training") if (CODE_ROOT / name).is_dir())
 _PIPE_SIZE = 1024 * 1024
 _GRACE_S = 5.0
 _PR_SET_CHILD_SUBREAPER = 36
@@ -255,7 +256,7 @@ def launch(
     Raises PlatformFault("sandbox_unavailable") below the minimum level and PlatformFault("sandbox_failed") when the
     process cannot be started. That it then fails to lock shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
     """
-    from faults import PlatformFault
+    from paddock.errors import PlatformFault
 
     from .probe import require
 

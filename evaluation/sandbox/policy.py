@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from faults import PaddockError, PlatformFault, UserFault
+from paddock.errors import PaddockError, PlatformFault, UserFault
 
 from .frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from .launch import SandboxedProcess, launch, widen_pipe
@@ -53,7 +53,7 @@ class PolicyProcess:
 
     def give(self, onnx: bytes, facts: dict[str, Any] | None = None) -> None:
         """Wait for the lock, then hand over the canonical ONNX bytes and what is known of them
-        (:class:`evaluation.network.bound.Facts`; None: it is found out now).
+        (:class:`paddock.network.bound.Facts`; None: it is found out now).
 
         Raises UserFault (``policy_died``, ``policy_late``); PlatformFault("sandbox_failed") if the process did not get
         as far as its lock.

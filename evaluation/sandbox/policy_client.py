@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .limits import POLICY_S
 from .policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, reply_buffer, request_buffer

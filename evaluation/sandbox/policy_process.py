@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
-from evaluation.network.bound import Facts, derive_bound, rounded
-from evaluation.network.session import Loaded, Refused, load, memory_or, plain
-from evaluation.simulator.action import is_clear
+from paddock.network.bound import Facts, derive_bound, rounded
+from paddock.network.session import Loaded, Refused, load, memory_or, plain
+from paddock.simulator.action import is_clear
 
 from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
 from .lock import EXIT_MEMORY

@@ -4,7 +4,7 @@
     reply    uint32 step, uint32 way (one of :data:`WAYS`), then float32[n]
 
 Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n,
-"ranges": [[low, high], [low, high]] or null}``; ``ranges`` as in :class:`evaluation.simulator.action.ActionSpace`. A
+"ranges": [[low, high], [low, high]] or null}``; ``ranges`` as in :class:`paddock.simulator.action.ActionSpace`. A
 header without ``ranges`` asks for the runtime's answer as it is.
 """
 

@@ -104,7 +104,7 @@ def require(minimum: int | None = None) -> int:
 
     Raises PlatformFault("sandbox_unavailable") otherwise: fail closed.
     """
-    from faults import PlatformFault
+    from paddock.errors import PlatformFault
 
     report = probe()
     wanted = report.minimum if minimum is None else max(minimum, MINIMUM_LEVEL)

@@ -18,15 +18,15 @@ from django.db.models import ProtectedError
 from django.utils import timezone
 
 from accounts.quotas import limit_of, used_by
-from faults import UserFault
-from faults.storage import storage_at_work
-from tracks.locks import hold
+from core.locks import hold
+from core.storage_faults import storage_at_work
+from paddock.errors import UserFault
+from paddock.packages.read import UploadPart
 
+from ..admit import AdmittedPackage, admit
 from ..bounds import package_limits
 from ..looks import COLOUR, Look, Shell
 from ..models import Network, TrainedModel
-from ..packages.admit import AdmittedPackage, admit
-from ..packages.read import UploadPart
 from ..quotas import MODELS, STORAGE
 from ..signals import model_deleted
 from .stored import delete, heal_network, store

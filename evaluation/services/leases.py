@@ -17,7 +17,7 @@ from django.db import transaction
 from django.db.models import F, QuerySet, Value
 from django.db.models.functions import Concat, Right
 
-from faults import PaddockError, PlatformFault
+from paddock.errors import PaddockError, PlatformFault
 
 from ..line import FRONT, next_in_line, queued
 from ..models import Evaluation, Result, State

@@ -13,13 +13,13 @@ from datetime import datetime, timedelta
 from django.conf import settings
 from django.db.models.functions import Now
 
-from faults import PlatformFault
+from paddock.errors import PlatformFault
+from paddock.simulator import engine
 
 from .. import proof as proving
 from ..models import WorkerNode
 from ..proof import Proof
 from ..sandbox import probe as probing
-from ..simulator import engine
 
 logger = logging.getLogger(__name__)
 BEAT_EVERY_S = 15.0

@@ -15,8 +15,8 @@ from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 from django.db.models import F
 
-from faults import PlatformFault
-from faults.storage import storage_at_work
+from core.storage_faults import storage_at_work
+from paddock.errors import PlatformFault
 
 from ..models import Evaluation, Outage, State
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from django.db import transaction
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..line import URGENT
 from ..models import Evaluation, EvaluationRival, State, TrainedModel
@@ -20,9 +20,8 @@ from .turns import hurry_from, insert_in_turn
 
 if TYPE_CHECKING:
     from league.models import Racer
+    from paddock.simulator.rules import RaceRules
     from tracks.models import Track
-
-    from ..simulator.rules import RaceRules
 
 
 @transaction.atomic

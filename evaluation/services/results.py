@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from django.db.models import Q
 
-from faults.storage import storage_at_work
+from core.storage_faults import storage_at_work
+from paddock.simulator.rules import MAX_CARS
 
 from ..models import CarResult, Evaluation, Result, RivalResult
-from ..simulator.rules import MAX_CARS
 from .stored import delete, read_gzip, store
 
 if TYPE_CHECKING:

@@ -24,13 +24,13 @@ from django.db import transaction
 from django.db.models import Exists, F, FileField, Model, OuterRef, Q
 from django.utils import timezone
 
-from faults import PlatformFault, UserFault
-from faults.storage import storage_at_work
+from core.storage_faults import storage_at_work
+from paddock.errors import PlatformFault, UserFault
+from paddock.packages.identity import identity
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
 
 from ..models import Damage, Network, StoredFile
-from ..packages.identity import identity
-from ..packages.limits import DEFAULT_LIMITS
-from ..packages.metadata import parse_metadata
 
 logger = logging.getLogger(__name__)
 CHECKED_EVERY = timedelta(days=7)

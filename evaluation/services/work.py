@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
 
-from faults import PaddockError, PlatformFault, UserFault
-from faults.storage import is_of_storage
+from core.clock import database_now
+from core.storage_faults import is_of_storage
+from paddock.errors import PaddockError, PlatformFault, UserFault
+from paddock.network.bound import Facts
 
 from ..models import Evaluation, Network, TrainedModel
-from ..network.bound import Facts
 from ..sandbox import probe as probing
-from .clock import database_now
 from .heart import Heart
 from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
 from .outages import note_storage_fault
@@ -71,8 +71,9 @@ def job_of(evaluation: Evaluation) -> RaceJob:
     Raises PlatformFault("storage_failed") or ("file_damaged") for a network's file, ("internal_error") when the track
     is not the one that was frozen.
     """
+    from paddock.simulator.rules import RaceRules
+
     from ..pipeline import RaceJob, RivalCar
-    from ..simulator.rules import RaceRules
 
     rules = RaceRules.from_dict(evaluation.spec["rules"])
     track = evaluation.track.geometry

@@ -90,7 +90,7 @@ def action_fan(metadata: dict) -> SafeString:
 
 
 def _clip(angle: float, speed: float) -> tuple[float, float]:
-    """What the car makes of an action (evaluation.simulator.action): 30 degrees and 0.1 to 4 m/s at most."""
+    """What the car makes of an action (paddock.simulator.action): 30 degrees and 0.1 to 4 m/s at most."""
     return max(-30.0, min(30.0, angle)), max(0.1, min(TOP_SPEED_MPS, speed))
 
 

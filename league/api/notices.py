@@ -15,11 +15,11 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from core.bodies import Body, refuse_fields
 from league.models import Notice, NoticeChoice, NoticeKind
 from league.notices import sentence
 from league.selectors.notices import notices_of
 from league.services.notices import choice_of, choose_notices, mark_read
-from tracks.bodies import Body, refuse_fields
 
 
 class NoticeSerializer(serializers.Serializer):

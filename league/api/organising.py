@@ -17,6 +17,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
+from core.bodies import Body
 from league.models import Season, Stage
 from league.selectors import months_of
 from league.selectors.overview import month_races, seasons_listed
@@ -24,7 +25,6 @@ from league.services import create_season, edit_season, schedule_round, set_stag
 from races.api.races import NewRaceSerializer
 from races.audit import log
 from races.models import Division, RankingMethod
-from tracks.bodies import Body
 
 from .season_serializers import RoundSerializer, SeasonDetailSerializer, StageRulesSerializer
 

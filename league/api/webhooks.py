@@ -14,13 +14,13 @@ from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
 from accounts.tokens import scopes_of
+from core.bodies import Body, refuse_fields
 from league import chats
 from league.happenings import EVENTS
 from league.models import Webhook, WebhookDelivery
 from league.selectors.webhooks import deliveries_of, races_to_hear_of, webhooks_of
 from league.services.webhooks import add_webhook, change_secret, remove_webhook, send_test
 from league.signing import shown
-from tracks.bodies import Body, refuse_fields
 
 DELIVERY_STATES = ["due", "sent", "failed"]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from decimal import Decimal
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import RaceType, RankingMethod
 
 from ..models.season import Stage

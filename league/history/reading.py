@@ -10,7 +10,7 @@ from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import RaceType
 
 from ..models.season import Stage

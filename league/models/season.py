@@ -12,7 +12,7 @@ from django.db.models import F, Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import RaceRules
+from paddock.simulator.rules import RaceRules
 from races.errors import problem
 from races.models import ONE_LINE, Division, Kind, Race, RankingMethod
 

@@ -13,7 +13,7 @@ from django.db.models import Count, QuerySet
 from evaluation.models import WorkerNode
 from evaluation.queues import Queue, all_queues
 from evaluation.services.nodes import SILENT_AFTER
-from faults.reasons import REASONS
+from paddock.errors.reasons import REASONS
 
 FAILED_WITHIN = timedelta(hours=1)
 

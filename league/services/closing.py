@@ -13,7 +13,7 @@ from datetime import datetime
 from django.db import transaction
 from django.db.models import Q
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Opponents, Race, RaceState
 from races.selectors.counting import cars_waiting, driven_again
 from races.services.gates import moment

@@ -18,7 +18,7 @@ from django.conf import settings
 from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Subquery, Value, When
 from django.db.models.functions import Coalesce
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .. import chats, outgoing
 from ..happenings import TEST

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import DuelFormat, Entry, Race
 from races.ranking import NO_RESULT, NOT_CLASSIFIED
 from races.selectors.boards import ORDER, board_entries

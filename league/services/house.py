@@ -19,9 +19,9 @@ from django.db import transaction
 
 from evaluation.looks import Look, Shell
 from evaluation.models import TrainedModel
-from evaluation.packages.read import UploadPart, read_upload
 from evaluation.services import describe_model, upload_model
-from faults import PaddockError, UserFault
+from paddock.errors import PaddockError, UserFault
+from paddock.packages.read import UploadPart, read_upload
 from races.models import Kind, Race, Submission
 from races.selectors import racing_now
 from races.services import submit_model

@@ -17,7 +17,7 @@ from django.core.exceptions import ValidationError
 from django.db import IntegrityError, transaction
 from django.utils.text import slugify
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import DuelFormat, Entry, Kind, Opponents, Race, RaceType
 from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank

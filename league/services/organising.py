@@ -10,7 +10,7 @@ from django.db import transaction
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Entry, Race, RaceState
 from races.services import edit_race, remove_entry
 

@@ -11,7 +11,7 @@ from typing import Any
 from django.db import IntegrityError
 
 from evaluation.queues import Queue
-from faults import UserFault
+from paddock.errors import UserFault
 
 
 @dataclass

@@ -9,7 +9,7 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.db import transaction
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.errors import problem
 from races.models import Race
 from races.services import create_league_race

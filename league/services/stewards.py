@@ -6,7 +6,7 @@ from datetime import datetime
 
 from django.db import transaction
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Entry, RaceState
 from races.services.entries import remove_entry, restore_entry
 from races.services.gates import moment

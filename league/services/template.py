@@ -14,7 +14,7 @@ from django.db import models, transaction
 from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import Kind, Opponents, Race, RaceType
 from races.services.races import free_slug

@@ -12,7 +12,7 @@ from django.db import transaction
 from django.utils import translation
 
 from evaluation.services.bell import send
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Entry, Race
 
 from .. import chats, outgoing

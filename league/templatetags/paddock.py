@@ -17,11 +17,11 @@ from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
-from league.countries import COUNTRIES
+from accounts.countries import COUNTRIES
+from paddock.geometry.track import TrackGeometry
 from races import facts
 from races.replay import LAP_COLOURS
 from tracks.drawing import DrivenLine, draw_svg
-from tracks.geometry import TrackGeometry
 from tracks.models import Track
 
 register = template.Library()

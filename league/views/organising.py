@@ -20,10 +20,10 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from django.views.decorators.http import require_http_methods
 
-from faults import UserFault
 from league.round_form import RoundForm, change_of, is_sent, write_changes
 from league.season_form import SeasonForm
 from league.services.template import Previewed, RoundPlan, digest_of, preview_season, schedule_season
+from paddock.errors import UserFault
 from races.audit import log
 from races.course_form import preview as course_of
 

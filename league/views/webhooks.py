@@ -17,7 +17,7 @@ from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
-from faults import UserFault
+from core.forms import add_fault
 from league.chats import chat_of
 from league.happenings import EVENTS, LABELS, TEST
 from league.models import Webhook, WebhookDelivery
@@ -31,9 +31,9 @@ from league.services.webhooks import (
     send_test,
 )
 from league.signing import shown
+from paddock.errors import UserFault
 from races.models import Race
 from races.views.common import tell_fault
-from tracks.forms import add_fault
 
 SHOWN = 20
 # what a delivery failed for, by its ``error``; the codes of faults beside those of league.services.webhooks

@@ -10,7 +10,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils.translation import gettext as _
 
-from faults import PaddockError
+from paddock.errors import PaddockError
 
 
 def sentence(fault: PaddockError) -> str:

@@ -16,7 +16,7 @@ from django.utils.html import format_html
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
-from faults import PaddockError
+from paddock.errors import PaddockError
 
 from ..course import check_layout
 from ..errors import problem

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rest_framework import serializers
 
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS
-from tracks.bodies import Body
+from core.bodies import Body
+from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS
 
 from ..models import DuelFormat, Lane, Opponents
 from ..models.course import BOX_DISTANCES_M, BOX_FRACTIONS

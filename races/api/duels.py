@@ -11,8 +11,8 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
-from faults import UserFault
-from tracks.bodies import refuse_fields
+from core.bodies import refuse_fields
+from paddock.errors import UserFault
 
 from ..models import DuelFormat, DuelState, Opponents, Race
 from ..selectors import duels_of

@@ -12,10 +12,10 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE, RACE
+from core.bodies import Body, refuse_fields
 from evaluation.models import State
 from evaluation.selectors import models_of
-from faults import UserFault
-from tracks.bodies import Body, refuse_fields
+from paddock.errors import UserFault
 
 from .. import services
 from ..models import Entry

@@ -17,15 +17,15 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from core.bodies import refuse_fields
+from core.file_view import FileView
 from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
-from faults import UserFault
-from faults.reasons import REASONS
-from tracks.bodies import refuse_fields
-from tracks.file_view import FileView
+from paddock.errors import UserFault
+from paddock.errors.reasons import REASONS
 
 from .lookup import visible_evaluation
 from .placed import PlacedBoxSerializer

@@ -7,7 +7,7 @@ from rest_framework.exceptions import PermissionDenied
 from rest_framework.request import Request
 
 from evaluation.models import Evaluation
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..models import Entry, Race
 from ..selectors import can_organise, entry_of, evaluations_visible_to, races_visible_to

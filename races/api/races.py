@@ -13,8 +13,8 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
-from faults import UserFault
-from tracks.bodies import Body, refuse_fields
+from core.bodies import Body, refuse_fields
+from paddock.errors import UserFault
 from tracks.models import Direction, Track
 
 from .. import services

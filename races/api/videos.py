@@ -18,9 +18,9 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from core.bodies import Body, refuse_fields
+from core.file_view import FileView
 from evaluation.models import State
-from tracks.bodies import Body, refuse_fields
-from tracks.file_view import FileView
 
 from ..filming import FilmedRun
 from ..films import film_response, page_language, ready_video, visible_video

@@ -2,7 +2,7 @@
 
 import django.db.models.deletion
 import django.utils.timezone
-import evaluation.ids
+import core.ids
 from django.conf import settings
 from django.db import migrations, models
 
@@ -20,7 +20,7 @@ class Migration(migrations.Migration):
             name='Video',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('public_id', models.CharField(default=evaluation.ids.new_public_id, editable=False, max_length=12, unique=True)),
+                ('public_id', models.CharField(default=core.ids.new_public_id, editable=False, max_length=12, unique=True)),
                 ('car', models.PositiveSmallIntegerField(default=0, verbose_name='car followed')),
                 ('part', models.PositiveSmallIntegerField(default=0, help_text='0: the whole run, else a lap.', verbose_name='part')),
                 ('language', models.CharField(max_length=8, verbose_name='language')),

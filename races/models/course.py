@@ -9,7 +9,7 @@ from django.db import models
 from django.db.models import Func, Q
 from django.db.models.lookups import LessThanOrEqual
 
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, LANES, MAX_BOTS, MAX_BOXES, MAX_CARS
+from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, LANES, MAX_BOTS, MAX_BOXES, MAX_CARS
 
 from ..errors import problem
 from .choices import DuelFormat, Opponents, RaceType

@@ -14,7 +14,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.simulator.rules import RaceRules
+from paddock.simulator.rules import RaceRules
 from tracks.models import Direction
 
 from ..errors import problem

@@ -9,10 +9,10 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.ids import new_public_id
+from core.ids import new_public_id
 from evaluation.models import SHA256, reason_sentence
-from evaluation.simulator.rules import MAX_CARS
-from faults.reasons import REASONS
+from paddock.errors.reasons import REASONS
+from paddock.simulator.rules import MAX_CARS
 
 WHOLE = 0  # the part that is the whole run
 

@@ -10,7 +10,7 @@ from django.db.models import IntegerField, OuterRef, Q, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
 from evaluation.models import Evaluation, State
-from faults.reasons import REASONS
+from paddock.errors.reasons import REASONS
 
 from ..models import BoardCount, Entry, Race, Redrive, RedriveState, Submission
 from ..models.counting import CLASSIFIED, EVERYBODY, LEVEL_BITS, SHIFTS, TOTAL

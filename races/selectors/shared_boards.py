@@ -8,7 +8,7 @@ from collections import OrderedDict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from evaluation.services.unchanged import Unchanged, is_shared
+from core.unchanged import Unchanged, is_shared
 
 from ..models import Race
 from .boards import PER_PAGE, Board, as_seen_by, board

@@ -19,7 +19,7 @@ from django.db import transaction
 from django.db.models import Exists, OuterRef, Q, QuerySet
 
 from evaluation.models import Network, TrainedModel
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..models import Entry, Race, RaceCar, RefusedCar, Submission, car_of
 from .locks import lock_entries

@@ -18,7 +18,7 @@ from django.db.models import Min, QuerySet
 
 from evaluation.models import Evaluation, Result, State
 from evaluation.services import queue_evaluation
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..course import race_rules
 from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of

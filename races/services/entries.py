@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from django.db import transaction
 from django.utils import timezone
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..eligibility import check_eligible
 from ..models import Entry, Race, RaceState, Visibility

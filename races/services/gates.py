@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..models import Race, RaceState
 

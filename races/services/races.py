@@ -15,10 +15,10 @@ from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
 from accounts.quotas import limit_of, used_by
+from core.locks import hold
 from evaluation.models import Evaluation
 from evaluation.services import reschedule
-from faults import UserFault
-from tracks.locks import hold
+from paddock.errors import UserFault
 from tracks.models import Track
 
 from ..errors import RaceRefused, problem

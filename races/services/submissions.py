@@ -11,7 +11,7 @@ from django.db.models import F
 from evaluation.models import State, TrainedModel
 from evaluation.selectors import can_use_model
 from evaluation.services import queue_evaluation
-from faults import UserFault
+from paddock.errors import UserFault
 
 from ..course import race_rules
 from ..eligibility import check_eligible

@@ -14,6 +14,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from evaluation.models import Evaluation, TrainedModel
+from paddock.geometry.track import TrackGeometry
 from races import facts
 from races.course import box_marks
 from races.engines import hidden_runs
@@ -23,7 +24,6 @@ from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
 from races.selectors.results import Place, Rival
 from tracks.drawing import BoxMark, DrivenLine, draw_svg
-from tracks.geometry import TrackGeometry
 from tracks.models import Track
 
 register = template.Library()

@@ -8,11 +8,11 @@ from django.shortcuts import get_object_or_404
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
+from core.forms import explain
 from evaluation.models import Evaluation
-from faults import PaddockError
+from paddock.errors import PaddockError
 from races.models import Race
 from races.selectors import can_organise, evaluations_visible_to, races_visible_to
-from tracks.forms import explain
 
 
 def visible_race(request: HttpRequest, slug: str) -> Race:

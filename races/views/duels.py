@@ -10,7 +10,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Opponents, Race
 from races.selectors import duels_of
 from races.services import draw_duels, drive_on

@@ -12,7 +12,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races import services
 from races.audit import log_if_admin
 from races.course_form import CourseForm, preview

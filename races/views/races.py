@@ -10,6 +10,7 @@ from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.views.decorators.http import require_safe
 
+from core.forms import explain
 from evaluation.selectors import models_of
 from races.course import box_marks
 from races.eligibility import refusal
@@ -30,7 +31,6 @@ from races.selectors import (
     upcoming,
 )
 from races.sensors import not_offered
-from tracks.forms import explain
 
 from .common import visible_race
 from .latest import LatestRun, latest_run

@@ -12,13 +12,13 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
+from core.forms import explain
 from evaluation.selectors import models_of
-from faults import UserFault
+from paddock.errors import UserFault
 from races import services
 from races.models import Race, Visibility
 from races.ranking import rule_for
 from races.selectors import can_see_race, entry_of
-from tracks.forms import explain
 
 from .common import tell_fault, visible_race
 

@@ -12,7 +12,7 @@ from django.utils import timezone
 from django.views.decorators.http import require_POST, require_safe
 
 from evaluation.models import Evaluation
-from faults import PaddockError
+from paddock.errors import PaddockError
 from races.filming import FilmedRun, best_lap
 from races.films import film_response, page_language, ready_video, visible_video
 from races.models import WHOLE, Video, VideoState

@@ -11,7 +11,7 @@ from django.test import Client
 from django.utils import timezone
 
 from accounts.receivers import PASSING_S
-from league.tasks import old_sessions
+from config.tasks import old_sessions
 
 PASSKEY = "/accounts/2fa/webauthn/login/"
 PASSWORD = "correct horse battery"

@@ -13,8 +13,8 @@ from django.urls import reverse
 from accounts.models import MOST, RacerQuota
 from accounts.quotas import all_quotas, limit_of, usage_of, used_by
 from accounts.selectors import can_see_usage, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
-from faults import UserFault
 from league.models import Racer
+from paddock.errors import UserFault
 from races.services import create_community_race
 from tests.factories import a_model, a_race, a_racer, a_track
 from tracks.models import Track

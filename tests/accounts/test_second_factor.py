@@ -14,7 +14,7 @@ from django.test import Client
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
-from league.env import passkeys_work
+from config.env import passkeys_work
 from league.models import Racer
 from tests.accounts.one_time_codes import code_of
 

@@ -10,8 +10,8 @@ from django.utils import timezone
 
 from accounts.models import SignUpInvitation
 from accounts.services import take_up_invitation
-from faults import UserFault
 from league.models import Racer
+from paddock.errors import UserFault
 from tests.factories import a_racer
 
 pytestmark = pytest.mark.django_db

@@ -15,6 +15,7 @@ from drf_spectacular.generators import SchemaGenerator
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
+from core.bodies import MAX_NAME, MAX_NAMED
 from league.models import Notice, NoticeKind, Racer
 from league.services import create_season
 from league.services.webhooks import add_webhook
@@ -22,7 +23,6 @@ from races.models import Race, Video, Visibility
 from races.services import accept_invitation
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.training.jobs import a_training
-from tracks.bodies import MAX_NAME, MAX_NAMED
 from training.vehicles import save_vehicle
 
 SCHEMA = SchemaGenerator().get_schema(request=None, public=True)

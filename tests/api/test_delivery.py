@@ -13,7 +13,7 @@ from django.utils import timezone
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
-from league.delivery import Compressed, Fresh
+from config.delivery import Compressed, Fresh
 from league.happenings import EVENTS, TEST
 from races.models import Race, Visibility
 from tests.factories import a_race, a_racer, drive, laps

@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from races.models import Submission
 from tests.factories import a_model, a_race, drive, fail, finish, laps
 

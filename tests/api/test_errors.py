@@ -12,8 +12,8 @@ from django.utils import translation
 from rest_framework import exceptions, serializers
 from rest_framework.test import APIClient
 
-from faults import PlatformFault, UserFault
-from league.api.errors import handle
+from core.api.errors import handle
+from paddock.errors import PlatformFault, UserFault
 
 
 def test_a_racers_fault_carries_its_code_its_sentence_and_its_values():

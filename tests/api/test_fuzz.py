@@ -16,10 +16,10 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from knox.models import AuthToken
 from rest_framework.throttling import ScopedRateThrottle
 
+from config.wsgi import application
 from league.models import Notice, NoticeKind, Racer
 from league.services import create_season, schedule_round
 from league.services.webhooks import add_webhook, send_test
-from league.wsgi import application
 from races.models import Visibility
 from races.services import accept_invitation
 from races.services.videos import ask_for_video, run_next_video

@@ -9,10 +9,10 @@ import pytest
 from django.core.management import call_command
 from drf_spectacular.generators import SchemaGenerator
 
-from faults.reasons import REASONS
-from league.api.errors import STATUS_OF
-from league.api.reference import operations
-from league.api.urls import version_1
+from config.api.reference import operations
+from config.api.urls import version_1
+from core.api.errors import STATUS_OF
+from paddock.errors.reasons import REASONS
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from rest_framework.throttling import ScopedRateThrottle
 
 from accounts.scopes import SCOPES
 from accounts.tokens import create_token
-from league.api.urls import version_1
+from config.api.urls import version_1
 from league.services.webhooks import add_webhook
 
 pytestmark = pytest.mark.django_db
@@ -48,7 +48,7 @@ def refused(client: APIClient, method: str, path: str) -> str:
 @pytest.mark.parametrize("scope", SCOPES)
 def test_a_token_of_one_scope_does_what_needs_that_scope_and_nothing_else(alice, operations, monkeypatch, scope):
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "9999/hour", "write": "9999/hour"})
-    monkeypatch.setattr("league.api.views._authenticate", lambda *said: alice)
+    monkeypatch.setattr("config.api.views._authenticate", lambda *said: alice)
     client = client_with(alice, scope)
     for (method, path), operation in operations.items():
         needs = operation.get("x-token-scopes", [])

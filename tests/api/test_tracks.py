@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 
+from paddock.geometry.npy import write_npy
 from tests.rows import track_row
 from tests.shared import SHARED, needs_shared
-from tracks.npy import write_npy
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/tracks/"

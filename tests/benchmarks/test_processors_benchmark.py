@@ -87,4 +87,4 @@ def test_its_process_refuses_to_measure_without_the_pins(monkeypatch, capsys) ->
 
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
     assert decisions.main() == 2
-    assert "python -m evaluation.exact" in capsys.readouterr().err
+    assert "python -m paddock.exact" in capsys.readouterr().err

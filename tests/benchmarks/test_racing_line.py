@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.racing_line import centre_line, line_at, minimum_curvature_line
-from evaluation.simulator.physics import PADDOCK_CAR
-from tracks.catalogue import CATALOGUE
-from tracks.geometry import TrackGeometry
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.physics import PADDOCK_CAR
 
 HALF_BODY = PADDOCK_CAR.body_width / 2
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from faults import reasons
+from paddock.errors import reasons
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "racers.md"
 BEGIN, END = "<!-- reasons: begin -->", "<!-- reasons: end -->"

@@ -10,10 +10,10 @@ import pytest
 from drf_spectacular.generators import SchemaGenerator
 from rest_framework import exceptions
 
-import league.api.views  # noqa: F401  (its errors are codes, too)
-from evaluation.simulator.rules import RaceRules
-from faults.reasons import REASONS
-from league.api.errors import STATUS_OF
+import config.api.views  # noqa: F401  (its errors are codes, too)
+from core.api.errors import STATUS_OF
+from paddock.errors.reasons import REASONS
+from paddock.simulator.rules import RaceRules
 
 from .pages import code_blocks, section, text
 

@@ -11,27 +11,27 @@ import numpy as np
 import pytest
 
 from accounts.tokens import TOKENS_PER_RACER
-from evaluation.network.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
-from evaluation.packages.gate.operators import OPERATORS
-from evaluation.packages.inputs import CAMERAS, SENSOR_NAMES
-from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
-from evaluation.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
 from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
-from evaluation.simulator import lidar
-from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
-from evaluation.simulator.camera.theme import OFFICIAL
-from evaluation.simulator.car import Pose
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.envs import DEFAULT_METADATA, load_track
-from evaluation.simulator.envs.setting import head_to_head, object_avoidance, race_setting, time_trial
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.rewards import Objects
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.trace import COLUMNS, STATUSES
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.checks import MAX_LENGTH_M, MAX_WAYPOINTS, MAX_WIDTH_M, MIN_LENGTH_M, MIN_WAYPOINTS, MIN_WIDTH_M
+from paddock.network.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
+from paddock.packages.gate.operators import OPERATORS
+from paddock.packages.inputs import CAMERAS, SENSOR_NAMES
+from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE
+from paddock.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
+from paddock.simulator import lidar
+from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.car import Pose
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.envs import DEFAULT_METADATA, load_track
+from paddock.simulator.envs.setting import head_to_head, object_avoidance, race_setting, time_trial
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.rewards import Objects
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.trace import COLUMNS, STATUSES
 from races.sensors import OFFERABLE, SAME_AS
 from races.validation import MAX_AHEAD, MAX_DURATION
-from tracks.catalogue import CATALOGUE
-from tracks.checks import MAX_LENGTH_M, MAX_WAYPOINTS, MAX_WIDTH_M, MIN_LENGTH_M, MIN_WAYPOINTS, MIN_WIDTH_M
 
 from .pages import code_blocks, section, text
 

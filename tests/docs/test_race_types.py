@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from evaluation.simulator import bots, boxes, course, referee
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
-from evaluation.simulator.solids import box
+from paddock.simulator import bots, boxes, course, referee
+from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
+from paddock.simulator.solids import box
 
 from .pages import section, text
 
@@ -62,7 +62,7 @@ def test_several_cars():
 
 @pytest.mark.parametrize("title", ["## Boxes", "## Bots"])
 def test_the_refusals_have_reasons(title):
-    from faults.reasons import REASONS
+    from paddock.errors.reasons import REASONS
 
     codes = re.findall(r"`(\w+_\w+_\w+|boxes_overlap)`", section(PAGE, title))
     assert codes and set(codes) <= set(REASONS)

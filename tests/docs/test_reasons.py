@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from faults.reasons import REASONS
+from paddock.errors.reasons import REASONS
 
 from . import reason_table
 from .pages import text

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from evaluation.packages.limits import DEFAULT_LIMITS
+from config.web import PROCESSES, THREADS
 from evaluation.sandbox.limits import REWARD
-from league.web import PROCESSES, THREADS
+from paddock.packages.limits import DEFAULT_LIMITS
 from training.rewards.ask import SLOTS, WAITING
 from training.rewards.check import MAX_CHARACTERS
 from training.rewards.examples import EXAMPLES

@@ -12,7 +12,7 @@ from django.core.management import get_commands, load_command_class
 from .pages import CHECKOUT, everything, section, text
 
 READ_BY_LIBRARIES = {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_ENDPOINT_URL_S3"}
-OURS = sorted(path.stem for path in (CHECKOUT / "league/management/commands").glob("[a-z]*.py"))
+OURS = sorted(path.stem for path in (CHECKOUT / "config/management/commands").glob("[a-z]*.py"))
 OF_EVERY_COMMAND = {
     "help",
     "version",
@@ -57,7 +57,7 @@ def test_no_variable_is_described_that_nothing_reads():
 
 
 def test_defaults_are_those_of_the_settings():
-    settings = (CHECKOUT / "league/settings.py").read_text()
+    settings = (CHECKOUT / "config/settings.py").read_text()
     defaults = re.findall(r'env_(?:int|bool)\("([A-Z_]+)", (\w+)', settings)
     defaults += re.findall(r'env_(?:str|list|url|hosts|choice|sender|time_zone)\("([A-Z_]+)", "([^"]+)"', settings)
     assert len(defaults) > 10

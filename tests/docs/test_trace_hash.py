@@ -7,9 +7,9 @@ import re
 import pytest
 
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.trace import COLUMNS, STATUSES, Row, Trace
-from tracks.catalogue import by_slug
+from paddock.geometry.catalogue import by_slug
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.trace import COLUMNS, STATUSES, Row, Trace
 from training.golden.cars import car
 
 from .pages import code_blocks, section, text

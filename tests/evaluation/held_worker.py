@@ -13,7 +13,7 @@ from pathlib import Path
 
 import django
 
-from league.celery import app
+from config.celery import app
 
 django.setup()
 
@@ -22,7 +22,7 @@ from celery.signals import worker_ready  # noqa: E402
 from evaluation import pipeline  # noqa: E402
 from evaluation.services import leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
-from faults import UserFault  # noqa: E402
+from paddock.errors import UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
 from tests.proven import take_as_proven  # noqa: E402
 

@@ -30,7 +30,7 @@ def environment(broker_url: str, **more: str) -> dict[str, str]:
     """What a process needs to work on the running test's database, files and broker."""
     return {
         **os.environ,
-        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "DJANGO_SETTINGS_MODULE": "config.settings",
         "DATABASE_URL": database_url(),
         "PADDOCK_DATA": str(settings.DATA_DIR),
         "CELERY_BROKER_URL": broker_url,

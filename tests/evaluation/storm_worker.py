@@ -15,7 +15,7 @@ import threading
 
 import django
 
-os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
 django.setup()
 
 from django.conf import settings  # noqa: E402
@@ -26,7 +26,7 @@ from evaluation import pipeline, services  # noqa: E402
 from evaluation.models import Evaluation, State  # noqa: E402
 from evaluation.services import bell, leases, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
-from faults import PlatformFault, UserFault  # noqa: E402
+from paddock.errors import PlatformFault, UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
 from tests.storms import ride_out  # noqa: E402
 

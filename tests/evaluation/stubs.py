@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob
-from evaluation.simulator import engine
+from paddock.simulator import engine
 
 HEADER = (
     "episode,steps,X,Y,yaw,steer,throttle,action,reward,done,all_wheels_on_track,progress,closest_waypoint,track_len,"

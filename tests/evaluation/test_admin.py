@@ -8,8 +8,8 @@ from django.utils import timezone
 
 from evaluation import services
 from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
-from evaluation.simulator.rules import RaceRules
 from league.models import Racer
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.rows import model_row
 

@@ -11,17 +11,17 @@ import gymnasium
 import numpy as np
 import pytest
 
-import evaluation.simulator.envs  # noqa: F401 - registers the environments
+import paddock.simulator.envs  # noqa: F401  registers the environments
 import training.house_cars
-from evaluation.exact import PINS, environment, is_pinned
-from evaluation.network.session import load
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.runner_process import policy_header
 from evaluation.sandbox.policy_process import Policy
-from evaluation.simulator.action import DISCRETE, ActionSpace
-from evaluation.simulator.rules import RaceRules
+from paddock.exact import PINS, environment, is_pinned
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.network.session import load
+from paddock.simulator.action import DISCRETE, ActionSpace
+from paddock.simulator.rules import RaceRules
 from tests.pinned import pinned_process
-from tracks.catalogue import CATALOGUE
 
 pytestmark = pytest.mark.slow
 LAPS_MS = 12_000
@@ -65,8 +65,8 @@ def test_a_car_drives_at_home_as_on_the_site(name, pinned):
 
 
 def test_a_program_is_started_exact_with_its_own_arguments():
-    program = "import sys; from evaluation.exact import is_pinned; print(is_pinned(), sys.argv[1:])"
-    command = [sys.executable, "-m", "evaluation.exact", "-c", program, "--laps", "3"]
+    program = "import sys; from paddock.exact import is_pinned; print(is_pinned(), sys.argv[1:])"
+    command = [sys.executable, "-m", "paddock.exact", "-c", program, "--laps", "3"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[-2] == "True ['--laps', '3']"
 

@@ -8,10 +8,10 @@ import pytest
 from evaluation.crew import VENUES_KEPT, Crew, Spare
 from evaluation.pipeline import RaceJob, RivalCar, evaluate
 from evaluation.sandbox.frames import FrameClosed
-from evaluation.simulator.rules import HEAD_TO_HEAD, RaceRules
-from faults import PlatformFault
+from paddock.errors import PlatformFault
+from paddock.geometry.catalogue import CATALOGUE, by_slug
+from paddock.simulator.rules import HEAD_TO_HEAD, RaceRules
 from tests.sandbox.networks import METADATA, small_network
-from tracks.catalogue import CATALOGUE, by_slug
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ import pytest
 
 from evaluation.pipeline import EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.sandbox.probe import probe
-from evaluation.simulator.rules import BoxPlace, RaceRules
 from league.services import house_cars
+from paddock.geometry.catalogue import by_slug
+from paddock.simulator.rules import BoxPlace, RaceRules
 from tests.sandbox.conftest import nothing_left  # noqa: F401
-from tracks.catalogue import by_slug
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 RUNS = 5

@@ -14,14 +14,14 @@ from django.core.files.storage import default_storage
 from django.db import IntegrityError, connections
 
 from evaluation import selectors, services
+from evaluation.admit import AdmittedPackage
 from evaluation.models import Evaluation, Network, TrainedModel
-from evaluation.network.bound import Facts
-from evaluation.packages.admit import AdmittedPackage
-from evaluation.packages.metadata import parse_metadata
-from evaluation.packages.read import UploadPart
 from evaluation.services import garage
-from evaluation.simulator.rules import RaceRules
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.network.bound import Facts
+from paddock.packages.metadata import parse_metadata
+from paddock.packages.read import UploadPart
+from paddock.simulator.rules import RaceRules
 from tests.rows import METADATA, model_row
 
 pytestmark = pytest.mark.django_db

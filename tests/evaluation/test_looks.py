@@ -12,7 +12,7 @@ from evaluation.looks import Look, Shell, _distance, told_apart
 from evaluation.services import describe_model
 from evaluation.shells import FROM_ABOVE, FROM_THE_SIDE
 from evaluation.templatetags.looks import shell_from_above
-from faults import UserFault
+from paddock.errors import UserFault
 from tests.factories import a_model, a_racer
 
 

@@ -13,14 +13,14 @@ from django.core.files.storage import FileSystemStorage, default_storage
 from django.db import IntegrityError, transaction
 from storages.backends.s3 import S3Storage
 
+from core.storage_faults import storage_at_work
 from evaluation import pipeline, services
 from evaluation.models import Evaluation, Outage, State
 from evaluation.sandbox import probe as probing
 from evaluation.services import outages, work
 from evaluation.services.leases import pause_after
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault
-from faults.storage import storage_at_work
+from paddock.errors import PlatformFault
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import finishes, outcome_of
 from tests.rows import model_row
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evaluation.packages.inputs import CAMERAS, LIDARS
 from evaluation.pictures import FAN_PX, GAP_PX, ZOOM, sensor_picture, views
-from evaluation.simulator.camera.optics import FRONT_CAMERA
-from evaluation.simulator.camera.view import Camera, Scene
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.packages.inputs import CAMERAS, LIDARS
+from paddock.simulator.camera.optics import FRONT_CAMERA
+from paddock.simulator.camera.view import Camera, Scene
 
 WIDTH, HEIGHT = 160 * ZOOM, 120 * ZOOM
 

@@ -9,15 +9,15 @@ from dataclasses import asdict, replace
 import pytest
 
 from evaluation import pipeline
-from evaluation.network.bound import Facts
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.sandbox.policy_wire import EXACT
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.rules import RaceRules
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.network.bound import Facts
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.rules import RaceRules
 from tests.sandbox.conftest import level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, console_sized_network, constant_network, small_network
-from tracks.catalogue import CATALOGUE
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 

@@ -14,11 +14,11 @@ from evaluation.sandbox import probe as probe_module
 from evaluation.sandbox.limits import RUNNER
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.probe import Layer, SandboxReport
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.rules import RaceRules
 from tests.sandbox.conftest import PAYLOADS, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, small_network
-from tracks.catalogue import CATALOGUE
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 BRISK = PolicyBudget(step_deadline_s=0.2, overage_s=0.2, total_s=20.0)

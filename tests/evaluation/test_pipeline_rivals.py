@@ -14,11 +14,11 @@ from evaluation import crew as crew_module
 from evaluation.crew import Crew, Spare
 from evaluation.pipeline import PolicyBudget, RaceJob, RivalCar, evaluate
 from evaluation.sandbox.policy import PolicyProcess
-from evaluation.simulator.rules import BoxPlace, RaceRules
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.catalogue import by_slug
+from paddock.simulator.rules import BoxPlace, RaceRules
 from tests.sandbox.conftest import PAYLOADS, level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, constant_network, small_network
-from tracks.catalogue import by_slug
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 BRISK = PolicyBudget(step_deadline_s=0.3, overage_s=0.7, total_s=20.0)

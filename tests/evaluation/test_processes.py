@@ -14,12 +14,12 @@ from django.core.files.storage import default_storage
 from django.utils import timezone
 from redis import Redis
 
+from config.celery import app
 from evaluation import services, tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
-from evaluation.packages.read import UploadPart
-from evaluation.simulator.rules import RaceRules
-from league.celery import app
 from league.services import house_cars
+from paddock.packages.read import UploadPart
+from paddock.simulator.rules import RaceRules
 from tests import servers
 from tests.evaluation.held_points import POINTS
 from tests.evaluation.processes import (

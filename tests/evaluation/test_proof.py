@@ -12,9 +12,9 @@ from evaluation.models import Evaluation, State, WorkerNode
 from evaluation.proof import Proof
 from evaluation.sandbox import probe as probing
 from evaluation.services.nodes import note_worker, start_worker
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault
+from paddock.errors import PlatformFault
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import finishes
 from tests.proven import take_as_proven
 from tests.rows import model_row

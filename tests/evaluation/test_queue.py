@@ -15,8 +15,8 @@ from evaluation.models import Evaluation, Result, State
 from evaluation.services import bell as ringing
 from evaluation.services.results import file_names, store_files
 from evaluation.signals import evaluation_ended
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

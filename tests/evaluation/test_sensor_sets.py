@@ -10,21 +10,21 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.network.session import load
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.inputs import CAMERAS, LIDARS, input_spec
-from evaluation.packages.read import UploadPart
+from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.sandbox.policy_process import Policy
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import BoxPlace, RaceRules
-from evaluation.simulator.sensors import sensor_spec
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.network.session import load
+from paddock.packages.inputs import CAMERAS, LIDARS, input_spec
+from paddock.packages.read import UploadPart
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.simulator.sensors import sensor_spec
 from tests.packages.coach import coach_graph, metadata_dict
 from tests.pinned import pinned_process
 from tests.sandbox.conftest import nothing_left  # noqa: F401
-from tracks.catalogue import CATALOGUE
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 

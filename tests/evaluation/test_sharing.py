@@ -19,8 +19,8 @@ from evaluation.selectors import (
     visible_models,
 )
 from evaluation.services import delete_model, purge_garages, share_model, stop_sharing_model
-from faults import UserFault
 from league.models import Racer
+from paddock.errors import UserFault
 from tests.rows import model_row
 
 pytestmark = pytest.mark.django_db

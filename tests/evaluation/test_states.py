@@ -9,8 +9,8 @@ import pytest
 
 from evaluation import services
 from evaluation.models import Evaluation, Result, State
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

@@ -17,15 +17,15 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 from django.utils import timezone
 
+from evaluation.admit import AdmittedPackage
 from evaluation.models import Damage, Network, StoredFile
-from evaluation.packages.admit import AdmittedPackage
-from evaluation.packages.identity import identity
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
 from evaluation.services import garage, run_next_evaluation, stored
 from evaluation.services.stored import heal_network, read, read_gzip, scrub, store
-from faults import PlatformFault
 from league.models import Racer
+from paddock.errors import PlatformFault
+from paddock.packages.identity import identity
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
 from tests.factories import a_race, a_racer, drive, laps
 from tests.rows import METADATA, model_row
 
@@ -145,7 +145,7 @@ class TestReading:
 def test_a_network_with_zeroed_bytes_does_not_race(storage, alice, oval, bell, now):
     from evaluation.models import Evaluation
     from evaluation.services import queue_evaluation
-    from evaluation.simulator.rules import RaceRules
+    from paddock.simulator.rules import RaceRules
 
     onnx = bytes(range(256)) * 200
     model = model_row(alice, onnx=onnx)

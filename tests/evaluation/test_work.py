@@ -15,9 +15,9 @@ from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.sandbox import probe as probing
 from evaluation.services import heart, work
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import finishes, outcome_of, trace_csv
 from tests.rows import model_row
 

@@ -15,12 +15,12 @@ from types import ModuleType
 
 import pytest
 
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.limits import DEFAULT_LIMITS, PackageLimits
-from evaluation.packages.read import UploadPart
-from faults import PaddockError
-from faults.reasons import conversion, gate, metadata, sb3
-from faults.reasons import upload as upload_reasons
+from evaluation.admit import AdmittedPackage, admit
+from paddock.errors import PaddockError
+from paddock.errors.reasons import conversion, gate, metadata, sb3
+from paddock.errors.reasons import upload as upload_reasons
+from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
+from paddock.packages.read import UploadPart
 
 from .parts import Upload, good_network, pair
 
@@ -79,7 +79,7 @@ def test_after_all_of_them_a_good_model_is_admitted() -> None:
 
 
 def test_every_reason_for_refusing_a_package_has_a_case() -> None:
-    from evaluation import packages
+    from paddock import packages
     from training import sb3 as policies
 
     folders = (Path(package.__file__).parent for package in (packages, policies))

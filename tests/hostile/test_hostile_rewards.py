@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.sandbox.limits import REWARD
-from faults.reasons.training import REWARD_REASONS
+from paddock.errors.reasons.training import REWARD_REASONS
 from training.rewards.validate import check_reward, validate_reward
 
 from .test_hostile import children, descriptors

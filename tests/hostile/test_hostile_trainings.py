@@ -14,9 +14,9 @@ import pytest
 
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.sandbox.probe import probe
-from evaluation.simulator import referee, rules
-from faults import UserFault
-from tracks.catalogue import CATALOGUE
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator import referee, rules
 from training.hyperparameters import DEFAULT_ACTIONS, check_hyperparameters
 from training.trainer import client
 from training.trainer.client import Iteration, Listener, train
@@ -72,8 +72,8 @@ import random
 
 def reward_function(params):
     modules = random._os.sys.modules
-    modules["evaluation.simulator.referee"].Referee.percent = property(lambda self: 100.0)
-    modules["evaluation.simulator.car"].Car.command = lambda self, steering, speed: None
+    modules["paddock.simulator.referee"].Referee.percent = property(lambda self: 100.0)
+    modules["paddock.simulator.car"].Car.command = lambda self, steering, speed: None
     return 1.0
 """
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from faults import UserFault
 from league.models import (
     ChampionshipPlace,
     FinalePlace,
@@ -20,6 +19,7 @@ from league.models import (
     Season,
 )
 from league.services.importing import import_folder
+from paddock.errors import UserFault
 from races.models import Entry, Race
 from tests.league.histories import START, month, read_csv, write_csv
 from tracks.models import Track

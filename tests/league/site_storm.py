@@ -14,7 +14,7 @@ from typing import Any
 
 import django
 
-os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
 django.setup()
 
 import onnx  # noqa: E402
@@ -24,8 +24,8 @@ from onnx import numpy_helper  # noqa: E402
 
 from accounts.tokens import create_token  # noqa: E402
 from evaluation.models import Evaluation, Result, State  # noqa: E402
-from evaluation.packages.read import UploadPart  # noqa: E402
 from evaluation.services import bell, upload_model  # noqa: E402
+from paddock.packages.read import UploadPart  # noqa: E402
 from races.models import Entry, Submission  # noqa: E402
 from tests.factories import a_race, a_racer  # noqa: E402
 from tests.shared import CHECKOUT  # noqa: E402

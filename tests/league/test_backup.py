@@ -21,11 +21,11 @@ from django.core.management import call_command
 from django.db import connection
 from django.utils import timezone
 
+from config.backup import archive, databases, making, restoring
+from config.backup.making import back_up
+from config.management import Refusal
 from evaluation.models import Network, Result
-from faults import PaddockError, PlatformFault
-from league.backup import archive, databases, making, restoring
-from league.backup.making import back_up
-from league.management import Refusal
+from paddock.errors import PaddockError, PlatformFault
 from races.models import Submission
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.backed_up import answers

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from faults import UserFault
-from league.backup import archive
+from config.backup import archive
+from paddock.errors import UserFault
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from celery import Celery
 from django.core.cache.backends.redis import RedisCache
 
-from league import broker
+from config import broker
 from tests import servers
 
 

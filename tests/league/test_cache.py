@@ -8,8 +8,8 @@ import pytest
 from redis import ConnectionError as NobodyThere
 from redis import ResponseError
 
-from league import cache as steady
-from league.cache import SteadyCache
+from config import cache as steady
+from config.cache import SteadyCache
 
 
 class Server:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 from django.core.exceptions import ValidationError
 
-from faults import UserFault
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, StageRules
 from league.selectors import (
     country_standings,
@@ -22,6 +21,7 @@ from league.selectors import (
 )
 from league.services import close_due_rounds, close_round, put_in_division, set_stage_rules
 from league.tasks import close_rounds
+from paddock.errors import UserFault
 from races.models import Entry
 from races.services import cancel_race, enter_race, submit_model
 from tests.factories import a_model, a_racer, finish, laps

@@ -11,8 +11,8 @@ import pytest
 from django.conf import settings
 from django.core.management import call_command, execute_from_command_line
 
-from faults.reasons import REASONS
-from league.management import REFUSED, Refusal
+from config.management import REFUSED, Refusal
+from paddock.errors.reasons import REASONS
 
 EVALUATE = ("evaluate", "car.zip", "--track")
 REFUSED_LINES = {

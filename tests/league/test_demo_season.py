@@ -14,12 +14,12 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import Evaluation, TrainedModel
-from faults import PlatformFault
 from league.eligibility import check_division
 from league.models import Racer, Round, Season, Stage
 from league.services import enter_house_cars, house_cars, open_demo_season
 from league.services import house as house_services
 from league.services.house import HOUSE_CARS_DIR
+from paddock.errors import PlatformFault
 from races.course import race_rules
 from races.models import Entry, Kind, Race, RaceState
 from races.selectors import racing_now

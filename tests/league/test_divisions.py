@@ -7,10 +7,10 @@ from datetime import date, timedelta
 import pytest
 from django.core.exceptions import ValidationError
 
-from faults import UserFault
 from league.models import Membership, Round, Season
 from league.selectors import division_of, season_of
 from league.services import create_season, put_in_division, schedule_round
+from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track

@@ -13,11 +13,11 @@ import pytest
 from django.core.management import call_command
 from django.utils import timezone
 
+from config.management.commands import doctor
 from evaluation.proof import Proof
 from evaluation.sandbox.probe import Layer, SandboxReport
 from evaluation.services.nodes import SILENT_AFTER, beat_worker, start_worker
-from evaluation.simulator.engine import ENGINE_ID
-from league.management.commands import doctor
+from paddock.simulator.engine import ENGINE_ID
 from tests.shared import CHECKOUT
 from training.golden.proof import prove as golden_runs
 
@@ -152,7 +152,7 @@ def test_a_missing_package_fails(monkeypatch):
 def test_a_database_and_a_broker_that_do_not_answer_are_named(tmp_path):
     environment = {
         **os.environ,
-        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "DJANGO_SETTINGS_MODULE": "config.settings",
         "PADDOCK_DATA": str(tmp_path),
         "DATABASE_URL": "postgres://nobody@127.0.0.1:1/nothing",
         "CELERY_BROKER_URL": "redis://127.0.0.1:1/0",

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from django.core.exceptions import ImproperlyConfigured
 
-from league import env
-from league.env import env_int
+from config import env
+from config.env import env_int
 from tests.shared import CHECKOUT
 
 
@@ -132,7 +132,7 @@ def test_the_command_line_says_what_is_wrong_in_one_line_and_without_a_traceback
     environment = {
         **os.environ,
         "PADDOCK_DATA": str(tmp_path),
-        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "DJANGO_SETTINGS_MODULE": "config.settings",
         name: value,
     }
     done = subprocess.run(

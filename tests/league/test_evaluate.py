@@ -12,15 +12,15 @@ import pytest
 from django.core.management import CommandError, call_command
 from django.utils import timezone
 
+from config.management.commands import evaluate as command
+from config.management.commands import verify as verifying
 from evaluation import pipeline, services
 from evaluation.models import Evaluation, Result
-from evaluation.packages.read import UploadPart
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault, UserFault
-from league.management.commands import evaluate as command
-from league.management.commands import verify as verifying
 from league.services import house_cars
+from paddock.errors import PlatformFault, UserFault
+from paddock.packages.read import UploadPart
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import track_row
 from tests.shared import CHECKOUT, CONSOLE_CAR, SHARED, needs_shared

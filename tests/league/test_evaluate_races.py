@@ -9,13 +9,13 @@ import pytest
 from django.core.management import CommandError, call_command
 from django.utils import timezone
 
+from config.management.commands import evaluate as command
 from evaluation import services
 from evaluation.models import Result, RivalResult
-from evaluation.packages.read import UploadPart
 from evaluation.services.results import read_course
-from evaluation.simulator.rules import BoxPlace, RaceRules
-from league.management.commands import evaluate as command
 from league.services import house_cars
+from paddock.packages.read import UploadPart
+from paddock.simulator.rules import BoxPlace, RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.league.test_evaluate import CAR, CAR_FILES, evaluate
 from tests.rows import track_row

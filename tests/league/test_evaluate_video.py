@@ -8,14 +8,14 @@ import av
 import pytest
 from django.core.management import CommandError, call_command
 
-from evaluation.film import MAX_SECONDS
-from evaluation.film.scene import CARD_MS
-from league.management import REFUSED, Refusal
-from league.management.commands import evaluate as command
-from league.management.run_video import name_of
+from config.management import REFUSED, Refusal
+from config.management.commands import evaluate as command
+from config.management.run_video import name_of
 from tests.evaluation.film.runs import car, driven, lap
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.league.test_evaluate import CAR_FILES
+from videos.film import MAX_SECONDS
+from videos.film.scene import CARD_MS
 
 DUEL = ("--race-type", "head_to_head", "--rival", ",".join(CAR_FILES))
 

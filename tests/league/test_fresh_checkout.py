@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paddock.geometry.catalogue import by_slug
 from tests.shared import CHECKOUT
-from tracks.catalogue import by_slug
 
-COMMANDS = sorted(path.stem for path in (CHECKOUT / "league/management/commands").glob("[a-z]*.py"))
+COMMANDS = sorted(path.stem for path in (CHECKOUT / "config/management/commands").glob("[a-z]*.py"))
 # of each command: what it is given, so that it comes to its database or its file
 GIVEN = {
     "backup": ["new.backup"],

@@ -10,7 +10,7 @@ from django.db import transaction
 from django.test import Client
 from django.utils import timezone
 
-from league import guests
+from config import guests
 from league.views import home as home_page
 from races.models import Race, Visibility
 from races.selectors import shared_board

@@ -19,11 +19,12 @@ from django.test import override_settings
 from django.utils import timezone
 from redis import ConnectionError as NobodyThere
 
+from config import health, pages
+from config.backup.databases import damage
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, Outage, WorkerNode
 from evaluation.services.nodes import start_worker
-from league import health, pages, tasks
-from league.backup.databases import damage
+from league import tasks
 from tests.factories import a_model, a_racer, a_track
 
 pytestmark = pytest.mark.django_db

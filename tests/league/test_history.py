@@ -6,7 +6,6 @@ from datetime import timedelta
 
 import pytest
 
-from faults import UserFault
 from league.models import (
     ChampionshipPlace,
     FinalePlace,
@@ -16,6 +15,7 @@ from league.models import (
     Season,
 )
 from league.selectors.proof import proof_of
+from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import Entry, Race
 from races.ranking import NOT_CLASSIFIED

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from faults import UserFault
 from league.models import Racer, Round, Season
 from league.selectors.proof import proof_of
 from league.services import create_season
 from league.services.importing import import_folder
+from paddock.errors import UserFault
 from races.models import Entry, Race
 from races.selectors import board
 from races.services import enter_race

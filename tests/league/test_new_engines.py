@@ -7,7 +7,6 @@ from datetime import timedelta
 import pytest
 from django.utils import translation
 
-from faults import UserFault
 from league.happenings import happenings
 from league.models import Lead, Notice, Racer, Webhook
 from league.notices import sentence
@@ -15,6 +14,7 @@ from league.selectors.honours import honours_of
 from league.services import close_due_rounds, close_round
 from league.services.closing import cars_on_the_way
 from league.services.notices import tell_what_happened
+from paddock.errors import UserFault
 from races.models import Race
 from races.services import withdraw
 from races.services.redrives import drive_again, sweep_redrives

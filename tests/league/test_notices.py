@@ -11,7 +11,6 @@ from django.core import mail, signing
 from django.db import IntegrityError, transaction
 from django.test import Client
 
-from faults import UserFault
 from league.models import Notice, NoticeKind, Racer, Stage
 from league.notices import sentence
 from league.services import close_due_rounds, disqualify, put_back
@@ -23,6 +22,7 @@ from league.services.notices import (
     stopping_token,
     tell_what_happened,
 )
+from paddock.errors import UserFault
 from races.services.gates import moment
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers

@@ -9,7 +9,6 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from faults import UserFault
 from league.models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints
 from league.selectors import (
     country_standings,
@@ -24,6 +23,7 @@ from league.services import close_due_rounds, close_round, disqualify, put_in_di
 from league.services.organising import postpone_round
 from league.services.stewards import put_back, reopen_round
 from league.services.template import MonthPlan, SeasonPlan, schedule_season
+from paddock.errors import UserFault
 from races.models import Entry, Race
 from races.ranking import NOT_CLASSIFIED
 from races.selectors import board as shown_board

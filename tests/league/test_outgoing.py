@@ -8,8 +8,8 @@ from time import monotonic
 
 import pytest
 
-from faults import UserFault
 from league import outgoing, own_addresses
+from paddock.errors import UserFault
 
 PRIVATE = (
     *("127.0.0.1", "127.8.8.8", "0.0.0.0", "10.1.2.3", "172.16.0.1", "192.168.1.1", "169.254.169.254", "100.64.0.1"),

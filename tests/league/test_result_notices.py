@@ -8,10 +8,10 @@ import pytest
 from django.utils import translation
 
 from evaluation.models import Evaluation
-from faults import UserFault
 from league.models import Notice, Racer
 from league.notices import sentence
 from league.services.notices import tell_what_happened
+from paddock.errors import UserFault
 from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, drive, fail, lap, laps
 

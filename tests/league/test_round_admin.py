@@ -11,11 +11,11 @@ from django.contrib.auth.models import Permission
 from django.test import Client
 from django.urls import reverse
 
-from faults import UserFault
 from league.models import Decision, Membership, Notice, Racer, Round, Stage, StewardDecision
 from league.services import close_round, disqualify
 from league.services.organising import consequences_of, postpone_round
 from league.services.stewards import lock_round
+from paddock.errors import UserFault
 from tests.factories import a_racer
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from league import broker
+from config import broker
 from tests.evaluation.processes import family_of, is_running, wait_for
 from tests.shared import CHECKOUT
 

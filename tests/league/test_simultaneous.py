@@ -11,11 +11,11 @@ import pytest
 from django.core.exceptions import ValidationError
 from django.test import Client
 
-from faults import PaddockError
 from league.models import Membership, Racer, Round, RoundPoints
 from league.services import close_due_rounds, close_round, disqualify
 from league.services.organising import postpone_round
 from league.services.stewards import put_back, reopen_round
+from paddock.errors import PaddockError
 from races.models import Race
 from races.services import edit_race
 from races.services.races import edition_of

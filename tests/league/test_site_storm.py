@@ -260,7 +260,7 @@ class _Redis:
 def _name(pid: int) -> str:
     """What a process is. OSError when it is gone."""
     said = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-    known = {"manage.py run": "everything", "league.web": "web", "valkey": "broker", "--queues training": "trainer"}
+    known = {"manage.py run": "everything", "config.web": "web", "valkey": "broker", "--queues training": "trainer"}
     known |= {"--queues videos": "filmer", "--queues messages": "messenger", "celery": "worker", "bwrap": "sandbox"}
     return next((name for part, name in known.items() if part in said), "runner or policy")
 
@@ -277,7 +277,7 @@ def _settings(data: Path) -> dict[str, str]:
     """The environment of a site with its data in a folder."""
     return {
         **environment(data),
-        "DJANGO_SETTINGS_MODULE": "league.settings",
+        "DJANGO_SETTINGS_MODULE": "config.settings",
         "OMP_NUM_THREADS": "1",
         "PADDOCK_WORKER_CONCURRENCY": "2",
         "PADDOCK_LEASE_SECONDS": "15",

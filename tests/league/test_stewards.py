@@ -7,10 +7,10 @@ from datetime import timedelta
 import pytest
 
 from evaluation.models import Evaluation
-from faults import PlatformFault, UserFault
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, StewardDecision
 from league.selectors import decisions_of, season_standings
 from league.services import close_due_rounds, close_round, disqualify, put_back, reopen_round
+from paddock.errors import PlatformFault, UserFault
 from races.models import Entry
 from races.services import enter_race, remove_entry, repeat_submission, submit_model
 from tests.factories import a_model, a_racer, fail, finish, laps

@@ -15,20 +15,20 @@ from django.core.management import call_command
 from django.db import OperationalError
 from django.utils import timezone
 
+from config.management import REFUSED, Refusal
+from config.management import tracks as named
+from config.management.commands import evaluate as command
+from config.management.tracks import find_track
 from evaluation.pipeline import RaceJob
-from evaluation.simulator.rules import RaceRules
-from faults import UserFault
-from league.management import REFUSED, Refusal
-from league.management import tracks as named
-from league.management.commands import evaluate as command
-from league.management.tracks import find_track
 from league.services import house_cars
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE, by_slug
+from paddock.geometry.npy import write_npy
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.shared import CHECKOUT
-from tracks.catalogue import CATALOGUE, by_slug
-from tracks.geometry import TrackGeometry
 from tracks.models import Look, Track
-from tracks.npy import write_npy
 from tracks.services import import_track
 
 CAR = house_cars()[0]

@@ -63,7 +63,7 @@ def web(application: str, *options: str) -> Iterator[Web]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "league.web", "--port", str(port), "--application", application, *options]
+    command = [sys.executable, "-m", "config.web", "--port", str(port), "--application", application, *options]
 
     def answers() -> bool:
         try:
@@ -90,7 +90,7 @@ def site(tmp_path_factory, new_data) -> Iterator[Web]:
     with (data / "static" / "large").open("wb") as large:
         large.truncate(32 * MEGABYTE)
     try:
-        with web("league.wsgi:application") as started:
+        with web("config.wsgi:application") as started:
             for _ in range(6):  # templates are read once, by each process
                 started.get("/accounts/login/")
             yield started
@@ -230,7 +230,7 @@ def test_sigkill_takes_the_processes_along(small):
 
 
 def test_a_site_that_does_not_load_ends_the_server(tmp_path: Path):
-    command = [sys.executable, "-m", "league.web", "--port", "0", "--application", "tests.league.no_such_site:a"]
+    command = [sys.executable, "-m", "config.web", "--port", "0", "--application", "tests.league.no_such_site:a"]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=30)
     assert ended.returncode == 3
     assert "no_such_site" in ended.stderr

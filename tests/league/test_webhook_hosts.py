@@ -7,8 +7,8 @@ from datetime import timedelta
 import pytest
 from django.conf import settings as configured
 
+from config.celery import app
 from league import outgoing, tasks
-from league.celery import app
 from league.models import Webhook, WebhookDelivery, WebhookHost
 from league.services import deliveries
 from league.services.deliveries import GIVEN_UP_AFTER, LONGEST_PAUSE, deliver_due, hosts_due

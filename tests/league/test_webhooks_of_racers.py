@@ -12,7 +12,6 @@ from django.utils import timezone
 from standardwebhooks import Webhook as Receiver
 from standardwebhooks import WebhookVerificationError
 
-from faults import UserFault
 from league import chats
 from league.happenings import EVENTS, LABELS, WORDS
 from league.models import ChampionshipPlace, FinalePlace, Membership, NoticeChoice, Stage, Webhook, WebhookDelivery
@@ -20,6 +19,7 @@ from league.services import close_round
 from league.services.deliveries import deliver_due
 from league.services.webhooks import add_webhook, change_secret, queue_deliveries, send_test
 from league.signing import shown
+from paddock.errors import UserFault
 from races.services import submit_model
 from tests.docs.pages import code_blocks, text
 from tests.factories import a_model, a_race, drive, fail, laps

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from league.settings import *  # noqa: F403
-from league.settings import STORAGES
+from config.settings import *  # noqa: F403
+from config.settings import STORAGES
 
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.locmem.LocMemCache"}}
 STORAGES = {**STORAGES, "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}}

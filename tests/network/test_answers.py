@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from onnx import helper, numpy_helper
 
-from evaluation.network.answers import answers_of
-from evaluation.packages.convert_process import admit_network
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
+from evaluation.convert_process import admit_network
+from paddock.network.answers import answers_of
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import metadata, network
 
 META = parse_metadata(metadata())

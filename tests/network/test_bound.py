@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper
 
-from evaluation.network.bound import MARGIN, Facts, derive_bound
-from evaluation.network.probes import COUNT, probes
-from evaluation.network.session import load
-from evaluation.packages.convert_process import admit_network
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
-from faults import UserFault
+from evaluation.convert_process import admit_network
+from paddock.errors import UserFault
+from paddock.network.bound import MARGIN, Facts, derive_bound
+from paddock.network.probes import COUNT, probes
+from paddock.network.session import load
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import metadata, network
 
 META = parse_metadata(metadata())

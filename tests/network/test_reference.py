@@ -7,9 +7,9 @@ import onnxruntime
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.network.canonical import Network
-from evaluation.network.reference import Reference
-from evaluation.packages.gate.operators import OPERATORS
+from paddock.network.canonical import Network
+from paddock.network.reference import Reference
+from paddock.packages.gate.operators import OPERATORS
 
 RANDOM = np.random.default_rng(5)
 

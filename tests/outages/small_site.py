@@ -55,7 +55,7 @@ class SmallSite:
 
     def __init__(self, data: Path, **environment: str) -> None:
         kept = {name: value for name, value in os.environ.items() if not name.startswith(_OURS)}
-        self.environment = kept | {"PADDOCK_DATA": str(data), "DJANGO_SETTINGS_MODULE": "league.settings"} | environment
+        self.environment = kept | {"PADDOCK_DATA": str(data), "DJANGO_SETTINGS_MODULE": "config.settings"} | environment
         self.log = data.parent / "web.log"
         self.rows: dict[str, str] = json.loads(self.python(_ROWS).splitlines()[-1])
         self.address = ""
@@ -77,7 +77,7 @@ class SmallSite:
         self.address = f"http://127.0.0.1:{port}"
         with self.log.open("wb") as output:
             process = subprocess.Popen(
-                [sys.executable, "-m", "league.web", "--port", str(port), "--processes", "1"],
+                [sys.executable, "-m", "config.web", "--port", str(port), "--processes", "1"],
                 **{"cwd": CHECKOUT, "env": self.environment, "stdout": output, "stderr": subprocess.STDOUT},
                 start_new_session=True,
             )

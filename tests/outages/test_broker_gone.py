@@ -11,13 +11,13 @@ from time import monotonic
 import pytest
 from redis import Redis
 
-from league import broker
+from config import broker
 from tests.evaluation.processes import suspended, wait_for
 from tests.outages.small_site import Answer, SmallSite, Somebody
 
 SWEEP = (
     "import django; django.setup()\n"
-    "from evaluation.services import sweep_queue; from evaluation.services.clock import database_now\n"
+    "from evaluation.services import sweep_queue; from core.clock import database_now\n"
     "print(sweep_queue(now=database_now()).waiting)"
 )
 IN_ALL = "import django; django.setup(); from races.models import Submission; print(Submission.objects.count())"

@@ -16,8 +16,8 @@ from django.utils import timezone
 from evaluation import pipeline, services
 from evaluation.models import Damage, Evaluation, Outage, Result, State, StoredFile
 from evaluation.services import stored, work
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault
+from paddock.errors import PlatformFault
+from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import finishes
 from tests.evaluation.test_outages import Steady
 from tests.factories import a_race, a_racer, drive, laps

@@ -8,9 +8,9 @@ import pytest
 from django.core.files.storage import default_storage
 from django.utils import timezone
 
-from faults import PlatformFault
-from league.backup.files import stored
-from league.backup.making import back_up
+from config.backup.files import stored
+from config.backup.making import back_up
+from paddock.errors import PlatformFault
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.backed_up import answers
 from tests.league.test_backup import addresses, command, empty_place

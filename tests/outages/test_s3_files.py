@@ -9,8 +9,8 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
+from core.clock import database_now
 from evaluation.services import sweep_queue
-from evaluation.services.clock import database_now
 from races.models import Video, VideoState
 from races.services.videos import ask_for_video, run_next_video
 from tests.factories import a_race, a_racer, a_track

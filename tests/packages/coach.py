@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluation.packages.inputs import input_spec
+from paddock.packages.inputs import input_spec
 
 from .graphdef import BOOL, FLOAT, INT32, Attr, GraphWriter
 

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.packages import admit as admit_module
-from evaluation.packages.admit import admit
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.read import UploadPart
-from evaluation.packages.slots import upload_slot
+from evaluation import admit as admit_module
+from evaluation.admit import admit
 from evaluation.sandbox.launch import launch
-from faults import PaddockError
+from paddock.errors import PaddockError
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.read import UploadPart
+from paddock.packages.slots import upload_slot
 from tests.hostile.parts import Upload, car, good_network, good_zip, metadata, pair, small_car
 
 PAYLOADS = Path(__file__).parent / "payloads"

@@ -10,12 +10,12 @@ import onnxruntime
 import pytest
 from PIL import Image
 
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
-from evaluation.packages.read import RawPackage, UploadPart, read_upload
-from evaluation.packages.tensorflow import convert
-from evaluation.packages.tensorflow.graph import read_graph
+from evaluation.admit import AdmittedPackage, admit
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
+from paddock.packages.read import RawPackage, UploadPart, read_upload
+from paddock.packages.tensorflow import convert
+from paddock.packages.tensorflow.graph import read_graph
 from tests.shared import CONSOLE_CAR, SHARED, needs_shared
 
 from .coach import coach_graph

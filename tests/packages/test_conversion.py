@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluation.packages.gate import Canonical, check_onnx
-from evaluation.packages.limits import PackageLimits
-from evaluation.packages.metadata import ModelMetadata, parse_metadata
-from evaluation.packages.tensorflow import convert
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.gate import Canonical, check_onnx
+from paddock.packages.limits import PackageLimits
+from paddock.packages.metadata import ModelMetadata, parse_metadata
+from paddock.packages.tensorflow import convert
 
 from .coach import DEEP, MEDIUM, coach_graph, metadata_dict
 from .graphdef import FLOAT, Attr, GraphWriter

@@ -11,16 +11,16 @@ import onnxruntime
 import pytest
 from onnx import helper
 
-from evaluation.network.canonical import Network, write_model
-from evaluation.network.dense import LEAST_OUTPUTS, LEAST_WEIGHTS, dense_as_convolutions
-from evaluation.network.session import load
-from evaluation.packages.convert_process import admit_network
-from evaluation.packages.gate import Canonical, check_onnx
-from evaluation.packages.identity import identity
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
-from evaluation.packages.read import ONNX
-from faults import UserFault
+from evaluation.convert_process import admit_network
+from paddock.errors import UserFault
+from paddock.network.canonical import Network, write_model
+from paddock.network.dense import LEAST_OUTPUTS, LEAST_WEIGHTS, dense_as_convolutions
+from paddock.network.session import load
+from paddock.packages.gate import Canonical, check_onnx
+from paddock.packages.identity import identity
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
+from paddock.packages.read import ONNX
 from tests.hostile.parts import CAMERA, metadata, network
 
 META = parse_metadata(metadata())

@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.packages.gate import Canonical, check_onnx
-from evaluation.packages.gate.operators import OPERATORS
-from evaluation.packages.limits import PackageLimits
-from evaluation.packages.metadata import parse_metadata
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.gate import Canonical, check_onnx
+from paddock.packages.gate.operators import OPERATORS
+from paddock.packages.limits import PackageLimits
+from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import CAMERA, metadata, network
 
 from .coach import metadata_dict

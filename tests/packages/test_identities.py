@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from onnx import helper
 
-from evaluation.packages.convert_process import admit_network
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
+from evaluation.convert_process import admit_network
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import network
 from tests.packages.coach import DEEP, SHALLOW, coach_graph, metadata_dict
 

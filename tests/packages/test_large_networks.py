@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.limits import DEFAULT_LIMITS, MEGABYTE
-from evaluation.packages.read import UploadPart
+from evaluation.admit import AdmittedPackage, admit
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_wire import EXACT, FAST
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE
+from paddock.packages.read import UploadPart
 from tests.hostile.parts import regular
 from tests.packages.coach import MEDIUM, coach_graph, metadata_dict
 

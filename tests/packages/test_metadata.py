@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluation.packages.metadata import ModelMetadata, parse_metadata
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.metadata import ModelMetadata, parse_metadata
 from tests.shared import SHARED, needs_shared
 
 ACTIONS = [{"steering_angle": -30, "speed": 1.0}, {"steering_angle": "30", "speed": "0.8"}]

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluation.packages.limits import PackageLimits
-from evaluation.packages.read import RawPackage, UploadPart, read_upload
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.limits import PackageLimits
+from paddock.packages.read import RawPackage, UploadPart, read_upload
 from tests.hostile.parts import (
     Upload,
     archive,

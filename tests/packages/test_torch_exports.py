@@ -17,12 +17,12 @@ from stable_baselines3 import PPO, SAC
 from torch import nn
 from torch.nn import functional
 
-from evaluation.packages.convert_process import admit_network
-from evaluation.packages.gate import Canonical
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
-from evaluation.packages.read import UploadPart, read_upload
-from faults import UserFault
+from evaluation.convert_process import admit_network
+from paddock.errors import UserFault
+from paddock.packages.gate import Canonical
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
+from paddock.packages.read import UploadPart, read_upload
 from tests.hostile.parts import CAMERA, zipped
 
 ACTIONS = 5

@@ -21,8 +21,8 @@ from django.test import Client
 from django.utils import timezone
 
 from evaluation.models import Evaluation, TrainedModel
-from faults import PlatformFault, UserFault
 from league.models import Racer
+from paddock.errors import PlatformFault, UserFault
 from races.models import Race, RankingMethod, Submission, Visibility
 from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, lap, laps, start

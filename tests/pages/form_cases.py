@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from league.services.house import HOUSE_CARS_DIR
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import write_npy
 from tests.pages.form_world import PASSWORD
-from tracks.catalogue import CATALOGUE
-from tracks.npy import write_npy
 
 CAR = HOUSE_CARS_DIR / "flyer.onnx"
 NEW_PASSWORD = "another long passphrase"

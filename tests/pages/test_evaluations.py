@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from evaluation.models import Evaluation
-from evaluation.simulator.engine import ENGINE_ID
+from paddock.simulator.engine import ENGINE_ID
 from tests.factories import finish, laps
 from tests.pages.conftest import World
 

@@ -19,13 +19,13 @@ from PIL import Image
 from evaluation import services
 from evaluation.models import TrainedModel
 from evaluation.services import UploadedModel
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.track import TrackGeometry
 from tests.factories import a_model, a_race
 from tests.hostile.parts import training_folder
 from tests.packages.coach import coach_graph
 from tests.pages.conftest import World
 from tests.shared import SHARED, needs_shared
-from tracks.geometry import TrackGeometry
 from tracks.models import Track
 
 

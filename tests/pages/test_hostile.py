@@ -9,13 +9,13 @@ from django.test import Client, override_settings
 
 from evaluation.models import Evaluation, TrainedModel
 from league.models import Racer
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import write_npy
 from races.models import Entry, Race, Submission
 from tests.factories import a_model, drive, laps
 from tests.pages.conftest import World
 from tests.pages.test_pages import INLINE
 from tests.rows import model_row
-from tracks.catalogue import CATALOGUE
-from tracks.npy import write_npy
 
 SCRIPT = '"><script>alert(1)</script><img src=x onerror=alert(1)>'
 RIGHT_TO_LEFT = "\u202egnp.exe\u202c مرحبا"
@@ -161,7 +161,7 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
     def post(path: str, size: int, user: Racer | AnonymousUser = AnonymousUser()):  # noqa: B008  it is nobody
         from django.core.handlers.wsgi import WSGIRequest
 
-        from league.body_limit import PageBodyLimit
+        from config.body_limit import PageBodyLimit
 
         environ = {
             "REQUEST_METHOD": "POST",
@@ -186,7 +186,7 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
 
 def test_the_limit_on_bodies_is_switched_on(settings) -> None:
     order = settings.MIDDLEWARE
-    assert order.index("league.body_limit.PageBodyLimit") < len(order)
+    assert order.index("config.body_limit.PageBodyLimit") < len(order)
 
 
 def test_a_track_file_that_lies_about_its_size_is_refused(world: World) -> None:

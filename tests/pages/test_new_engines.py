@@ -12,7 +12,7 @@ from django.test import Client
 from django.utils import timezone
 
 from evaluation.services.nodes import start_worker
-from faults import PlatformFault
+from paddock.errors import PlatformFault
 from races.models import Race
 from races.services.redrives import sweep_redrives
 from races.tasks import redrives as task

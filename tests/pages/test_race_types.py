@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from django.utils import timezone
 
-from evaluation.simulator.course import lay_course
+from paddock.simulator.course import lay_course
 from races.models import Race
 from races.services import race_rules
 from tests.factories import a_race, a_racer, a_track, drive, lap

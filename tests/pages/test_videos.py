@@ -120,7 +120,7 @@ def test_a_refusal_is_told_with_its_code(world, run, settings):
 
 
 def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
-    from faults import UserFault
+    from paddock.errors import UserFault
 
     ask(world, run)
     claim = claim_next_video(worker="w", now=timezone.now())

@@ -23,8 +23,8 @@ from evaluation.services.nodes import (
     start_worker,
     stop_worker,
 )
-from evaluation.simulator.rules import RaceRules
 from league.selectors.workers import database_now, queues_at, workers_at
+from paddock.simulator.rules import RaceRules
 from races.models import Entry, Video, VideoState
 from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, a_track

@@ -14,18 +14,18 @@ from time import sleep
 
 import django
 
-os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
 django.setup()
 
 from django.conf import settings  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
-from evaluation import film  # noqa: E402
 from races.models import UNDER_WAY, Video  # noqa: E402
 from races.services import videos  # noqa: E402
 from races.services.videos import bell, leases, work  # noqa: E402
 from tests.films import a_film  # noqa: E402
 from tests.storms import ride_out  # noqa: E402
+from videos import film  # noqa: E402
 
 LEASE_S = 0.5
 CRASH = 0.12

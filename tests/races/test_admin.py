@@ -10,14 +10,14 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 from django.utils import timezone
 
-from faults import PlatformFault
 from league.models import Racer
+from paddock.errors import PlatformFault
+from paddock.geometry.catalogue import by_slug
+from paddock.geometry.npy import write_npy
 from races.models import Entry, Race, Submission
 from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, laps
-from tracks.catalogue import by_slug
 from tracks.models import Track
-from tracks.npy import write_npy
 
 pytestmark = pytest.mark.django_db
 

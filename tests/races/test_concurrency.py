@@ -11,7 +11,7 @@ from django.db import connection
 
 from evaluation.models import Evaluation, TrainedModel
 from evaluation.services import finish_evaluation, stop_evaluation
-from faults import PaddockError
+from paddock.errors import PaddockError
 from races.models import Entry, Race, RaceCar, Submission
 from races.services import (
     cancel_race,

@@ -12,11 +12,11 @@ import pytest
 from django.db.models import Model
 from django.utils import timezone
 
-from evaluation.simulator.envs.setting import head_to_head, object_avoidance, race_setting
-from evaluation.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
-from league.management.race_options import add_race_options, rules_of
+from config.management.race_options import add_race_options, rules_of
 from league.models import Stage, StageRules
 from league.stage_fields import PROPOSALS as OF_A_SEASON
+from paddock.simulator.envs.setting import head_to_head, object_avoidance, race_setting
+from paddock.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
 from races.course import race_rules
 from races.forms import RaceForm
 from races.models import Race

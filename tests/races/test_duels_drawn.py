@@ -8,7 +8,7 @@ from datetime import timedelta
 
 import pytest
 
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from races import services
 from races.models import Draw, Duel, DuelCar, Entry, Race
 from races.selectors import board

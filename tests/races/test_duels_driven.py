@@ -10,9 +10,9 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import Evaluation, State
-from evaluation.packages.read import UploadPart
 from evaluation.services import run_next_evaluation, upload_model
 from league.services.house import HouseCar, house_cars
+from paddock.packages.read import UploadPart
 from races.models import Draw, Duel, DuelState, Entry, Race
 from races.selectors import board, duels_of
 from races.services import drive_all_on, submit_model

@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 
 from evaluation.models import State
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Entry, Visibility
 from races.selectors import board
 from races.services import accept_invitation, enter_race, remove_entry, restore_entry, submit_model, withdraw

@@ -8,7 +8,7 @@ import pytest
 from django.db import IntegrityError, transaction
 from django.test import override_settings
 
-from evaluation.simulator.course import lay_course
+from paddock.simulator.course import lay_course
 from races.course import box_marks, box_rows
 from races.errors import RaceRefused
 from races.facts import course_facts, course_rules

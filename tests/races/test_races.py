@@ -8,7 +8,7 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import State
-from faults import UserFault
+from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import Kind, Race, RaceState, Visibility
 from races.sensors import OFFERABLE, SAME_AS
@@ -353,6 +353,6 @@ def test_months_keep_the_wall_clock_of_the_site_s_time_zone(settings):
 
 
 def test_races_offer_exactly_the_sensors_that_the_simulator_has():
-    from evaluation.simulator.sensors import SENSORS
+    from paddock.simulator.sensors import SENSORS
 
     assert {*OFFERABLE, *SAME_AS} == set(SENSORS)

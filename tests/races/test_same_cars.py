@@ -13,7 +13,7 @@ from django.utils import timezone
 
 from evaluation.models import TrainedModel
 from evaluation.services import stop_evaluation
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Entry, Race, RaceCar, RefusedCar, Submission
 from races.selectors import board
 from races.selectors.cars import shared_cars

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from evaluation.models import Result
 from evaluation.services import finish_evaluation, queue_evaluation, stop_evaluation
 from evaluation.signals import evaluation_ended
-from evaluation.simulator.rules import RaceRules
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.simulator.rules import RaceRules
 from races.models import Entry, Race, Submission
 from races.selectors import board
 from races.services import (

@@ -9,7 +9,7 @@ import pytest
 from evaluation.models import Evaluation, State
 from evaluation.selectors import queue_position
 from evaluation.services import delete_model, stop_evaluation
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from races import eligibility
 from races.models import Entry, Submission, Visibility
 from races.services import (

@@ -11,7 +11,7 @@ from django.db import IntegrityError, transaction
 from evaluation.looks import Look
 from evaluation.models import Evaluation
 from evaluation.services import describe_model
-from faults import UserFault
+from paddock.errors import UserFault
 from races.filming import FilmedRun
 from races.models import UNDER_WAY, Video, VideoState, Visibility
 from races.selectors import evaluations_visible_to

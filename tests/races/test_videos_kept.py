@@ -62,7 +62,7 @@ def test_what_is_watched_is_kept_and_written_down_once_an_hour(video, now, setti
 
 
 def test_one_that_failed_is_forgotten_after_so_long_and_one_that_waits_is_not(video, now, alice, settings):
-    from faults import UserFault
+    from paddock.errors import UserFault
 
     run = video.evaluation
     ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now)

@@ -11,10 +11,8 @@ import pytest
 from django.core.files.storage import default_storage
 from django.db import IntegrityError, transaction
 
-from evaluation import film
-from evaluation.film import FilmFacts
 from evaluation.models import Outage
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from races import tasks
 from races.models import Video, VideoState
 from races.services.videos import (
@@ -31,6 +29,8 @@ from races.services.videos import (
 )
 from tests.factories import a_race
 from tests.films import a_driven_run
+from videos import film
+from videos.film import FilmFacts
 
 pytestmark = pytest.mark.django_db
 LEASE = timedelta(seconds=30)

@@ -17,8 +17,8 @@ from evaluation.sandbox.frames import FrameClosed, FrameTimeout, read_message, w
 from evaluation.sandbox.launch import LEVEL_NAMESPACES, launch
 from evaluation.sandbox.limits import POLICY, STDERR_LIMIT
 from evaluation.sandbox.lock import EXIT_IMPORT, EXIT_MEMORY, EXIT_NOT_LOCKED
-from evaluation.simulator.camera.warp import best_warp
-from faults import PlatformFault
+from paddock.errors import PlatformFault
+from paddock.simulator.camera.warp import best_warp
 from tests.shared import CHECKOUT
 
 from .conftest import PAYLOADS

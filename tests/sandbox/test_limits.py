@@ -10,8 +10,8 @@ from evaluation import crew, pipeline
 from evaluation.sandbox.limits import POLICY, PROBE, RUNNER, Limits
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_client import TOTAL_S
-from evaluation.simulator.rules import MAX_CARS, RaceRules
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.rules import MAX_CARS, RaceRules
 
 from .networks import HEADER, METADATA, console_sized_network, small_network
 

@@ -14,7 +14,7 @@ import pytest
 from evaluation.sandbox import policy as policy_module
 from evaluation.sandbox.limits import POLICY
 from evaluation.sandbox.policy import PolicyProcess
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 
 from .conftest import PAYLOADS
 from .networks import CAMERA, HEADER, console_sized_network, constant_network, small_network

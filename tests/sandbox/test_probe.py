@@ -15,7 +15,7 @@ import pytest
 from evaluation.sandbox import bubblewrap, claims, cores, landlock, probe, seccomp, uids
 from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, launch
 from evaluation.sandbox.limits import PROBE
-from faults import PlatformFault
+from paddock.errors import PlatformFault
 from tests.shared import CHECKOUT
 
 from .conftest import PAYLOADS

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.simulator.action import ActionSpace
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.simulator.action import ActionSpace
 from tests.shared import SHARED, needs_shared
 
 CONTINUOUS = {

@@ -6,17 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from evaluation.simulator.action import Action
-from evaluation.simulator.bots import FOLLOW_M, Bots, LanePaths
-from evaluation.simulator.car import Pose
-from evaluation.simulator.contact import cars_touch
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.race import run_race
-from evaluation.simulator.referee import LAPS_DONE
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.stage import Ground, Stage
-from evaluation.simulator.trace import CRASHED, IN_PROGRESS, OFF_TRACK, PAUSE
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.action import Action
+from paddock.simulator.bots import FOLLOW_M, Bots, LanePaths
+from paddock.simulator.car import Pose
+from paddock.simulator.contact import cars_touch
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import run_race
+from paddock.simulator.referee import LAPS_DONE
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.trace import CRASHED, IN_PROGRESS, OFF_TRACK, PAUSE
 
 from .tracks_for_tests import stadium
 

@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.car import Pose
-from evaluation.simulator.contact import hits_box, overlaps_box
-from evaluation.simulator.course import lay_course
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.progress import Reach
-from evaluation.simulator.race import run_race
-from evaluation.simulator.referee import LAPS_DONE, RESETS_USED, Referee
-from evaluation.simulator.rules import BoxPlace, RaceRules
-from evaluation.simulator.solids import box
-from evaluation.simulator.stage import Ground, Stage
-from evaluation.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, TIME_UP
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.car import Pose
+from paddock.simulator.contact import hits_box, overlaps_box
+from paddock.simulator.course import lay_course
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.progress import Reach
+from paddock.simulator.race import run_race
+from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
+from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.simulator.solids import box
+from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, TIME_UP
 
 from .tracks_for_tests import stadium
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_RIGHT, Optics
-from evaluation.simulator.camera.theme import OFFICIAL
-from evaluation.simulator.camera.view import Camera, Scene
-from evaluation.simulator.car import Pose
+from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_RIGHT, Optics
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.camera.view import Camera, Scene
+from paddock.simulator.car import Pose
 
 from .tiny_scene import TinyScene
 from .tracks_for_tests import stadium

@@ -7,12 +7,12 @@ from itertools import pairwise
 import pybullet
 import pytest
 
-from evaluation.simulator import car as car_module
-from evaluation.simulator import world as world_module
-from evaluation.simulator.car import CAR_GROUP, GROUND_GROUP, HINGES, WHEELS, Pose
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.response import Response
-from evaluation.simulator.world import World
+from paddock.simulator import car as car_module
+from paddock.simulator import world as world_module
+from paddock.simulator.car import CAR_GROUP, GROUND_GROUP, HINGES, WHEELS, Pose
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.response import Response
+from paddock.simulator.world import World
 
 STEP_S = 1 / PADDOCK_CAR.control_hz
 

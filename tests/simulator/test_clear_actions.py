@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.simulator.action import ActionSpace, is_clear
+from paddock.simulator.action import ActionSpace, is_clear
 
 WIDE = ActionSpace.continuous((-30.0, 30.0), (0.5, 4.0))
 NARROW = ActionSpace.continuous((-12.34, 7.0), (1.0, 1.0005))

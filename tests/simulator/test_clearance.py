@@ -7,15 +7,15 @@ import random
 
 import pytest
 
-from evaluation.simulator import stage
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.progress import clear_distance
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import RaceRules
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import read_npy
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator import stage
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.progress import clear_distance
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import RaceRules
 from tests.shared import SHARED, needs_shared
-from tracks.catalogue import CATALOGUE
-from tracks.geometry import TrackGeometry
-from tracks.npy import read_npy
 
 
 def assert_clear(track: TrackGeometry) -> None:

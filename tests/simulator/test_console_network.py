@@ -7,11 +7,11 @@ import tarfile
 import numpy as np
 import pytest
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import RaceRules
+from paddock.geometry.npy import read_npy
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import RaceRules
 from tests.shared import CONSOLE_CAR, SHARED, needs_shared
-from tracks.npy import read_npy
 
 
 @pytest.fixture(scope="module")

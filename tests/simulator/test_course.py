@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluation.simulator.course import (
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import read_npy
+from paddock.simulator.course import (
     BOTS_END_M,
     BOTS_START_M,
     BOX_SPACING_M,
@@ -18,11 +21,8 @@ from evaluation.simulator.course import (
     lay_course,
     start_places,
 )
-from evaluation.simulator.rules import BoxPlace, RaceRules
-from faults import UserFault
+from paddock.simulator.rules import BoxPlace, RaceRules
 from tests.shared import CHECKOUT, SHARED, needs_shared
-from tracks.catalogue import CATALOGUE
-from tracks.npy import read_npy
 
 from .tracks_for_tests import hairpin, stadium
 

@@ -9,11 +9,11 @@ import sys
 import numpy as np
 import pytest
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.race import Entrant, run_race
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.sensors import POSE
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import Entrant, run_race
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.sensors import POSE
 from tests.shared import CHECKOUT
 
 from .tracks_for_tests import stadium

@@ -1,7 +1,7 @@
 import platform
 from importlib import metadata
 
-from evaluation.simulator import engine
+from paddock.simulator import engine
 
 
 def test_the_versions_are_those_that_the_packages_say_themselves():

@@ -4,8 +4,8 @@ import gymnasium
 import numpy as np
 import pytest
 
-import evaluation.simulator.envs  # noqa: F401  registers the environments
-from faults import UserFault
+import paddock.simulator.envs  # noqa: F401  registers the environments
+from paddock.errors import UserFault
 
 from .test_envs import CONTINUOUS, TRACK, make
 

@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import GrayscaleObservation, ResizeObservation
 
-from evaluation.simulator.envs import DEFAULT_METADATA
+from paddock.simulator.envs import DEFAULT_METADATA
 
 from .test_envs import STEREO, TRACK, make
 

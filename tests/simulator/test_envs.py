@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import evaluation.simulator.envs
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.envs import DEFAULT_METADATA, load_track
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import RaceRules
-from faults import UserFault
+import paddock.simulator.envs
+from paddock.errors import UserFault
+from paddock.geometry.npy import write_npy
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.envs import DEFAULT_METADATA, load_track
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import RaceRules
 from tests.shared import SHARED, needs_shared
-from tracks.npy import write_npy
 
 from .tracks_for_tests import stadium
 
@@ -335,7 +335,7 @@ def test_boxes_that_have_no_room_are_refused_with_their_reason():
 
 def test_an_unknown_argument_is_named():
     with pytest.raises(TypeError, match="bots"):
-        evaluation.simulator.envs.TimeTrialEnv(track=TRACK, bots=3)
+        paddock.simulator.envs.TimeTrialEnv(track=TRACK, bots=3)
 
 
 @pytest.mark.parametrize("start", [float("nan"), float("inf")])
@@ -349,7 +349,7 @@ def test_a_start_that_is_no_place_is_refused(start):
 )
 def test_wrong_arguments_are_refused(bad):
     with pytest.raises(ValueError):
-        evaluation.simulator.envs.TimeTrialEnv(track=TRACK, **bad)
+        paddock.simulator.envs.TimeTrialEnv(track=TRACK, **bad)
 
 
 def test_a_track_is_a_geometry_a_slug_or_a_file(tmp_path):

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.metrics import metrics_json
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.trace import COLUMNS
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.metrics import metrics_json
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.trace import COLUMNS
 from tests.shared import SHARED, needs_shared
 
 from .tracks_for_tests import stadium

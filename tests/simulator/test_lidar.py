@@ -7,9 +7,9 @@ import random
 import numpy as np
 import pytest
 
-from evaluation.simulator.car import Pose
-from evaluation.simulator.lidar import BEAM_DEG, BEAMS, LEAST_M, MOUNT_X, discretized, raw, scan, sectors
-from evaluation.simulator.solids import Solid, box, car
+from paddock.simulator.car import Pose
+from paddock.simulator.lidar import BEAM_DEG, BEAMS, LEAST_M, MOUNT_X, discretized, raw, scan, sectors
+from paddock.simulator.solids import Solid, box, car
 
 HALL = (-6.0, -5.0, 6.0, 5.0)
 FAR = (-100.0, -100.0, 100.0, 100.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.simulator.camera.theme import THEMES
-from evaluation.simulator.camera.view import Camera, Scene
-from evaluation.simulator.car import Pose
-from tracks.catalogue import by_slug
+from paddock.geometry.catalogue import by_slug
+from paddock.simulator.camera.theme import THEMES
+from paddock.simulator.camera.view import Camera, Scene
+from paddock.simulator.car import Pose
 from tracks.models import Look
 
 OVAL = by_slug("oval").geometry()

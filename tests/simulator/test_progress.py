@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from evaluation.simulator.progress import STRIDE_M, Odometer, Reach
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import read_npy
+from paddock.simulator.progress import STRIDE_M, Odometer, Reach
 from tests.shared import SHARED, needs_shared
-from tracks.catalogue import CATALOGUE
-from tracks.npy import read_npy
 
 from .tracks_for_tests import hairpin, stadium
 

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.bots import Bots, LanePaths
-from evaluation.simulator.car import Pose
-from evaluation.simulator.contact import cars_touch
-from evaluation.simulator.course import lay_course
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.progress import Reach, clear_distance
-from evaluation.simulator.race import run_race
-from evaluation.simulator.referee import Referee
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.trace import PAUSE
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import read_npy
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.bots import Bots, LanePaths
+from paddock.simulator.car import Pose
+from paddock.simulator.contact import cars_touch
+from paddock.simulator.course import lay_course
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.progress import Reach, clear_distance
+from paddock.simulator.race import run_race
+from paddock.simulator.referee import Referee
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.trace import PAUSE
 from tests.shared import SHARED, needs_shared
-from tracks.catalogue import CATALOGUE
-from tracks.npy import read_npy
 
 OWN = [pytest.param(entry.geometry, id=entry.slug) for entry in CATALOGUE]
 GIVEN = [

@@ -4,13 +4,13 @@ import numpy as np
 import pybullet
 import pytest
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.world import World
-from faults import UserFault
-from tracks.catalogue import CATALOGUE
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.world import World
 
 from .tracks_for_tests import stadium
 

@@ -8,14 +8,14 @@ import statistics
 import pytest
 from django.core.management import call_command
 
-from evaluation.simulator.car import Pose
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.recording import State, read_drives
-from evaluation.simulator.replay import compare, estimate, share_on_track
-from evaluation.simulator.response import Response
-from evaluation.simulator.world import World
+from paddock.geometry.npy import read_npy
+from paddock.simulator.car import Pose
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.recording import State, read_drives
+from paddock.simulator.replay import compare, estimate, share_on_track
+from paddock.simulator.response import Response
+from paddock.simulator.world import World
 from tests.shared import SHARED, needs_shared
-from tracks.npy import read_npy
 
 TRACES = ("a-to-z-2023-evaluation", "spain-2026-training-0", "spain-2026-training-1")
 HEADER = "episode,steps,X,Y,yaw,steer,throttle,tstamp,episode_status"

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from evaluation.simulator.car import Pose
-from evaluation.simulator.rewards import Objects, avoid_objects, in_camera
-from evaluation.simulator.solids import box, car
+from paddock.simulator.car import Pose
+from paddock.simulator.rewards import Objects, avoid_objects, in_camera
+from paddock.simulator.solids import box, car
 
 from .tracks_for_tests import stadium
 

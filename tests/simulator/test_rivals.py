@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from evaluation.simulator.action import Action, ActionSpace
-from evaluation.simulator.car import Pose
-from evaluation.simulator.contact import cars_touch
-from evaluation.simulator.metrics import metrics_json
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.race import Entrant, run_race
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.stage import Ground, Stage
-from evaluation.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.action import Action, ActionSpace
+from paddock.simulator.car import Pose
+from paddock.simulator.contact import cars_touch
+from paddock.simulator.metrics import metrics_json
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import Entrant, run_race
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
 from tests.simulator.test_race import clients
-from tracks.catalogue import CATALOGUE
 
 from .tracks_for_tests import stadium
 

@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from evaluation.simulator.clock import milliseconds
-from evaluation.simulator.rules import RaceRules, penalty_steps
+from paddock.simulator.clock import milliseconds
+from paddock.simulator.rules import RaceRules, penalty_steps
 
 
 def test_rules_survive_json():

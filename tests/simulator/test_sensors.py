@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from evaluation.packages.inputs import SENSOR_NAMES, input_spec
-from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
-from evaluation.simulator.camera.view import Camera, Scene
-from evaluation.simulator.car import Pose
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.sensors import POSE, SENSORS, make_sensors, sensor_spec
-from evaluation.simulator.solids import box, car
-from evaluation.simulator.stage import Ground, Stage
-from evaluation.simulator.world import World
+from paddock.packages.inputs import SENSOR_NAMES, input_spec
+from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
+from paddock.simulator.camera.view import Camera, Scene
+from paddock.simulator.car import Pose
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.sensors import POSE, SENSORS, make_sensors, sensor_spec
+from paddock.simulator.solids import box, car
+from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.world import World
 
 from .tracks_for_tests import stadium
 

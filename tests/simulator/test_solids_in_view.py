@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
-from evaluation.simulator.camera.theme import OFFICIAL
-from evaluation.simulator.camera.view import Camera, Scene
-from evaluation.simulator.car import Pose
-from evaluation.simulator.solids import BOX, CAR, Solid, box, car
+from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.camera.view import Camera, Scene
+from paddock.simulator.car import Pose
+from paddock.simulator.solids import BOX, CAR, Solid, box, car
 
 from .tiny_scene import TinyScene
 from .tracks_for_tests import stadium

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-import evaluation.simulator.envs  # noqa: F401  registers the environments
-from evaluation.simulator.car import Pose
-from evaluation.simulator.world import World
+import paddock.simulator.envs  # noqa: F401  registers the environments
+from paddock.simulator.car import Pose
+from paddock.simulator.world import World
 
 from .tracks_for_tests import stadium
 

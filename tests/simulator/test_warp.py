@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.simulator.camera import compiled
-from evaluation.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT, Optics
-from evaluation.simulator.camera.theme import OFFICIAL
-from evaluation.simulator.camera.view import Camera, Scene
-from evaluation.simulator.camera.warp import HALF_WEIGHT, CompiledWarp, NumpyWarp, Strip
-from evaluation.simulator.car import Pose
+from paddock.simulator.camera import compiled
+from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT, Optics
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.camera.view import Camera, Scene
+from paddock.simulator.camera.warp import HALF_WEIGHT, CompiledWarp, NumpyWarp, Strip
+from paddock.simulator.car import Pose
 from tests.shared import CHECKOUT
 
 from .tracks_for_tests import stadium
@@ -170,7 +170,7 @@ def test_a_library_of_another_source_is_not_taken_and_is_replaced(tmp_path, monk
     compiled.build(library)
     # This process has the old file open, and the loader knows it by its name: another one looks.
     script = (
-        "import sys; from pathlib import Path; from evaluation.simulator.camera import compiled;"
+        "import sys; from pathlib import Path; from paddock.simulator.camera import compiled;"
         "compiled.SOURCE, library = map(Path, sys.argv[1:]); print(compiled.load(library) is not None)"
     )
     command = [sys.executable, "-c", script, str(source), str(library)]

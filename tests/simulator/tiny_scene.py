@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet as bullet
 
-from evaluation.simulator.camera.optics import FRONT_CAMERA, Optics
-from evaluation.simulator.camera.theme import Theme
-from evaluation.simulator.car import Pose
-from evaluation.simulator.solids import Solid
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.camera.optics import FRONT_CAMERA, Optics
+from paddock.simulator.camera.theme import Theme
+from paddock.simulator.car import Pose
+from paddock.simulator.solids import Solid
 
 OVERSAMPLING = 4  # the official camera draws 640x480 and shrinks it
 

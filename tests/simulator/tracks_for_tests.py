@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
 
 
 def stadium(straight: float = 4.0, radius: float = 1.2, width: float = 1.0, spacing: float = 0.1) -> TrackGeometry:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from tracks.catalogue import CATALOGUE, ROAD_WIDTH_M, by_slug
-from tracks.catalogue.curve import road
-from tracks.checks import find_crossing
+from paddock.geometry.catalogue import CATALOGUE, ROAD_WIDTH_M, by_slug
+from paddock.geometry.catalogue.curve import road
+from paddock.geometry.checks import find_crossing
 
 every_track = pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 

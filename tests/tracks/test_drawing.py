@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from tracks.catalogue import CATALOGUE, by_slug
+from paddock.geometry.catalogue import CATALOGUE, by_slug
+from paddock.geometry.track import TrackGeometry
 from tracks.drawing import SPEED_CLASSES, BoxMark, DrivenLine, draw_png, draw_svg, svg_path
 from tracks.drawing.lines import ERROR_M, simplify, simplify_loop
 from tracks.drawing.png import SCHEMES
-from tracks.geometry import TrackGeometry
 
 SVG = "{http://www.w3.org/2000/svg}"
 every_track = pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracks.catalogue import CATALOGUE
-from tracks.geometry import WINDOW_M, TrackGeometry
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.track import WINDOW_M, TrackGeometry
 
 tracks = st.sampled_from(CATALOGUE)
 directions = st.sampled_from(("ccw", "cw"))

@@ -5,7 +5,7 @@ from django.contrib.auth import get_user_model
 from django.db import transaction
 from django.utils.functional import SimpleLazyObject
 
-from tracks.locks import hold
+from core.locks import hold
 
 pytestmark = pytest.mark.django_db
 

@@ -9,13 +9,13 @@ import sys
 import numpy as np
 import pytest
 
-from faults import UserFault
-from faults.reasons import REASONS
+from paddock.errors import UserFault
+from paddock.errors.reasons import REASONS
+from paddock.geometry import checks, npy
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import MAX_BYTES, MAX_ROWS, read_npy, write_npy
+from paddock.geometry.track import TrackGeometry
 from tests.shared import SHARED, needs_shared
-from tracks import checks, npy
-from tracks.catalogue import CATALOGUE
-from tracks.geometry import TrackGeometry
-from tracks.npy import MAX_BYTES, MAX_ROWS, read_npy, write_npy
 
 # Metres, from the field's own table of these files, which gives two decimals (H_track is not in it: measured).
 LENGTHS = {

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
 
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE, by_slug
+from paddock.geometry.npy import read_npy, write_npy
+from paddock.geometry.track import TrackGeometry
 from tests.factories import a_race
 from tests.shared import SHARED, needs_shared
-from tracks.catalogue import CATALOGUE, by_slug
-from tracks.geometry import TrackGeometry
 from tracks.models import Track
-from tracks.npy import read_npy, write_npy
 from tracks.services import delete_track, free_slug, import_track, load_catalogue
 
 pytestmark = pytest.mark.django_db

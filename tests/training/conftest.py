@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from faults import UserFault
+from paddock.errors import UserFault
 from training import tasks
 from training.services import work
 from training.trainer.client import Ended, SavedState

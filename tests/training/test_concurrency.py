@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from faults import UserFault
+from paddock.errors import UserFault
 from tests.factories import a_racer
 from tests.races.test_concurrency import at_once
 from tests.training.jobs import a_training, an_iteration

@@ -10,14 +10,14 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.read import UploadPart
+from evaluation.admit import AdmittedPackage, admit
 from evaluation.services import share_model, upload_model
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import by_slug
+from paddock.packages.read import UploadPart
 from tests.shared import CONSOLE_CAR, needs_shared
 from tests.training.jobs import REWARD, a_training
 from tests.training.test_network import metadata, readings_for, weights_for
-from tracks.catalogue import by_slug
 from training.hyperparameters import DEFAULTS, PPO
 from training.models import TrainingJob, Vehicle
 from training.services.work import spec_of

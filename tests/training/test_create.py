@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 from django.db import IntegrityError, transaction
 
-from faults import PaddockError, UserFault
+from paddock.errors import PaddockError, UserFault
 from tests.factories import a_race
 from tests.rows import METADATA, model_row
 from tests.training.jobs import a_training

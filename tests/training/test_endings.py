@@ -6,7 +6,7 @@ import pytest
 from django.db import IntegrityError, transaction
 from django.utils import translation
 
-from faults import UserFault
+from paddock.errors import UserFault
 from tests.training.jobs import a_training
 from training.endings import how_it_ended
 from training.models import EndReason, JobState, TrainingJob

@@ -15,7 +15,7 @@ from deepracer.logs.metrics import TrainingMetrics
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
-from evaluation.archive import part_of, part_of_gzip, zipped
+from core.archive import part_of, part_of_gzip, zipped
 from tests.evaluation.stubs import trace_csv
 from tests.training.jobs import REWARD, a_training
 from training.files import logs_zip, metrics_json, training_metrics

@@ -7,13 +7,13 @@ import json
 
 import pytest
 
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.metadata import parse_metadata
-from evaluation.packages.read import UploadPart
+from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.rules import RaceRules
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.packages.metadata import parse_metadata
+from paddock.packages.read import UploadPart
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.rules import RaceRules
 from training.house_cars.files import FOLDER, KEY, LAPS
 from training.house_cars.recipes import RECIPES
 

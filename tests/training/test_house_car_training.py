@@ -113,7 +113,7 @@ def test_an_unknown_car_is_refused_with_the_names_that_there_are(capsys: pytest.
 
 
 def test_the_table_in_the_readme_names_lap_times_and_resets(tmp_path: Path) -> None:
-    from tracks.catalogue import CATALOGUE
+    from paddock.geometry.catalogue import CATALOGUE
 
     found = {"complete_laps": 3, "average_lap_ms": 12345, "best_lap_ms": 12000, "off_tracks": 1, "resets": 1}
     none = {"complete_laps": 0, "average_lap_ms": None, "best_lap_ms": None, "off_tracks": 9, "resets": 9}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from paddock.geometry.catalogue import by_slug
 from tests.training.test_network import metadata
-from tracks.catalogue import by_slug
 from training.hyperparameters import DEFAULTS, PPO
 from training.trainer.network import Layout
 from training.trainer.spec import CARS, TrainerSpec
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.xdist_group("training")
 def test_an_update_that_is_cut_short_is_undone(hurried):
     from stable_baselines3.common.callbacks import BaseCallback
 
-    from evaluation.simulator.rewards import follow_centre_line
+    from paddock.simulator.rewards import follow_centre_line
     from training.trainer.cars import Cars
     from training.trainer.learners import Learner
 

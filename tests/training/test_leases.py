@@ -10,7 +10,7 @@ from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
 from evaluation.models import Outage
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training, an_iteration
 from training.line import place_of
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob

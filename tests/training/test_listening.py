@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from evaluation.sandbox.frames import FrameError, write_frame, write_message
-from evaluation.simulator.trace import COLUMNS
-from faults import PaddockError, PlatformFault, UserFault
+from paddock.errors import PaddockError, PlatformFault, UserFault
+from paddock.simulator.trace import COLUMNS
 from tests.training.jobs import GOOD
 from training.rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
 from training.trainer import client

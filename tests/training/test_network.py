@@ -10,8 +10,8 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from evaluation.packages.admit import admit
-from evaluation.packages.read import UploadPart
+from evaluation.admit import admit
+from paddock.packages.read import UploadPart
 from training import house_cars
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
 from training.trainer.network import CONVOLUTIONS, Layout, from_onnx, to_onnx

@@ -15,8 +15,8 @@ from accounts.storage import MEGABYTE, stored_by
 from evaluation.models import State, TrainedModel
 from evaluation.services import queue_evaluation
 from evaluation.services.stored import store
-from evaluation.simulator.rules import RaceRules
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.simulator.rules import RaceRules
 from races.services import submit_model
 from tests.factories import a_race
 from tests.training.jobs import a_training, an_iteration

@@ -8,7 +8,7 @@ import random
 
 import pytest
 
-from faults import UserFault
+from paddock.errors import UserFault
 from training.rewards.function import POSITIONAL_NAMES, load_reward, load_rewards, positional
 from training.rewards.modules import preload, wanted_modules
 from training.rewards.states import five_states

@@ -7,13 +7,13 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from evaluation.simulator.envs import DEFAULT_METADATA
-from evaluation.simulator.envs.drive import Drive
-from evaluation.simulator.envs.setting import object_avoidance, time_trial
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.rewards import follow_centre_line
-from evaluation.simulator.sensors import POSE
-from evaluation.simulator.solids import box
+from paddock.simulator.envs import DEFAULT_METADATA
+from paddock.simulator.envs.drive import Drive
+from paddock.simulator.envs.setting import object_avoidance, time_trial
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.rewards import follow_centre_line
+from paddock.simulator.sensors import POSE
+from paddock.simulator.solids import box
 from tests.simulator.tracks_for_tests import stadium
 from training.rewards.examples import example
 from training.rewards.heat import (

@@ -22,10 +22,10 @@ from django.core.files.storage import default_storage
 from django.db import connections
 from django.utils import timezone
 
+from evaluation.admit import admit
 from evaluation.models import TrainedModel
-from evaluation.packages.admit import admit
-from evaluation.packages.read import UploadPart
-from evaluation.simulator.trace import COLUMNS
+from paddock.packages.read import UploadPart
+from paddock.simulator.trace import COLUMNS
 from races.models import Submission
 from tests.evaluation.processes import environment
 from tests.factories import a_race

@@ -15,7 +15,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecFrameStack
 
-from evaluation.simulator.envs.sb3 import SB3VecEnv, make_sb3_env
+from paddock.simulator.envs.sb3 import SB3VecEnv, make_sb3_env
 
 RACE = "Paddock/TimeTrial-v1"
 CONTINUOUS = {

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from faults import UserFault
+from paddock.errors import UserFault
 from tests.hostile.policies import BOX, SAID
 from training.sb3.facts import Box, read_facts
 

@@ -18,15 +18,15 @@ from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
 from stable_baselines3.common.vec_env import VecFrameStack
 
-from evaluation.packages import admit as admit_module
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.metadata import parse_metadata
-from evaluation.packages.read import UploadPart
-from evaluation.simulator.envs import DEFAULT_METADATA
-from evaluation.simulator.envs.sb3 import make_sb3_env
-from evaluation.simulator.rewards import follow_centre_line
-from faults import PaddockError
-from tracks.catalogue import by_slug
+from evaluation import admit as admit_module
+from evaluation.admit import AdmittedPackage, admit
+from paddock.errors import PaddockError
+from paddock.geometry.catalogue import by_slug
+from paddock.packages.metadata import parse_metadata
+from paddock.packages.read import UploadPart
+from paddock.simulator.envs import DEFAULT_METADATA
+from paddock.simulator.envs.sb3 import make_sb3_env
+from paddock.simulator.rewards import follow_centre_line
 from training.hyperparameters import DEFAULTS
 from training.sb3.facts import read_facts
 from training.sb3.rebuild import rebuild

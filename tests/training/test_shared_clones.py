@@ -11,7 +11,7 @@ from django.db.models import ProtectedError
 
 from evaluation.models import Network, TrainedModel
 from evaluation.services import delete_model, purge_garages, share_model, stop_sharing_model
-from faults import UserFault
+from paddock.errors import UserFault
 from races.services import submit_model
 from tests.factories import a_race
 from tests.rows import METADATA, model_row

@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training
 from training.line import line_of, place_of
 from training.models import JobState, TrainingJob

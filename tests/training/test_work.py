@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from evaluation import stopping
 from evaluation.models import TrainedModel
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from tests.rows import model_row
 from tests.training.jobs import a_training, an_iteration, network
 from training import tasks

@@ -24,13 +24,13 @@ def make() -> None:
     from django.core.management import call_command
     from onnx import numpy_helper
 
-    from evaluation.packages.read import UploadPart
     from evaluation.services import upload_model
     from evaluation.services.work import run_next_evaluation
     from league.models import Racer
     from league.services import demo
     from league.services.notices import tell_what_happened
     from league.services.webhooks import add_webhook, queue_deliveries
+    from paddock.packages.read import UploadPart
     from races.models import Race
     from races.services import create_community_race, submit_model, withdraw
     from tests.hostile.parts import metadata, network

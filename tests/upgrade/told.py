@@ -83,7 +83,7 @@ def set_up() -> None:
     """Django on the data of the environment, without what a site has to start first."""
     import django
 
-    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "league.settings")
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
     django.setup()
     from django.conf import settings
     from django.utils import timezone

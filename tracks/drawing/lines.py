@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import Points
+from paddock.geometry.checks import Points
 
 ERROR_M = 0.01
 JUMP_M = 0.6  # the fastest car moves 0.27 m in a step; a longer one is a reset and is not drawn

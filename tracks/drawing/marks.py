@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..checks import Points
-from ..geometry import TrackGeometry
+from paddock.geometry.checks import Points
+from paddock.geometry.track import TrackGeometry
 
 LANE_STEP_M = 0.15
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..checks import Points
-from ..geometry import TrackGeometry
+from paddock.geometry.checks import Points
+from paddock.geometry.track import TrackGeometry
+
 from .lines import DrivenLine
 from .marks import BoxMark, box_corners
 from .svg import BOX_MARKS, MARGIN_M, arrow, finish_line, mark_size

@@ -12,8 +12,9 @@ import math
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
-from ..checks import Points
-from ..geometry import TrackGeometry
+from paddock.geometry.checks import Points
+from paddock.geometry.track import TrackGeometry
+
 from .lines import DrivenLine, simplify_loop
 from .marks import BoxMark, box_corners, lane_line
 

@@ -12,10 +12,10 @@ from rest_framework.permissions import IsAuthenticated
 from rest_framework.renderers import BaseRenderer
 from rest_framework.request import Request
 
+from core.file_view import FileRenderer, FileView
+from core.forms import explain
 from evaluation.files import as_download, download_of
-from faults import UserFault
-from tracks.file_view import FileRenderer, FileView
-from tracks.forms import explain
+from paddock.errors import UserFault
 from training.files import SB3_TYPE, logs_zip, newest_simtrace, sb3_name, sb3_of
 
 from .trainings import visible_training

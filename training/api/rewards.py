@@ -10,10 +10,10 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
-from faults import UserFault
+from core.bodies import Body
+from core.forms import explain
+from paddock.errors import UserFault
 from races.models import RaceType
-from tracks.bodies import Body
-from tracks.forms import explain
 from training.checks import one_check
 
 from .trainings import MOST_CODE

@@ -23,12 +23,12 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
-from faults import UserFault
+from core.bodies import Body, refuse_fields
+from paddock.errors import UserFault
 from races.api.course import BoxPlaceSerializer
 from races.api.evaluations import EvaluationSerializer
 from races.models import Race, RaceType
 from races.selectors import races_visible_to
-from tracks.bodies import Body, refuse_fields
 from tracks.models import Direction, Track
 from training.checks import refusals
 from training.endings import how_it_ended

@@ -14,9 +14,9 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
+from core.bodies import Body, refuse_fields
 from evaluation.looks import DEFAULT_COLOUR, Shell
-from faults import UserFault
-from tracks.bodies import Body, refuse_fields
+from paddock.errors import UserFault
 from training.forms.vehicle import CAMERAS_OFFERED, IN_STEPS, LIDAR_DEFAULTS, LIDARS, VehicleForm
 from training.models import NeuralNetwork, Vehicle
 from training.models.vehicle import default_sensors

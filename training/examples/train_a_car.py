@@ -30,7 +30,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import nn
 
-from evaluation.simulator.envs.sb3 import SB3VecEnv  # the import registers the environments, too
+from paddock.simulator.envs.sb3 import SB3VecEnv  # the import registers the environments, too
 
 CAMERA = "FRONT_FACING_CAMERA"
 POOL = 4  # the network sees the mean of each 4 x 4 pixels: 30 rows of 40, which learns far faster than 120 x 160

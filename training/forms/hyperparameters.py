@@ -8,8 +8,8 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from faults import UserFault
-from tracks.forms import add_fault
+from core.forms import add_fault
+from paddock.errors import UserFault
 from training.hyperparameters import (
     DEFAULTS,
     HUBER,

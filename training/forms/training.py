@@ -13,14 +13,14 @@ from django.core.exceptions import NON_FIELD_ERRORS
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
-from evaluation.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
-from faults import UserFault
+from core.forms import add_fault
+from paddock.errors import UserFault
+from paddock.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
 from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
 from races.models import Opponents, Race, RaceType
 from races.names import named, names_track
 from races.selectors.offers import enterable_now, likest_first
-from tracks.forms import add_fault
 from tracks.models import Track
 from training.actions import (
     SPEED_GRANULARITIES,

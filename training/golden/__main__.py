@@ -10,10 +10,10 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from evaluation.packages.admit import admit
-from evaluation.packages.read import UploadPart
-from evaluation.simulator.engine import ENGINE_ID
-from faults import PaddockError
+from evaluation.admit import admit
+from paddock.errors import PaddockError
+from paddock.packages.read import UploadPart
+from paddock.simulator.engine import ENGINE_ID
 
 from . import table
 from .drive import Driven, through_the_pipeline

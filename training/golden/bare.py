@@ -1,6 +1,6 @@
 """``python -m training.golden.bare``: drives runs in this one process; a JSON object for each on stdin's JSON list.
 
-No wall, no pipes: this is what runs under an emulator. It wants the pins of :mod:`evaluation.exact` in its environment
+No wall, no pipes: this is what runs under an emulator. It wants the pins of :mod:`paddock.exact` in its environment
 and ends with 2 without them.
 """
 
@@ -12,16 +12,16 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from evaluation import exact
+from paddock import exact
 
 
 def answer_each(program: str, drive: Callable[[dict[str, Any]], Any]) -> int:
     """Print what ``drive`` makes of each description of a run on stdin, as JSON and as soon as it is there.
 
-    2 without the pins. ``program``: what is started with ``python -m evaluation.exact -m``.
+    2 without the pins. ``program``: what is started with ``python -m paddock.exact -m``.
     """
     if not exact.is_pinned():
-        print(f"start this with the pins: python -m evaluation.exact -m {program}", file=sys.stderr)
+        print(f"start this with the pins: python -m paddock.exact -m {program}", file=sys.stderr)
         return 2
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # Bullet says when it was built, on stdout

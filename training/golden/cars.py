@@ -17,12 +17,12 @@ import numpy as np
 import onnx
 from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 
-from evaluation.packages.convert_process import admit_network
-from evaluation.packages.gate import check_onnx
-from evaluation.packages.inputs import input_spec
-from evaluation.packages.kinds import ONNX
-from evaluation.packages.limits import DEFAULT_LIMITS
-from evaluation.packages.metadata import parse_metadata
+from evaluation.convert_process import admit_network
+from paddock.packages.gate import check_onnx
+from paddock.packages.inputs import input_spec
+from paddock.packages.kinds import ONNX
+from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.metadata import parse_metadata
 
 HOUSE_CARS = Path(__file__).resolve().parent.parent / "house_cars"
 FRONT, LEFT, STEREO = "FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS"
@@ -32,7 +32,7 @@ LIDAR_CONFIG = {"num_sectors": 16, "num_values_per_sector": 4, "clipping_dist": 
 @dataclass(frozen=True)
 class Car:
     """A car as it races: its canonical network, its metadata as the platform keeps it, what its admission found out
-    (:class:`evaluation.network.bound.Facts`), and who it is."""
+    (:class:`paddock.network.bound.Facts`), and who it is."""
 
     onnx: bytes
     metadata: dict[str, Any]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from evaluation.simulator.engine import ENGINE_ID
+from paddock.simulator.engine import ENGINE_ID
 
 from .cars import Car, car
 from .runs import GoldenRun
@@ -76,9 +76,9 @@ def through_the_pipeline(run: GoldenRun) -> Driven:
 
 def in_this_process(run: GoldenRun) -> Driven:
     """Drive with simulator and networks in this process, which should have been started with the pins of
-    :mod:`evaluation.exact`. Raises UserFault."""
-    from evaluation.network.bound import Facts
+    :mod:`paddock.exact`. Raises UserFault."""
     from evaluation.sandbox.policy_wire import EXCEEDED
+    from paddock.network.bound import Facts
 
     cars = [car(name) for name in run.cars]
     driven = _driven(run, cars)
@@ -91,7 +91,7 @@ def in_this_process(run: GoldenRun) -> Driven:
 
 
 def _driven(run: GoldenRun, cars: Sequence[Car]) -> Driven:
-    from evaluation.simulator.race import run_race
+    from paddock.simulator.race import run_race
 
     policies = [_Here(one) for one in cars]
     first, *rivals = [policy.entrant for policy in policies]
@@ -126,12 +126,12 @@ class _Here:
     """The policy of a sandboxed process, without the process."""
 
     def __init__(self, one: Car) -> None:
-        from evaluation.network.bound import Facts
-        from evaluation.network.session import load
         from evaluation.runner_process import policy_header
         from evaluation.sandbox.policy_process import Policy
-        from evaluation.simulator.action import ActionSpace
-        from evaluation.simulator.race import Entrant
+        from paddock.network.bound import Facts
+        from paddock.network.session import load
+        from paddock.simulator.action import ActionSpace
+        from paddock.simulator.race import Entrant
 
         space = ActionSpace.from_metadata(one.metadata)
         self._policy = Policy(load(one.onnx, Facts.from_dict(one.facts)), policy_header(one.metadata, space))

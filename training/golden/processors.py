@@ -19,7 +19,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from evaluation import exact
+from paddock import exact
 
 from .drive import Driven
 from .runs import GoldenRun

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 
 from evaluation.proof import Proof
-from evaluation.simulator.engine import ENGINE_ID
-from faults import PaddockError
+from paddock.errors import PaddockError
+from paddock.simulator.engine import ENGINE_ID
 
 from . import table
 from .drive import through_the_pipeline

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from evaluation.simulator.rules import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIME_TRIAL, BoxPlace, RaceRules
-from tracks.catalogue import by_slug
-from tracks.geometry import TrackGeometry
-from tracks.npy import read_npy
+from paddock.geometry.catalogue import by_slug
+from paddock.geometry.npy import read_npy
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.rules import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIME_TRIAL, BoxPlace, RaceRules
 
 CONSOLE = "console"  # the car that the old console trained: only where somebody has its archive
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from evaluation.simulator.engine import ENGINE_ID, versions
+from paddock.simulator.engine import ENGINE_ID, versions
 
 from .drive import Driven
 from .runs import GoldenRun
 
 TABLES = Path(__file__).resolve().parent / "tables"
 ADVICE = (
-    "A result moved: raise ENGINE_ID in evaluation/simulator/engine.py, and write the new engine's table with "
+    "A result moved: raise ENGINE_ID in paddock/simulator/engine.py, and write the new engine's table with "
     "`python -m training.golden --write`. A result that was not meant to move is a fault to find."
 )
 

@@ -15,8 +15,8 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from evaluation.simulator.engine import ENGINE_ID, cpu_model, versions
-from faults import PaddockError
+from paddock.errors import PaddockError
+from paddock.simulator.engine import ENGINE_ID, cpu_model, versions
 
 from .files import FOLDER, LAPS, measure_car, write_car, write_table
 from .recipes import RECIPES, Recipe

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
-from evaluation.simulator.action import ActionSpace
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rules import RaceRules
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.race import run_race
+from paddock.simulator.rules import RaceRules
 
 from .environment import SENSOR
 
@@ -20,7 +20,7 @@ _TRACKS = {entry.slug: entry for entry in CATALOGUE}
 
 
 class OnnxDriver:
-    """A network as a policy for :func:`evaluation.simulator.race.run_race`: one thread, float32, no sandbox."""
+    """A network as a policy for :func:`paddock.simulator.race.run_race`: one thread, float32, no sandbox."""
 
     def __init__(self, onnx: bytes) -> None:
         options = onnxruntime.SessionOptions()

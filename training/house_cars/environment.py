@@ -10,10 +10,10 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-import evaluation.simulator.envs  # noqa: F401  registers Paddock/TimeTrial-v1
-from evaluation.simulator.clock import STEP_MS
-from evaluation.simulator.rewards import Params
-from tracks.catalogue import CATALOGUE
+import paddock.simulator.envs  # noqa: F401  registers the environments
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.clock import STEP_MS
+from paddock.simulator.rewards import Params
 
 from .recipes import Recipe
 

@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from evaluation.packages.admit import AdmittedPackage, admit
-from evaluation.packages.read import UploadPart
+from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.simulator.rules import RaceRules
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.packages.read import UploadPart
+from paddock.simulator.rules import RaceRules
 
 from .recipes import Recipe
 

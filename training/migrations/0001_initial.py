@@ -3,7 +3,7 @@
 import django.core.validators
 import django.db.models.deletion
 import django.utils.timezone
-import evaluation.ids
+import core.ids
 import training.models.vehicle
 from django.conf import settings
 from django.db import migrations, models
@@ -25,7 +25,7 @@ class Migration(migrations.Migration):
             name='Vehicle',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('public_id', models.CharField(default=evaluation.ids.new_public_id, editable=False, max_length=12, unique=True)),
+                ('public_id', models.CharField(default=core.ids.new_public_id, editable=False, max_length=12, unique=True)),
                 ('name', models.CharField(max_length=64, verbose_name='name')),
                 ('sensors', models.JSONField(default=training.models.vehicle.default_sensors, verbose_name='sensors')),
                 ('lidar_config', models.JSONField(blank=True, default=dict, verbose_name='lidar settings')),
@@ -45,7 +45,7 @@ class Migration(migrations.Migration):
             name='TrainingJob',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('public_id', models.CharField(default=evaluation.ids.new_public_id, editable=False, max_length=12, unique=True)),
+                ('public_id', models.CharField(default=core.ids.new_public_id, editable=False, max_length=12, unique=True)),
                 ('name', models.CharField(max_length=64, verbose_name='name')),
                 ('description', models.CharField(blank=True, max_length=255, verbose_name='description')),
                 ('direction', models.CharField(choices=[('ccw', 'counter-clockwise'), ('cw', 'clockwise')], default='ccw', max_length=3, verbose_name='direction')),

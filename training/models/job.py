@@ -10,10 +10,10 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.ids import new_public_id
+from core.ids import new_public_id
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import reason_sentence
-from evaluation.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, RaceRules
+from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, RaceRules
 from races.models import RaceType
 from tracks.models import Direction
 

@@ -9,7 +9,7 @@ from django.db.models import Q
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.ids import new_public_id
+from core.ids import new_public_id
 from evaluation.looks import COLOUR, DEFAULT_COLOUR, Shell
 
 from .choices import NeuralNetwork

@@ -16,13 +16,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from evaluation.packages.slots import default_directory, upload_slot
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import FROM_OUTSIDE, SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import REWARD
 from evaluation.sandbox.lock import EXIT_MEMORY
-from faults import PlatformFault, UserFault
-from faults.reasons.training import REWARD_REASONS
+from paddock.errors import PlatformFault, UserFault
+from paddock.errors.reasons.training import REWARD_REASONS
+from paddock.packages.slots import default_directory, upload_slot
 
 from .function import MAX_REWARD, Params, printable, readable
 from .modules import wanted_modules

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 
 from pyflakes import checker, messages
 
-from faults import UserFault
+from paddock.errors import UserFault
 
 from .function import FILENAME, NAME, compile_reward, form_of, printable
 from .modules import ALLOWED

@@ -19,8 +19,8 @@ from collections.abc import Callable, Sequence
 from types import CodeType, FrameType, ModuleType, TracebackType
 from typing import Any
 
-from evaluation.simulator.physics import PADDOCK_CAR
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.simulator.physics import PADDOCK_CAR
 
 from .watch import FILENAME, TooLong, TooMuchPrinted, watch
 

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.simulator.action import Action
-from evaluation.simulator.car import Pose
-from evaluation.simulator.contestant import Contestant
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.policies import CentreLinePilot
-from evaluation.simulator.race import run_race
-from evaluation.simulator.rewards import Objects, reward_params
-from evaluation.simulator.rules import RaceRules
-from evaluation.simulator.solids import Solid
-from evaluation.simulator.trace import Trace
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.action import Action
+from paddock.simulator.car import Pose
+from paddock.simulator.contestant import Contestant
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import run_race
+from paddock.simulator.rewards import Objects, reward_params
+from paddock.simulator.rules import RaceRules
+from paddock.simulator.solids import Solid
+from paddock.simulator.trace import Trace
 
 from .ask import ask
 from .function import Params
@@ -57,7 +57,7 @@ class SwayingPilot(CentreLinePilot):
 def record_lap(
     track: TrackGeometry, direction: str = "ccw", *, speed_mps: float = 1.5, offset_m: float = 0.0, sway_m: float = 0.0
 ) -> list[Params]:
-    """One lap of the scripted pilot: see :class:`evaluation.simulator.policies.CentreLinePilot` for the arguments.
+    """One lap of the scripted pilot: see :class:`paddock.simulator.policies.CentreLinePilot` for the arguments.
     ``sway_m``: so far it swings to either side of the centre line instead.
 
     Takes a few tenths of a second; the same every time. ``track`` as the catalogue has it.

@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 from evaluation.sandbox.frames import read_message, write_message
-from faults import UserFault
+from paddock.errors import UserFault
 
 from . import watch
 from .check import check_text

@@ -6,17 +6,17 @@ from __future__ import annotations
 import functools
 import math
 
-from evaluation.simulator.action import Action
-from evaluation.simulator.car import Pose
-from evaluation.simulator.contestant import Contestant
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.referee import Referee
-from evaluation.simulator.rewards import Objects, reward_params
-from evaluation.simulator.rules import INNER, OUTER, RaceRules
-from evaluation.simulator.solids import Solid, box, car
-from evaluation.simulator.trace import OFF_TRACK
-from tracks.catalogue import CATALOGUE
-from tracks.geometry import TrackGeometry
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.action import Action
+from paddock.simulator.car import Pose
+from paddock.simulator.contestant import Contestant
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.referee import Referee
+from paddock.simulator.rewards import Objects, reward_params
+from paddock.simulator.rules import INNER, OUTER, RaceRules
+from paddock.simulator.solids import Solid, box, car
+from paddock.simulator.trace import OFF_TRACK
 
 from .function import Params
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from faults import Param, UserFault
-from faults.reasons import REASONS
+from paddock.errors import Param, UserFault
+from paddock.errors.reasons import REASONS
 
 from .ask import ask
 from .check import MAX_CHARACTERS
@@ -30,8 +30,8 @@ _TESTS = frozenset(
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong. ``kind``: "syntax", "import" or "test" (it failed when it ran). ``code``: of
-    :data:`faults.reasons.REASONS`, whose sentence ``params`` fill. ``line``: counted from 1, None where it is not
-    known. ``state``: one of :data:`.states.STATES`, None outside of them."""
+    :data:`paddock.errors.reasons.REASONS`, whose sentence ``params`` fill. ``line``: counted from 1, None where it is
+    not known. ``state``: one of :data:`.states.STATES`, None outside of them."""
 
     kind: str
     code: str

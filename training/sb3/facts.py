@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from evaluation.network.wire import printable
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.network.wire import printable
 
 _LIBRARIES = ("stable_baselines3.", "sb3_contrib.")
 _CLASS = re.compile(r"<class '([\w.]+)'>\Z")

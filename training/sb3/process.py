@@ -1,7 +1,7 @@
 """The admission of a policy of stable-baselines3, inside the wall: the only process of the site that imports torch
 besides the trainer.
 
-Started by ``evaluation.packages.admit``, asked and answered as ``evaluation.packages.convert_process`` is. Of the
+Started by ``evaluation.admit``, asked and answered as ``evaluation.convert_process`` is. Of the
 pickle inside ``policy.pth`` torch itself makes tensors and nothing else (``weights_only=True``); ``data`` is JSON.
 """
 
@@ -12,12 +12,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from evaluation.packages.convert_process import LOCKED, admit_network
-from evaluation.packages.kinds import ONNX
-from evaluation.packages.limits import PackageLimits
-from evaluation.packages.metadata import parse_metadata
+from evaluation.convert_process import LOCKED, admit_network
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.packages.kinds import ONNX
+from paddock.packages.limits import PackageLimits
+from paddock.packages.metadata import parse_metadata
 
 from ..trainer import lean  # noqa: F401  before torch: without its compiler, and one thread
 from .facts import read_facts

@@ -17,10 +17,10 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.network.wire import printable
-from evaluation.packages.inputs import InputSpec
-from evaluation.packages.metadata import NETWORKS, ModelMetadata
-from faults import UserFault
+from paddock.errors import UserFault
+from paddock.network.wire import printable
+from paddock.packages.inputs import InputSpec
+from paddock.packages.metadata import NETWORKS, ModelMetadata
 
 from ..trainer.network import BUILDS, Layout, to_onnx
 from .facts import COMBINED, FLATTEN, NATURE, TORSO, Facts

@@ -12,18 +12,18 @@ from django.conf import settings
 from django.db import IntegrityError, transaction
 
 from accounts.quotas import limit_of, used_by
+from core.locks import hold
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import TrainedModel
-from evaluation.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
 from evaluation.services.garage import refuse_full_garage
-from evaluation.simulator.course import lay_course
-from evaluation.simulator.rules import RaceRules
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
+from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
+from paddock.simulator.course import lay_course
+from paddock.simulator.rules import RaceRules
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
 from races.sensors import not_offered
 from races.services.gates import require_open
-from tracks.locks import hold
 from tracks.models import Direction, Track
 
 from ..cloning import build_of_model
@@ -81,7 +81,7 @@ def create_training(
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
     ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``,
     what a race says that is not open, does not offer the sensors or not to this racer, and what
-    :func:`evaluation.simulator.course.lay_course` says of boxes.
+    :func:`paddock.simulator.course.lay_course` says of boxes.
     """
     refuse_when_closed()
     if not NAME.fullmatch(name):

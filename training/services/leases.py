@@ -13,7 +13,7 @@ from django.db.models import F, QuerySet
 
 from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.outages import storage_is_out
-from faults import PaddockError, PlatformFault, fault_from_dict
+from paddock.errors import PaddockError, PlatformFault, fault_from_dict
 
 from ..line import due, line_of
 from ..models import Checkpoint, EndReason, JobState, TrainingJob

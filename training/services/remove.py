@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from evaluation.models import Evaluation, State, TrainedModel
 from evaluation.services import delete_model
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Submission
 
 from ..models import TrainingJob

@@ -10,14 +10,14 @@ from datetime import datetime
 
 from django.db import transaction
 
+from core.storage_faults import storage_at_work
 from evaluation.looks import Look
 from evaluation.models import TrainedModel
-from evaluation.packages.read import UploadPart
 from evaluation.services import upload_model
 from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.stored import store
-from faults import PaddockError, UserFault
-from faults.storage import storage_at_work
+from paddock.errors import PaddockError, UserFault
+from paddock.packages.read import UploadPart
 from races.services import submit_model
 
 from ..models import EndReason, JobState, TrainingJob

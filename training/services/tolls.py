@@ -17,7 +17,7 @@ from django.conf import settings
 
 from evaluation.services.leases import pause_after
 from evaluation.services.outages import storage_is_out
-from faults import PaddockError, PlatformFault, UserFault
+from paddock.errors import PaddockError, PlatformFault, UserFault
 
 from ..models import Checkpoint, JobState, TrainingJob
 from ..rewards.examples import EXAMPLES

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from time import sleep
 from typing import Any
 
+from core.clock import database_now
 from evaluation.models import TrainedModel
-from evaluation.services.clock import database_now
 from evaluation.services.heart import Heart
 from evaluation.services.stored import read
 from evaluation.services.work import fault_of, see_what_is_out
-from faults import PaddockError, PlatformFault
+from paddock.errors import PaddockError, PlatformFault
 
 from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob

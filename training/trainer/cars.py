@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.simulator.action import CONTINUOUS, ActionSpace
-from evaluation.simulator.camera.theme import THEMES
-from evaluation.simulator.envs.sb3 import SB3VecEnv
-from evaluation.simulator.rewards import RewardFunction
-from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
-from evaluation.simulator.trace import LABELS, Row, Trace
-from evaluation.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.action import CONTINUOUS, ActionSpace
+from paddock.simulator.camera.theme import THEMES
+from paddock.simulator.envs.sb3 import SB3VecEnv
+from paddock.simulator.rewards import RewardFunction
+from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
+from paddock.simulator.trace import LABELS, Row, Trace
+from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 
 from .senses import Sense, look
 from .spec import TrainerSpec

@@ -14,9 +14,9 @@ from evaluation.sandbox.frames import FrameClosed, FrameError, read_message, wri
 from evaluation.sandbox.launch import FROM_OUTSIDE, SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import TRAINER
 from evaluation.sandbox.lock import EXIT_MEMORY
-from faults import PaddockError, PlatformFault, UserFault, fault_from_dict
-from faults.reasons import REASONS
-from faults.reasons.training import REWARD_REASONS
+from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
+from paddock.errors.reasons import REASONS
+from paddock.errors.reasons.training import REWARD_REASONS
 
 from ..rewards.ask import ended_by, line_of
 from ..rewards.modules import wanted_modules

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.simulator.action import CONTINUOUS, ActionSpace
-from evaluation.simulator.camera.theme import THEMES
-from evaluation.simulator.envs.drive import Drive
-from evaluation.simulator.envs.setting import Setting, head_to_head, object_avoidance, time_trial
-from evaluation.simulator.referee import LAPS_DONE
-from evaluation.simulator.rewards import RewardFunction
-from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
-from evaluation.simulator.trace import LABELS
-from tracks.geometry import TrackGeometry
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.action import CONTINUOUS, ActionSpace
+from paddock.simulator.camera.theme import THEMES
+from paddock.simulator.envs.drive import Drive
+from paddock.simulator.envs.setting import Setting, head_to_head, object_avoidance, time_trial
+from paddock.simulator.referee import LAPS_DONE
+from paddock.simulator.rewards import RewardFunction
+from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
+from paddock.simulator.trace import LABELS
 
 from .cars import lap_limit_ms
 from .senses import Sense, look

@@ -7,7 +7,7 @@ import zlib
 from dataclasses import dataclass
 from typing import Any
 
-from evaluation.simulator.trace import COLUMNS, LABELS
+from paddock.simulator.trace import COLUMNS, LABELS
 
 from ..rewards.function import readable
 from ..rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS

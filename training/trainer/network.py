@@ -226,7 +226,7 @@ class _Reader:
 
     def _dense(self, found: str) -> str:
         """Take the weights of the layer that made ``found``; what goes into it: a row, or the last picture itself where
-        the gate made a convolution of a large layer (:mod:`evaluation.network.dense`)."""
+        the gate made a convolution of a large layer (:mod:`paddock.network.dense`)."""
         made = self._makers.get(found)
         if made is None or made.op_type != "Reshape":
             return self._weigh(self._back(self._back(found, "Relu").input[0], "Gemm"), "dense")

@@ -35,10 +35,10 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
-from evaluation.simulator.rewards import RewardFunction, follow_centre_line
-from evaluation.simulator.world import make_ready
-from faults import PaddockError, UserFault
-from tracks.geometry import TrackGeometry
+from paddock.errors import PaddockError, UserFault
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.rewards import RewardFunction, follow_centre_line
+from paddock.simulator.world import make_ready
 from training.rewards.function import fault_in, load_rewards
 from training.rewards.modules import preload
 from training.rewards.watch import arm, watch

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.packages.inputs import InputSpec, input_spec
+from paddock.packages.inputs import InputSpec, input_spec
 
 POOL = 4  # a picture's 4 x 4 pixels become their mean
 _LIDAR_SCALE = {"LIDAR": 0.25}  # metres (up to 12): numbers of about 1 learn best; sector lidars are 0 or 1

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from evaluation.simulator.camera.theme import OFFICIAL
+from paddock.simulator.camera.theme import OFFICIAL
 
 from .network import OURS
 
@@ -20,7 +20,7 @@ EPISODE_STEPS = 100  # what one episode counts for when the steps between two up
 class TrainerSpec:
     """All that a training depends on. ``track``: ``TrackGeometry.to_dict()`` in the driven direction.
 
-    ``look``: what cameras see of it, a name of ``evaluation.simulator.camera.theme.THEMES``.
+    ``look``: what cameras see of it, a name of ``paddock.simulator.camera.theme.THEMES``.
 
     ``course``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
     ``model_metadata.json`` of the model to be made. ``hyperparameters``: checked, see :mod:`training.hyperparameters`.

@@ -10,8 +10,8 @@ from django.http import HttpRequest
 from django.shortcuts import get_object_or_404
 
 from accounts.quotas import limit_of, used_by
-from faults import PlatformFault
-from tracks.forms import explain
+from core.forms import explain
+from paddock.errors import PlatformFault
 from training.models import TrainingJob
 from training.quotas import AT_ONCE, MINUTES
 from training.selectors import minutes_left, visible_trainings

@@ -16,12 +16,12 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods
 
+from core.forms import explain
 from evaluation.models import Evaluation, State
 from evaluation.services.results import read_course, read_trace
-from evaluation.simulator.solids import box
-from faults import PaddockError, PlatformFault, UserFault
+from paddock.errors import PaddockError, PlatformFault, UserFault
+from paddock.simulator.solids import box
 from races.engines import hidden_runs
-from tracks.forms import explain
 from tracks.models import Direction, Track
 from training.checks import one_check
 from training.rewards.examples import DEFAULT, EXAMPLES

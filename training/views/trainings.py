@@ -16,14 +16,14 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.storage import MEGABYTE
-from faults import PaddockError, UserFault
+from core.forms import explain
+from paddock.errors import PaddockError, UserFault
 from races.course import box_marks
 from races.models import Race, RaceType
 from races.names import named
 from races.replay import map_point, map_size
 from races.views.common import tell_fault
 from tracks.drawing import BoxMark
-from tracks.forms import explain
 from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
 from training.line import place_of

@@ -10,9 +10,9 @@ from django.urls import reverse
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
+from core.forms import add_fault
 from evaluation.models import TrainedModel
-from faults import UserFault
-from tracks.forms import add_fault
+from paddock.errors import UserFault
 from training.forms.vehicle import VehicleForm
 from training.models import Vehicle
 from training.prefill import vehicle_like

@@ -14,10 +14,10 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods, require_POST
 
-from faults import PaddockError, PlatformFault, UserFault
+from core.forms import add_fault, explain
+from paddock.errors import PaddockError, PlatformFault, UserFault
 from races.course_form import preview
 from races.models import RaceType
-from tracks.forms import add_fault, explain
 from training.checks import one_check, refusals
 from training.forms.fields import MOST
 from training.forms.training import TrainingForm

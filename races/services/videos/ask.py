@@ -10,10 +10,10 @@ from django.conf import settings
 from django.db import IntegrityError, transaction
 
 from accounts.quotas import limit_of, used_by
+from core.locks import hold
 from evaluation.models import Evaluation
 from evaluation.quotas import STORAGE
-from faults import UserFault
-from tracks.locks import hold
+from paddock.errors import UserFault
 
 from ...filming import FilmedRun, check_language
 from ...models import UNDER_WAY, Video, VideoState

@@ -14,7 +14,7 @@ from django.core.files.storage import Storage
 from django.db import transaction
 from django.db.models import Q
 
-from faults.storage import storage_at_work
+from core.storage_faults import storage_at_work
 
 from ...models import Video
 

@@ -15,14 +15,14 @@ from django.db.models import F, Q, QuerySet
 
 from evaluation.services.leases import DETAIL_LIMIT, detail_with, pause_after
 from evaluation.services.outages import storage_is_out
-from faults import PaddockError, PlatformFault
+from paddock.errors import PaddockError, PlatformFault
 
 from ...models import Video, VideoState
 from .bell import ring_video_bell
 from .files import delete_files, digest_of, names_of, store
 
 if TYPE_CHECKING:
-    from evaluation.film import FilmFacts
+    from videos.film import FilmFacts
 
 logger = logging.getLogger(__name__)
 # A mistake of ours that may be about this one video, where the host, the storage and the worker are fine.

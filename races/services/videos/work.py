@@ -13,11 +13,11 @@ from typing import Any
 
 from django.conf import settings
 
+from core.clock import database_now
 from evaluation.models import Evaluation
-from evaluation.services.clock import database_now
 from evaluation.services.heart import Heart
 from evaluation.services.work import fault_of, see_what_is_out
-from faults import PlatformFault
+from paddock.errors import PlatformFault
 
 from ...filming import FilmedRun
 from ...models import Video
@@ -87,9 +87,9 @@ def _remove_abandoned() -> None:
 
 
 def _draw(video: Video, path: Path, tell: Callable[[int], None], should_stop: Callable[[], bool]) -> DrawnVideo:
-    """Draw what the video shows now. Raises what :func:`evaluation.film.film` does, and PlatformFault
+    """Draw what the video shows now. Raises what :func:`videos.film.film` does, and PlatformFault
     ``storage_failed``."""
-    from evaluation import film
+    from videos import film
 
     related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
     run = FilmedRun.of(Evaluation.objects.select_related(*related).get(pk=video.evaluation_id))

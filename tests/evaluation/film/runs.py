@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from evaluation.film import FilmedCar, Form, Scene
-from evaluation.simulator.physics import PADDOCK_CAR
-from evaluation.simulator.trace import CRASHED, IN_PROGRESS, PAUSE, Row, Trace
-from tracks.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.trace import CRASHED, IN_PROGRESS, PAUSE, Row, Trace
+from videos.film import FilmedCar, Form, Scene
 
 OVAL = next(track for track in CATALOGUE if track.slug == "oval").geometry()
 SMALL = Form(640, 360, 30)

@@ -12,14 +12,14 @@ import av
 import numpy as np
 import pytest
 
-from evaluation.film import FULL, Scene, Stopped, Words, film, poster
-from evaluation.film.scene import CARD_MS
-from evaluation.film.shoot import Painter, telling
-from evaluation.film.take import prepare
 from evaluation.looks import DEFAULT_COLOUR
-from faults import UserFault
+from paddock.errors import UserFault
 from tests.evaluation.film.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
 from tests.shared import CHECKOUT
+from videos.film import FULL, Scene, Stopped, Words, film, poster
+from videos.film.scene import CARD_MS
+from videos.film.shoot import Painter, telling
+from videos.film.take import prepare
 
 CARD_FRAMES = CARD_MS * 30 // 1000
 
@@ -130,7 +130,7 @@ class TestTheFile:
 
     def test_a_site_that_knows_of_videos_loads_no_encoder(self):
         code = (
-            "import sys, django; from django.conf import settings; settings.configure(); import evaluation.film;"
+            "import sys, django; from django.conf import settings; settings.configure(); import videos.film;"
             "print([name for name in ('av', 'cv2', 'PIL', 'scipy', 'shapely') if name in sys.modules])"
         )
         done = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True, check=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.film.motion import drive_of, follow, poses_at, read_steps
-from evaluation.film.timing import standings
-from evaluation.simulator.trace import CRASHED
+from paddock.simulator.trace import CRASHED
 from tests.evaluation.film.runs import OVAL, STEP_S, car, driven, with_reset
+from videos.film.motion import drive_of, follow, poses_at, read_steps
+from videos.film.timing import standings
 
 
 def steps_of(rows):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
-from evaluation.film import lettering, shapes
-from evaluation.film.ground import Ground, rounded_off
-from evaluation.film.palette import bgr, speed_class
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from tests.evaluation.film.runs import OVAL
+from videos.film import lettering, shapes
+from videos.film.ground import Ground, rounded_off
+from videos.film.palette import bgr, speed_class
 
 
 class TestShells:

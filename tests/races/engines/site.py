@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import timedelta
 
-from faults import PlatformFault, UserFault
+from paddock.errors import PlatformFault, UserFault
 from races.models import Race
 from tests.factories import laps
 from tests.redrives import end, pending

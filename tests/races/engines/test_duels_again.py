@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from evaluation.models import Evaluation
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Draw, Duel, DuelState, Entry
 from races.services import (
     draw_duels,

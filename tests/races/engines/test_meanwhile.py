@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from faults import UserFault
+from paddock.errors import UserFault
 from races.models import Entry, Redrive, Retiming, Submission
 from races.selectors.results import result_of
 from races.services import (

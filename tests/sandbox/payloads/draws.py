@@ -5,12 +5,12 @@ import hashlib
 import numpy as np
 
 from evaluation.sandbox.frames import write_message
-from evaluation.simulator.camera.optics import FRONT_CAMERA
-from evaluation.simulator.camera.texture import Level
-from evaluation.simulator.camera.theme import OFFICIAL
-from evaluation.simulator.camera.view import Camera, Scene
-from evaluation.simulator.car import Pose
-from evaluation.simulator.solids import box
+from paddock.simulator.camera.optics import FRONT_CAMERA
+from paddock.simulator.camera.texture import Level
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.camera.view import Camera, Scene
+from paddock.simulator.car import Pose
+from paddock.simulator.solids import box
 
 HALL = (-2.0, -2.0, 2.0, 2.0)
 
@@ -25,6 +25,6 @@ def digest() -> str:
 
 
 def main(_frames_in: int, frames_out: int) -> None:
-    from evaluation.simulator.camera.warp import best_warp
+    from paddock.simulator.camera.warp import best_warp
 
     write_message(frames_out, {"way": best_warp().__name__, "frame": digest()})

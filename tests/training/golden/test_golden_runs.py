@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from evaluation.packages.inputs import CAMERAS, LIDARS
-from evaluation.simulator.engine import ENGINE_ID
-from evaluation.simulator.rules import DIRECTIONS, RACE_TYPES
+from paddock.packages.inputs import CAMERAS, LIDARS
+from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.rules import DIRECTIONS, RACE_TYPES
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 from training.golden import __main__ as command
 from training.golden import table
@@ -160,7 +160,7 @@ def test_the_command_says_what_is_equal_and_what_moved(elsewhere, capsys):
     assert command.main(["two eyes"]) == 1
     told = capsys.readouterr()
     assert "two eyes: trace_sha256 of car 0 is" in told.out and "0 of 1 equal" in told.out
-    assert "raise ENGINE_ID in evaluation/simulator/engine.py" in told.err
+    assert "raise ENGINE_ID in paddock/simulator/engine.py" in told.err
 
 
 def test_the_command_does_not_write_over_a_table(monkeypatch, capsys):

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from evaluation.simulator.rules import RaceRules
+from paddock.simulator.rules import RaceRules
 from tests.shared import CHECKOUT
 from training.golden.processors import EMULATOR, NATIVE, PROCESSORS, Processor, ProcessorFailed, emulator, side_by_side
 from training.golden.runs import CONSOLE, RUNS, GoldenRun, runs_of
@@ -105,4 +105,4 @@ def test_a_bare_process_without_the_pins_drives_nothing():
         text=True,
     )
     assert (done.returncode, done.stdout) == (2, "")
-    assert "python -m evaluation.exact" in done.stderr
+    assert "python -m paddock.exact" in done.stderr

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from evaluation import exact
-from evaluation.simulator.engine import ENGINE_ID
-from faults import PlatformFault, UserFault
+from paddock import exact
+from paddock.errors import PlatformFault, UserFault
+from paddock.simulator.engine import ENGINE_ID
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 from training.golden import proof, table
 from training.golden.runs import PROOF

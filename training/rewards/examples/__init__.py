@@ -6,8 +6,8 @@ import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, RACE_TYPES
-from faults.reasons import gettext_noop as _
+from paddock.errors.reasons import gettext_noop as _
+from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, RACE_TYPES
 
 _HERE = Path(__file__).parent
 

@@ -1,0 +1,141 @@
+"""The API's reference for people: a page drawn from the very schema that programs read, with nothing from elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.http import require_safe
+from drf_spectacular.generators import SchemaGenerator
+
+from core.addresses import origin_of
+
+from .schema import WRITES
+
+METHODS = ("get", *WRITES)
+SUBJECTS = (
+    *("account", "notices", "webhooks", "models", "vehicles", "trainings"),
+    *("tracks", "races", "seasons", "evaluations"),
+)
+
+
+@dataclass(frozen=True)
+class Field:
+    """One parameter, or one field of a body. ``place`` is ``path``, ``query`` or ``body``."""
+
+    name: str
+    place: str
+    kind: str
+    required: bool
+    description: str
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One row of the reference."""
+
+    anchor: str
+    method: str
+    path: str
+    summary: str
+    description: str
+    needs_token: bool
+    scopes: tuple[str, ...]
+    body_type: str
+    fields: tuple[Field, ...]
+    answers: tuple[tuple[str, str], ...]
+
+
+@require_safe
+def page(request: HttpRequest) -> HttpResponse:
+    """Every operation by subject."""
+    return render(request, "league/api.html", {"subjects": operations(), "origin": origin_of(request)})
+
+
+@lru_cache(maxsize=1)
+def operations() -> tuple[tuple[str, tuple[Operation, ...]], ...]:
+    """The operations of the schema by their subject, within one in the order of the addresses."""
+    schema = SchemaGenerator().get_schema(request=None, public=True)
+    subjects: dict[str, list[Operation]] = {subject: [] for subject in SUBJECTS}
+    for path, item in schema["paths"].items():
+        for method in METHODS:
+            if method in item:
+                operation = item[method]
+                subjects[operation["tags"][0]].append(_operation(schema, path, method, operation))
+    return tuple((subject, tuple(rows)) for subject, rows in subjects.items())
+
+
+def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[str, Any]) -> Operation:
+    body_type, body = next(iter(operation.get("requestBody", {}).get("content", {}).items()), ("", {}))
+    parameters = sorted(operation.get("parameters", ()), key=lambda parameter: parameter["in"] != "path")
+    return Operation(
+        anchor=operation["operationId"],
+        method=method.upper(),
+        path=path,
+        summary=operation.get("summary", ""),
+        description=operation.get("description", ""),
+        needs_token={} not in operation.get("security", [{}]),
+        scopes=tuple(operation.get("x-token-scopes", ())),
+        body_type=body_type,
+        fields=(
+            *(_field(schema, each["name"], each["in"], each["schema"], each) for each in parameters),
+            *_body_fields(schema, body.get("schema", {})),
+        ),
+        answers=tuple(
+            (code, _answer(response)) for code, response in operation["responses"].items() if code.startswith("2")
+        ),
+    )
+
+
+def _body_fields(schema: dict[str, Any], body: dict[str, Any]) -> list[Field]:
+    body = _resolved(schema, body)
+    required = body.get("required", ())
+    return [
+        _field(schema, name, "body", each, {"required": name in required})
+        for name, each in body.get("properties", {}).items()
+    ]
+
+
+def _field(schema: dict[str, Any], name: str, place: str, described: dict[str, Any], outer: dict[str, Any]) -> Field:
+    return Field(
+        name=name,
+        place=place,
+        kind=_kind(schema, described),
+        required=bool(outer.get("required", False)),
+        description=outer.get("description") or described.get("description", ""),
+    )
+
+
+def _kind(schema: dict[str, Any], described: dict[str, Any]) -> str:
+    """A type in a word: ``integer``, ``date-time``, ``file``, or the values to choose from."""
+    described = _resolved(schema, described)
+    if "enum" in described:
+        return " | ".join(str(value) for value in described["enum"])
+    if described.get("format") == "binary":
+        return "file"
+    if described.get("type") == "array":
+        return f"list of {_kind(schema, described.get('items', {}))}"
+    return str(described.get("format") or described.get("type") or "any")
+
+
+def _answer(response: dict[str, Any]) -> str:
+    """What comes back: the name of a schema, a media type, or a description."""
+    media, content = next(iter(response.get("content", {}).items()), ("", {}))
+    answer = content.get("schema", {})
+    if "$ref" in answer:
+        return answer["$ref"].rsplit("/", 1)[-1]
+    return media or response.get("description", "")
+
+
+def _resolved(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
+    """``part`` itself, or what its reference points to (through the ``allOf`` that descriptions make)."""
+    while True:
+        if "$ref" in part:
+            part = schema["components"]["schemas"][part["$ref"].rsplit("/", 1)[-1]]
+        elif len(part.get("allOf", ())) == 1:
+            part = part["allOf"][0]
+        else:
+            return part

@@ -1,0 +1,71 @@
+"""Addresses below /api/. Version 1 only grows: nothing in it is renamed or taken away."""
+
+from __future__ import annotations
+
+from django.urls import include, path, re_path
+from drf_spectacular.views import SpectacularJSONAPIView
+
+from evaluation import api as models
+from league.api import notices, organising, seasons, webhooks
+from races.api import boards, duels, entries, evaluations, races, videos
+from tracks import api as tracks
+
+from . import reference, views
+
+version_1 = [
+    path("auth/token/", views.TokenView.as_view(), name="api-token"),
+    path("auth/tokens/", views.TokensView.as_view(), name="api-tokens"),
+    path("auth/tokens/<slug:key>/", views.TokenRevocationView.as_view(), name="api-token-revoke"),
+    path("me/", views.MeView.as_view(), name="api-me"),
+    path("me/usage/", views.UsageView.as_view(), name="api-usage"),
+    path("notices/", notices.NoticesView.as_view(), name="api-notices"),
+    path("notices/read/", notices.NoticesReadView.as_view(), name="api-notices-read"),
+    path("notices/settings/", notices.NoticeSettingsView.as_view(), name="api-notice-settings"),
+    path("notices/<int:number>/read/", notices.NoticeReadView.as_view(), name="api-notice-read"),
+    path("webhooks/", webhooks.WebhooksView.as_view(), name="api-webhooks"),
+    path("webhooks/<int:number>/", webhooks.WebhookView.as_view(), name="api-webhook"),
+    path("webhooks/<int:number>/secret/", webhooks.WebhookSecretView.as_view(), name="api-webhook-secret"),
+    path("webhooks/<int:number>/test/", webhooks.WebhookTestView.as_view(), name="api-webhook-test"),
+    path("webhooks/<int:number>/deliveries/", webhooks.DeliveriesView.as_view(), name="api-deliveries"),
+    path("models/", models.ModelsView.as_view(), name="api-models"),
+    path("models/shared/", models.SharedModelsView.as_view(), name="api-shared-models"),
+    path("models/<slug:public_id>/package/", models.ModelPackageView.as_view(), name="api-model-package"),
+    path("models/<slug:public_id>/", models.ModelView.as_view(), name="api-model"),
+    path("tracks/", tracks.TracksView.as_view(), name="api-tracks"),
+    path("tracks/<slug:slug>/", tracks.TrackView.as_view(), name="api-track"),
+    path("races/", races.RacesView.as_view(), name="api-races"),
+    path("races/<slug:slug>/", races.RaceView.as_view(), name="api-race"),
+    path("races/<slug:slug>/close/", races.CloseView.as_view(), name="api-race-close"),
+    path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
+    path("races/<slug:slug>/invitation/", races.InvitationResetView.as_view(), name="api-race-invitation"),
+    path("races/<slug:slug>/board/", boards.BoardView.as_view(), name="api-board"),
+    path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
+    path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
+    path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
+    path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),
+    path("seasons/", seasons.SeasonsView.as_view(), name="api-seasons"),
+    path("seasons/<slug:slug>/", seasons.SeasonView.as_view(), name="api-season"),
+    path("seasons/<slug:slug>/rounds/", seasons.RoundsView.as_view(), name="api-rounds"),
+    path("seasons/<slug:slug>/stages/<slug:stage>/", organising.StageRulesView.as_view(), name="api-stage-rules"),
+    path("seasons/<slug:slug>/standings/", seasons.StandingsView.as_view(), name="api-standings"),
+    path("seasons/<slug:slug>/racers/<slug:alias>/", seasons.RacerSeasonView.as_view(), name="api-racer-season"),
+    path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
+    path("", include("training.api.urls")),
+    path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
+    path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
+    path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
+    path("evaluations/<slug:public_id>/course/", evaluations.CourseView.as_view(), name="api-course"),
+    path("evaluations/<slug:public_id>/logs/", evaluations.LogsView.as_view(), name="api-evaluation-logs"),
+    path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),
+    path("evaluations/<slug:public_id>/videos/", videos.VideosView.as_view(), name="api-videos"),
+    path("videos/<slug:public_id>/", videos.VideoView.as_view(), name="api-video"),
+    path("videos/<slug:public_id>/stop/", videos.VideoStopView.as_view(), name="api-video-stop"),
+    path("videos/<slug:public_id>/file/", videos.VideoFileView.as_view(), name="api-video-file"),
+]
+
+urlpatterns = [
+    path("v1/", include(version_1)),
+    path("schema/", SpectacularJSONAPIView.as_view(), name="api-schema"),
+    path("docs/", reference.page, name="api-docs"),
+    re_path(r"^(?P<rest>[\s\S]*)$", views.UnknownAddressView.as_view()),
+]

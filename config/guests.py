@@ -1,0 +1,93 @@
+"""Pages that are the same for every guest are made once and given to all of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from django.conf import settings
+from django.http import HttpRequest, HttpResponse
+from django.utils.cache import get_conditional_response, patch_vary_headers
+from django.utils.http import quote_etag
+
+from core.unchanged import Unchanged, is_shared
+
+# What the database does not tell changes too: a race opens, "in 5 minutes" becomes "in 4". So a page lives this long
+LIVES_S = 1.0
+PAGES = 200  # of one process; the one asked for longest ago makes way
+VIEWS = frozenset({"home", "race", "race_rules", "races"})
+_MESSAGES = "messages"
+# What our pages look at of what htmx sends; nothing else of it changes an answer
+_HTMX = ("HTTP_HX_REQUEST", "HTTP_HX_TARGET", "HTTP_HX_BOOSTED", "HTTP_HX_HISTORY_RESTORE_REQUEST")
+
+Answer = Callable[[HttpRequest], HttpResponse]
+
+
+@dataclass(frozen=True)
+class _Page:
+    """A page as it was made."""
+
+    content: bytes
+    headers: dict[str, str]
+
+
+class SharedPages:
+    """Middleware: a guest's home page, races and boards from memory, while the database is as it was.
+
+    Whoever has a session or a token is no guest and always gets a page of their own. A page is kept only if it was
+    made for nobody: answered 200, without a cookie and without a CSRF token. It is given only to who asked before it
+    was begun or while nothing at all has been committed since, so nothing that was taken back is shown a moment longer.
+    """
+
+    def __init__(self, get_response: Answer) -> None:
+        self.get_response = get_response
+        self._pages: Unchanged[_Page | HttpResponse] = Unchanged(PAGES)
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        if not _is_guests(request):
+            return self.get_response(request)
+        found = self._pages.get(_key(request), LIVES_S, lambda: self._made(request))
+        return _given(request, found) if isinstance(found, _Page) else found
+
+    def process_view(self, request: HttpRequest, view: Any, args: Any, kwargs: Any) -> None:
+        """Django calls it once it knows which view answers."""
+        request.shared_view = request.resolver_match.url_name  # type: ignore[attr-defined]
+
+    def _made(self, request: HttpRequest) -> tuple[_Page | HttpResponse, bool]:
+        """The page, for all guests; the response itself, for this one, where it must not be kept."""
+        response = self.get_response(request)
+        for_all = (
+            response.status_code == 200
+            and not response.streaming
+            and not response.cookies
+            and "CSRF_COOKIE_NEEDS_UPDATE" not in request.META
+            and getattr(request, "shared_view", None) in VIEWS
+        )
+        return (_Page(response.content, dict(response.headers)), True) if for_all else (response, False)
+
+
+def _is_guests(request: HttpRequest) -> bool:
+    if request.method != "GET" or "HTTP_AUTHORIZATION" in request.META:
+        return False
+    if settings.SESSION_COOKIE_NAME in request.COOKIES or _MESSAGES in request.COOKIES:
+        return False
+    if request.path != "/" and not request.path.startswith("/races/"):
+        return False
+    return is_shared()
+
+
+def _key(request: HttpRequest) -> tuple:
+    htmx = tuple(request.META.get(name, "") for name in _HTMX)
+    theme = request.COOKIES.get("theme", "")
+    language = getattr(request, "LANGUAGE_CODE", "")
+    return request.get_full_path(), request.scheme, request.META.get("HTTP_HOST", ""), language, theme, htmx
+
+
+def _given(request: HttpRequest, page: _Page) -> HttpResponse:
+    response = HttpResponse(page.content, headers=page.headers)
+    response["Cache-Control"] = "private, no-cache"
+    response["ETag"] = quote_etag(hashlib.sha256(page.content).hexdigest()[:32])
+    patch_vary_headers(response, ("Cookie", "Accept-Language", "HX-Request"))
+    return get_conditional_response(request, etag=response["ETag"], response=response)

@@ -1,0 +1,115 @@
+"""What the commands have in common: their exit status for what they refuse and for Paddock's own faults, and how a
+refusal is told."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any, NoReturn
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser, OutputWrapper
+from django.db import DatabaseError, InterfaceError, OperationalError
+
+from paddock.errors import PaddockError, PlatformFault, UserFault
+
+_NO_TABLES = re.compile(r"relation .* does not exist|no such (table|column)|not a database")
+REFUSED, OUR_FAULT = 2, 3
+
+
+class Refusal(CommandError):
+    """A command refuses, or cannot do, what was asked. On standard error: the reason's code and its sentence."""
+
+    def __init__(self, fault: PaddockError, returncode: int | None = None) -> None:
+        """``returncode``: :data:`REFUSED` for the caller's fault and :data:`OUR_FAULT` for ours, unless it is given."""
+        own = REFUSED if isinstance(fault, UserFault) else OUR_FAULT
+        super().__init__(f"{fault.code}: {fault}", returncode=own if returncode is None else returncode)
+        self.fault = fault
+
+    @classmethod
+    def unreadable(cls, error: OSError, path: object = None) -> Refusal:
+        """For a file that cannot be read."""
+        where = str(path or error.filename)
+        return cls(UserFault("file_unreadable", path=where, problem=error.strerror or str(error)))
+
+
+class JsonCommand(BaseCommand):
+    """A command with ``--json``: whatever ends it early is told on standard output as
+    ``{"error": {"code", "params", "message"}}`` as well, an unknown option too."""
+
+    def execute(self, *args: Any, **options: Any) -> str | None:
+        try:
+            return super().execute(*args, **options)
+        except Refusal as refusal:
+            if options.get("json"):
+                self.stdout.write(told(refusal.fault))
+            raise
+        except DatabaseError as error:
+            fault = None if options.get("traceback") else database_fault(error)
+            if fault is None:
+                raise
+            if options.get("json"):
+                self.stdout.write(told(fault))
+            raise Refusal(fault) from error
+
+    def create_parser(self, prog_name: str, subcommand: str, **kwargs: Any) -> CommandParser:
+        parser = super().create_parser(prog_name, subcommand, **kwargs)
+        usual = parser.error
+
+        def error(message: str) -> NoReturn:
+            if self._called_from_command_line and "--json" in sys.argv:
+                self.stdout.write(told(UserFault("command_line", problem=message)))
+            usual(message)
+
+        parser.error = error
+        return parser
+
+
+def database_fault(error: Exception) -> PlatformFault | None:
+    """The fault of a database that is not there, has no tables yet or is none at all; None for any other exception:
+    that is a bug, and its traceback is wanted."""
+    unready = isinstance(error, OperationalError | InterfaceError) or (
+        isinstance(error, DatabaseError) and _NO_TABLES.search(str(error)) is not None
+    )
+    return (
+        PlatformFault("database_not_ready", problem=" ".join(str(error).split())[:200].rstrip(".?"))
+        if unready
+        else None
+    )
+
+
+def told(fault: PaddockError) -> str:
+    """A refusal as ``--json`` prints it."""
+    return json.dumps({"error": {**fault.to_dict(), "message": str(fault)}}, indent=2)
+
+
+class Ticker:
+    """Tells how far something is: the first time at once, then once a second; nothing where it is quiet."""
+
+    def __init__(self, out: OutputWrapper, quiet: bool = False, every_s: float = 1.0) -> None:
+        self._out, self._quiet, self._every_s = out, quiet, every_s
+        self._next, self._subject = 0.0, ""
+
+    def __call__(self, text: str) -> None:
+        subject = text.partition(":")[0]
+        if not self._quiet and (subject != self._subject or monotonic() >= self._next):
+            self._out.write(text)
+            self._next, self._subject = monotonic() + self._every_s, subject
+
+
+@contextmanager
+def ended_in_good_order() -> Iterator[None]:
+    """A command that is told to end cleans up behind itself first."""
+
+    def end(number: int, frame: object) -> NoReturn:
+        sys.exit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

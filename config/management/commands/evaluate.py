@@ -1,0 +1,235 @@
+"""``manage.py evaluate``: time a model from the command line, through the same wall and simulator as the site's."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import time
+from argparse import ArgumentParser
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import CommandError
+
+from config.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
+from config.management.race_options import add_race_options, rules_of
+from config.management.run_video import write_video
+from config.management.tracks import TRACK_HELP, find_track
+from evaluation.admit import AdmittedPackage, admit
+from evaluation.bounds import package_limits
+from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
+from evaluation.rivals import check_rivals
+from evaluation.told import sentences
+from league.templatetags.paddock import lap_time
+from paddock.errors import PaddockError, UserFault, fault_from_dict
+from paddock.geometry.track import TrackGeometry
+from paddock.packages.read import UploadPart
+from paddock.simulator.camera.theme import THEMES
+from paddock.simulator.course import lay_course
+from paddock.simulator.rules import MAX_CARS
+
+
+class Command(JsonCommand):
+    """Needs no broker, and a database only for a track that is in it alone."""
+
+    help = (
+        "Time a model on a track without the site: the same reading, wall and simulator. "
+        f"Exit status {REFUSED}: the model, the track or the race is refused; {OUR_FAULT}: Paddock itself failed."
+    )
+    requires_system_checks = []
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument(
+            "package", type=Path, help="a car's archive or a training's folder (.tar.gz, .zip), or an .onnx file"
+        )
+        parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
+        parser.add_argument("--track", required=True, help=TRACK_HELP)
+        parser.add_argument(
+            "--look", choices=sorted(THEMES), help="what cameras see of it; default: the track's own, as on the site"
+        )
+        parser.add_argument(
+            "--checkpoint",
+            default="",
+            metavar="WHICH",
+            help="of a training's folder: best, last, or the number in model_<number>.pb; default: the best by "
+            "deepracer_checkpoints.json, else the last",
+        )
+        parser.add_argument(
+            "--weights",
+            type=Path,
+            metavar="FILE",
+            help="the .onnx.data file beside an .onnx file, if it has one",
+        )
+        add_race_options(parser)
+        parser.add_argument(
+            "--rival",
+            action="append",
+            default=[],
+            metavar="PACKAGE",
+            help="another car in the same race: an archive, or ONNX,METADATA[,WEIGHTS]; repeat it, at most "
+            f"{MAX_CARS - 1} times",
+        )
+        parser.add_argument(
+            "--trace",
+            type=Path,
+            metavar="FILE",
+            help="write the run's sim-trace (CSV) there, those of rivals beside it (FILE-car1 and so on)",
+        )
+        parser.add_argument(
+            "--video", type=Path, metavar="FILE", help="write a video of the run there (MP4), with all of its cars"
+        )
+        parser.add_argument("--json", action="store_true", help="print the field's metrics JSON and what we measured")
+
+    def handle(self, *, package: Path, metadata: Path | None, track: str, **options: Any) -> None:
+        as_json = options["json"]
+        try:
+            rules = rules_of(options)
+            check_rivals(rules, len(options["rival"]))
+            found = find_track(track)
+            geometry = found.geometry.in_direction(rules.direction)
+            lay_course(geometry, rules)  # before anything takes long
+            started = time.monotonic()
+            paths = [path for path in (package, metadata, options["weights"]) if path is not None]
+            cars = [_admit(paths, options["checkpoint"])]
+            for sentence in sentences(cars[0]):
+                self.stderr.write(sentence)
+            cars += [_admit(_files_of(rival)) for rival in options["rival"]]
+            admission_s = time.monotonic() - started
+            first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict(), car.facts.to_dict()) for car in cars]
+            look = options["look"] or found.look
+            job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), look, first.facts)
+            outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
+        except PaddockError as fault:
+            if as_json:
+                self.stdout.write(told(fault))
+            theirs = isinstance(fault, UserFault)
+            if not theirs or options["verbosity"] > 1:  # what our processes said helps with our own faults
+                for note in getattr(fault, "__notes__", ()):
+                    self.stderr.write(note)
+            self.stderr.write(f"{fault.code}: {fault}")
+            sys.exit(REFUSED if theirs else OUR_FAULT)
+        except KeyboardInterrupt:
+            sys.exit(130)
+        if as_json:
+            self.stdout.write(json.dumps(report(outcome, cars, admission_s), indent=2))
+        else:
+            self._table(outcome, geometry, admission_s)
+        if options["trace"] is not None:  # last: where it cannot be written, the figures have been told
+            _write_traces(options["trace"], outcome)
+        if options["video"] is not None:
+            write_video(options["video"], geometry, outcome, [str(package), *options["rival"]])
+
+    def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
+        self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")
+        for number, car in enumerate((outcome, *outcome.rivals)):
+            if outcome.rivals:
+                self.stdout.write(f"\ncar {number}, place {outcome.order.index(number) + 1}")
+            self._laps(car)
+        simulated_s = outcome.simulated_ms / 1000
+        self.stdout.write(
+            f"\nended: {outcome.end_reason}; {simulated_s:.1f} s simulated in {outcome.wall_s:.1f} s "
+            f"({simulated_s / outcome.wall_s:.0f} times real time), admitted in {admission_s:.1f} s"
+        )
+        self.stdout.write(f"engine {outcome.engine}, trace {outcome.trace_sha256}")
+
+    def _laps(self, car: EvaluationOutcome | CarOutcome) -> None:
+        self.stdout.write("\nlap       time  off track  crashes  resets  status")
+        for lap in car.laps:
+            faults = f"{lap['off_tracks']:>10} {lap['crashes']:>8} {lap['resets']:>7}"
+            self.stdout.write(f"{lap['number']:>3} {lap_time(lap['time_ms']):>10} {faults}  {lap['status']}")
+        self.stdout.write("")
+        figures = car_times(car)
+        for name in ("average", "best", "total"):
+            self.stdout.write(f"{name:<8}{lap_time(figures[f'{name}_lap_ms' if name != 'total' else 'total_ms']):>11}")
+        if car.retired:
+            self.stdout.write(f"retired: {car.retired['code']}: {_said(car.retired)['message']}")
+
+
+def car_times(car: EvaluationOutcome | CarOutcome) -> dict[str, int | None]:
+    """Average and best over the complete laps (None without one, the average rounded down) and the time of all laps."""
+    complete = [lap["time_ms"] for lap in car.laps if lap["complete"]]
+    return {
+        "average_lap_ms": sum(complete) // len(complete) if complete else None,
+        "best_lap_ms": min(complete, default=None),
+        "total_ms": sum(lap["time_ms"] for lap in car.laps),
+    }
+
+
+def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s: float) -> dict[str, Any]:
+    """The field's metrics JSON with our figures beside it.
+
+    ``wall_seconds``: of the whole evaluation, its processes' start included; reading and checking the models before it
+    took ``admission_seconds``. ``course_sha256``: of all boxes and of every pose of every bot car. ``order``: the
+    numbers of the cars, winner first; car 0 is the one whose figures stand outside of ``rivals``.
+    """
+    course = json.dumps(outcome.course, sort_keys=True, separators=(",", ":")).encode()
+    return {
+        **_car_report(outcome, cars[0]),
+        "order": outcome.order,
+        "rivals": [_car_report(car, package) for car, package in zip(outcome.rivals, cars[1:], strict=True)],
+        "course": {"boxes": outcome.course.get("boxes", []), "bots": len(outcome.course.get("bots", []))},
+        "course_sha256": hashlib.sha256(course).hexdigest(),
+        "engine": outcome.engine,
+        "versions": outcome.versions,
+        "cpu_model": outcome.cpu_model,
+        "simulated_seconds": outcome.simulated_ms / 1000,
+        "wall_seconds": round(outcome.wall_s, 3),
+        "admission_seconds": round(admission_s, 3),
+        "shares": {name: round(seconds, 4) for name, seconds in outcome.shares.items()},
+        "peak_mb": round(outcome.peak_mb, 1),
+        "steps": outcome.steps,
+    }
+
+
+def _car_report(car: EvaluationOutcome | CarOutcome, package: AdmittedPackage) -> dict[str, Any]:
+    """One car's part of :func:`report`."""
+    return {
+        **car.metrics,
+        **car_times(car),
+        "complete_laps": sum(lap["complete"] for lap in car.laps),
+        "off_tracks": sum(lap["off_tracks"] for lap in car.laps),
+        "crashes": sum(lap["crashes"] for lap in car.laps),
+        "resets": sum(lap["resets"] for lap in car.laps),
+        "end_reason": car.end_reason,
+        "retired": _said(car.retired) if car.retired else None,
+        "trace_sha256": car.trace_sha256,
+        "model_sha256": package.sha256,
+    }
+
+
+def _said(retired: dict[str, Any]) -> dict[str, Any]:
+    """Why a car retired, with the sentence."""
+    return {**retired, "message": str(fault_from_dict(retired))}
+
+
+def _admit(paths: list[Path], checkpoint: str = "") -> AdmittedPackage:
+    with ExitStack() as stack:
+        try:
+            parts = [UploadPart(path.name, stack.enter_context(path.open("rb"))) for path in paths]
+        except OSError as error:
+            raise Refusal.unreadable(error) from error
+        return admit(parts, package_limits(), checkpoint=checkpoint.strip().lower())
+
+
+def _files_of(rival: str) -> list[Path]:
+    """The files that ``--rival`` names: one package, or an ONNX file and its metadata with a comma between."""
+    whole = Path(rival)
+    if whole.exists():
+        return [whole]
+    return [Path(part) for part in rival.split(",", 2)]
+
+
+def _write_traces(path: Path, outcome: EvaluationOutcome) -> None:
+    _write(path, outcome.trace_csv)
+    for number, car in enumerate(outcome.rivals, 1):
+        _write(path.with_name(f"{path.stem}-car{number}{path.suffix}"), car.trace_csv)
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror}.") from error

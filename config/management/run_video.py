@@ -1,0 +1,47 @@
+"""The video of a run that a command drove."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from django.core.management.base import CommandError
+
+from config.management import Refusal
+from evaluation.looks import Look, told_apart
+from evaluation.pipeline import EvaluationOutcome
+from paddock.errors import UserFault
+from paddock.geometry.track import TrackGeometry
+from videos.film import FilmedCar, Scene, film
+
+_ENDINGS = (".tar.gz", ".tgz", ".zip", ".onnx")
+
+
+def write_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, files: Sequence[str]) -> None:
+    """Film the run, all of its cars, and write an MP4 over whatever is at ``path``; ``files`` name the cars.
+
+    Raises Refusal for a run that cannot be filmed, CommandError where the file cannot be written. Then, and where it is
+    interrupted (exit status 130), the path is as it was.
+    """
+    looks = told_apart([Look()] * len(files))
+    results = (outcome, *outcome.rivals)
+    cars = [
+        FilmedCar(number, name_of(file), look.shell, look.colour, result.trace_csv, result.laps)
+        for number, (file, look, result) in enumerate(zip(files, looks, results, strict=True))
+    ]
+    words = f"{track.length:.1f} m, {'counter-clockwise' if track.direction == 'ccw' else 'clockwise'}"
+    try:
+        film(Scene(track, track.name, words, cars, course=outcome.course, order=outcome.order), path)
+    except UserFault as fault:
+        raise Refusal(fault) from fault
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror}.") from error
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def name_of(file: str) -> str:
+    """A car's name from that of its file, or of the first of its files."""
+    name = Path(file.split(",", 1)[0]).name
+    return next((name[: -len(ending)] for ending in _ENDINGS if name.endswith(ending)), name) or name

@@ -1,0 +1,72 @@
+"""The track that a command's ``--track`` names: one of the catalogue, a file, or one imported into this site."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+from typing import NamedTuple
+
+from django.core.validators import slug_re
+from django.db import Error, connection
+
+from config.management import Refusal
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.npy import MAX_BYTES, read_npy
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.camera.theme import OFFICIAL
+from tracks.models import Track
+
+NEAREST = 3
+TRACK_HELP = "a track by its address, of the catalogue or of this site, or an .npy file"
+
+
+class FoundTrack(NamedTuple):
+    """A track in its own direction, and the name of its look: what cameras see of it."""
+
+    geometry: TrackGeometry
+    look: str = OFFICIAL.name
+
+
+def find_track(name: str) -> FoundTrack:
+    """A catalogue track by its slug, the track in an ``.npy`` file, or one of the site's own by its slug.
+
+    The database is asked last, so that the other two need none. Raises UserFault for a file that is no track and for a
+    track whose shape nobody here knows, Refusal of ``track_not_found``, ``track_database`` and ``file_unreadable``.
+    """
+    for track in CATALOGUE:
+        if track.slug == name:
+            return FoundTrack(track.geometry())
+    path = Path(name)
+    if path.suffix == ".npy":
+        try:
+            with path.open("rb") as file:
+                return FoundTrack(read_npy(file.read(MAX_BYTES + 1), path.stem))
+        except OSError as error:
+            raise Refusal.unreadable(error, path) from error
+    return _imported(name)
+
+
+def _imported(name: str) -> FoundTrack:
+    catalogue = [track.slug for track in CATALOGUE]
+    own: list[str] = []
+    if _has_database():
+        try:
+            # what is no address at all may be no text to a database
+            track = Track.objects.filter(slug=name).first() if slug_re.match(name) else None
+            if track is not None:
+                return FoundTrack(track.geometry, track.look)
+            own = list(Track.objects.exclude(length_m=None).values_list("slug", flat=True))
+        except Error as error:
+            problem = " ".join(str(error).split())[:200]
+            fault = UserFault("track_database", name=name, problem=problem, known=", ".join(catalogue))
+            raise Refusal(fault) from error
+    nearest = get_close_matches(name, {*catalogue, *own}, n=NEAREST, cutoff=0)
+    raise Refusal(UserFault("track_not_found", name=name, nearest=", ".join(nearest), known=", ".join(catalogue)))
+
+
+def _has_database() -> bool:
+    """Whether there is one to ask; an SQLite file that is not there would be made by asking."""
+    if connection.vendor != "sqlite" or connection.is_in_memory_db():
+        return True
+    return Path(connection.settings_dict["NAME"]).exists()

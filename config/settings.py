@@ -1,0 +1,453 @@
+"""Settings. Everything an operator may change is an environment variable, listed in docs/operators.md.
+
+The default is one machine without any preparation: SQLite and a Valkey server that comes with its Python package,
+all state below one folder (PADDOCK_DATA).
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from celery.schedules import crontab
+from csp.constants import NONE, SELF
+from django.core.exceptions import ImproperlyConfigured
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.sandbox.uids import configured_range
+
+from . import broker
+from .env import (
+    check_url,
+    env_bool,
+    env_choice,
+    env_database,
+    env_folder,
+    env_hosts,
+    env_int,
+    env_list,
+    env_sender,
+    env_str,
+    env_time_zone,
+    env_url,
+    passkeys_work,
+    private_folder,
+    secret_from_file,
+)
+
+BASE_DIR = Path(__file__).resolve().parent.parent
+DATA_DIR = private_folder("PADDOCK_DATA", env_folder("PADDOCK_DATA", BASE_DIR / "data"))
+
+DEBUG = env_bool("PADDOCK_DEBUG", False)
+SECRET_KEY = env_str("PADDOCK_SECRET_KEY", "") or secret_from_file(DATA_DIR / "secret-key")
+
+# Where the site is reached. The host is allowed and trusted for forms; an https address makes cookies secure.
+_HTTP = ("http", "https")
+SITE_URL = env_url("PADDOCK_SITE_URL", "http://127.0.0.1:8000", _HTTP, "https://paddock.example.org").rstrip("/")
+_site_host = urlsplit(SITE_URL).hostname
+ALLOWED_HOSTS = [
+    f"[{_site_host}]" if ":" in _site_host else _site_host,
+    *env_hosts("PADDOCK_HOSTS", "localhost,127.0.0.1"),
+]
+CSRF_TRUSTED_ORIGINS = [SITE_URL, *env_list("PADDOCK_TRUSTED_ORIGINS")]
+for _origin in CSRF_TRUSTED_ORIGINS[1:]:
+    check_url("PADDOCK_TRUSTED_ORIGINS", _origin, _HTTP, "https://other.example.org")
+BEHIND_HTTPS = SITE_URL.startswith("https://")
+SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = BEHIND_HTTPS
+SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https") if env_bool("PADDOCK_BEHIND_PROXY", False) else None
+SECURE_HSTS_SECONDS = 31_536_000 if BEHIND_HTTPS else 0
+SESSION_COOKIE_SAMESITE = "Lax"
+X_FRAME_OPTIONS = "DENY"
+SECURE_REFERRER_POLICY = "same-origin"
+
+INSTALLED_APPS = [
+    "config",
+    "league",
+    "training",
+    "races",
+    "evaluation",
+    "tracks",
+    "accounts",
+    "core",
+    "django.contrib.admin",
+    "django.contrib.auth",
+    "django.contrib.contenttypes",
+    "django.contrib.humanize",
+    "django.contrib.sessions",
+    "django.contrib.messages",
+    "whitenoise.runserver_nostatic",
+    "django.contrib.staticfiles",
+    "django.forms",
+    "allauth",
+    "allauth.account",
+    "allauth.mfa",
+    "csp",
+    "django_htmx",
+    "rest_framework",
+    "knox",
+    "drf_spectacular",
+]
+
+MIDDLEWARE = [
+    "core.addresses.ConfiguredLinks",
+    "django.middleware.security.SecurityMiddleware",
+    "whitenoise.middleware.WhiteNoiseMiddleware",
+    "config.delivery.PublicReads",
+    "config.delivery.Compressed",
+    "config.delivery.Fresh",
+    "core.api.limits.BodyLimit",
+    "csp.middleware.CSPMiddleware",
+    "django.contrib.sessions.middleware.SessionMiddleware",
+    "django.middleware.locale.LocaleMiddleware",
+    "config.guests.SharedPages",
+    "django.middleware.common.CommonMiddleware",
+    "django.middleware.csrf.CsrfViewMiddleware",
+    "django.contrib.auth.middleware.AuthenticationMiddleware",
+    "config.body_limit.PageBodyLimit",
+    "django.contrib.messages.middleware.MessageMiddleware",
+    "django.middleware.clickjacking.XFrameOptionsMiddleware",
+    "django_htmx.middleware.HtmxMiddleware",
+    "allauth.account.middleware.AccountMiddleware",
+    "config.staff_factor.SecondFactorOfStaff",
+    "config.our_faults.OurFaults",
+]
+
+ROOT_URLCONF = "config.urls"
+WSGI_APPLICATION = "config.wsgi.application"
+FORM_RENDERER = "django.forms.renderers.TemplatesSetting"
+
+TEMPLATES = [
+    {
+        "BACKEND": "django.template.backends.django.DjangoTemplates",
+        "DIRS": [BASE_DIR / "templates"],
+        "APP_DIRS": True,
+        "OPTIONS": {
+            "context_processors": [
+                "django.template.context_processors.request",
+                "django.template.context_processors.i18n",
+                "django.contrib.auth.context_processors.auth",
+                "django.contrib.messages.context_processors.messages",
+            ],
+            "builtins": ["races.templatetags.names"],
+        },
+    },
+]
+
+# --- database: SQLite in WAL mode that takes its write lock at BEGIN, or what DATABASE_URL names -------------------
+DATABASES = {
+    "default": env_database("DATABASE_URL", f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}"),
+}
+if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
+    DATABASES["default"]["OPTIONS"] = {
+        "timeout": 20,
+        "transaction_mode": "IMMEDIATE",
+        "init_command": (
+            "PRAGMA journal_mode=WAL;PRAGMA synchronous=NORMAL;PRAGMA foreign_keys=ON;"
+            "PRAGMA journal_size_limit=67108864;PRAGMA cache_size=-20000;"
+        ),
+    }
+DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
+
+# --- broker and cache: the bundled Valkey on a unix socket, or what the variables name ----------------------------
+VALKEY_DIR = DATA_DIR / "valkey"
+VALKEY_SOCKET = broker.socket_path(VALKEY_DIR)
+_REDIS = ("redis", "rediss", "unix")
+_BROKERS = ("redis", "rediss", "redis+socket", "sentinel", "amqp", "amqps", "pyamqp")
+EMBEDDED_BROKER = not env_str("CELERY_BROKER_URL", "")
+CELERY_BROKER_URL = env_url("CELERY_BROKER_URL", broker.broker_url(VALKEY_SOCKET), _BROKERS, "redis://host:6379/0")
+CACHE_URL = env_str("CACHE_URL", "") or (broker.cache_url(VALKEY_SOCKET) if EMBEDDED_BROKER else CELERY_BROKER_URL)
+check_url(
+    "CACHE_URL (Redis or Valkey, also where CELERY_BROKER_URL is neither)", CACHE_URL, _REDIS, "redis://host:6379/1"
+)
+CACHES = {
+    "default": {
+        "BACKEND": "config.cache.SteadyCache",
+        "LOCATION": CACHE_URL,
+        "OPTIONS": {"socket_connect_timeout": 1.0, "socket_timeout": 1.0},  # no page waits longer for it
+    }
+}
+
+CELERY_TASK_IGNORE_RESULT = True
+CELERY_TASK_ACKS_LATE = True
+CELERY_WORKER_PREFETCH_MULTIPLIER = 1
+CELERY_WORKER_CANCEL_LONG_RUNNING_TASKS_ON_CONNECTION_LOSS = True
+CELERY_WORKER_SEND_TASK_EVENTS = False
+CELERY_TASK_SERIALIZER = "json"
+CELERY_ACCEPT_CONTENT = ["json"]
+CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
+CELERY_TIMEZONE = "UTC"
+# what waits for servers of others has a worker of its own, so that no car waits for them
+CELERY_TASK_ROUTES = {f"league.tasks.{name}": {"queue": "messages"} for name in ("notices", "webhooks", "deliver")}
+CELERY_TASK_ROUTES["core.events.tasks.*"] = {"queue": "messages"}
+CELERY_BEAT_SCHEDULE = {
+    "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    # a turn of 10 s each: 50 minutes of a night at most, none once everything was checked
+    "scrub": {
+        "task": "evaluation.tasks.scrub",
+        "schedule": crontab(minute="*", hour="1-5"),
+        "options": {"expires": 50},
+    },
+    "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
+    "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
+    "cars": {"task": "races.tasks.cars", "schedule": 60.0, "options": {"expires": 59}},
+    "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
+    "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "videos": {"task": "races.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "old_videos": {"task": "races.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
+    "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
+    "events": {"task": "core.events.tasks.sweep", "schedule": 60.0, "options": {"expires": 59}},
+    "old_events": {"task": "core.events.tasks.trim", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    "old_sessions": {"task": "config.tasks.old_sessions", "schedule": 3600.0, "options": {"expires": 3600}},
+    "pages": {"task": "config.tasks.pages", "schedule": crontab(minute=30, hour=0), "options": {"expires": 3600}},
+    "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
+}
+
+# what happened is read within minutes; how long it can be looked up afterwards
+EVENTS_KEPT_DAYS = env_int("PADDOCK_EVENTS_KEPT_DAYS", 30, minimum=4)
+
+# --- evaluation ----------------------------------------------------------------------------------------------------
+WORKER_CONCURRENCY = env_int("PADDOCK_WORKER_CONCURRENCY", 1, minimum=1)
+# "allow": workers whose golden runs differ work all the same, where all machines are of one other kind
+INEXACT_WORKERS = env_choice("PADDOCK_INEXACT_WORKERS", "refuse", ("refuse", "allow"))
+# the sandbox reads these two itself, in processes without settings; what is wrong shall not wait for the first model
+if env_str("PADDOCK_SANDBOX_LEVEL", ""):
+    env_choice("PADDOCK_SANDBOX_LEVEL", "2", ("2", "3"))
+try:
+    configured_range()
+except ValueError as problem:
+    raise ImproperlyConfigured(f"{problem}.") from None
+QUEUE_ALARM_MINUTES = env_int("PADDOCK_QUEUE_ALARM_MINUTES", 30, minimum=1)
+LOW_DISK_MB = env_int("PADDOCK_LOW_DISK_MB", 1024)
+LEASE_SECONDS = env_int("PADDOCK_LEASE_SECONDS", 30, minimum=5)
+EVALUATION_WALL_SECONDS = env_int("PADDOCK_EVALUATION_WALL_SECONDS", 300, minimum=10)
+EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 5, minimum=1)
+# what an upload may weigh, and what its network may cost; the defaults take every network of the console
+UPLOAD_LIMIT_MB = env_int("PADDOCK_UPLOAD_LIMIT_MB", 512, minimum=1)
+NETWORK_LIMIT_MB = env_int("PADDOCK_NETWORK_LIMIT_MB", 256, minimum=1, maximum=1000)
+UNPACKED_LIMIT_MB = env_int("PADDOCK_UNPACKED_LIMIT_MB", 2048, minimum=1)
+ARCHIVE_FILES = env_int("PADDOCK_ARCHIVE_FILES", 10000, minimum=2, maximum=65534)
+NETWORK_LAYER_MILLIONS = env_int("PADDOCK_NETWORK_LAYER_MILLIONS", 64, minimum=1)
+NETWORK_MULTIPLICATIONS_MILLIONS = env_int("PADDOCK_NETWORK_MULTIPLICATIONS_MILLIONS", 600, minimum=1)
+NETWORK_VALUES_MILLIONS = env_int("PADDOCK_NETWORK_VALUES_MILLIONS", 8, minimum=1)
+NETWORK_OPERATORS = env_int("PADDOCK_NETWORK_OPERATORS", 512, minimum=1, maximum=4096)
+UPLOADS_AT_ONCE = env_int("PADDOCK_UPLOADS_AT_ONCE", 2, minimum=1)
+UPLOAD_WAIT_SECONDS = env_int("PADDOCK_UPLOAD_WAIT_SECONDS", 20, minimum=0)
+# the sandbox reads these itself
+CONVERTER_MEMORY_MB = env_int("PADDOCK_CONVERTER_MEMORY_MB", 2048, minimum=512)
+CONVERTER_SECONDS = env_int("PADDOCK_CONVERTER_SECONDS", 30, minimum=5)
+POLICY_MEMORY_MB = env_int("PADDOCK_POLICY_MEMORY_MB", 2560, minimum=512)
+POLICY_SECONDS = env_int("PADDOCK_POLICY_SECONDS", 120, minimum=10)
+MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
+STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
+RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
+DUELS_IN_ROUND_ROBIN = env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
+DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=127)
+WEBHOOKS_PRIVATE = env_bool("PADDOCK_WEBHOOKS_PRIVATE", False)
+TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
+
+# --- training: it needs the extra packages of "make training" on the machines that train ------------------------------
+TRAINING = env_bool(
+    "PADDOCK_TRAINING",
+    all(find_spec(name) is not None for name in ("torch", "stable_baselines3")),
+)
+TRAINING_PAUSED = env_bool("PADDOCK_TRAINING_PAUSED", False)
+TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
+TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 2, minimum=1)
+TRAINING_MINUTES_A_MONTH = env_int("PADDOCK_TRAINING_MINUTES_A_MONTH", 1440, minimum=0)
+
+# --- videos of runs ------------------------------------------------------------------------------------------------
+VIDEOS = env_bool(
+    "PADDOCK_VIDEOS",
+    find_spec("av") is not None,
+)
+VIDEO_SECONDS = env_int("PADDOCK_VIDEO_SECONDS", 600, minimum=1, maximum=600)
+VIDEOS_AT_ONCE = env_int("PADDOCK_VIDEOS_AT_ONCE", 3, minimum=1)
+VIDEOS_A_DAY = env_int("PADDOCK_VIDEOS_A_DAY", 20, minimum=0)
+VIDEO_DAYS = env_int("PADDOCK_VIDEO_DAYS", 30, minimum=1)
+
+# --- files ---------------------------------------------------------------------------------------------------------
+STORAGE = env_str("STORAGE", "local")
+if STORAGE == "local":
+    _default_storage = {
+        "BACKEND": "django.core.files.storage.FileSystemStorage",
+        "OPTIONS": {
+            "location": DATA_DIR / "files",
+            "file_permissions_mode": 0o600,
+            "directory_permissions_mode": 0o700,
+        },
+    }
+elif STORAGE.startswith("s3://") and STORAGE.removeprefix("s3://"):
+    from botocore.config import Config  # not loaded where files are in a folder
+
+    _default_storage = {
+        "BACKEND": "storages.backends.s3.S3Storage",
+        "OPTIONS": {
+            "bucket_name": STORAGE.removeprefix("s3://"),
+            "default_acl": "private",
+            "querystring_auth": True,
+            "client_config": Config(
+                connect_timeout=5, read_timeout=20, retries={"mode": "standard", "max_attempts": 3}
+            ),
+        },
+    }
+else:
+    raise ImproperlyConfigured(f"STORAGE must be 'local' or 's3://BUCKET', not {STORAGE!r}.")
+STORAGES = {
+    "default": _default_storage,
+    "staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"},
+}
+STATIC_URL = "static/"
+STATIC_ROOT = DATA_DIR / "static"
+STATICFILES_DIRS = [BASE_DIR / "static"]
+FILE_UPLOAD_TEMP_DIR = DATA_DIR / "uploads"
+FILE_UPLOAD_TEMP_DIR.mkdir(mode=0o700, exist_ok=True)
+DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
+
+# --- people --------------------------------------------------------------------------------------------------------
+AUTH_USER_MODEL = "league.Racer"
+# The first has the last word; the others are named for the sessions that were begun with them
+AUTHENTICATION_BACKENDS = [
+    "accounts.backends.PasswordBackend",
+    "django.contrib.auth.backends.ModelBackend",
+    "allauth.account.auth_backends.AuthenticationBackend",
+]
+AUTH_PASSWORD_VALIDATORS = [
+    {"NAME": f"django.contrib.auth.password_validation.{name}"}
+    for name in ("UserAttributeSimilarityValidator", "MinimumLengthValidator", "CommonPasswordValidator")
+]
+ACCOUNT_USER_MODEL_USERNAME_FIELD = "alias"
+ACCOUNT_LOGIN_METHODS = {"email", "username"}
+ACCOUNT_SIGNUP_FIELDS = ["email*", "username*", "password1*", "password2*"]
+ACCOUNT_USERNAME_VALIDATORS = "league.models.ALIAS_VALIDATORS"
+ACCOUNT_USERNAME_MIN_LENGTH = 2
+ACCOUNT_EMAIL_SUBJECT_PREFIX = f"[{_site_host}] "
+ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional", ("none", "optional", "mandatory"))
+ACCOUNT_PRESERVE_USERNAME_CASING = True
+ACCOUNT_CHANGE_EMAIL = True
+ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
+ACCOUNT_ADAPTER = "accounts.adapter.AccountAdapter"
+ACCOUNT_FORMS = {"reset_password": "accounts.forms.ResetPasswordForm"}
+ACCOUNT_REAUTHENTICATION_REQUIRED = True
+# Wrong passwords are counted by accounts.log_in; here, how often anybody may ask at all. A class of 40 behind one
+# address signs up and logs in at once. login_failed counts codes of the second factor
+ACCOUNT_RATE_LIMITS = {
+    "login": "120/m/ip",
+    "login_failed": "5/5m/key",
+    "signup": "60/m/ip",
+    "reauthenticate": "10/10m/user",
+    "change_password": "5/5m/user",
+}
+# --- a second factor: codes of an app, codes on paper, and passkeys where browsers allow them
+MFA_ADAPTER = "accounts.second_factor.SecondFactorAdapter"
+MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", *(["webauthn"] if passkeys_work(SITE_URL) else [])]
+MFA_PASSKEY_LOGIN_ENABLED = True
+MFA_TOTP_TOLERANCE = 1  # the code before and the next one count too: telephones' clocks differ
+MFA_WEBAUTHN_ALLOW_INSECURE_ORIGIN = not BEHIND_HTTPS
+# Whoever resets the password of an address that was never verified ends the second factor too (accounts.services)
+MFA_ALLOW_UNVERIFIED_EMAIL = True
+STAFF_SECOND_FACTOR = env_bool("PADDOCK_STAFF_SECOND_FACTOR", False)
+SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed"))
+LOGIN_URL = "account_login"
+LOGIN_REDIRECT_URL = "home"
+LOGOUT_REDIRECT_URL = "home"
+# E-mail goes to the log unless an SMTP server is named
+_SMTP = "smtp://user:password@host:587/?tls=True"
+EMAIL_CONFIG_URL = env_url("EMAIL_URL", "", ("smtp",), _SMTP)
+if EMAIL_CONFIG_URL:
+    _mail = urlsplit(EMAIL_CONFIG_URL)
+    EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
+    EMAIL_HOST, EMAIL_PORT = _mail.hostname, _mail.port or 25
+    EMAIL_HOST_USER, EMAIL_HOST_PASSWORD = unquote(_mail.username or ""), unquote(_mail.password or "")
+    if _mail.query not in ("", "tls=True", "tls=False"):
+        raise ImproperlyConfigured(f"EMAIL_URL must be an address such as {_SMTP}.")
+    EMAIL_USE_TLS = _mail.query == "tls=True"
+else:
+    EMAIL_BACKEND = "django.core.mail.backends.console.EmailBackend"
+EMAIL_TIMEOUT = 20
+DEFAULT_FROM_EMAIL = env_sender("PADDOCK_FROM_EMAIL", "paddock@localhost")
+
+# --- languages and time --------------------------------------------------------------------------------------------
+LANGUAGE_CODE = "en"
+LANGUAGES = [("en", _("English")), ("ko", _("Korean"))]
+FORMAT_MODULE_PATH = ["config.formats"]
+LOCALE_PATHS = [BASE_DIR / "locale"]
+TIME_ZONE = env_time_zone("PADDOCK_TIME_ZONE", "UTC")
+USE_TZ = True
+
+# --- what a page may load: only our own files -------------------------------------------------------------------------
+CONTENT_SECURITY_POLICY = {
+    "DIRECTIVES": {
+        "default-src": [NONE],
+        "script-src": [SELF],
+        "style-src": [SELF],
+        "img-src": [SELF, "data:"],
+        "connect-src": [SELF],
+        "font-src": [SELF],
+        "media-src": [SELF],
+        "manifest-src": [SELF],
+        "form-action": [SELF],
+        "base-uri": [NONE],
+        "frame-ancestors": [NONE],
+    }
+}
+
+# --- API -----------------------------------------------------------------------------------------------------------
+CORS = env_bool("PADDOCK_CORS", True)
+REST_FRAMEWORK = {
+    "DEFAULT_AUTHENTICATION_CLASSES": [
+        "config.api.auth.TokenAuthentication",
+        "rest_framework.authentication.SessionAuthentication",
+    ],
+    "DEFAULT_PERMISSION_CLASSES": ["rest_framework.permissions.IsAuthenticatedOrReadOnly"],
+    "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
+    "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
+    "DEFAULT_PAGINATION_CLASS": "core.api.pagination.Pages",
+    "DEFAULT_SCHEMA_CLASS": "config.api.schema.Schema",
+    "DEFAULT_VERSIONING_CLASS": None,
+    "DEFAULT_THROTTLE_CLASSES": ["core.api.throttles.WriteThrottle"],
+    "DEFAULT_THROTTLE_RATES": {"upload": "60/hour", "refused_upload": "240/hour", "write": "600/hour"},
+    "EXCEPTION_HANDLER": "core.api.errors.handle",
+    "NUM_PROXIES": env_int("PADDOCK_TRUSTED_PROXIES", 0),
+    "TEST_REQUEST_DEFAULT_FORMAT": "json",
+}
+KNOX_TOKEN_MODEL = "knox.AuthToken"
+TOKEN_DAYS = env_int("PADDOCK_TOKEN_DAYS", 90, minimum=1, maximum=366)
+REST_KNOX = {"TOKEN_TTL": None, "AUTO_REFRESH": False}
+SPECTACULAR_SETTINGS = {
+    "TITLE": "Paddock",
+    "DESCRIPTION": "Upload models, enter races, read boards and results.",
+    "VERSION": "1",
+    "SERVE_INCLUDE_SCHEMA": False,
+    "SERVE_PERMISSIONS": ["rest_framework.permissions.AllowAny"],
+    "SERVE_AUTHENTICATION": [],
+    "SCHEMA_PATH_PREFIX": "/api/v1",
+    "COMPONENT_SPLIT_REQUEST": True,
+    "ENUM_NAME_OVERRIDES": {
+        "KindEnum": "races.models.Kind",
+        "SensorsEnum": "races.sensors.OFFERABLE",
+        "NoticeKind": "league.models.NoticeKind",
+        "VehicleSensor": "training.api.vehicles.SENSORS",
+        "EvaluationState": "evaluation.models.State",
+        "RaceState": "races.models.RaceState",
+        "TrainingState": "training.models.JobState",
+        "VideoState": "races.api.videos.STATES",
+    },
+    "POSTPROCESSING_HOOKS": [
+        "drf_spectacular.hooks.postprocess_schema_enums",
+        "config.api.schema.add_errors",
+    ],
+}
+
+LOG_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
+LOGGING = {
+    "version": 1,
+    "disable_existing_loggers": False,
+    "formatters": {"line": {"format": "%(levelname).1s %(name)s %(message)s"}},
+    "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "root": {"handlers": ["console"], "level": env_choice("PADDOCK_LOG_LEVEL", "INFO", LOG_LEVELS)},
+    "loggers": {"celery": {"level": "WARNING"}, "kombu": {"level": "WARNING"}},
+}

@@ -1,0 +1,224 @@
+"""The web server: ``python -m config.web``. Waitress in several processes on one socket.
+
+Waitress takes a request whole, and holds an answer until its reader has taken it, in one thread that waits for all
+connections at once. So a connection that drips costs a few kilobytes and no thread of Django's: a thousand of them
+leave the pages as quick as before. What one process cannot do, use a second core and be started again when it dies, is
+done here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import resource
+import signal
+import socket
+import sys
+import time
+from importlib import import_module
+from typing import Any
+
+PROCESSES, THREADS = 2, 4
+BACKLOG = 2048
+CONNECTIONS = 8192  # of one process; beyond them new ones wait in the backlog
+IDLE_S = 60  # a connection that says nothing is closed, and one whose reader takes nothing
+GRACE_S = 5.0
+KILL_S = GRACE_S + 2.0
+CANNOT_SERVE = 3  # how a process ends that could not even load the site; the others would not either
+_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+AGAIN_S = 1.0  # a process that died is started again no sooner than this after
+RECEIVED_BYTES = 128 * 1024
+SENT_BYTES = 256 * 1024
+HEADER_BYTES = 64 * 1024
+# Of an answer that is made piece by piece; files are read as their reader takes them and need no such bound
+HELD_BYTES = 64 * 1024 * 1024
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Listen, start the processes and keep them alive until SIGTERM or SIGINT. Returns the exit status.
+
+    SIGHUP replaces all processes by new ones, with the code as it is then.
+    """
+    parser = argparse.ArgumentParser(prog="python -m config.web", description="The web server of the site.")
+    parser.add_argument("--host", default="127.0.0.1")
+    parser.add_argument("--port", type=int, default=8000)
+    parser.add_argument("--processes", type=int, default=PROCESSES)
+    parser.add_argument("--threads", type=int, default=THREADS, help="of each process, that run Django")
+    parser.add_argument("--application", default="config.wsgi:application", help=argparse.SUPPRESS)
+    given = parser.parse_args(arguments)
+    _many_files()
+    os.umask(0o077)
+    try:
+        listening = listen(given.host, given.port)
+    except OSError as problem:
+        _say(f"Cannot listen on {given.host} port {given.port}: {problem}")
+        return 1
+    return _Master(listening, given.application, given.processes, given.threads).run()
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens at an address; ``::`` takes IPv4 along. Raises OSError."""
+    family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0][0]
+    listening = socket.create_server((host, port), family=family, backlog=BACKLOG, dualstack_ipv6=host == "::")
+    # each connection inherits it; left to itself the kernel holds 4 MB for a reader that takes nothing
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
+    return listening
+
+
+class _Master:
+    """The process that holds the socket and starts those that serve."""
+
+    def __init__(self, listening: socket.socket, application: str, processes: int, threads: int) -> None:
+        self._listening, self._application = listening, application
+        self._processes, self._threads = processes, threads
+        self._pid = os.getpid()
+        self._started: set[int] = set()
+        self._next_start = 0.0
+        self._replace = False
+        self._ending = False
+        self._status = 0
+
+    def run(self) -> int:
+        """To the end; the exit status."""
+        for signum in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(signum, self._end)
+        signal.signal(signal.SIGHUP, self._reload)
+        while not self._ending:
+            if self._replace:
+                self._replace = False
+                old, self._started = self._started, set()
+                self._start_missing()
+                _tell(old, signal.SIGTERM)
+            self._start_missing()
+            self._reap()
+            time.sleep(0.1)
+        self._listening.close()
+        _tell(self._started, signal.SIGTERM)
+        until = time.monotonic() + KILL_S
+        while self._reap():
+            if time.monotonic() > until:
+                _tell(self._started, signal.SIGKILL)
+            time.sleep(0.05)
+        return self._status
+
+    def _start_missing(self) -> None:
+        while len(self._started) < self._processes and time.monotonic() >= self._next_start:
+            signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # until the new process has handlers of its own
+            pid = os.fork()
+            if pid == 0:
+                _serve(self._listening, self._application, self._threads, self._pid)
+            self._started.add(pid)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+
+    def _reap(self) -> bool:
+        """Take note of who has ended; whether any lives."""
+        while True:
+            try:
+                pid, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return False
+            if pid == 0:
+                return True
+            if pid in self._started and not self._ending:
+                ended = os.waitstatus_to_exitcode(status)
+                if ended == CANNOT_SERVE:
+                    self._ending, self._status = True, ended
+                else:
+                    self._next_start = time.monotonic() + AGAIN_S
+                    _say(f"A web process ended (status {ended}); another takes its place.")
+            self._started.discard(pid)
+
+    def _end(self, signum: int, frame: object) -> None:
+        self._ending = True
+
+    def _reload(self, signum: int, frame: object) -> None:
+        self._replace = True
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _tell(pids: set[int], signum: int) -> None:
+    for pid in pids:
+        try:
+            os.kill(pid, signum)
+        except ProcessLookupError:
+            continue
+
+
+def _serve(listening: socket.socket, application: str, threads: int, master: int) -> None:
+    """What one of the processes does, to its end: it never returns."""
+    from config.supervisor import end_with_parent
+
+    stopping: list[int] = []
+    for signum in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(signum, lambda number, frame: stopping.append(number))
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    status = CANNOT_SERVE
+    try:
+        end_with_parent(master, signal.SIGTERM)
+        module, _, name = application.partition(":")
+        loaded = getattr(import_module(module), name)
+        status = 1
+        _until_told(loaded, listening, threads, stopping)
+        status = 0
+    except Exception:  # of the application, of any kind: operators read it in the log, and the master starts another
+        logging.getLogger("waitress").exception("a web process failed")
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def _until_told(application: Any, listening: socket.socket, threads: int, stopping: list[int]) -> None:
+    from waitress import create_server, wasyncore
+
+    from config.whole import Channel, largest_body, without_body
+
+    logging.getLogger("waitress").setLevel(logging.ERROR)
+    logging.getLogger("waitress.queue").setLevel(logging.CRITICAL)  # that requests wait is no news
+    connections: dict[int, Any] = {}
+    server = create_server(
+        without_body(application),
+        map=connections,
+        _start=False,
+        sockets=[listening],
+        threads=threads,
+        backlog=BACKLOG,
+        connection_limit=CONNECTIONS,
+        channel_timeout=IDLE_S,
+        cleanup_interval=5,
+        recv_bytes=RECEIVED_BYTES,
+        max_request_header_size=HEADER_BYTES,
+        max_request_body_size=largest_body(),
+        outbuf_high_watermark=HELD_BYTES,
+        ident="",
+        clear_untrusted_proxy_headers=False,  # settings say which are believed
+        log_socket_errors=False,
+    )
+    server.channel_class = Channel
+    server.accept_connections()
+    for signum in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(signum, lambda number, frame: (stopping.append(number), server.pull_trigger()))
+    while not stopping:
+        wasyncore.poll2(1.0, connections)
+    server.accepting = False
+    until = time.monotonic() + GRACE_S
+    while time.monotonic() < until and any(
+        channel.requests or channel.total_outbufs_len for channel in server.active_channels.values()
+    ):
+        wasyncore.poll2(0.1, connections)
+
+
+def _many_files() -> None:
+    """As many connections as the system lets us have; the shell's usual 1,024 would be too few."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = hard if hard != resource.RLIM_INFINITY else 65536
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(wanted, 65536), hard))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""How often one racer may write. Reading is not limited."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rest_framework.permissions import SAFE_METHODS
+from rest_framework.request import Request
+from rest_framework.throttling import ScopedRateThrottle
+
+if TYPE_CHECKING:  # views import this module
+    from rest_framework.views import APIView
+
+
+class WriteThrottle(ScopedRateThrottle):
+    """Counts each racer's unsafe requests against the view's ``throttle_scope`` ("write" unless it says otherwise).
+
+    Anonymous requests are not counted: the only ones that write anything are attempts to log in, which allauth
+    limits together with those of the site's form.
+
+    A view with a ``throttle_refused_scope`` counts what it refused against that instead (see
+    :meth:`count_as_refused`): who tries until a file is right shall not have to wait an hour for it.
+    """
+
+    _refused: WriteThrottle | None = None
+
+    def allow_request(self, request: Request, view: APIView) -> bool:
+        if request.method in SAFE_METHODS or not request.user.is_authenticated:
+            return True
+        self._asked = request
+        scope = getattr(view, "throttle_refused_scope", None)
+        if scope in self.THROTTLE_RATES:  # else they count as all others
+            self._refused = WriteThrottle()
+            if not self._refused._look(request, view, scope):
+                self.wait = self._refused.wait
+                self._refused._tell(request)
+                return False
+        if not self._look(request, view, getattr(view, "throttle_scope", "write")):
+            self._tell(request)
+            return False
+        self.throttle_success()
+        self._tell(request)
+        return True
+
+    def count_as_refused(self) -> None:
+        """Take back what this request has used up, and count it in the wider allowance of refused ones."""
+        if self._refused is None or not getattr(self, "history", None):
+            return
+        history = self.cache.get(self.key, [])
+        if self.now in history:
+            history.remove(self.now)
+            self.cache.set(self.key, history, self.duration)
+            self.history = history
+            self._tell(self._asked)
+        self._refused.throttle_success()
+        self._refused = None
+
+    def _look(self, request: Request, view: APIView, scope: str) -> bool:
+        """Whether there is something left of this allowance; counts nothing."""
+        self.scope = scope
+        self.rate = self.get_rate()
+        self.num_requests, self.duration = self.parse_rate(self.rate)
+        self.key = self.get_cache_key(request, view)
+        self.history = self.cache.get(self.key, [])
+        self.now = self.timer()
+        while self.history and self.history[-1] <= self.now - self.duration:
+            self.history.pop()
+        return len(self.history) < self.num_requests
+
+    def _tell(self, request: Request) -> None:
+        """Leave with the request what its answer's headers say (:class:`config.delivery.Fresh`): the fields that GitHub
+        and others have, by the names of the IETF's draft; seconds until the oldest of what counts does so no more."""
+        oldest = self.history[-1] if self.history else self.now
+        request._request.rate_limit = {
+            "RateLimit-Limit": str(self.num_requests),
+            "RateLimit-Remaining": str(max(0, self.num_requests - len(self.history))),
+            "RateLimit-Reset": str(max(0, math.ceil(oldest + self.duration - self.now))),
+        }

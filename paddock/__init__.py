@@ -1,0 +1,1 @@
+"""The engine: tracks, simulator, environments, and what a car's network may be. No Django, and no room of the site."""

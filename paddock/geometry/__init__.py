@@ -1,0 +1,1 @@
+"""Tracks as lines: lengths, borders, files, and the shapes of the catalogue."""

@@ -1,0 +1,403 @@
+"""The one immutable description of a track: centre line, borders, distances, projection. No Django.
+
+Rows of the three lines belong together: ``inner[i]`` and ``outer[i]`` lie across the road from ``centre[i]``
+(deepracer-simapp, track_geom/track_data.py). The finish line is waypoint 0.
+
+Between waypoints the direction of the track turns evenly: each waypoint has a tangent (the bisector of its two
+segments), a segment blends the tangents of its ends, and "across the track" is square to the blend. So distance, offset
+and heading are continuous, and ``project`` is the inverse of ``point_at`` wherever the road is not folded.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .checks import Points, check_road, clean_rows, cross, inside, signed_area
+from .road import Road
+
+CCW = "ccw"
+CW = "cw"
+DIRECTIONS = (CCW, CW)
+
+WINDOW_M = 2.0  # how far from the hint a projection may land, along the centre line
+
+_ROWS = 64  # of a track at a time, where each is held against each: memory stays small for 2000
+
+_ROUNDING_M = (
+    1e-9  # a point so little behind a waypoint is abreast of it, or rounding would put it in no segment at all
+)
+
+
+class Projection(NamedTuple):
+    """Where a point is, seen from the track. Distances in metres, angles in radians.
+
+    A named tuple because building a frozen dataclass would take a third of the time of a projection.
+
+    ``distance`` in [0, length) from the finish in driving direction; ``offset`` from the centre line, positive to the
+    left of the driving direction; ``heading`` of the centre line there, from -pi to pi; ``index`` of the segment from
+    waypoint ``index`` to the next.
+    """
+
+    distance: float
+    offset: float
+    heading: float
+    index: int
+
+
+class TrackGeometry:
+    """A closed road, driven in the order of its rows. Build it with :meth:`from_arrays`; nothing changes afterwards.
+
+    ``centre``, ``inner``, ``outer``, ``left``, ``right``: float64 (N, 2), read-only; row 0 is the finish and is not
+    repeated at the end. ``inner`` and ``outer`` are the physical borders (the inner one lies inside the loop),
+    ``left`` and ``right`` the same two by driving direction. ``cumulative``: (N,) metres from the finish.
+    """
+
+    name: str
+    centre: Points
+    inner: Points
+    outer: Points
+    left: Points
+    right: Points
+    cumulative: Points
+    length: float
+    direction: str
+    bounds: tuple[float, float, float, float]
+
+    def __init__(self, name: str, centre: Points, inner: Points, outer: Points) -> None:
+        """Take rows that are already clean and checked; callers outside this module use :meth:`from_arrays`."""
+        put = self.__dict__
+        put["name"] = name
+        for line, rows in (("centre", centre), ("inner", inner), ("outer", outer)):
+            put[line] = _frozen(rows)
+        put["direction"] = CCW if signed_area(centre) > 0 else CW
+        put["left"], put["right"] = (self.inner, self.outer) if self.direction == CCW else (self.outer, self.inner)
+        borders = np.vstack((inner, outer))
+        low, high = borders.min(axis=0), borders.max(axis=0)
+        put["bounds"] = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+        steps = np.roll(centre, -1, axis=0) - centre
+        lengths = np.linalg.norm(steps, axis=1)
+        ends = np.cumsum(lengths)
+        put["length"] = float(ends[-1])
+        put["cumulative"] = _frozen(np.concatenate(([0.0], ends[:-1])))
+        unit = steps / lengths[:, None]
+        tangents = unit + np.roll(unit, 1, axis=0)
+        tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+        normals = np.column_stack((-tangents[:, 1], tangents[:, 0]))
+        put["_left_m"] = _reach(self.centre, normals, self.left).tolist()
+        put["_right_m"] = _reach(self.centre, -normals, self.right).tolist()
+        put["_starts"] = self.cumulative.tolist()
+        put["_segments"] = list(_segments(self, tangents))
+        put["_table"] = _frozen(self._segments)
+        put["_steps"] = _frozen(steps)
+        put["_road"] = Road(self.inner, self.outer)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a track does not change: cannot set {name}")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a track does not change: cannot delete {name}")
+
+    @classmethod
+    def from_arrays(cls, name: str, centre: Any, inner: Any, outer: Any) -> TrackGeometry:
+        """Check three tables of points, each (N, 2) in metres, and build the track.
+
+        The rows may or may not repeat the first point at the end; points that repeat the one before are dropped. Where
+        the columns of the borders are exchanged (the "inner" one outside the loop) they are put right. Raises
+        UserFault with a ``track_...`` code, see :mod:`paddock.geometry.checks`.
+        """
+        centre, inner, outer = clean_rows(centre, inner, outer)
+        check_road(centre, inner, outer)
+        if not inside(outer, inner[0]):
+            inner, outer = outer, inner
+        return cls(name, centre, inner, outer)
+
+    def in_direction(self, direction: str) -> TrackGeometry:
+        """The same road driven ``"ccw"`` or ``"cw"`` from the same finish. Raises ValueError for another word."""
+        if direction not in DIRECTIONS:
+            raise ValueError(f"direction must be one of {DIRECTIONS}, not {direction!r}")
+        if direction == self.direction:
+            return self
+        return TrackGeometry(self.name, *(_reversed(line) for line in (self.centre, self.inner, self.outer)))
+
+    def project(self, x: float, y: float, hint: int | None = None) -> Projection:
+        """The track's view of the point (x, y).
+
+        With ``hint``, the index of the point's last projection, only the track within ``WINDOW_M`` of it is looked at:
+        fast, and right where parts of the track run side by side. Without, the nearest part of the whole track counts.
+        Raises ValueError when the point is not finite.
+        """
+        if hint is not None:
+            segments = self._segments
+            count = len(segments)
+            index = hint % count
+            walked = 0.0
+            while True:
+                ax, ay, ex, ey, tx, ty, ux, uy, along, bend, start, size, reach = segments[index]
+                px = x - ax
+                py = y - ay
+                behind = px * tx + py * ty
+                if behind < 0.0:
+                    if behind < -_ROUNDING_M:
+                        if walked > 0.0 or walked < -WINDOW_M:
+                            break
+                        index = index - 1 if index else count - 1
+                        walked -= size
+                        continue
+                    behind = 0.0
+                slope = px * ux + py * uy - along
+                if behind + slope - bend >= 0.0:
+                    if walked < 0.0 or walked > WINDOW_M:
+                        break
+                    index += 1
+                    if index == count:
+                        index = 0
+                    walked += size
+                    continue
+                # One root in [0, 1) of behind + slope t - bend t^2: where the line across the track meets the point.
+                below = math.sqrt(slope * slope + 4.0 * behind * bend) - slope
+                t = 2.0 * behind / below if below > 0.0 else 0.0
+                tx += t * ux
+                ty += t * uy
+                offset = (tx * (py - t * ey) - ty * (px - t * ex)) / math.sqrt(tx * tx + ty * ty)
+                if -reach <= offset <= reach:
+                    distance = start + t * size
+                    return Projection(distance if distance < self.length else 0.0, offset, math.atan2(ty, tx), index)
+                break
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise ValueError(f"cannot project a point that is not finite: ({x}, {y})")
+        return self._settle(x, y, self._nearest(x, y) if hint is None else self._nearest_about(x, y, hint))
+
+    def point_at(self, distance: float, offset: float = 0.0) -> tuple[float, float, float]:
+        """(x, y, heading) of the point ``offset`` metres to the left of the centre line; ``distance`` wraps round."""
+        index, t = self._place(distance)
+        ax, ay, ex, ey, tx, ty, ux, uy, *_ = self._segments[index]
+        tx += t * ux
+        ty += t * uy
+        scale = offset / math.sqrt(tx * tx + ty * ty)
+        return ax + t * ex - ty * scale, ay + t * ey + tx * scale, math.atan2(ty, tx)
+
+    def points_at(self, distances: Points, offsets: Points | float = 0.0) -> Points:
+        """(N, 2): the points of :meth:`point_at` for many distances at once, to the last bit."""
+        index, t = self._places(distances)
+        ax, ay, ex, ey, tx, ty, ux, uy = self._table[index, :8].T
+        tx = tx + t * ux
+        ty = ty + t * uy
+        scale = offsets / np.sqrt(tx * tx + ty * ty)
+        return np.column_stack((ax + t * ex - ty * scale, ay + t * ey + tx * scale))
+
+    def half_widths_along(self, distances: Points) -> tuple[Points, Points]:
+        """:meth:`half_widths_at` for many distances at once, to the last bit."""
+        index, t = self._places(distances)
+        after = (index + 1) % len(self._starts)
+        left, right = np.array(self._left_m), np.array(self._right_m)
+        return left[index] + t * (left[after] - left[index]), right[index] + t * (right[after] - right[index])
+
+    def half_widths_at(self, distance: float) -> tuple[float, float]:
+        """Metres from the centre line to the left and to the right border, square to the track."""
+        index, t = self._place(distance)
+        after = index + 1 if index + 1 < len(self._starts) else 0
+        left, right = self._left_m, self._right_m
+        return (
+            left[index] + t * (left[after] - left[index]),
+            right[index] + t * (right[after] - right[index]),
+        )
+
+    def width_at(self, distance: float) -> float:
+        """Metres between the borders, square to the track."""
+        left, right = self.half_widths_at(distance)
+        return left + right
+
+    def lane_centre(self, distance: float, lane: str) -> tuple[float, float, float]:
+        """(x, y, heading) half-way between centre line and the ``"inner"`` or ``"outer"`` border (deepracer-simapp)."""
+        if lane not in ("inner", "outer"):
+            raise ValueError(f"lane must be 'inner' or 'outer', not {lane!r}")
+        left, right = self.half_widths_at(distance)
+        on_the_left = (lane == "inner") == (self.direction == CCW)
+        return self.point_at(distance, left / 2 if on_the_left else -right / 2)
+
+    def on_road(self, x: float, y: float) -> bool:
+        """True where (x, y) lies between the borders or on a border line; exact, no hint needed."""
+        return self._road.contains(x, y)
+
+    @property
+    def fingerprint(self) -> str:
+        """sha-256 (hex) of the little-endian float64 bytes of centre, inner and outer: same number, same road."""
+        digest = hashlib.sha256()
+        for line in (self.centre, self.inner, self.outer):
+            digest.update(line.astype("<f8").tobytes())
+        return digest.hexdigest()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values from which :meth:`from_dict` makes the same track to the last bit."""
+        return {"name": self.name, **{line: getattr(self, line).tolist() for line in ("centre", "inner", "outer")}}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> TrackGeometry:
+        """The track that :meth:`to_dict` wrote, checked again like any other: it comes from another process."""
+        return cls.from_arrays(data["name"], data["centre"], data["inner"], data["outer"])
+
+    @classmethod
+    def from_trusted_dict(cls, data: dict[str, Any]) -> TrackGeometry:
+        """As :meth:`from_dict`, without the checks (30 ms): for what :meth:`to_dict` of a checked track wrote and
+        nobody else could touch on its way."""
+        return cls(data["name"], *(np.array(data[line], dtype=np.float64) for line in ("centre", "inner", "outer")))
+
+    def __len__(self) -> int:
+        return len(self._starts)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, TrackGeometry):
+            return NotImplemented
+        return self.name == other.name and self.fingerprint == other.fingerprint
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.fingerprint))
+
+    def __repr__(self) -> str:
+        return f"<TrackGeometry {self.name!r} {self.length:.2f} m {self.direction}, {len(self)} waypoints>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return TrackGeometry, (self.name, np.array(self.centre), np.array(self.inner), np.array(self.outer))
+
+    def _place(self, distance: float) -> tuple[int, float]:
+        """(segment, share of it) at a distance from the finish, which may be negative or more than a lap."""
+        if not math.isfinite(distance):
+            raise ValueError(f"distance must be finite, not {distance}")
+        distance %= self.length
+        index = bisect_right(self._starts, distance) - 1
+        start, size = self._segments[index][10:12]
+        return index, min((distance - start) / size, 1.0)
+
+    def _places(self, distances: Points) -> tuple[np.ndarray, Points]:
+        """:meth:`_place` for many distances."""
+        distances = np.asarray(distances, np.float64) % self.length
+        index = np.searchsorted(self.cumulative, distances, side="right") - 1
+        start, size = self._table[index, 10:12].T
+        return index, np.minimum((distances - start) / size, 1.0)
+
+    def _nearest(self, x: float, y: float) -> int:
+        """Segment of the whole track nearest to the point; the first of equals."""
+        apart = np.array((x, y)) - self.centre
+        steps = self._steps
+        t = np.clip((apart * steps).sum(axis=1) / (steps * steps).sum(axis=1), 0.0, 1.0)
+        apart -= t[:, None] * steps
+        return int((apart * apart).sum(axis=1).argmin())
+
+    def _nearest_about(self, x: float, y: float, hint: int) -> int:
+        """Segment within WINDOW_M of ``hint`` that is nearest to the point; of equals the one nearest to the hint."""
+        count = len(self._segments)
+        best = index = hint % count
+        least, _ = _foot(self._segments[index], x, y)
+        for step in (1, -1):
+            walked, index = 0.0, hint % count
+            while walked < WINDOW_M:
+                index = (index + step) % count
+                square, _ = _foot(self._segments[index], x, y)
+                if square < least:
+                    least, best = square, index
+                walked += self._segments[index][11]
+        return best
+
+    def _settle(self, x: float, y: float, nearest: int) -> Projection:
+        """Projection of a point whose nearest segment is known: across the blended direction where that is near the
+        nearest point, else (inside a corner tighter than the point is far) the nearest point itself."""
+        square, foot = _foot(self._segments[nearest], x, y)
+        limit = 1.2 * math.sqrt(square) + 0.02
+        count = len(self._segments)
+        for index in (nearest, (nearest - 1) % count, (nearest + 1) % count):
+            t = _root(self._segments[index], x, y)
+            if t is not None:
+                found = self._seen_from(index, t, x, y)
+                if abs(found.offset) <= limit:
+                    return found
+        found = self._seen_from(nearest, foot, x, y)
+        return Projection(found.distance, math.copysign(math.sqrt(square), found.offset), found.heading, found.index)
+
+    def _seen_from(self, index: int, t: float, x: float, y: float) -> Projection:
+        ax, ay, ex, ey, tx, ty, ux, uy, _, _, start, size, _ = self._segments[index]
+        tx += t * ux
+        ty += t * uy
+        offset = (tx * (y - ay - t * ey) - ty * (x - ax - t * ex)) / math.sqrt(tx * tx + ty * ty)
+        distance = start + t * size
+        return Projection(distance if distance < self.length else 0.0, offset, math.atan2(ty, tx), index)
+
+
+_Segment = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float]
+
+
+def _segments(track: TrackGeometry, tangents: Points) -> Iterator[_Segment]:
+    """One tuple a segment: start, step, tangent, change of tangent, step . tangent, step . change, distance, length,
+    and how far to the side a point may be for the quick answer (the road's edge)."""
+    count = len(track.centre)
+    wide = np.maximum(track._left_m, track._right_m)
+    for index in range(count):
+        after = (index + 1) % count
+        (ax, ay), (bx, by) = track.centre[index].tolist(), track.centre[after].tolist()
+        (tx, ty), (nx, ny) = tangents[index].tolist(), tangents[after].tolist()
+        ex, ey, ux, uy = bx - ax, by - ay, nx - tx, ny - ty
+        size = (track._starts[after] if after else track.length) - track._starts[index]
+        reach = float(max(wide[index], wide[after]))
+        yield ax, ay, ex, ey, tx, ty, ux, uy, ex * tx + ey * ty, ex * ux + ey * uy, track._starts[index], size, reach
+
+
+def _root(segment: _Segment, x: float, y: float) -> float | None:
+    """Share of the segment in [0, 1) whose line across the track meets the point, None where none does."""
+    ax, ay, _, _, tx, ty, ux, uy, along, bend, *_ = segment
+    behind = (x - ax) * tx + (y - ay) * ty
+    slope = (x - ax) * ux + (y - ay) * uy - along
+    if behind < -_ROUNDING_M or behind + slope - bend >= 0.0:
+        return None
+    behind = max(behind, 0.0)
+    below = math.sqrt(slope * slope + 4.0 * behind * bend) - slope
+    return 2.0 * behind / below if below > 0.0 else 0.0
+
+
+def _foot(segment: _Segment, x: float, y: float) -> tuple[float, float]:
+    """(squared distance of the point from the segment, share of the segment at the nearest point in [0, 1])."""
+    ax, ay, ex, ey = segment[:4]
+    px, py = x - ax, y - ay
+    t = min(max((px * ex + py * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+    px -= t * ex
+    py -= t * ey
+    return px * px + py * py, t
+
+
+def _reach(centre: Points, across: Points, border: Points) -> Points:
+    """Metres from each centre point along ``across`` (unit vectors) to the border; (N,).
+
+    The rows of some files are not square to the track (AWS_track: border points 2 m apart on a road of 0.6 m), so the
+    true width is measured. Where the line across misses the border at a tight corner (and meets it much farther away
+    or never) the row's own border point counts.
+    """
+    step = np.roll(border, -1, axis=0) - border
+    result = np.linalg.norm(border - centre, axis=1)
+    for first in range(0, len(centre), _ROWS):
+        part = slice(first, first + _ROWS)
+        rays = across[part, None]
+        apart = border - centre[part, None]
+        turn = cross(rays, step)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = cross(apart, step) / turn
+            share = cross(apart, rays) / turn
+        near = along < 1.2 * result[part, None] + 0.05
+        hits = (turn != 0) & (share >= 0) & (share <= 1) & (along > 0) & near
+        least = np.where(hits, along, np.inf).min(axis=1)
+        result[part] = np.where(hits.any(axis=1), least, result[part])
+    return result
+
+
+def _reversed(line: Points) -> Points:
+    return np.concatenate((line[:1], line[:0:-1]))
+
+
+def _frozen(rows: Points) -> Points:
+    rows = np.array(rows, dtype=np.float64, order="C")
+    rows.flags.writeable = False
+    return rows

@@ -1,0 +1,102 @@
+"""The arithmetic of sizes that torch writes in front of Pad, Expand and Resize, done once and for all.
+
+``F.pad`` and ``Tensor.expand`` become a dozen operations on a handful of whole numbers; shape inference does not follow
+them all, and a car need not do them in every step. Only networks with one of the operators in :data:`SIZED` are
+touched: none such was accepted before, and all others keep their form to the last byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from paddock.network.canonical import Network, canonicalise
+from paddock.network.model import DTYPES, Model, Node
+
+SIZED = {"ConstantOfShape", "Expand", "Pad", "Resize"}
+_MOST = 64  # numbers in one value
+
+
+def fold_sizes(network: Network) -> Network:
+    """The network with every small value of whole numbers that hangs on no sensor computed; the very same if it has
+    none of :data:`SIZED`."""
+    if not any(node.op in SIZED for node in network.nodes):
+        return network
+    left = []
+    for node in network.nodes:
+        result = _computed(node, network.weights)
+        if result is None:
+            left.append(node)
+        else:
+            network.weights[node.outputs[0]] = result
+    if len(left) == len(network.nodes):
+        return network
+    return canonicalise(Model(network.opset, left, network.weights, network.inputs, [network.output]))
+
+
+def _computed(node: Node, weights: dict[str, np.ndarray]) -> np.ndarray | None:
+    """The node's only output, if it is small and known; else None, and the node stays as it is."""
+    function = _FUNCTIONS.get(node.op)
+    values = [weights.get(name) for name in node.inputs]
+    if function is None or not values or len(node.outputs) != 1:
+        return None
+    if any(value is None or value.size > _MOST or value.dtype.kind not in "ib" for value in values):
+        return None
+    try:
+        result = np.asarray(function(node, *values))
+    except (ValueError, IndexError, TypeError, OverflowError, KeyError):
+        return None  # sizes that do not fit: shape inference says so in its own words
+    return result if result.size <= _MOST and result.dtype.kind in "ib" else None
+
+
+def _constant_of_shape(node: Node, shape: np.ndarray) -> np.ndarray:
+    value = node.attributes.get("value", np.zeros(1, np.float32))
+    if shape.ndim != 1 or (shape < 0).any() or np.prod(shape.astype(float)) > _MOST:
+        raise ValueError
+    return np.full(tuple(shape), value.reshape(-1)[0], value.dtype)
+
+
+def _slice(_node: Node, data: np.ndarray, starts: np.ndarray, ends: np.ndarray, *more: np.ndarray) -> np.ndarray:
+    axes = more[0] if more else np.arange(starts.size)
+    steps = more[1] if len(more) > 1 else np.ones(starts.size, np.int64)
+    places = [slice(None)] * data.ndim
+    for start, end, axis, step in zip(starts, ends, axes, steps, strict=True):
+        last = int(end) if step > 0 or end >= -data.shape[axis] else None  # before the first: to the very beginning
+        places[axis] = slice(int(start), last, int(step))
+    return data[tuple(places)]
+
+
+def _reshape(_node: Node, data: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    wanted = [data.shape[place] if size == 0 else int(size) for place, size in enumerate(shape)]
+    return data.reshape(wanted)
+
+
+def _unsqueeze(node: Node, data: np.ndarray, *axes: np.ndarray) -> np.ndarray:
+    return np.expand_dims(data, tuple(int(axis) for axis in (axes[0] if axes else node.attributes["axes"])))
+
+
+def _squeeze(node: Node, data: np.ndarray, *axes: np.ndarray) -> np.ndarray:
+    given = axes[0] if axes else node.attributes.get("axes")
+    return np.squeeze(data, None if given is None else tuple(int(axis) for axis in given))
+
+
+_FUNCTIONS: dict[str, Callable[..., np.ndarray]] = {
+    "ConstantOfShape": _constant_of_shape,
+    "Slice": _slice,
+    "Reshape": _reshape,
+    "Unsqueeze": _unsqueeze,
+    "Squeeze": _squeeze,
+    "Concat": lambda node, *parts: np.concatenate(parts, node.attributes["axis"]),
+    "Gather": lambda node, data, places: np.take(data, places, node.attributes.get("axis", 0)),
+    "Transpose": lambda node, data: np.transpose(data, node.attributes.get("perm")),
+    "Cast": lambda node, data: data.astype(DTYPES[node.attributes["to"]]),
+    "Shape": lambda node, data: np.array(data.shape, np.int64)[
+        node.attributes.get("start") : node.attributes.get("end")
+    ],
+    "Add": lambda _node, one, other: one + other,
+    "Sub": lambda _node, one, other: one - other,
+    "Mul": lambda _node, one, other: one * other,
+    "Equal": lambda _node, one, other: one == other,
+    "Where": lambda _node, is_so, one, other: np.where(is_so, one, other),
+}

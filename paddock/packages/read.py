@@ -1,0 +1,255 @@
+"""From uploaded files to a network's bytes and its metadata's bytes: bounded, by content, nothing extracted to disk.
+
+What a file is, :mod:`.kinds` says; which files of an archive are the car, :mod:`.choose` does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+from paddock.errors import UserFault
+
+from . import choose, kinds
+from .archive_tar import TarArchive, gzip_chunks, plain_chunks
+from .archive_zip import ZipArchive
+from .kinds import ONNX, SB3, TENSORFLOW, network_kind
+from .limits import DEFAULT_LIMITS, PackageLimits
+
+__all__ = ["ONNX", "SB3", "TENSORFLOW", "RawPackage", "UploadPart", "network_kind", "read_upload"]
+
+_CHUNK = 64 * 1024
+_NETWORK, _METADATA, _WEIGHTS = "network", "metadata", "weights"
+
+
+@dataclass(frozen=True)
+class UploadPart:
+    """One uploaded file. ``name`` is the sender's; of it only the ending counts, and only for weights beside an ONNX
+    file: all others are told apart by content. An archive's ``stream`` must be seekable."""
+
+    name: str
+    stream: BinaryIO
+
+
+@dataclass(frozen=True)
+class RawPackage:
+    """What was in the upload, unread. ``kind`` is one of :mod:`.kinds`: a GraphDef, an ONNX file, or the
+    ``policy.pth`` of stable-baselines3."""
+
+    kind: str
+    model: bytes
+    metadata_json: bytes
+    source_sha256: str  # of the file as sent; of the digests of its parts when they came as several files
+    weights: dict[str, bytes] = field(default_factory=dict)  # files beside an ONNX file that may hold its weights
+    # what the racer is told
+    taken: str = field(default="", compare=False)  # the network's name in the archive
+    reason: str = field(default="", compare=False)  # why this checkpoint: a word of :mod:`.choose`
+    ignored: tuple[str, ...] = field(default=(), compare=False)  # files of the archive that were not needed
+
+
+class _Metered:
+    """A stream that counts, hashes and stops at the upload's limit (shared by all parts)."""
+
+    def __init__(self, part: UploadPart, meter: _Meter) -> None:
+        self.name = part.name
+        self.stream = part.stream
+        self._meter = meter
+        self.digest = hashlib.sha256()
+
+    def read(self, size: int) -> bytes:
+        chunk = self.stream.read(size)
+        self._meter.add(len(chunk))
+        self.digest.update(chunk)
+        return chunk
+
+    def read_exactly(self, size: int) -> bytes:
+        """``size`` bytes, or fewer at the end of the stream."""
+        parts, missing = [], size
+        while missing and (chunk := self.read(missing)):
+            parts.append(chunk)
+            missing -= len(chunk)
+        return b"".join(parts)
+
+    def read_all(self, head: bytes, limit: int) -> bytes:
+        """``head`` and the rest of the stream; where that is more than ``limit``, only somewhat more than it."""
+        whole = io.BytesIO()  # gives its bytes away without a copy
+        whole.write(head)
+        while whole.tell() <= limit and (chunk := self.read(_CHUNK)):
+            whole.write(chunk)
+        return whole.getvalue()
+
+    def exhaust(self) -> None:
+        """Read to the end, for the meter and the digest."""
+        while self.read(_CHUNK):
+            pass
+
+
+class _Meter:
+    def __init__(self, limits: PackageLimits) -> None:
+        self._left = limits.upload_bytes
+        self._limits = limits
+
+    def add(self, size: int) -> None:
+        self._left -= size
+        if self._left < 0:
+            raise UserFault("too_large", limit_mb=self._limits.upload_bytes >> 20)
+
+
+def read_upload(
+    files: Sequence[UploadPart], limits: PackageLimits = DEFAULT_LIMITS, *, checkpoint: str = ""
+) -> RawPackage:
+    """Read one archive (.tar.gz, .tar, .zip), with ``model_metadata.json`` beside it if it has none; or loose files: a
+    network, its metadata, and the weights of an ONNX file that keeps them outside.
+
+    ``checkpoint``: which one of a training's folder, see :func:`.choose.choose`. Memory stays below twice the network's
+    size. Raises UserFault with a code of the upload section.
+    """
+    if not files:
+        raise UserFault("empty")
+    if len(files) > limits.parts:
+        raise UserFault("upload_parts")
+    meter = _Meter(limits)
+    parts = [_Metered(part, meter) for part in files]
+    heads = [part.read_exactly(kinds.HEAD) for part in parts]
+    if not all(heads):
+        raise UserFault("empty")
+    roles = _roles(parts, heads)
+    if any(role in kinds.ARCHIVES for role in roles):
+        return _read_packed(roles, parts, heads, limits, checkpoint)
+    return _read_loose(roles, parts, heads, limits)
+
+
+def _roles(parts: list[_Metered], heads: list[bytes]) -> list[str]:
+    """What each part is: an archive's kind, or what a loose file is for."""
+    roles = []
+    said = [kinds.sniff(head) for head in heads]
+    named = [kinds.is_weights_file(part.name) for part in parts]
+    # beside a network only: alone or with its metadata, a file of such a name is the network
+    accompany = any(not is_named and kind != kinds.JSON for is_named, kind in zip(named, said, strict=True))
+    for is_named, kind in zip(named, said, strict=True):
+        if is_named and accompany:
+            roles.append(_WEIGHTS)
+        elif kind in kinds.ARCHIVES:
+            roles.append(kind)
+        else:
+            roles.append(_METADATA if kind == kinds.JSON else _NETWORK)
+    return roles
+
+
+def _read_packed(
+    roles: list[str], parts: list[_Metered], heads: list[bytes], limits: PackageLimits, checkpoint: str
+) -> RawPackage:
+    """One archive, and perhaps the metadata that it lacks."""
+    if roles not in ([roles[0]], [roles[0], _METADATA], [_METADATA, roles[-1]]):
+        raise UserFault("upload_parts")
+    place = 1 if roles[0] == _METADATA else 0
+    part, head = parts[place], heads[place]
+    archive = _open(roles[place], head, part, limits)
+    part.exhaust()  # whatever follows the archive counts and is part of the digest
+    choice = choose.choose(archive.sizes, lambda name: archive.read([name])[name], limits, checkpoint)
+    names = [choice.network, *choice.weights]
+    if sum(archive.sizes[name] for name in names) > limits.model_bytes:
+        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+    beside = len(parts) == 2
+    if choice.metadata is not None:
+        if beside:
+            raise UserFault("upload_parts")
+        if archive.sizes[choice.metadata] > limits.metadata_bytes:
+            raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+        names.append(choice.metadata)
+    members = archive.read(names)
+    metadata = members.get(choice.metadata or "")
+    digest = part.digest.hexdigest()
+    if beside:
+        metadata = parts[1 - place].read_all(heads[1 - place], limits.metadata_bytes)
+        digest = _joint_digest(bytes.fromhex(digest), hashlib.sha256(metadata).digest())
+    ignored = tuple(name for name in archive.sizes if name not in names)
+    return _package(
+        members[choice.network],
+        metadata,
+        limits,
+        source_sha256=digest,
+        weights={name.rsplit("/", 1)[-1]: members[name] for name in choice.weights},
+        taken=choice.network,
+        reason=choice.reason,
+        kind=choice.kind,
+        ignored=ignored,
+    )
+
+
+class _Early:
+    is_network = staticmethod(choose.is_network)
+    is_wanted = staticmethod(choose.is_wanted_early)
+
+
+def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> TarArchive | ZipArchive:
+    if kind == kinds.ZIP:
+        part.exhaust()
+        return ZipArchive(part.stream, limits)
+    unpack = gzip_chunks if kind == kinds.GZIP else plain_chunks
+
+    def again() -> Iterator[bytes]:
+        part.stream.seek(0)
+        return unpack(part.stream.read(kinds.HEAD), part.stream, limits)
+
+    return TarArchive(unpack(head, part, limits), again, limits, _Early)
+
+
+def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], limits: PackageLimits) -> RawPackage:
+    """Loose files: a network, its metadata, the weights beside it."""
+    if max(roles.count(_NETWORK), roles.count(_METADATA)) > 1:
+        raise UserFault("upload_parts")
+    found: dict[str, bytes] = {}
+    weights: dict[str, bytes] = {}
+    left = limits.model_bytes
+    for role, part, head in zip(roles, parts, heads, strict=True):
+        if role == _NETWORK and network_kind(head) is None:
+            raise UserFault("torch_file" if kinds.is_pickle(head) else "not_a_model")
+        content = part.read_all(head, limits.metadata_bytes if role == _METADATA else left)
+        if role == _METADATA:
+            found[role] = content
+            continue
+        left -= len(content)
+        if left < 0:
+            part.exhaust()  # what is beyond the upload's limit too is told so
+            raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+        if role == _NETWORK:
+            found[role] = content
+        else:
+            name = part.name.replace("\\", "/").rsplit("/", 1)[-1]
+            if name in weights:
+                raise UserFault("upload_parts")
+            weights[name] = content
+    digests = [hashlib.sha256(found.get(role, b"")).digest() for role in (_NETWORK, _METADATA)]
+    digests += [hashlib.sha256(weights[name]).digest() for name in sorted(weights)]
+    return _package(
+        found.get(_NETWORK), found.get(_METADATA), limits, source_sha256=_joint_digest(*digests), weights=weights
+    )
+
+
+def _joint_digest(*digests: bytes) -> str:
+    return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+def _package(
+    model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", **rest: object
+) -> RawPackage:
+    if kind == SB3:
+        if metadata is None:
+            raise UserFault("sb3_metadata_missing")
+    elif model is not None:
+        kind = network_kind(model)
+        if kind is None:
+            raise UserFault("not_a_model") if model else UserFault("empty")
+        if rest["weights"] and kind != ONNX:
+            raise UserFault("upload_parts")
+    if metadata is None:
+        raise UserFault("metadata_missing" if model is not None else "model_missing")
+    if len(metadata) > limits.metadata_bytes:
+        raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+    if model is None:
+        raise UserFault("model_missing")
+    return RawPackage(kind, model, metadata, **rest)

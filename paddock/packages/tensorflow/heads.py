@@ -1,0 +1,33 @@
+"""Which tensor of a frozen graph is the policy, and how its values become actions.
+
+RL-Coach ends the graph in ``<network>/ppo_head_0/policy`` (softmax over the actions, or the mean of a normal
+distribution) or in ``<network>/sac_policy_head_0/policy`` (the mean before squashing). Source: deepracer-simapp,
+markov/boto/s3/constants.py (FROZEN_HEAD_OUTPUT_GRAPH_FORMAT_MAPPING) and
+markov/multi_agent_coach/architectures/tensorflow_components/heads/sac_head.py: the SAC car drives
+``scale * tanh(mean) + bias``, which is tanh followed by the linear scaling to low and high.
+"""
+
+from __future__ import annotations
+
+from paddock.errors import UserFault
+
+from .graph import Graph, Node
+
+_PPO, _SAC = "ppo_head_0/policy", "sac_policy_head_0/policy"
+
+
+def find_policy(graph: Graph) -> tuple[Node, bool]:
+    """The policy's node, and whether tanh must follow it. Raises UserFault ``graph_output``.
+
+    Found by the end of its name, because the scope before it differs between versions (``agent``, ``agent_0``); in a
+    graph without such a name, the only node that nobody reads.
+    """
+    for suffix, squashed in ((_SAC, True), (_PPO, False)):
+        found = [node for name, node in graph.nodes.items() if name == suffix or name.endswith("/" + suffix)]
+        if len(found) == 1:
+            return found[0], squashed
+        if found:
+            raise UserFault("graph_output")
+    if len(graph.sinks) != 1:
+        raise UserFault("graph_output")
+    return graph.sinks[0], False

@@ -1,0 +1,147 @@
+"""From a network's output to a command: the action space of ``model_metadata.json``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from paddock.errors import UserFault
+
+from .physics import PADDOCK_CAR
+
+DISCRETE = "discrete"
+CONTINUOUS = "continuous"
+_STEERING_DIGITS, _SPEED_DIGITS = 2, 3  # of a continuous action
+_STEPS = (10.0**-_STEERING_DIGITS, 10.0**-_SPEED_DIGITS)
+_SLACK = 1e-6  # of a step, for the roundings of float64 itself
+
+
+class Action(NamedTuple):
+    """A command to the car. ``index`` is the place in a discrete list, None for a continuous space."""
+
+    steering_deg: float  # positive is left
+    speed_mps: float
+    index: int | None
+
+
+@dataclass(frozen=True)
+class ActionSpace:
+    """A discrete list of (steering in degrees, speed in m/s), or the (low, high) ranges of both."""
+
+    kind: str
+    actions: tuple[tuple[float, float], ...] = ()
+    steering: tuple[float, float] = (0.0, 0.0)
+    speed: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> ActionSpace:
+        """The action space of a metadata file that is already checked (numbers may be strings, as in real files).
+
+        Raises ValueError or KeyError for one that is not.
+        """
+        space = metadata["action_space"]
+        if metadata.get("action_space_type", DISCRETE) == CONTINUOUS:
+            return cls.continuous(
+                *((float(space[key]["low"]), float(space[key]["high"])) for key in ("steering_angle", "speed"))
+            )
+        return cls.discrete([(float(action["steering_angle"]), float(action["speed"])) for action in space])
+
+    @classmethod
+    def discrete(cls, actions: Sequence[tuple[float, float]]) -> ActionSpace:
+        """A list of (steering in degrees, speed in m/s)."""
+        if not actions:
+            raise ValueError("a discrete action space needs at least one action")
+        commands = (_within_limits(*action) for action in actions)
+        return cls(DISCRETE, actions=tuple((round(steering, 4) + 0.0, round(speed, 4)) for steering, speed in commands))
+
+    @classmethod
+    def continuous(cls, steering: tuple[float, float], speed: tuple[float, float]) -> ActionSpace:
+        """Ranges (low, high) of steering in degrees and of speed in m/s."""
+        for low, high in (steering, speed):
+            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+                raise ValueError(f"a range needs low < high, not {low} and {high}")
+        return cls(CONTINUOUS, steering=steering, speed=speed)
+
+    @property
+    def size(self) -> int:
+        """How many values a network must answer."""
+        return len(self.actions) if self.kind == DISCRETE else 2
+
+    @property
+    def ranges(self) -> list[list[float]] | None:
+        """What :func:`is_clear` needs to know, in plain JSON values: the ranges, or None for a list of actions."""
+        return None if self.kind == DISCRETE else [list(self.steering), list(self.speed)]
+
+    def decode(self, output: np.ndarray, step: int = 0) -> Action:
+        """The command in a network's ``output`` (any shape with ``size`` values).
+
+        Discrete: the first of the greatest scores. Continuous: clipped to [-1, 1], scaled to the ranges
+        (deepracer-simapp, multi_agent_coach/action_space_configs.py), clipped to what the car can do, and rounded to
+        0.01 degrees and 0.001 m/s, far finer than a servo. Raises UserFault("non_finite_action"), which names ``step``;
+        ValueError for a wrong size.
+        """
+        values = np.asarray(output).reshape(-1).tolist()  # so few numbers are looked at faster without numpy
+        if len(values) != self.size:
+            raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
+        if not all(map(math.isfinite, values)):
+            raise UserFault("non_finite_action", step=step)
+        if self.kind == DISCRETE:
+            index = values.index(max(values))
+            return Action(*self.actions[index], index)
+        return Action(*_continuous(values, (self.steering, self.speed)), None)
+
+
+def is_clear(values: Sequence[float], bound: float, ranges: Sequence[Sequence[float]] | None) -> bool:
+    """Whether every answer that is nowhere farther than ``bound`` from ``values`` is the same command.
+
+    ``ranges``: those of :attr:`ActionSpace.ranges`. False for values that are not finite.
+    """
+    if not all(map(math.isfinite, values)):
+        return False
+    if ranges is None:
+        best = max(values)
+        place = values.index(best)
+        others = (*values[:place], *values[place + 1 :])
+        return not others or best - max(others) > 2 * bound
+    for value, (low, high), finest in zip(values, ranges, _STEPS, strict=True):
+        beyond = abs(value) - 1.0
+        if beyond > bound:  # all of them are clipped to the same end
+            continue
+        step = 0.5 * (high - low) / finest  # what 1 of an answer is, in steps of the command
+        place = (low / finest + (value + 1.0) * step) % 1.0
+        # commands change half-way between two steps; to what the car can do they are clipped at whole steps
+        if abs(place - 0.5) <= bound * step + _SLACK:
+            return False
+    return True
+
+
+def _continuous(values: Sequence[float], ranges: Sequence[Sequence[float]]) -> tuple[float, float]:
+    """Steering in degrees and speed in m/s that two values of a continuous space mean."""
+    steering, speed = (_scale(value, limits) for value, limits in zip(values, ranges, strict=True))
+    steering, speed = _within_limits(steering, speed)
+    # once: a rounding to more digits before it would move where commands change, see is_clear
+    return round(steering, _STEERING_DIGITS) + 0.0, round(speed, _SPEED_DIGITS)
+
+
+def _scale(value: float, limits: Sequence[float]) -> float:
+    """``value``, clipped to [-1, 1], on the way from the low to the high limit."""
+    low, high = limits
+    if value < -1.0:
+        value = -1.0
+    elif value > 1.0:
+        value = 1.0
+    return low + (value + 1.0) / 2.0 * (high - low)
+
+
+def _within_limits(steering_deg: float, speed: float) -> tuple[float, float]:
+    """Clip to what the car can do. Raises ValueError for what is not finite."""
+    limit = PADDOCK_CAR.max_steering_deg
+    steering_deg = min(max(float(steering_deg), -limit), limit)
+    speed = min(max(float(speed), PADDOCK_CAR.min_speed), PADDOCK_CAR.max_speed)
+    if not (math.isfinite(steering_deg) and math.isfinite(speed)):
+        raise ValueError("steering and speed must be finite")
+    return steering_deg, speed

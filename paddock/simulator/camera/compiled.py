@@ -1,0 +1,81 @@
+"""The camera's C function: how it is compiled, and how it is found again.
+
+It needs a C compiler and nothing else, no header of Python's or of the C library. ``pip install`` compiles it where it
+can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.camera.compiled``, which needs no package
+at all. Where it is missing, or was made of another source than the one beside it, pictures are drawn by numpy: the
+same to the bit, and many times slower.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+SOURCE = Path(__file__).parent / "warp.c"
+# One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
+LIBRARY = SOURCE.with_name(f"warp-{sys.platform}-{platform.machine()}.so")
+
+_FLAGS = ["-O3", "-fwrapv", "-ffreestanding", "-fPIC", "-shared"]
+if sys.platform == "linux":
+    _FLAGS.append("-nostdlib")
+if platform.machine() in ("x86_64", "AMD64"):
+    _FLAGS.append("-msse4.1")  # part of x86-64-v2, which numpy asks for too
+_COMPILERS = ("cc", "gcc", "clang")
+_PATIENCE_S = 60.0
+
+
+def identity() -> str:
+    """What a library must have been made of: sha-256 (hex) of the source and the flags. Raises OSError."""
+    return hashlib.sha256(SOURCE.read_bytes() + "\0".join(_FLAGS).encode()).hexdigest()
+
+
+def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
+    """The library, or None where there is none of this source and these flags. In a sandbox: before the lock."""
+    try:
+        found = ctypes.CDLL(str(library))
+        made_of = (ctypes.c_char * 65).in_dll(found, "paddock_identity").value.decode("ascii", "replace")
+        return found if made_of == identity() else None
+    except (OSError, ValueError):  # no such file, not a library of this system; no such symbol
+        return None
+
+
+def build(library: Path = LIBRARY) -> None:
+    """Compile the source. A process that uses the file it replaces goes on with the old one.
+
+    Raises OSError where there is no compiler or the folder is read-only, RuntimeError with what the compiler said."""
+    compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, _COMPILERS)), None)
+    if compiler is None:
+        raise OSError(f"no C compiler: none of {', '.join(_COMPILERS)}")
+    with tempfile.TemporaryDirectory(dir=library.parent, prefix=".warp-") as folder:
+        made = Path(folder) / library.name
+        command = [*compiler.split(), *_FLAGS, f'-DIDENTITY="{identity()}"', "-o", str(made), str(SOURCE)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S)
+        except subprocess.TimeoutExpired as error:
+            raise RuntimeError(f"{compiler} did not end within {_PATIENCE_S:.0f} s") from error
+        if done.returncode or load(made) is None:
+            raise RuntimeError(f"{compiler} failed: {done.stderr.strip() or 'it made no library'}")
+        made.chmod(0o755)
+        os.replace(made, library)
+
+
+def main() -> int:
+    """Compile where that is wanting. Exit status 1 where it cannot be done."""
+    if load() is None:
+        try:
+            build()
+        except (OSError, RuntimeError) as error:
+            print(f"The camera's pictures are drawn slowly here: {error}", file=sys.stderr)
+            return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

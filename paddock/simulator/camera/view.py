@@ -1,0 +1,151 @@
+"""The picture: ground, walls and sky in perspective, then the solids that stand before them.
+
+Ground and sky are pictures of level planes that end at the walls of the hall, and outside of them lies the walls' grey:
+a wall is where a ray leaves the hall before it meets the plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from paddock.geometry.track import TrackGeometry
+
+from ..solids import Solid
+from .blocks import NEAR_M as NEAR_M
+from .blocks import BlockPainter
+from .optics import FRONT_CAMERA, Optics
+from .texture import Bounds, Level, draw_ground
+from .theme import OFFICIAL, Theme
+from .warp import FRACTION, HALF_WEIGHT, Strip, Warp, best_warp
+
+if TYPE_CHECKING:  # a camera needs no physics
+    from ..car import Pose
+
+_REDUCTIONS = (1, 2, 4)
+_ONE = float(1 << FRACTION)
+_FARTHEST_M = 1e6  # from there on there is nothing but wall anyway; a line's numbers stay small enough
+_SKY_M = 0.1  # a pixel of the sky, about: its edge is smooth
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that a camera can see of an empty track: the ground's levels (finest first), the sky and the hall."""
+
+    theme: Theme
+    levels: tuple[Level, ...]
+    sky: Level
+    walls: Bounds
+
+    @classmethod
+    def of(cls, track: TrackGeometry, theme: Theme = OFFICIAL) -> Scene:
+        """Draw the scene of a track; takes some ten milliseconds."""
+        xmin, ymin, xmax, ymax = track.bounds
+        margin = theme.field_margin
+        hall = (xmin - margin, ymin - margin, xmax + margin, ymax + margin)
+        across, up = (max(1, round(side / _SKY_M)) for side in (hall[2] - hall[0], hall[3] - hall[1]))
+        sky = Level(np.full((up, across), theme.sky, np.uint8), hall)
+        return cls(theme, draw_ground(track, theme, hall, _REDUCTIONS), sky, hall)
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Rows drawn from one picture. ``doublings``: far rows cover much ground lengthwise, and one sample of it would
+    sparkle; so each is the mean of 2^doublings rows that share its height."""
+
+    first: int
+    last: int  # one past
+    level: Level
+    level_m: float
+    doublings: int
+
+    @property
+    def strip(self) -> Strip:
+        return Strip(self.level.pixels, self.first, self.last, self.doublings)
+
+    def terms(self, optics: Optics) -> np.ndarray:
+        """(lines, 4, 4): each of a line's four numbers, see :class:`.warp.Warp`, is the sum of these, times (cosine
+        and sine of the car's heading, its x or its y, 1)."""
+        to_level, samples = self.level.from_ground(), 1 << self.doublings
+        (across, _, column), (_, up, row) = (to_level[:2] * _ONE).tolist()
+        column, row = column + HALF_WEIGHT, row + HALF_WEIGHT
+        terms = []
+        for number in range(self.strip.lines):
+            ahead, left, step = optics.line_of_row(self.first + (number + 0.5) / samples - 0.5, self.level_m)
+            terms.append(
+                (
+                    (across * ahead, -across * left, across, column),
+                    (up * left, up * ahead, up, row),
+                    (0.0, -across * step, 0.0, 0.0),
+                    (up * step, 0.0, 0.0, 0.0),
+                )
+            )
+        return np.array(terms).reshape(-1, 4, 4)
+
+
+class Camera:
+    """Draws what a camera on the car sees. The car does not roll or pitch: it has no suspension.
+
+    Ground, walls and sky are whole numbers once the lines are known, and those are sums of products of doubles in a
+    fixed order: with the same cosine and sine, every processor draws the same. ``warp``: other than the fastest way."""
+
+    def __init__(self, scene: Scene, optics: Optics = FRONT_CAMERA, warp: type[Warp] | None = None) -> None:
+        bands = _bands(scene, optics)
+        self._warp = (warp or best_warp())([band.strip for band in bands], optics.columns, scene.theme.wall)
+        # (4 numbers of a line, lines) for each of the four terms; a place moves the starts alone
+        terms = np.concatenate([band.terms(optics) for band in bands]).transpose(2, 1, 0)
+        self._by_cos, self._by_sin = terms[0].copy(), terms[1].copy()
+        self._by_place, self._fixed = terms[2, :2].copy(), terms[3, :2].copy()
+        self._place = np.empty((2, 1))
+        self._sums, self._products, self._moved = (np.empty(part.shape) for part in (terms[0], terms[1], terms[2, :2]))
+        self._starts = self._sums[:2]
+        self._painter = BlockPainter(scene.theme, optics)
+
+    def render(self, pose: Pose, solids: Sequence[Solid] = ()) -> np.ndarray:
+        """The grey frame, uint8 (rows, columns), a fresh array. ``solids`` hide each other and the ground by distance;
+        one that the camera is inside of is not seen, as its faces look outwards.
+
+        Raises ValueError for a pose that is not finite."""
+        x, y, yaw = pose.x, pose.y, pose.yaw  # of anything that has them, as pictures of sensors do
+        if not math.isfinite(x + y + yaw):
+            raise ValueError(f"nothing is seen from ({x}, {y}, {yaw})")
+        self._look(x, y, yaw)
+        self._warp.draw()
+        frame = self._warp.frame.copy()
+        if solids:
+            self._painter.paint(frame, x, y, yaw, solids)
+        return frame
+
+    def _look(self, x: float, y: float, yaw: float) -> None:
+        """Write down the warp's lines. Product by product and sum by sum: what multiplies and adds in one step, as
+        matrix products do on some processors, rounds otherwise."""
+        sums, products, moved, starts, place = self._sums, self._products, self._moved, self._starts, self._place
+        place[0, 0] = min(max(x, -_FARTHEST_M), _FARTHEST_M)
+        place[1, 0] = min(max(y, -_FARTHEST_M), _FARTHEST_M)
+        np.multiply(self._by_cos, math.cos(yaw), sums)
+        np.multiply(self._by_sin, math.sin(yaw), products)
+        np.add(sums, products, sums)
+        np.multiply(self._by_place, place, moved)
+        np.add(moved, self._fixed, moved)
+        np.add(starts, moved, starts)
+        np.rint(sums, sums)
+        self._warp.lines[:] = sums
+
+
+def _bands(scene: Scene, optics: Optics) -> list[_Band]:
+    fine, middle, coarse = scene.levels
+    scale = optics.rows / 120
+    first = math.floor(optics.horizon) + 1  # row that shows ground; it may lie outside of the frame
+    horizon, far, near = (
+        min(max(row, 0), optics.rows) for row in (first, first + round(10 * scale), first + round(26 * scale))
+    )
+    return [
+        _Band(0, horizon, scene.sky, scene.theme.wall_height, 0),
+        _Band(horizon, far, coarse, 0.0, 2),
+        _Band(far, near, middle, 0.0, 1),
+        _Band(near, optics.rows, fine, 0.0, 0),
+    ]

@@ -1,0 +1,182 @@
+"""One car through one episode after another: what a single environment and each car of many have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from paddock.errors import UserFault
+
+from ..action import DISCRETE, Action
+from ..contestant import Contestant
+from ..race import lap_results
+from ..referee import LAPS_DONE
+from ..rewards import Objects, reward_params
+from ..stage import Stage
+from ..trace import TIME_UP
+from ..world import World
+from .setting import Readings, Setting
+
+_COURSES = 20  # seeds that an episode tries until random boxes have room
+
+
+class Outcome(NamedTuple):
+    """What one step came to."""
+
+    reward: float
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+class Drive:
+    """One car on a stage of its own. A step is :meth:`command`, a step of the world, and :meth:`judge`."""
+
+    def __init__(self, setting: Setting, world: World | None = None) -> None:
+        """``world``: one that is shared with other drives, whose cars this one neither meets nor sees."""
+        self._setting = setting
+        self._world = world
+        self._stage: Stage | None = None
+        self._car: Contestant | None = None
+        self._objects = Objects(setting.ground.track)
+        self._waypoints = [(float(x), float(y)) for x, y in setting.ground.track.centre]
+
+    @property
+    def car(self) -> Contestant:
+        """The car of this episode."""
+        assert self._car is not None, "no episode has begun"
+        return self._car
+
+    @property
+    def world(self) -> World:
+        """The world that the car drives in."""
+        assert self._stage is not None, "no episode has begun"
+        return self._stage.world
+
+    @property
+    def began(self) -> bool:
+        """Whether there is an episode."""
+        return self._car is not None
+
+    def begin(self, rng: np.random.Generator, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Start an episode, which is to the last bit as in a new world; what it draws comes from ``rng``. The info.
+
+        Raises UserFault ``boxes_do_not_fit`` when random boxes find no room on this track.
+        """
+        setting = self._setting
+        start_m = setting.start_m(rng, options or {})
+        self._lay(rng)
+        self._objects = Objects(setting.ground.track, setting.rules.bot_speed_mps)
+        self._car = self._stage.add(setting.sensors, start_m, setting.metadata.lidar_config)
+        return self._info()
+
+    def _lay(self, rng: np.random.Generator) -> None:
+        """Clear the stage for the next episode; where drawn boxes find no room, draw again."""
+        setting = self._setting
+        for attempts_left in reversed(range(_COURSES)):
+            rules = setting.episode_rules(rng)
+            try:
+                if self._stage is None:
+                    self._stage = Stage(setting.ground, rules, setting.physics, self._world)
+                else:
+                    self._stage.clear(rules)
+                return
+            except UserFault:
+                if not attempts_left or not setting.draws_course:
+                    raise
+
+    def observe(self) -> Readings:
+        """A fresh reading of each sensor."""
+        return self.car.observe()
+
+    def decode(self, action: Any) -> Action:
+        """The command that an action of the action space means; a whole number in any form that holds just one.
+
+        Raises ValueError for what is no action; UserFault ``non_finite_action`` as in a race.
+        """
+        actions = self._setting.actions
+        if actions.kind == DISCRETE:
+            index = _whole(action, actions.size)
+            return Action(*actions.actions[index], index)
+        return actions.decode(_pair(action), self.car.referee.step + 1)
+
+    def command(self, action: Any) -> None:
+        """Take an action of the action space; the world must then move on by one step. Raises as :meth:`decode`."""
+        self.take(self.decode(action))
+
+    def take(self, action: Action) -> None:
+        """The same for an action that is decoded."""
+        assert self._stage is not None, "no episode has begun"
+        self._stage.command((action,))
+
+    def judge(self) -> Outcome:
+        """The world has moved: judge the car, and after a fault with resets left let the penalty pass.
+
+        Raises ValueError for a reward that is not finite.
+        """
+        car, stage = self.car, self._stage
+        stage.judge()
+        reward = car.reward = self._reward()
+        info = self._info()
+        while car.pausing and not car.done:
+            stage.command((None,))  # a car that stands moves no world
+            car.reward = 0.0
+            stage.judge()
+        ended = car.referee.end_reason
+        if ended is not None:
+            info["laps"] = [lap.to_dict() for lap in lap_results(car)]
+            info["end_reason"] = ended
+        return Outcome(reward, ended is not None and ended != TIME_UP, ended == TIME_UP, info)
+
+    def close(self) -> None:
+        """Free the world unless it is shared; another episode may begin."""
+        if self._stage is not None and self._world is None:
+            self._stage.close()
+        self._stage = self._car = None
+
+    def _reward(self) -> float:
+        car, stage, track = self.car, self._stage, self._setting.ground.track
+        place = car.referee.odometer.place
+        objects = self._objects.params(car.referee.pose, place.distance, stage.solids(car))
+        params = reward_params(car, self._waypoints, track.direction == "cw", objects)
+        reward = float(self._setting.reward_function(params))
+        if not math.isfinite(reward):
+            raise ValueError(f"the reward function returned {reward}; it must return a finite number")
+        return reward
+
+    def _info(self) -> dict[str, Any]:
+        car = self.car
+        referee = car.referee
+        return {
+            "status": car.status,
+            "progress": referee.percent,
+            "lap": referee.lap.number,
+            "resets": referee.resets,
+            "crashes": referee.crashes,
+            "time_ms": referee.time_ms,
+            "is_success": referee.end_reason == LAPS_DONE,
+        }
+
+
+def _whole(action: Any, count: int) -> int:
+    """The index into a list of ``count`` actions. Raises ValueError that says what is possible."""
+    given = np.asarray(action)
+    if given.size == 1 and given.dtype.kind in "iuf":
+        value = given.reshape(-1)[0]
+        if 0 <= value < count and value == int(value):
+            return int(value)
+    raise ValueError(f"an action must be a whole number from 0 to {count - 1}, not {action!r}")
+
+
+def _pair(action: Any) -> np.ndarray:
+    """Steering and speed as float32. Raises ValueError for what are not two numbers."""
+    try:
+        given = np.asarray(action, np.float32)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.size != 2:
+        raise ValueError(f"an action must be two numbers in [-1, 1], for steering and speed, not {action!r}")
+    return given

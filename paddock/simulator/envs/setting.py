@@ -1,0 +1,273 @@
+"""What an environment is made of: the same for one car and for many."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from paddock.errors import UserFault
+from paddock.geometry.track import TrackGeometry
+from paddock.packages.metadata import ModelMetadata, parse_metadata
+
+from ..action import DISCRETE, ActionSpace
+from ..camera.theme import OFFICIAL, Theme
+from ..course import lay_course
+from ..physics import PADDOCK_CAR, CarPhysics
+from ..rewards import RewardFunction, avoid_objects, follow_centre_line
+from ..rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, PROPOSED_BOTS, PROPOSED_BOXES, TIME_TRIAL, BoxPlace, RaceRules
+from ..sensors import sensor_spec
+from ..stage import Ground
+
+# Five angles at two speeds: what the console offered by default, at speeds that finish a lap in reasonable time.
+DEFAULT_METADATA: Mapping[str, Any] = {
+    "action_space_type": "discrete",
+    "action_space": [
+        {"steering_angle": angle, "speed": speed} for angle in (-30, -15, 0, 15, 30) for speed in (1.0, 1.5)
+    ],
+    "sensor": ["FRONT_FACING_CAMERA"],
+}
+
+Track = TrackGeometry | str | os.PathLike[str]
+Readings = dict[str, np.ndarray]
+
+DICT, BOX, RGB = OBSERVATIONS = ("dict", "box", "rgb")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Track, rules, car and reward of an environment. Made by :func:`time_trial`, :func:`object_avoidance` and
+    :func:`head_to_head`, whose arguments are those of the environments."""
+
+    ground: Ground
+    rules: RaceRules
+    metadata: ModelMetadata
+    actions: ActionSpace
+    physics: CarPhysics
+    random_start: bool
+    course_seed: int | None
+    reward_function: RewardFunction
+    observation: str = DICT
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors, sorted."""
+        return tuple(sorted(self.metadata.sensors))
+
+    @property
+    def sensor_space(self) -> spaces.Dict:
+        """One entry for each sensor: cameras uint8 (120, 160, channels), lidars a row of float32."""
+        specs = (sensor_spec(name, self.metadata.lidar_config) for name in self.sensors)
+        return spaces.Dict(
+            {spec.name: spaces.Box(spec.low, spec.high, spec.shape, np.dtype(spec.dtype).type) for spec in specs}
+        )
+
+    @property
+    def observation_space(self) -> spaces.Dict | spaces.Box:
+        """What an agent is given: :attr:`sensor_space`, or the only sensor's own box (see :func:`race_setting`)."""
+        if self.observation == DICT:
+            return self.sensor_space
+        box = self.sensor_space[self.sensors[0]]
+        return box if self.observation == BOX else spaces.Box(0, 255, (*box.shape[:2], 3), np.uint8)
+
+    def present(self, readings: Readings) -> Readings | np.ndarray:
+        """Readings of one car, or of many with the car first, in the form of :attr:`observation_space`."""
+        if self.observation == DICT:
+            return readings
+        reading = readings[self.sensors[0]]
+        return reading if self.observation == BOX else np.repeat(reading, 3, axis=-1)
+
+    @property
+    def action_space(self) -> spaces.Discrete | spaces.Box:
+        """An index into the list, or two values in [-1, 1] for steering and speed."""
+        if self.actions.kind == DISCRETE:
+            return spaces.Discrete(self.actions.size)
+        return spaces.Box(-1.0, 1.0, (self.actions.size,), np.float32)
+
+    def start_m(self, rng: np.random.Generator, options: Mapping[str, Any]) -> float:
+        """Where an episode starts, in metres after the finish line."""
+        if "start_m" in options:
+            start = float(options["start_m"])
+            if not math.isfinite(start):
+                raise ValueError(f"start_m must be a finite number of metres, not {start}")
+            return start
+        return float(rng.uniform(0.0, self.ground.track.length)) if self.random_start else 0.0
+
+    def episode_rules(self, rng: np.random.Generator) -> RaceRules:
+        """The rules of one episode: with another seed for boxes and bots in each, unless ``course_seed`` fixes it."""
+        if not self.draws_course:
+            return self.rules
+        return dataclasses.replace(self.rules, seed=int(rng.integers(0, 2**31)))
+
+    @property
+    def draws_course(self) -> bool:
+        """Whether every episode draws its own boxes or bots."""
+        return self.rules.race_type != TIME_TRIAL and self.course_seed is None
+
+
+def time_trial(**options: Any) -> Setting:
+    """Laps alone; ``options``: see :func:`race_setting`."""
+    return race_setting(TIME_TRIAL, {}, **options)
+
+
+def object_avoidance(
+    *,
+    boxes: Sequence[BoxPlace | Mapping[str, Any] | tuple[float, str]] = (),
+    random_boxes: int | None = None,
+    box_distance_m: float = RaceRules.box_distance_m,
+    mercy_resets: int = RaceRules.mercy_resets,
+    collision_penalty_ms: int = RaceRules.collision_penalty_ms,
+    course_seed: int | None = None,
+    reward_function: RewardFunction = avoid_objects,
+    **options: Any,
+) -> Setting:
+    """Laps past boxes: at fixed places (fraction of the lap, lane), or ``random_boxes`` of them (6 unless told
+    otherwise) in other places in every episode, drawn from the seed of ``reset``; always the same with ``course_seed``.
+
+    The others: rules of a race, and ``options`` as for :func:`race_setting`.
+    """
+    rules = {
+        "boxes": tuple(_box_place(place) for place in boxes),
+        "random_boxes": (0 if boxes else PROPOSED_BOXES) if random_boxes is None else random_boxes,
+        "box_distance_m": box_distance_m,
+        "mercy_resets": mercy_resets,
+        "collision_penalty_ms": collision_penalty_ms,
+    }
+    return race_setting(OBJECT_AVOIDANCE, rules, course_seed, reward_function=reward_function, **options)
+
+
+def head_to_head(
+    *,
+    bots: int = PROPOSED_BOTS,
+    bot_speed_mps: float = RaceRules.bot_speed_mps,
+    bot_lane_changes: bool = RaceRules.bot_lane_changes,
+    bot_lane_change_ms: tuple[int, int] = RaceRules.bot_lane_change_ms,
+    bot_pause_ms: int = RaceRules.bot_pause_ms,
+    collision_penalty_ms: int = RaceRules.collision_penalty_ms,
+    course_seed: int | None = None,
+    reward_function: RewardFunction = avoid_objects,
+    **options: Any,
+) -> Setting:
+    """Laps among bot cars, which draw their lanes and lane changes from the seed of ``reset``, anew in every episode;
+    always the same with ``course_seed``. The others: rules of a race, and ``options`` as for :func:`race_setting`."""
+    if not bots:
+        raise ValueError("bots must be at least 1: other models do not drive in an environment")
+    rules = {
+        "bots": bots,
+        "bot_speed_mps": bot_speed_mps,
+        "bot_lane_changes": bot_lane_changes,
+        "bot_lane_change_ms": bot_lane_change_ms,
+        "bot_pause_ms": bot_pause_ms,
+        "collision_penalty_ms": collision_penalty_ms,
+    }
+    return race_setting(HEAD_TO_HEAD, rules, course_seed, reward_function=reward_function, **options)
+
+
+def race_setting(
+    race_type: str,
+    objects: Mapping[str, Any],
+    course_seed: int | None = None,
+    *,
+    track: Track = "oval",
+    direction: str = RaceRules.direction,
+    metadata: Mapping[str, Any] = DEFAULT_METADATA,
+    laps: int = 1,
+    max_resets: int = 0,
+    max_simulated_ms: int = 60_000,
+    off_track_penalty_ms: int = RaceRules.off_track_penalty_ms,
+    start: str = "fixed",
+    reward_function: RewardFunction = follow_centre_line,
+    observation: str = DICT,
+    theme: Theme = OFFICIAL,
+    physics: CarPhysics = PADDOCK_CAR,
+) -> Setting:
+    """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``direction``: "ccw" or "cw".
+    ``metadata``: a ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre
+    line. ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb"
+    the same as three equal channels, for wrappers that want a colour picture. The others: rules of a race.
+
+    Raises ValueError for a wrong argument or for metadata that an upload would be refused for, UserFault for a track
+    file or a course that is refused.
+    """
+    if start not in ("fixed", "random"):
+        raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
+    checked = check_metadata(metadata)
+    _check_observation(observation, checked)
+    setting = Setting(
+        ground=Ground(load_track(track), direction, theme),
+        rules=RaceRules(
+            race_type=race_type,
+            laps=laps,
+            max_resets=max_resets,
+            max_simulated_ms=max_simulated_ms,
+            off_track_penalty_ms=off_track_penalty_ms,
+            direction=direction,
+            seed=course_seed or 0,
+            **objects,
+        ),
+        metadata=checked,
+        actions=ActionSpace.from_metadata(checked.to_dict()),
+        physics=physics,
+        random_start=start == "random",
+        course_seed=course_seed,
+        reward_function=reward_function,
+        observation=observation,
+    )
+    if setting.rules.boxes or setting.rules.bots or course_seed is not None:
+        lay_course(setting.ground.track, setting.rules)  # refuse now what every episode would be refused for
+    return setting
+
+
+def _check_observation(observation: str, metadata: ModelMetadata) -> None:
+    if observation not in OBSERVATIONS:
+        raise ValueError(f"observation must be 'dict', 'box' or 'rgb', not {observation!r}")
+    if observation == DICT:
+        return
+    if len(metadata.sensors) > 1:
+        raise ValueError(
+            f"observation={observation!r} needs a car with one sensor, this one has {', '.join(metadata.sensors)}: "
+            "name one in the metadata, or leave observation='dict'"
+        )
+    channels = metadata.inputs[0].shape[-1]
+    if observation == RGB and channels != 1:
+        raise ValueError(f"observation='rgb' needs a sensor with one channel, {metadata.sensors[0]} has {channels}")
+
+
+def check_metadata(metadata: Mapping[str, Any]) -> ModelMetadata:
+    """``metadata`` as an upload's would be read. Raises ValueError with the reason for which it would be refused."""
+    try:
+        return parse_metadata(json.dumps(dict(metadata)).encode())
+    except (TypeError, UserFault) as error:
+        raise ValueError(f"metadata: {error}") from error
+
+
+def load_track(track: Track) -> TrackGeometry:
+    """A geometry as it is, one of the catalogue by its slug, or one from a .npy file. Raises ValueError for a slug that
+    is not in the catalogue and is no file either, UserFault for a file that is refused."""
+    if isinstance(track, TrackGeometry):
+        return track
+    if isinstance(track, str) and not track.endswith(".npy"):
+        from paddock.geometry.catalogue import CATALOGUE
+
+        for entry in CATALOGUE:
+            if entry.slug == track:
+                return entry.geometry()
+        raise ValueError(f"no track {track!r}; the catalogue has {', '.join(entry.slug for entry in CATALOGUE)}")
+    from paddock.geometry.npy import read_npy
+
+    path = Path(track)
+    return read_npy(path.read_bytes(), path.stem)
+
+
+def _box_place(place: BoxPlace | Mapping[str, Any] | tuple[float, str]) -> BoxPlace:
+    if isinstance(place, BoxPlace):
+        return place
+    return BoxPlace(**place) if isinstance(place, Mapping) else BoxPlace(*place)

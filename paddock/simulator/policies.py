@@ -1,0 +1,91 @@
+"""A scripted driver for tests and benchmarks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from paddock.geometry.track import TrackGeometry
+
+from .action import ActionSpace
+from .course import EMPTY, Course
+from .physics import PADDOCK_CAR
+from .rules import INNER
+from .sensors import POSE
+
+_AHEAD_M, _AHEAD_S = 0.25, 0.2  # look-ahead: metres at rest, and seconds of driving on top
+_CORNERING = 2.0  # m/s^2 sideways; more, and the car leaves the sharpest corners by its own width
+_BEFORE_BOX_M, _AFTER_BOX_M = 2.0, 0.45  # from its base to a box's middle: there it drives in the other lane
+
+
+class CentreLinePilot:
+    """Follows a line at a constant offset from the centre line, by pose instead of by picture.
+
+    Use it as a policy together with its own ``action_space`` and ``sensors``::
+
+        pilot = CentreLinePilot(track, direction="cw")
+        run_race(track, rules, pilot.action_space, pilot.sensors, pilot)
+
+    It answers like a continuous network: two values in [-1, 1]. It keeps the last place on the track between calls, so
+    give each run a new one.
+    """
+
+    sensors = (POSE,)
+    action_space = ActionSpace.continuous(
+        (-PADDOCK_CAR.max_steering_deg, PADDOCK_CAR.max_steering_deg), (PADDOCK_CAR.min_speed, PADDOCK_CAR.max_speed)
+    )
+
+    def __init__(
+        self,
+        track: TrackGeometry,
+        direction: str = "ccw",
+        speed: float = 1.5,
+        offset: float = 0.0,
+        course: Course = EMPTY,
+    ) -> None:
+        """``speed`` in m/s on straights (it slows down before bends), ``offset`` in metres to the left of the centre
+        line. Past the boxes of ``course`` it drives in the other lane."""
+        self._track = track.in_direction(direction)
+        self._speed = speed
+        self._offset = offset
+        self._boxes = course.boxes
+        self._index: int | None = None
+
+    def __call__(self, readings: dict[str, np.ndarray]) -> np.ndarray:
+        """Two values in [-1, 1] from ``readings["POSE"]``: x, y (m), yaw (rad), speed (m/s)."""
+        x, y, yaw, rolling = readings[POSE].tolist()
+        track, physics = self._track, PADDOCK_CAR
+        place = track.project(x, y, self._index)
+        if abs(place.offset) > track.width_at(place.distance):  # put back elsewhere
+            place = track.project(x, y)
+        self._index = place.index
+
+        # Pure pursuit: aim at a point so far ahead that the lag of the steering does not make it weave.
+        aim_m = place.distance + _AHEAD_M + _AHEAD_S * rolling
+        aim_x, aim_y, _ = track.point_at(aim_m, self._offset_for(place.distance, aim_m))
+        bearing = math.remainder(math.atan2(aim_y - y, aim_x - x) - yaw, 2 * math.pi)
+        curvature = 2 * math.sin(bearing) / max(math.hypot(aim_x - x, aim_y - y), 0.05)
+        # Steady curvature needs a demand that the grip cuts off to it.
+        angle = math.degrees(math.atan(physics.demand(curvature, rolling) * physics.effective_wheelbase))
+        steering = min(max(angle, -physics.max_steering_deg), physics.max_steering_deg)
+
+        turns = [
+            abs(math.remainder(track.point_at(place.distance + ahead)[2] - place.heading, 2 * math.pi)) / ahead
+            for ahead in (0.5, 1.0, 1.5)
+        ]
+        speed = max(min(self._speed, math.sqrt(_CORNERING / max(*turns, 0.1))), physics.min_speed)
+        span = physics.max_speed - physics.min_speed
+        return np.array(
+            (steering / physics.max_steering_deg, 2 * (speed - physics.min_speed) / span - 1), dtype=np.float32
+        )
+
+    def _offset_for(self, metres: float, aim_m: float) -> float:
+        """Offset of the line at ``aim_m`` for a car at ``metres``: the middle of the lane beside the first box near."""
+        track = self._track
+        for box in self._boxes:
+            if (box.metres - metres + _AFTER_BOX_M) % track.length < _BEFORE_BOX_M + _AFTER_BOX_M:
+                left, right = track.half_widths_at(aim_m)
+                box_on_the_left = (box.lane == INNER) == (track.direction == "ccw")
+                return -right / 2 if box_on_the_left else left / 2
+        return self._offset

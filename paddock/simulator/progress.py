@@ -1,0 +1,106 @@
+"""How far a car has come along the track since the start, unwrapped: a lap counts once, and only when it was driven."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paddock.geometry.track import Projection, TrackGeometry
+
+STRIDE_M = 0.3  # the nose moves at most this far in a control step: 4 m/s for 1/15 s and the swing of a turn
+_SAMPLE_M = 0.05
+_MARGIN = 1.5  # the nose may hang over a border while a wheel is still on the road
+_WINDOW_M = 2.0  # a projection is never looked for farther along the track than this from the last one
+
+
+class Reach:
+    """The greatest distance along the centre line that one stride on the road can gain, by waypoint.
+
+    On the inside of a hairpin the centre line turns faster than the car moves; elsewhere this is about a stride. A
+    larger jump of the projection was not driven on this road: the car left it for another part of the track.
+    """
+
+    def __init__(self, track: TrackGeometry) -> None:
+        count = max(8, int(np.ceil(track.length / _SAMPLE_M)))
+        step = track.length / count
+        along = np.arange(count) * step
+        left, right = track.half_widths_along(along)
+        gain = np.full(count, STRIDE_M)
+        for offsets in (left, -right):
+            points = track.points_at(along, offsets)
+            for lag in range(1, min(count // 2, int(_WINDOW_M / step)) + 1):
+                near = np.linalg.norm(np.roll(points, -lag, axis=0) - points, axis=1) <= STRIDE_M
+                # Both ends of such a pair may be where the stride starts.
+                near |= np.roll(near, lag)
+                gain[near] = np.maximum(gain[near], lag * step)
+        # A waypoint stands for its neighbourhood, since a projection names the segment only.
+        spread = int(np.ceil(2 * STRIDE_M / step))
+        wide = np.max([np.roll(gain, shift) for shift in range(-spread, spread + 1)], axis=0)
+        index = np.minimum((track.cumulative / step).astype(int), count - 1)
+        self._gain = (_MARGIN * wide[index]).tolist()
+
+    def at(self, index: int) -> float:
+        """Metres along the centre line from the segment ``index``."""
+        return self._gain[index]
+
+
+def clear_distance(track: TrackGeometry) -> float:
+    """Metres round the centre line within which every point is on the road; 0.0 where nothing is sure.
+
+    The centre line lies between the borders and crosses neither, so from one of its points nobody leaves the road by
+    going less far than to the nearest border. Taken from the waypoints, less half the longest stretch between two.
+    """
+    nearest = min(_least_distance(track.centre, border) for border in (track.inner, track.outer))
+    longest = float(np.linalg.norm(np.roll(track.centre, -1, axis=0) - track.centre, axis=1).max())
+    return max(0.0, nearest - longest / 2)
+
+
+def _least_distance(points: np.ndarray, line: np.ndarray) -> float:
+    """Least distance in metres of any of ``points`` (N, 2) to a closed polyline (M, 2)."""
+    along = np.roll(line, -1, axis=0) - line
+    square = np.maximum((along**2).sum(axis=1), 1e-12)  # borders stand still at the inside of a tight corner
+    to_x, to_y = points[:, None, 0] - line[:, 0], points[:, None, 1] - line[:, 1]
+    share = np.clip((to_x * along[:, 0] + to_y * along[:, 1]) / square, 0.0, 1.0)
+    return float(np.sqrt(((to_x - share * along[:, 0]) ** 2 + (to_y - share * along[:, 1]) ** 2).min()))
+
+
+class Odometer:
+    """Unwrapped progress of one car's nose.
+
+    ``metres`` counts from the finish line at the start of the run: the second lap begins at one track length. It
+    falls when the car reverses, so that crossing the line backwards and forwards again scores nothing.
+    """
+
+    def __init__(self, track: TrackGeometry, reach: Reach) -> None:
+        self._track = track
+        self._reach = reach
+        self.metres = 0.0
+        self.place: Projection = track.project(*track.point_at(0.0)[:2])
+        self.seen = self.place  # where the nose was last seen, credited or not
+        self._patience = 1
+
+    def put(self, x: float, y: float, near_m: float) -> None:
+        """The car was put where its nose is at (x, y), about ``near_m`` metres (unwrapped) along the track."""
+        hint = self._track.project(*self._track.point_at(near_m)[:2]).index
+        self.place = self.seen = self._track.project(x, y, hint)
+        self.metres = near_m + self._wrap(self.place.distance - near_m)
+        self._patience = 1
+
+    def move(self, x: float, y: float) -> bool:
+        """The nose is at (x, y) after one control step; False where it cannot have driven there along this road.
+
+        Then nothing is credited, and the car is expected back near the last credited place.
+        """
+        before, _, _, index = self.place
+        place = self.seen = self._track.project(x, y, index)
+        gained = self._wrap(place[0] - before)
+        if abs(gained) > self._patience * self._reach.at(index):
+            self._patience += 1  # a nose that hung over the inside of a hairpin may catch up
+            return False
+        self._patience = 1
+        self.metres += gained
+        self.place = place
+        return True
+
+    def _wrap(self, metres: float) -> float:
+        length = self._track.length
+        return (metres + length / 2) % length - length / 2

@@ -1,0 +1,349 @@
+"""The judge of one car: progress, laps, sectors, faults and where a car is put back.
+
+Rules: deepracer-simapp, reset/rules/*.py and agent_ctrl/rollout_agent_ctrl.py. Where this referee is stricter than the
+original it says why.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from paddock.geometry.track import TrackGeometry
+
+from .boxes import BEYOND_M, BoxWatch
+from .car import Pose
+from .clock import STEP_MS, milliseconds
+from .course import EMPTY, Course, other_lane
+from .physics import CarPhysics
+from .progress import Odometer, Reach
+from .rules import INNER, LANES, OUTER, RaceRules, penalty_steps
+from .trace import CRASHED, IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PARK, PAUSE, REVERSED, TIME_UP
+
+SECTORS = 3  # virtual_event: three sectors a lap, here thirds of the length
+PATIENCE_STEPS = 15  # reset/constants.py: steps until a car that stands or reverses is put back
+STANDSTILL_M = 0.0003  # a step of at most this is no movement
+
+# Why a run ended; the other reason is TIME_UP. Only a car among others retires.
+LAPS_DONE, RESETS_USED, RETIRED = "laps_done", "resets_used", "retired"
+
+_FAULTS = {CRASHED: "crashes", OFF_TRACK: "off_tracks", IMMOBILIZED: "immobilised", REVERSED: "reversals"}
+
+GRID_M = 0.75  # between the places of two cars at the start, along the track
+_SEARCH_M, _SEARCH_STEP_M = 6.0, 0.1  # how far from its proper place a car may be put because others stand there
+
+
+@dataclass
+class Lap:
+    """One lap as it is driven. Times are milliseconds since the start of the run."""
+
+    number: int
+    start_ms: int
+    end_ms: int | None = None  # None until the line is crossed
+    off_tracks: int = 0
+    crashes: int = 0
+    resets: int = 0
+    immobilised: int = 0
+    reversals: int = 0
+    sector_ends_ms: list[int] = field(default_factory=list)
+
+
+class PutBack(NamedTuple):
+    """Where a car goes after a fault, and how far along the track (unwrapped metres) that is."""
+
+    pose: Pose
+    metres: float
+
+
+def _always(pose: Pose) -> bool:
+    return True
+
+
+class Referee:
+    """Judges one car after every control step; says its status and, after a fault, where to put it."""
+
+    def __init__(
+        self,
+        track: TrackGeometry,
+        rules: RaceRules,
+        physics: CarPhysics,
+        reach: Reach | None = None,
+        start_m: float = 0.0,
+        clear_m: float = 0.0,
+        *,
+        course: Course = EMPTY,
+        free: Callable[[Pose], bool] = _always,
+        grid: int | None = None,
+    ) -> None:
+        """``start_m``: where the line of this run is, metres after the track's finish. ``clear_m``: how near to the
+        centre line everything is road (0.0: every wheel is looked at, always). ``free``: whether a place is free of
+        other cars. ``grid``: the car's place among several at the start; without, it starts on the line at the centre
+        of the road (or as near as boxes and other cars leave room)."""
+        self.track = track
+        self.rules = rules
+        self._physics = physics
+        # No wheel is farther from the nose than the rear ones.
+        self._wheel_m = math.hypot(physics.nose_x - physics.rear_axle_x, physics.half_track)
+        self._clear_m = clear_m - self._wheel_m  # of the nose
+        self.odometer = Odometer(track, reach or Reach(track))
+        self._start_m = start_m
+        self._penalties = {
+            CRASHED: penalty_steps(rules.collision_penalty_ms, physics.control_hz),
+            OFF_TRACK: penalty_steps(rules.off_track_penalty_ms, physics.control_hz),
+            REVERSED: penalty_steps(rules.off_track_penalty_ms, physics.control_hz),
+            IMMOBILIZED: 0,
+        }
+        self._last_step = math.ceil((rules.max_simulated_ms - 0.5) / STEP_MS)
+        self.step = 0
+        self.status = IN_PROGRESS
+        self.end_reason: str | None = None
+        self.all_wheels_on_track = True
+        self.resets = 0
+        self.crashes = 0
+        self.pause_steps = 0
+        self.laps = [Lap(1, 0)]
+        self._free = free
+        self._owed = False
+        self.boxes = BoxWatch(course, track.length, rules.mercy_resets, start_m + physics.nose_x)
+        self._noses: tuple[tuple[float, float], ...] = ()
+        start = self._start(grid)
+        self.place(*start)
+        self._before_m, self._before = self.odometer.metres, start.pose
+        self._clear = False
+        self._wheels_on: list[bool] = []
+        self._line_m = self._next_line()
+
+    # --- what others read ---------------------------------------------------------------------------------------
+
+    @property
+    def lap(self) -> Lap:
+        """The lap being driven; after the end, the last one."""
+        return self.laps[-1]
+
+    @property
+    def done(self) -> bool:
+        """True when the run is over."""
+        return self.end_reason is not None
+
+    @property
+    def lap_start_m(self) -> float:
+        """Unwrapped distance at which the current lap begins."""
+        return self._start_m + (self.laps[-1].number - 1) * self.track.length
+
+    @property
+    def percent(self) -> float:
+        """Progress of the current lap in percent, at most 100; negative behind the start."""
+        lap, length = self.laps[-1], self.track.length
+        if lap.end_ms is not None:
+            return 100.0
+        # lap_start_m, written out: this is asked for in every row of the trace
+        return min(100.0, 100.0 * (self.odometer.metres - (self._start_m + (lap.number - 1) * length)) / length)
+
+    @property
+    def time_ms(self) -> int:
+        """Simulated milliseconds since the start; after all laps, those of the finish."""
+        if self.end_reason == LAPS_DONE:
+            assert self.lap.end_ms is not None
+            return self.lap.end_ms
+        return milliseconds(self.step)
+
+    # --- judging --------------------------------------------------------------------------------------------------
+
+    def place(self, pose: Pose, near_m: float) -> None:
+        """The car was put at ``pose``, about ``near_m`` metres (unwrapped) from the finish; standing still."""
+        self.nose = nose = pose.ahead(self._physics.nose_x)
+        self.odometer.put(*nose, near_m)
+        self.pose = pose
+        self._noses = (nose, nose)
+        self._standing = self._reversing = 0
+        self.all_wheels_on_track = all(self._wheels(pose))
+
+    def wait(self) -> str:
+        """One control step of a penalty has passed; only the time limit is judged."""
+        self.step += 1
+        self.pause_steps -= 1
+        self.status = IN_PROGRESS if self.pause_steps <= 0 else PAUSE
+        if self.step >= self._last_step:
+            self._end(TIME_UP, TIME_UP)
+        return self.status
+
+    def retire(self) -> None:
+        """The car drives no further; what it has driven stands."""
+        self._end(RETIRED, PARK)
+
+    def judge(self, pose: Pose, rammed: bool = False) -> PutBack | None:
+        """The car drove one control step to ``pose``: :meth:`move` and :meth:`verdict` in one."""
+        self.move(pose)
+        return self.verdict(rammed)
+
+    def move(self, pose: Pose) -> None:
+        """The car drove one control step to ``pose``. Where several cars drive, all move before any is judged."""
+        self.step += 1
+        odometer = self.odometer
+        before_m = odometer.metres
+        self._before_m, self._before = before_m, self.pose
+        self.nose = nose = pose.ahead(self._physics.nose_x)
+        odometer.move(*nose)
+        self.pose = pose
+        older, newer = self._noses
+        moved = min(math.dist(nose, older), math.dist(nose, newer))
+        self._noses = (newer, nose)
+        self._standing = self._standing + 1 if moved <= STANDSTILL_M else 0
+        self._reversing = self._reversing + 1 if odometer.metres < before_m else 0
+        self.boxes.moved(odometer.metres)
+        # The common case, and four exact tests less.
+        self._clear = abs(odometer.seen[1]) < self._clear_m
+        if self._clear:
+            self.all_wheels_on_track = True
+        else:
+            self._wheels_on = self._wheels(pose)
+            self.all_wheels_on_track = all(self._wheels_on)
+
+    def verdict(self, rammed: bool = False) -> PutBack | None:
+        """Judge the step that :meth:`move` told of; ``rammed``: the car ran into another from behind. Returns where to
+        put it after a fault, else None: the caller then calls :meth:`place` with it and :meth:`wait` once a control
+        step until ``pause_steps`` are over.
+
+        Order of verdicts: time up, lap complete, crashed, off track, immobilised, reversed.
+        """
+        if self.step >= self._last_step:
+            self._end(TIME_UP, TIME_UP)
+            return None
+        rammed |= self._owed
+        self._owed = False
+        lap = self.laps[-1]
+        if lap.end_ms is not None:
+            lap = Lap(lap.number + 1, lap.end_ms)
+            self.laps.append(lap)
+            self._line_m = self._next_line()
+        if self.odometer.metres >= self._line_m:
+            self._cross_lines(self._before_m, self.odometer.metres)
+        if lap.end_ms is not None:
+            if lap.number == self.rules.laps:
+                self._end(LAPS_DONE, LAP_COMPLETE)
+            else:
+                self.status = LAP_COMPLETE
+                self._owed = rammed  # judged in the lap that begins: by then the two may be apart
+            return None
+        if self.boxes.hit(self.pose):
+            # From where it is now: it stands on the road that it drove.
+            return self._put_back(self.odometer.metres) if self._fault(CRASHED) else None
+        if rammed:
+            # Paused in place, without a new place.
+            return PutBack(self.pose, self.odometer.metres) if self._fault(CRASHED) else None
+        if not self._clear and (not any(self._wheels_on) or self._elsewhere()):
+            fault = OFF_TRACK
+        elif self._standing >= PATIENCE_STEPS:
+            fault = IMMOBILIZED
+        elif self._reversing >= PATIENCE_STEPS:
+            fault = REVERSED
+        else:
+            self.status = IN_PROGRESS
+            return None
+        if not self._fault(fault):
+            return None
+        # The base goes where the nose was. A car that only stands must not creep round the track like that: its nose
+        # stays where it is.
+        return self._put_back(self._before_m - (self._physics.nose_x if fault == IMMOBILIZED else 0.0))
+
+    def _wheels(self, pose: Pose) -> list[bool]:
+        """For each wheel whether its centre is on the road."""
+        physics, on_road = self._physics, self.track.on_road
+        return [
+            on_road(*pose.ahead(axle, side))
+            for axle in (physics.front_axle_x, physics.rear_axle_x)
+            for side in (physics.half_track, -physics.half_track)
+        ]
+
+    def _elsewhere(self) -> bool:
+        """True where every wheel is beyond the border of the part of the road that the car is driving.
+
+        The wheels may still be on the road, on another part of it that lies alongside. The original would let such a
+        car drive on there; here it left the track.
+        """
+        seen = self.odometer.seen
+        left, right = self.track.half_widths_at(seen.distance)
+        return not -right - self._wheel_m <= seen.offset <= left + self._wheel_m
+
+    def _cross_lines(self, before_m: float, metres: float) -> None:
+        """Write down the sector and finish lines passed in this step, at the share of the step where it happened."""
+        lap = self.lap
+        while lap.end_ms is None and metres >= self._line_m:
+            share = (self._line_m - before_m) / (metres - before_m) if metres > before_m else 1.0
+            at_ms = milliseconds(self.step - 1 + min(max(share, 0.0), 1.0))
+            lap.sector_ends_ms.append(at_ms)
+            if len(lap.sector_ends_ms) == SECTORS:
+                lap.end_ms = at_ms
+            self._line_m = self._next_line()
+
+    def _next_line(self) -> float:
+        """Unwrapped distance of the end of the sector being driven."""
+        return self.lap_start_m + self.track.length * (len(self.lap.sector_ends_ms) + 1) / SECTORS
+
+    def _fault(self, status: str) -> bool:
+        """Count a fault; True where a reset is left for it, which is then used."""
+        self.status = status
+        if status == CRASHED:
+            self.crashes += 1
+        counter = _FAULTS[status]
+        setattr(self.lap, counter, getattr(self.lap, counter) + 1)
+        if self.resets >= self.rules.max_resets:
+            self._end(RESETS_USED, status)
+            return False
+        self.resets += 1
+        self.lap.resets += 1
+        self.pause_steps = max(1, self._penalties[status])
+        return True
+
+    def _put_back(self, metres: float) -> PutBack:
+        """The centre of the lane nearer to the car one step ago, at ``metres`` (after an off-track the progress of that
+        step: such a car may be nearer to another part of the track). Boxes near by move it, see
+        :meth:`paddock.simulator.boxes.BoxWatch.put_back`. Never so near to the line that the car would stand across
+        it."""
+        limit = self.lap_start_m + self.track.length - self._physics.nose_x - 0.01
+        metres = min(metres, limit)
+        places = [self.track.lane_centre(metres, lane) for lane in LANES]
+        before = self._before
+        lane = min(
+            zip(places, LANES, strict=True), key=lambda at: math.hypot(at[0][0] - before.x, at[0][1] - before.y)
+        )[1]
+        metres, lane = self.boxes.put_back(metres, lane)
+        return self._free_place(min(metres, limit), lane, limit)
+
+    def _free_place(self, metres: float, lane: str, limit: float) -> PutBack:
+        """The proper place if nothing stands there, else the nearest that is free: in the other lane, behind (but not
+        before a box that was passed), at last ahead (but not beyond a box or the line)."""
+        proper = PutBack(Pose(*self.track.lane_centre(metres, lane)), metres)
+        if self._is_free(proper.pose):
+            return proper
+        least = max(metres - _SEARCH_M, self.boxes.floor_m)
+        most = min(metres + _SEARCH_M, limit, self.boxes.next_m - BEYOND_M)
+        back = math.floor(max(0.0, metres - least) / _SEARCH_STEP_M)
+        ahead = math.floor(max(0.0, most - metres) / _SEARCH_STEP_M)
+        for shift in (*range(0, -back - 1, -1), *range(1, ahead + 1)):
+            at = metres + shift * _SEARCH_STEP_M
+            for side in (lane, other_lane(lane)):
+                pose = Pose(*self.track.lane_centre(at, side))
+                if self._is_free(pose):
+                    return PutBack(pose, at)
+        return proper
+
+    def _is_free(self, pose: Pose) -> bool:
+        return self.boxes.free(pose) and self._free(pose)
+
+    def _start(self, grid: int | None) -> PutBack:
+        """Where the car starts. On a grid: 0.75 m behind the car before, odd ones in the inner, even ones in the outer
+        lane (deepracer-simapp, START_POS_OFFSET)."""
+        if grid is not None:
+            metres = self._start_m - GRID_M * grid
+            return PutBack(Pose(*self.track.lane_centre(metres, INNER if grid % 2 else OUTER)), metres)
+        centre = PutBack(Pose(*self.track.point_at(self._start_m)), self._start_m)
+        if self._is_free(centre.pose):
+            return centre
+        return self._free_place(self._start_m, INNER, self._start_m + _SEARCH_M)
+
+    def _end(self, reason: str, status: str) -> None:
+        self.end_reason = reason
+        self.status = status

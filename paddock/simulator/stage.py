@@ -1,0 +1,217 @@
+"""A track with its world and the cars on it. A race and the Gymnasium environment drive on the same stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from types import TracebackType
+
+from paddock.geometry.track import TrackGeometry
+
+from .action import Action
+from .bots import Bots, LanePaths
+from .camera.theme import OFFICIAL, Theme
+from .camera.view import Scene
+from .car import Pose
+from .contestant import Contestant
+from .course import lay_course
+from .physics import PADDOCK_CAR, CarPhysics
+from .progress import Reach, clear_distance
+from .referee import Referee
+from .rules import RaceRules
+from .sensors import Reading, make_sensors
+from .solids import Solid, car
+from .traffic import Traffic
+from .world import World, new_world
+
+
+class Ground:
+    """What is prepared once for a track and shared by every run on it: the driven direction, its scene, its reach."""
+
+    def __init__(self, track: TrackGeometry, direction: str = "ccw", theme: Theme = OFFICIAL) -> None:
+        self.track = track.in_direction(direction)
+        self.theme = theme
+        self._readings: dict[object, dict[str, Reading]] = {}
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Drawn when the first camera needs it."""
+        return Scene.of(self.track, self.theme)
+
+    def readings(self, sensors: Sequence[str], lidar_config: Mapping[str, float] | None = None) -> dict[str, Reading]:
+        """See :func:`paddock.simulator.sensors.make_sensors`; made once, for all cars with the same sensors."""
+        key = tuple(sensors), tuple(sorted((lidar_config or {}).items()))
+        if key not in self._readings:
+            self._readings[key] = make_sensors(sensors, lambda: self.scene, lidar_config)
+        return self._readings[key]
+
+    @cached_property
+    def reach(self) -> Reach:
+        """See :class:`paddock.simulator.progress.Reach`."""
+        return Reach(self.track)
+
+    @cached_property
+    def clear_m(self) -> float:
+        """See :func:`paddock.simulator.progress.clear_distance`."""
+        return clear_distance(self.track)
+
+    @cached_property
+    def lanes(self) -> LanePaths:
+        """See :class:`paddock.simulator.bots.LanePaths`."""
+        return LanePaths(self.track)
+
+
+class Stage:
+    """One run: a fresh world, the course with its boxes and bots, and the contestants. Use it as a context manager or
+    call :meth:`close`."""
+
+    def __init__(
+        self, ground: Ground, rules: RaceRules, physics: CarPhysics = PADDOCK_CAR, world: World | None = None
+    ) -> None:
+        """``world``: one of the same ``physics`` that several stages share; their cars neither meet nor see each other.
+        Who shares it moves it, between :meth:`command` and :meth:`judge` of all its stages, and closes it.
+
+        Raises UserFault where boxes or bots have no room, see :func:`paddock.simulator.course.lay_course`.
+        """
+        self.ground = ground
+        self.contestants: list[Contestant] = []
+        self._lay(rules, physics.control_hz)
+        self.world = world or new_world(physics)
+        self._shared = world is not None
+
+    def _lay(self, rules: RaceRules, control_hz: float) -> None:
+        ground = self.ground
+        self.rules = rules
+        self.course = lay_course(ground.track, rules)
+        self.bots = Bots(ground.lanes, rules, control_hz) if rules.bots else None
+        self.bot_rows: list[tuple[Pose, ...]] = []  # where the bots were at each row of the first contestant's trace
+        self._traffic = Traffic(ground.track.length, self.contestants, self.bots)
+        self._box_solids = tuple(box.solid for box in self.course.boxes)
+        self._solids = self._standing_solids()
+
+    def _standing_solids(self) -> tuple[Solid, ...]:
+        return self._box_solids if self.bots is None else self._box_solids + self.bots.solids
+
+    def add(
+        self,
+        sensors: Sequence[str],
+        start_m: float = 0.0,
+        lidar_config: Mapping[str, float] | None = None,
+        *,
+        grid: int | None = None,
+    ) -> Contestant:
+        """A car on the centre line, its base ``start_m`` metres after the finish (deepracer-simapp starts at 0), or as
+        near as boxes and bots leave room; that is where its laps begin and end. With ``grid`` its place in the starting
+        grid behind that line, from 0: 0.75 m apart, in the outer and inner lane by turns."""
+        ground = self.ground
+        mine: Contestant | None = None
+        referee = Referee(
+            ground.track,
+            self.rules,
+            self.world.physics,
+            ground.reach,
+            start_m,
+            ground.clear_m,
+            course=self.course,
+            free=self._traffic.free_for(lambda: mine),
+            grid=grid,
+        )
+        readings = ground.readings(sensors, lidar_config)
+        mine = Contestant(self.world.add_car(), referee, readings, self.solids)
+        self.contestants.append(mine)
+        return mine
+
+    def clear(self, rules: RaceRules | None = None) -> None:
+        """Take all cars off the track for another run, which is then as one on a new stage; bots go back to their
+        starts. With ``rules`` (another seed), under these."""
+        for contestant in self.contestants:
+            if contestant.car in self.world.cars:
+                self.world.give_back(contestant.car)
+        self.contestants.clear()
+        self._lay(rules or self.rules, self.world.physics.control_hz)
+
+    def solids(self, contestant: Contestant) -> tuple[Solid, ...]:
+        """What ``contestant`` can see on the track besides itself: boxes in driving order, bots, then other cars in the
+        order in which they were added. Cars that stand out a penalty are seen, cars that are done are off the track."""
+        if len(self.contestants) == 1:
+            return self._solids
+        return self._solids + tuple(
+            car(*other.referee.pose) for other in self.contestants if other is not contestant and not other.done
+        )
+
+    def step(self, actions: Sequence[Action | None]) -> None:
+        """One control step. ``actions``: one for each contestant, None for those that pause or are done."""
+        if self.command(actions):  # while all stand still the world stands still with them
+            self.world.step()
+        self.judge()
+
+    def command(self, actions: Sequence[Action | None]) -> bool:
+        """The first part of a step: hand out the actions. True where a car drives, so that the world must move on."""
+        contestants = self.contestants
+        if self.bots is not None and not contestants[0].done:
+            self.bot_rows.append(self.bots.poses)
+        driving = False
+        for contestant, action in zip(contestants, actions, strict=True):
+            if contestant.done:
+                continue
+            if contestant.pausing:
+                contestant.stand()
+            else:
+                assert action is not None, "a driving car needs an action"
+                contestant.command(action)
+                driving = True
+        return driving
+
+    def judge(self) -> None:
+        """The last part of a step: bots move, and every car is judged where it is now."""
+        contestants = self.contestants
+        if self.bots is None and len(contestants) == 1:
+            contestant = contestants[0]
+            if not contestant.done:
+                contestant.move()
+                contestant.judge()
+        else:
+            self._judge_all()
+
+    def retire(self, contestant: Contestant) -> None:
+        """Take a car off the track; its run ends, what it has driven stands."""
+        contestant.retire()
+        self._leave(contestant)
+
+    def _judge_all(self) -> None:
+        """Bots and cars all move, then the contacts between them are judged, then each car."""
+        self._traffic.step()
+        self._solids = self._standing_solids()
+        active = [contestant for contestant in self.contestants if not contestant.done]
+        for contestant in active:
+            contestant.move()
+        rammed = self._traffic.rammed()
+        for contestant, fault in zip(self.contestants, rammed, strict=True):
+            if contestant.done:
+                continue
+            paused = contestant.pausing
+            contestant.judge(fault)
+            if contestant.done:
+                self._leave(contestant)
+            elif paused and not contestant.pausing:
+                # The world may have moved on under it, and a car at rest settles by some micrometres.
+                contestant.car.place(contestant.referee.pose)
+
+    def _leave(self, contestant: Contestant) -> None:
+        if contestant is self.contestants[0] and self.bots is not None:
+            self.bot_rows.append(self.bots.poses)
+        if len(self.contestants) > 1:
+            self.world.remove_car(contestant.car)
+
+    def close(self) -> None:
+        """Free the world, unless it is shared."""
+        if not self._shared:
+            self.world.close()
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,261 @@
+"""The same environments for many cars at once: all in one Bullet world, where none meets or sees another.
+
+Each car's observations, rewards and ends are those of a single environment with the same seed and actions, to the last
+bit. ``gymnasium.make_vec("Paddock/TimeTrial-v1", num_envs=16, ...)`` makes one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from itertools import chain
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space, create_empty_array
+
+from paddock.exact import is_pinned
+
+from .action import Action
+from .contestant import Contestant
+from .envs.drive import Drive, Outcome
+from .envs.setting import Readings, Setting, head_to_head, object_avoidance, time_trial
+from .envs.single import RENDER_MODES, RacingEnv, picture
+from .world import World, new_world
+
+_Infos = dict[str, Any]
+
+
+class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
+    """Many cars on a track, one for each sub-environment. Its children are registered, one for each race type.
+
+    ``autoreset_mode`` is Gymnasium's. NEXT_STEP (the default): the step after an episode's last one ignores the action,
+    starts the next episode and returns its first observation, a reward of 0 and no end. SAME_STEP: the step that ends
+    an episode already returns the next one's first observation, and the last one as ``final_obs`` and ``final_info``
+    in the infos. DISABLED: the caller resets, all or by ``options={"reset_mask": ...}``.
+
+    Seeds: ``reset(seed=7)`` seeds the cars with 7, 8, 9, ...; a list gives each its own.
+
+    ``reward_function`` may be a list of as many functions as there are cars: one that keeps something from step to step
+    must not be shared.
+    """
+
+    make_setting: ClassVar[Callable[..., Setting]]  # of a child: one of :mod:`.envs.setting`
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        numbers_only: bool = False,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        """``options``: those of a single environment. ``copy=False`` returns the same observation arrays from every
+        call, which saves a copy of them. ``numbers_only=True`` leaves out of the infos what is no number (``status``,
+        ``laps``, ``end_reason``), as TorchRL's reader of SAME_STEP environments wants them.
+
+        Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and too few or too many
+        reward functions.
+        """
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be at least 1, not {num_envs}")
+        if render_mode not in (None, *RENDER_MODES):
+            raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
+        rewards = options.get("reward_function")
+        if isinstance(rewards, Sequence):
+            if len(rewards) != num_envs:
+                raise ValueError(f"{num_envs} cars need as many reward functions, not {len(rewards)}")
+            setting = self.make_setting(**{**options, "reward_function": rewards[0]})
+            self._settings = [replace(setting, reward_function=function) for function in rewards]
+        else:
+            setting = self.make_setting(**options)
+            self._settings = [setting] * num_envs
+        self.num_envs = num_envs
+        self.setting = setting
+        self.render_mode = render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**RacingEnv.metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = setting.observation_space
+        self.single_action_space = setting.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._copy, self._numbers_only = copy, numbers_only
+        self._world: World | None = None
+        self._drives: list[Drive] = []
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._over = np.zeros(num_envs, np.bool_)  # cars whose episode is over and not yet begun anew
+        self._observations: Readings = create_empty_array(setting.sensor_space, num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Readings | np.ndarray, _Infos]:
+        """Start an episode of every car, or of those in ``options["reset_mask"]`` (bool, one for each car).
+
+        ``options["start_m"]``: as in a single environment, for all.
+        """
+        options = dict(options or {})
+        mask = _mask(options.pop("reset_mask", None), self.num_envs)
+        seeds = self._seeds(seed)
+        if not self._drives:
+            self._world = new_world(self.setting.physics)
+            self._drives = [Drive(setting, self._world) for setting in self._settings]
+        infos: _Infos = {}
+        for number in np.flatnonzero(mask).tolist():
+            if seeds[number] is not None or self._rngs[number] is None:
+                self._rngs[number], _ = gymnasium.utils.seeding.np_random(seeds[number])
+            infos = self._add_info(infos, self._told(self._begin(number, options)), number)
+        return self._seen(), infos
+
+    def step(self, actions: np.ndarray) -> tuple[Readings | np.ndarray, np.ndarray, np.ndarray, np.ndarray, _Infos]:
+        """One control step of every car. See the class for what follows the end of an episode.
+
+        Raises ValueError for too many actions, too few, or one that is not in the action space; then no car has moved.
+        """
+        if not self._drives or not all(drive.began for drive in self._drives):
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        waiting = self._over.copy()
+        if waiting.any() and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(f"reset cars {np.flatnonzero(waiting).tolist()}: their episodes are over")
+        decoded = self._decoded(actions, waiting)
+        for number, action in decoded.items():
+            self._drives[number].take(action)
+        if not waiting.all():
+            self._world.step()
+        # Whose episode is over begins anew only now: a car at its start must not move on with the others.
+        rewards = np.zeros(self.num_envs, np.float64)
+        terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
+        infos: _Infos = {}
+        told: list[dict[str, Any]] = []
+        for number, drive in enumerate(self._drives):
+            if waiting[number]:
+                info = self._begin(number, {})
+            else:
+                outcome = drive.judge()
+                rewards[number], terminated[number], truncated[number], info = outcome
+                self._put(number, drive.observe())
+                if self.autoreset_mode is AutoresetMode.SAME_STEP and (outcome.terminated or outcome.truncated):
+                    infos = self._add_info(infos, self._final(number, outcome), number)
+                    info = self._begin(number, {})
+            told.append(self._told(info))
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP:
+            self._over = terminated | truncated
+        return self._seen(), rewards, terminated, truncated, self._merge(infos, told)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """The last frame of each car, in render mode ``rgb_array``."""
+        if self.render_mode is None or not self._drives:
+            return None
+        return tuple(
+            picture({name: batch[number] for name, batch in self._observations.items()})
+            for number in range(self.num_envs)
+        )
+
+    @property
+    def exact(self) -> bool:
+        """As in a single environment."""
+        return is_pinned()
+
+    def car(self, number: int) -> Contestant:
+        """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""
+        return self._drives[number].car
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the world."""
+        if self._world is not None:
+            self._world.close()
+        self._world, self._drives = None, []
+
+    def _decoded(self, actions: Any, waiting: np.ndarray) -> dict[int, Action]:
+        """What each car that is not ``waiting`` is told to do."""
+        given = len(actions) if isinstance(actions, Sequence) or getattr(actions, "ndim", 0) else None
+        if given != self.num_envs:
+            found = "none" if given is None else given
+            raise ValueError(f"{self.num_envs} cars need an array of as many actions, one for each, not {found}")
+        decoded = {}
+        for number, (drive, idle) in enumerate(zip(self._drives, waiting.tolist(), strict=True)):
+            if not idle:
+                try:
+                    decoded[number] = drive.decode(actions[number])
+                except ValueError as error:
+                    raise ValueError(f"car {number}: {error}") from error
+        return decoded
+
+    def _begin(self, number: int, options: dict[str, Any]) -> dict[str, Any]:
+        drive = self._drives[number]
+        info = drive.begin(self._rngs[number], options)
+        self._over[number] = False
+        self._put(number, drive.observe())
+        return info
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        if not self._numbers_only:
+            return info
+        return {key: value for key, value in info.items() if isinstance(value, int | float)}
+
+    def _merge(self, infos: _Infos, told: list[dict[str, Any]]) -> _Infos:
+        """The info of every car in Gymnasium's form: an array and a mask for each key. Its own way to it, a value at a
+        time, would be a tenth of a step."""
+        for key in dict.fromkeys(chain.from_iterable(told)):
+            values = [info.get(key) for info in told]
+            given = np.array([key in info for info in told])
+            if all(type(value) in (int, float, bool) for value in values):
+                infos[key] = np.array(values, dtype=type(values[0]))
+            else:
+                infos[key] = np.full(self.num_envs, None, dtype=object)
+                for number, value in enumerate(values):
+                    infos[key][number] = value
+            infos[f"_{key}"] = given
+        return infos
+
+    def _final(self, number: int, outcome: Outcome) -> dict[str, Any]:
+        """The last observation and info of an episode, which the next one's take the place of."""
+        last = {name: batch[number].copy() for name, batch in self._observations.items()}
+        return {"final_obs": self.setting.present(last), "final_info": self._told(outcome.info)}
+
+    def _put(self, number: int, readings: Readings) -> None:
+        for name, reading in readings.items():
+            self._observations[name][number] = reading
+
+    def _seen(self) -> Readings | np.ndarray:
+        seen = self.setting.present(self._observations)
+        return deepcopy(seen) if self._copy else seen
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            return [int(seed) + number for number in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{self.num_envs} cars need as many seeds, not {len(seed)}")
+        return list(seed)
+
+
+def _mask(mask: Any, count: int) -> np.ndarray:
+    if mask is None:
+        return np.ones(count, np.bool_)
+    if not isinstance(mask, np.ndarray) or mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
+        raise ValueError(f"reset_mask must be a numpy array of {count} booleans, one of them true at least")
+    return mask
+
+
+class TimeTrialVectorEnv(RacingVectorEnv):
+    """Many cars of ``Paddock/TimeTrial-v1``, with the same arguments."""
+
+    make_setting = staticmethod(time_trial)
+
+
+class ObjectAvoidanceVectorEnv(RacingVectorEnv):
+    """Many cars of ``Paddock/ObjectAvoidance-v1``, with the same arguments; each has boxes of its own."""
+
+    make_setting = staticmethod(object_avoidance)
+
+
+class HeadToHeadVectorEnv(RacingVectorEnv):
+    """Many cars of ``Paddock/HeadToHead-v1``, with the same arguments; each has bots of its own."""
+
+    make_setting = staticmethod(head_to_head)

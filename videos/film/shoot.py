@@ -1,0 +1,186 @@
+"""From a scene to a file: frame after frame is drawn and encoded."""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from .scene import FULL, FilmFacts, Form, Scene, Stopped
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from .take import Take
+
+_TELL_EVERY_S = 0.2
+_DIM = 0.42  # of the last picture under the card
+_CARD_IN_S = 0.3
+_JPEG_QUALITY = 88
+
+
+def film(
+    scene: Scene,
+    out: BinaryIO | Path,
+    *,
+    on_progress: Callable[[float], None] = lambda share: None,
+    is_stopped: Callable[[], bool] = lambda: False,
+    form: Form = FULL,
+) -> FilmFacts:
+    """Draw and encode the scene: MP4 with H.264 (yuv420p, no sound, the index first), a key frame each two seconds.
+
+    ``out``: a path, which is written beside itself and then put in place whole, or a binary file that can be written.
+    ``on_progress`` gets a share from 0 to 1 about five times a second; before each frame ``is_stopped`` is asked. What
+    either raises goes through. The same scene makes the same bytes on the same library versions.
+
+    Starts no thread. Raises :class:`~videos.film.Stopped`, and UserFault: ``video_no_steps`` for a trace of the
+    followed car without two readable rows, ``video_too_long`` (``MAX_SECONDS``). OSError where ``out`` cannot be
+    written. After any of them nothing is left at the path but what was there before.
+    """
+    from .take import prepare
+
+    take = prepare(scene, form)
+    if not isinstance(out, Path):
+        with tempfile.TemporaryDirectory(prefix="film-") as folder:
+            whole = Path(folder) / "film.mp4"
+            facts = _shoot(take, whole, on_progress, is_stopped)
+            with whole.open("rb") as file:
+                shutil.copyfileobj(file, out)
+        return facts
+    unfinished = out.with_name(f".{secrets.token_hex(8)}.mp4")
+    try:
+        unfinished.touch(exist_ok=False)
+        facts = _shoot(take, unfinished, on_progress, is_stopped)
+        unfinished.replace(out)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return facts
+
+
+def poster(scene: Scene, *, form: Form = FULL) -> bytes:
+    """A JPEG of the picture in the middle of the video, or of the next one to it in which the car drives on the road.
+    Raises as :func:`film`."""
+    import cv2
+
+    from .take import prepare
+
+    take = prepare(scene, form)
+    with _one_thread():
+        painter = Painter(take)
+        picture = painter.frame(telling(take))
+        written, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not written:
+        raise RuntimeError("OpenCV wrote no JPEG")
+    return data.tobytes()
+
+
+def telling(take: Take) -> int:
+    """The frame nearest to the middle in which the followed car drives on the road, else in which it drives."""
+    drive, track, middle = take.hero.drive, take.scene.track, take.driven // 2
+    driving = [k for k in range(take.driven) if not drive.standing[k] and not drive.gone[k]]
+    driving.sort(key=lambda number: abs(number - middle))
+    on_road = (k for k in driving if track.on_road(float(drive.x[k]), float(drive.y[k])))
+    return next(on_road, driving[0] if driving else middle)
+
+
+class Painter:
+    """Paints the frames of a take, in any order."""
+
+    def __init__(self, take: Take) -> None:
+        import numpy as np
+
+        from .card import result_card
+        from .panel import Panel
+        from .view import View
+
+        self._take = take
+        self._picture = np.empty((take.form.height, take.form.width, 3), np.uint8)
+        self._panel = Panel(take)
+        self._view = View(take, take.form.width, take.form.height - self._panel.height)
+        self._card = result_card(take, take.words)
+        self._last: np.ndarray | None = None
+        self._ended = -1  # the last frame of the end that the picture shows
+
+    def frame(self, number: int) -> np.ndarray:
+        """Frame ``number``, BGR (height, width, 3); overwritten by the next call."""
+        driven = self._take.driven
+        if number < driven:
+            self._ended = -1
+            self._paint(number)
+        else:
+            self._end(number - driven)
+        return self._picture
+
+    def _paint(self, number: int) -> None:
+        self._view.paint(self._picture, number)
+        self._panel.paint(self._picture, number)
+
+    def _end(self, number: int) -> None:
+        """The card comes in over the last picture, which darkens."""
+        import numpy as np
+
+        if self._last is None:
+            self._paint(self._take.driven)
+            self._last = self._picture.copy()
+        whole = max(1, round(_CARD_IN_S * self._take.form.fps))
+        number = min(number, whole - 1)
+        if number == self._ended:
+            return  # it stands; the picture is as it was
+        self._ended = number
+        share = (number + 1) / whole
+        share = share * share * (3.0 - 2.0 * share)
+        np.copyto(self._picture, (self._last * (1.0 - (1.0 - _DIM) * share)).astype(np.uint8))
+        height, width = self._card.cover.shape
+        top = (self._take.form.height - height) // 2
+        self._card.put(self._picture, (self._take.form.width - width) // 2, top, share)
+
+
+def _shoot(take: Take, path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]) -> FilmFacts:
+    from .encode import Encoder
+
+    drawing = encoding = 0.0
+    told = time.monotonic()
+    with _one_thread(), Encoder(path, take.form) as encoder:
+        painter = Painter(take)
+        for number in range(take.frames):
+            if is_stopped():
+                raise Stopped
+            began = time.process_time()
+            picture = painter.frame(number)
+            drawn = time.process_time()
+            encoder.add(picture)
+            drawing += drawn - began
+            encoding += time.process_time() - drawn
+            if time.monotonic() - told >= _TELL_EVERY_S:
+                on_progress(number / take.frames)
+                told = time.monotonic()
+    on_progress(1.0)
+    width, height, fps = take.form
+    return FilmFacts(
+        frames=take.frames,
+        duration_ms=round(1000.0 * take.frames / fps),
+        width=width,
+        height=height,
+        size=path.stat().st_size,
+        drawing_s=round(drawing, 3),
+        encoding_s=round(encoding, 3),
+    )
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """OpenCV starts no threads of its own within the block: smoothing a few polygons with them costs more than it
+    brings."""
+    import cv2
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
