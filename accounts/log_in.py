@@ -28,7 +28,7 @@ from django.utils.crypto import salted_hmac
 from .models import KnownAddress
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 RATES = {
     "racer_from_address": "5/5m/key",

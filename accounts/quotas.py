@@ -16,7 +16,7 @@ from django.conf import settings
 if TYPE_CHECKING:
     from django.utils.functional import _StrPromise
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 # Numbers used by racer id, of these racers or of all; who has used nothing may be left out.
 Count = Callable[[Collection[int] | None, datetime], Mapping[int, float]]

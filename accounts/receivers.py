@@ -12,7 +12,7 @@ from .log_in import remember_address
 from .services import take_over
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 PASSING, PASSING_S = "passing", 600
 

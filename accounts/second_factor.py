@@ -13,7 +13,7 @@ from django.db.models import QuerySet
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 FACTORS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)
 

@@ -17,7 +17,7 @@ from .quotas import Quota, Usage, all_quotas
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @dataclass(frozen=True)

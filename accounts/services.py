@@ -17,7 +17,7 @@ from .second_factor import forget_second_factor
 from .signals import account_taken_over
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 def take_up_invitation(*, code: str, now: datetime) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from django.utils.functional import _StrPromise
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 MEGABYTE = 1024 * 1024
 # Bytes by racer id, of these racers or of all; who has stored nothing may be left out.

@@ -18,7 +18,7 @@ from .models import TokenGrant
 from .scopes import SCOPES
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 TOKENS_PER_RACER = 20
 LONGEST_DAYS = 366

@@ -18,7 +18,7 @@ _SCORE = "(10000 + n * 7919 % 50000)"
 
 def make_racers(count: int, now: datetime) -> None:
     """Racers ``r0`` to ``r{count - 1}``, who cannot log in, with ids that follow each other."""
-    from league.models import Racer
+    from accounts.models import Racer
 
     values = {"alias": "'r' || n", "email": "'r' || n || '@example.org'"}
     insert(Racer, values, {"password": "!", "joined_at": now}, f"({series(count)}) AS numbers")
@@ -42,7 +42,7 @@ def make_race(slug: str, track: Any, now: datetime) -> Any:
 
 def fill(race: Any, count: int, now: datetime) -> None:
     """Entries of the first ``count`` racers, nine in ten of them classified, with many equal scores."""
-    from league.models import Racer
+    from accounts.models import Racer
     from races.models import Entry
     from races.ranking import LAST, NO_RESULT
 

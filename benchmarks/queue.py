@@ -52,8 +52,8 @@ def fill(count: int, racers: int, track: Any, now: datetime) -> None:
     """A queue of ``count``, of racers who have waited in turns; as many have run before."""
     from django.db import connection
 
+    from accounts.models import Racer
     from evaluation.models import Evaluation, State
-    from league.models import Racer
     from tests.rows import model_row
 
     Evaluation.objects.all().delete()

@@ -91,7 +91,7 @@ def _cookies(count: int) -> list[str]:
     from django.conf import settings
     from django.test import Client
 
-    from league.models import Racer
+    from accounts.models import Racer
     from tests.factories import a_model
 
     found = []

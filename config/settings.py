@@ -308,7 +308,7 @@ FILE_UPLOAD_TEMP_DIR.mkdir(mode=0o700, exist_ok=True)
 DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 
 # --- people --------------------------------------------------------------------------------------------------------
-AUTH_USER_MODEL = "league.Racer"
+AUTH_USER_MODEL = "accounts.Racer"
 # The first has the last word; the others are named for the sessions that were begun with them
 AUTHENTICATION_BACKENDS = [
     "accounts.backends.PasswordBackend",
@@ -322,7 +322,7 @@ AUTH_PASSWORD_VALIDATORS = [
 ACCOUNT_USER_MODEL_USERNAME_FIELD = "alias"
 ACCOUNT_LOGIN_METHODS = {"email", "username"}
 ACCOUNT_SIGNUP_FIELDS = ["email*", "username*", "password1*", "password2*"]
-ACCOUNT_USERNAME_VALIDATORS = "league.models.ALIAS_VALIDATORS"
+ACCOUNT_USERNAME_VALIDATORS = "accounts.models.ALIAS_VALIDATORS"
 ACCOUNT_USERNAME_MIN_LENGTH = 2
 ACCOUNT_EMAIL_SUBJECT_PREFIX = f"[{_site_host}] "
 ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional", ("none", "optional", "mandatory"))

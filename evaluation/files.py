@@ -21,7 +21,7 @@ from .services.stored import read
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 def package_of(model: TrainedModel) -> bytes:

@@ -15,7 +15,7 @@ from .models import Evaluation, Result, State, TrainedModel
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 RECENT = 20  # finished evaluations that the expected wait is reckoned from
 # A deactivated racer shares nothing, and what drives for the house belongs to everybody.

@@ -1,145 +1,24 @@
-"""Racers, seasons, rounds and divisions in the admin site."""
+"""Seasons, rounds and divisions in the admin site."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from allauth.account import admin as account_admin
-from allauth.account.models import EmailAddress, EmailConfirmation
-from allauth.mfa import admin as mfa_admin
-from allauth.mfa.models import Authenticator
 from django.contrib import admin
-from django.contrib.auth.admin import UserAdmin
-from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
 from django.core.exceptions import ValidationError
 from django.db import transaction
-from django.db.models import QuerySet
 from django.forms import BaseInlineFormSet, CharField, HiddenInput, ModelForm
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
-from django.utils.translation import ngettext
 
-from accounts.admin import QuotaInline
 from races.errors import problem
 
-from .models import Membership, Racer, Round, Season
+from .models import Membership, Round, Season
 from .models.season import usual_stage
 from .services import put_in_division
 from .services.fields import give_fields
 from .services.seasons import FIXED_ONCE_OFFICIAL, edition_of
-
-# E-mail addresses and second factors are shown with their racer and nowhere else, and secrets nowhere.
-for model in (EmailAddress, EmailConfirmation, Authenticator):
-    if account_admin.admin.site.is_registered(model) or mfa_admin.admin.site.is_registered(model):
-        admin.site.unregister(model)
-
-POWERS = ("is_staff", "is_superuser", "groups", "user_permissions")
-
-
-class NewRacerForm(AdminUserCreationForm):
-    """A racer that an admin makes."""
-
-    class Meta:
-        model = Racer
-        fields = ("alias", "email")
-
-
-class RacerForm(UserChangeForm):
-    """A racer that an admin changes. The alias was chosen once, and stays."""
-
-    class Meta:
-        model = Racer
-        fields = "__all__"
-
-    def clean_email(self) -> str:
-        return self.cleaned_data["email"].lower()
-
-
-class EmailInline(admin.TabularInline):
-    """The addresses that the racer has confirmed or not."""
-
-    model = EmailAddress
-    extra = 0
-
-
-class FactorInline(admin.TabularInline):
-    """The racer's second factors: which there are. They may be taken away from who has lost them."""
-
-    model = Authenticator
-    extra = 0
-    fields = readonly_fields = ("type", "created_at", "last_used_at")
-
-    def has_add_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
-        return False
-
-
-@admin.register(Racer)
-class RacerAdmin(UserAdmin):
-    """Racers. Who has raced is deactivated, never deleted: their results are part of other racers' boards."""
-
-    form = RacerForm
-    add_form = NewRacerForm
-    list_display = ("alias", "email", "country", "is_active", "is_house", "is_staff", "joined_at", "last_login")
-    list_filter = ("is_active", "is_house", "is_staff", "joined_at", "country")
-    search_fields = ("alias", "email")
-    ordering = ("alias",)
-    date_hierarchy = "joined_at"
-    filter_horizontal = ("groups", "user_permissions")
-    readonly_fields = ("joined_at", "last_login", "is_house")
-    inlines = (EmailInline, FactorInline, QuotaInline)
-    actions = ("deactivate", "activate")
-    fieldsets = (
-        (None, {"fields": ("alias", "email", "password", "country")}),
-        (_("Standing"), {"fields": ("is_active", "is_house", "joined_at", "last_login")}),
-        (_("Powers"), {"fields": POWERS}),
-    )
-    add_fieldsets = (
-        (None, {"classes": ("wide",), "fields": ("alias", "email", "usable_password", "password1", "password2")}),
-    )
-
-    def get_inlines(self, request: HttpRequest, obj: Racer | None) -> tuple:
-        return () if obj is None or obj.is_house else self.inlines
-
-    def get_readonly_fields(self, request: HttpRequest, obj: Racer | None = None) -> tuple[str, ...]:
-        """The alias is chosen once; powers are given by superusers alone."""
-        fixed = tuple(super().get_readonly_fields(request, obj))
-        if obj is not None:
-            fixed += ("alias",)
-        return fixed if request.user.is_superuser else fixed + POWERS
-
-    def has_change_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
-        """Nobody but a superuser changes a superuser."""
-        mightier = obj is not None and obj.is_superuser and not request.user.is_superuser
-        return super().has_change_permission(request, obj) and not mightier
-
-    def has_delete_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
-        used = obj is not None and (obj.entries.exists() or obj.evaluations.exists() or obj.organised_races.exists())
-        return super().has_delete_permission(request, obj) and not used
-
-    def get_actions(self, request: HttpRequest) -> dict:
-        actions = super().get_actions(request)
-        actions.pop("delete_selected", None)
-        return actions
-
-    @admin.action(description=_("Deactivate: they cannot log in, their results stay"), permissions=["change"])
-    def deactivate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
-        self._set_active(request, queryset.exclude(pk=request.user.pk), False)
-
-    @admin.action(description=_("Activate again"), permissions=["change"])
-    def activate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
-        self._set_active(request, queryset, True)
-
-    def _set_active(self, request: HttpRequest, queryset: QuerySet[Racer], active: bool) -> None:
-        done = 0
-        for racer in queryset.exclude(is_active=active).filter(record_id=None):
-            if self.has_change_permission(request, racer):
-                racer.is_active = active
-                racer.save(update_fields=["is_active"])
-                self.log_change(request, racer, "Activated" if active else "Deactivated")
-                done += 1
-        self.message_user(request, ngettext("%d racer was changed.", "%d racers were changed.", done) % done)
-
 
 _OFFICIAL = _("The results of this round are official, so it stays as it is. Take them back first, under Rounds.")
 

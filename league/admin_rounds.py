@@ -14,10 +14,11 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
+from accounts.models import Racer
 from paddock.errors import PaddockError
 from races.admin.actions import ReadOnly, sentence
 
-from .models import Racer, Round
+from .models import Round
 from .selectors.stewarding import competitors_of
 from .services.closing import close_round
 from .services.notices import announce

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from datetime import datetime
 
+from accounts.models import Racer
 from paddock.errors import UserFault
 from races.models import Division, Kind, Race
 
-from .models import Racer
 from .models.season import WITH_FIELD
 from .selectors import division_of, field_of
 from .selectors.boards import round_of

@@ -7,8 +7,7 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 
 from accounts.countries import country_choices
-
-from .models import Racer
+from accounts.models import Racer
 
 
 class LoginForm(allauth_forms.LoginForm):

@@ -12,12 +12,13 @@ from django.db.models import F, Q, QuerySet
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, State
 from races.facts import clock
 from races.models import Kind, Race
 from races.names import named
 
-from .models import ChampionshipPlace, FinalePlace, Membership, NoticeKind, Racer, Stage, Webhook
+from .models import ChampionshipPlace, FinalePlace, Membership, NoticeKind, Stage, Webhook
 from .notices import SENTENCES
 
 OPENED, CLOSED, OFFICIAL, RESULT = "race.opened", "race.closed", "race.official", "race.result"

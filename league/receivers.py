@@ -7,10 +7,11 @@ from functools import partial
 
 from django.db import transaction
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, Result
 from races.models import Race
 
-from .models import Racer, Round, Webhook
+from .models import Round, Webhook
 from .services.ratings import rate_season
 from .services.stewards import correct_results
 

@@ -11,7 +11,7 @@ from evaluation.looks import Look, told_apart
 from evaluation.models import CarResult, Evaluation, EvaluationRival
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @dataclass(frozen=True)

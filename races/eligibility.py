@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from paddock.errors import UserFault
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
     from .models import Race
 

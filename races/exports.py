@@ -12,7 +12,7 @@ from .selectors import BoardRow, whole_board
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
     from .models import Race
 

@@ -21,7 +21,7 @@ from .services.videos import forget_lost_file, note_watched
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 PIECE = 1 << 20  # some seconds of a film
 _RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")

@@ -231,7 +231,7 @@ def oval(db: None):
 
 
 def _of_house_cars() -> list:
-    from league.models import Racer
+    from accounts.models import Racer
     from league.services import house_cars
 
     return [
@@ -241,6 +241,6 @@ def _of_house_cars() -> list:
 
 
 def _racer(alias: str):
-    from league.models import Racer
+    from accounts.models import Racer
 
     return Racer.objects.create_user(alias, f"{alias}@example.org", "correct horse battery")

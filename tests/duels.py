@@ -7,10 +7,10 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
+from accounts.models import Racer
 from evaluation.models import Evaluation
 from evaluation.pipeline import CarOutcome, EvaluationOutcome
 from evaluation.services import finish_evaluation
-from league.models import Racer
 from paddock.errors import PlatformFault
 from races.models import Duel, DuelState, Entry, Race
 from races.selectors import board

@@ -10,10 +10,10 @@ from datetime import datetime, timedelta
 from typing import Any
 from unittest.mock import patch
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, State
 from evaluation.pipeline import EvaluationOutcome
 from evaluation.services import fail_evaluation, finish_evaluation, leases
-from league.models import Racer
 from paddock.errors import PaddockError
 from paddock.simulator import engine
 from races.models import Kind, Race, Submission

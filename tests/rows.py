@@ -8,8 +8,8 @@ from datetime import datetime
 from django.core.files.base import ContentFile
 from django.utils import timezone
 
+from accounts.models import Racer
 from evaluation.models import Network, TrainedModel
-from league.models import Racer
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import write_npy
 from tracks.models import Track

@@ -23,7 +23,7 @@ from .models import Look, Track
 from .quotas import TRACKS
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 NAME_LIMIT = Track._meta.get_field("name").max_length
 SLUG_LIMIT = Track._meta.get_field("slug").max_length

@@ -11,7 +11,7 @@ from django.core.cache import cache
 from paddock.errors import UserFault
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 CHECK_LOCK_S = 30
 

@@ -12,7 +12,7 @@ from .models import EndReason, TrainingJob
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 def how_it_ended(job: TrainingJob, reader: Racer | AnonymousUser) -> str:

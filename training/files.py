@@ -18,7 +18,7 @@ from paddock.errors import PlatformFault
 from .models import BestMetric, TrainingIteration, TrainingJob
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 VERSION = 2.0
 # no type that a program opens by itself: a zip of stable-baselines3 holds pickles, and Python runs what they say

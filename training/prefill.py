@@ -22,7 +22,7 @@ from .trainer.network import CONSOLE
 from .vehicles import vehicles_of
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 LONGEST = 255
 # The console's own (deepracer.md 2.4), at which those cars were trained; ours learn best at three times as much.

@@ -18,7 +18,7 @@ from .quotas import MINUTES
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:

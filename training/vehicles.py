@@ -15,7 +15,7 @@ from .models import Vehicle
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 VEHICLES_PER_RACER = 50
 

@@ -23,13 +23,13 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.countries import COUNTRIES
+from accounts.models import Racer
+from accounts.profile import change_profile
 from accounts.quotas import usage_of
 from accounts.scopes import ANY, EVERY, RACE, SCOPES
 from accounts.second_factor import factors_of, lacks_demanded_factor
 from accounts.tokens import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
 from core.bodies import Body, refuse_fields
-from league.models import Racer
-from league.services.profile import change_profile
 
 from .auth import SecondFactorMissing
 

@@ -32,7 +32,7 @@ from ..signals import model_deleted
 from .stored import delete, heal_network, store
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 KEEP_DELETED = timedelta(days=1)
 NAME_LIMIT = TrainedModel._meta.get_field("name").max_length

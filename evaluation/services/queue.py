@@ -19,7 +19,7 @@ from .bell import BELLS_AT_ONCE, ring_bell
 from .turns import hurry_from, insert_in_turn
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
     from paddock.simulator.rules import RaceRules
     from tracks.models import Track
 

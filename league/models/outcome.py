@@ -7,9 +7,9 @@ from django.db.models import Q
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from accounts.models.racer import Racer
 from races.models import Division
 
-from .racer import Racer
 from .season import Round, Season
 
 

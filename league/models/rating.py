@@ -6,7 +6,8 @@ from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
-from .racer import Racer
+from accounts.models.racer import Racer
+
 from .season import Season
 
 

@@ -12,9 +12,10 @@ from django.db.models import F, Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
+from core.validators import ONE_LINE
 from paddock.simulator.rules import RaceRules
 from races.errors import problem
-from races.models import ONE_LINE, Division, Kind, Race, RankingMethod
+from races.models import Division, Kind, Race, RankingMethod
 
 # The table of a round that many championships use. Nobody is bound to it.
 DEFAULT_POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)

@@ -8,7 +8,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
-from .racer import Racer
+from accounts.models.racer import Racer
 
 
 def new_secret() -> str:

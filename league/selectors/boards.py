@@ -9,9 +9,10 @@ from datetime import datetime
 from django.db.models import Exists, OuterRef, QuerySet, Subquery, Value
 from django.db.models.functions import Coalesce
 
+from accounts.models import Racer
 from races.models import Kind, Race
 
-from ..models import ChampionshipPlace, Membership, Racer, Round, Stage, StewardDecision
+from ..models import ChampionshipPlace, Membership, Round, Stage, StewardDecision
 from ..rules import ChampionshipField, FinaleField, Promotion
 from .outcomes import classified_order
 

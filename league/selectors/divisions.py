@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from accounts.models import Racer
 from races.models import Division, Race
 
-from ..models import Membership, Racer, Round, Season
+from ..models import Membership, Round, Season
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser

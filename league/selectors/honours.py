@@ -22,7 +22,7 @@ from ..models import Round
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from ..models import Racer
+    from accounts.models import Racer
 
 LEAST = 2  # classified, for a place to be won against somebody
 PODIUM = 3

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 from django.db.models import QuerySet
 
-from ..models import Notice, Racer
+from accounts.models import Racer
+
+from ..models import Notice
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser

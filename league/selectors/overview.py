@@ -9,10 +9,11 @@ from typing import Any
 
 from django.db.models import Count, Q, QuerySet
 
+from accounts.models import Racer
 from races.models import Division, Race, RaceState
 from races.selectors import BoardRow, podiums
 
-from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season, Stage
+from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season, Stage
 from ..rules import Line, Result
 from .outcomes import outcome_of
 from .seasons import Month

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.db.models import Q
 
-from ..models import Racer
+from accounts.models import Racer
 
 # Deactivated accounts have no page; who is known from a record alone was never active and has one.
 SHOWN = Q(is_active=True) | Q(record_id__isnull=False)

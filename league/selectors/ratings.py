@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from django.db.models import F, Window
 from django.db.models.functions import Rank
 
-from ..models import DuelRating, Racer, Season
+from accounts.models import Racer
+
+from ..models import DuelRating, Season
 
 SHOWN = F("mu") - 3.0 * F("sigma")
 

@@ -8,21 +8,12 @@ from dataclasses import dataclass, field
 from django.db.models import Exists, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
+from accounts.models import Racer
 from races.models import Division, Entry
 from races.selectors import podiums
 from races.selectors.boards import ranks_of
 
-from ..models import (
-    ChampionshipPlace,
-    FinalePlace,
-    Membership,
-    Racer,
-    Round,
-    RoundPoints,
-    Season,
-    Stage,
-    StewardDecision,
-)
+from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season, Stage, StewardDecision
 from .standings import standings_of
 
 

@@ -7,11 +7,10 @@ from datetime import datetime, timedelta
 
 from django.db.models import Exists, OuterRef
 
+from accounts.models import Racer
 from evaluation.models import TrainedModel
 from races.models import Entry, Kind, Race, Submission
 from races.selectors.boards import CLASSIFIED
-
-from ..models import Racer
 
 NEWCOMER_FOR = timedelta(days=60)
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 from django.db.models import Q, QuerySet
 
+from accounts.models import Racer
 from races.models import Race
 
-from ..models import Racer, Webhook, WebhookDelivery
+from ..models import Webhook, WebhookDelivery
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser

@@ -13,12 +13,13 @@ from datetime import datetime
 from django.db import transaction
 from django.db.models import Q
 
+from accounts.models import Racer
 from paddock.errors import UserFault
 from races.models import Opponents, Race, RaceState
 from races.selectors.counting import cars_waiting, driven_again
 from races.services.gates import moment
 
-from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season
+from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season
 from ..selectors.boards import due_rounds
 from ..selectors.outcomes import Outcome, outcome_of
 from .fields import give_fields

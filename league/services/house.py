@@ -17,6 +17,7 @@ from pathlib import Path
 from django.conf import settings
 from django.db import transaction
 
+from accounts.models import Racer
 from evaluation.looks import Look, Shell
 from evaluation.models import TrainedModel
 from evaluation.services import describe_model, upload_model
@@ -25,8 +26,6 @@ from paddock.packages.read import UploadPart, read_upload
 from races.models import Kind, Race, Submission
 from races.selectors import racing_now
 from races.services import submit_model
-
-from ..models import Racer
 
 logger = logging.getLogger(__name__)
 HOUSE_CARS_DIR = Path(settings.BASE_DIR) / "training" / "house_cars"

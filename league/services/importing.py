@@ -17,6 +17,8 @@ from django.core.exceptions import ValidationError
 from django.db import IntegrityError, transaction
 from django.utils.text import slugify
 
+from accounts.models import Racer
+from accounts.models.racer import ALIAS_VALIDATORS
 from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import DuelFormat, Entry, Kind, Opponents, Race, RaceType
@@ -28,8 +30,7 @@ from tracks.services import free_slug as free_track_slug
 
 from ..history import ReadRace, ReadSeason, ResultRow, read_folder
 from ..history.form import NO_SCORE
-from ..models import Racer, RecordedRace, RecordedResult, RecordedSeason, Round, Season
-from ..models.racer import ALIAS_VALIDATORS
+from ..models import RecordedRace, RecordedResult, RecordedSeason, Round, Season
 from ..models.season import DIVISION_OF, RESERVED_SLUGS, Stage
 from .bulk import insert_rows
 from .closing import close_round

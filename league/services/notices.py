@@ -27,6 +27,7 @@ from django.urls import reverse
 from django.utils import translation
 from django.utils.translation import gettext as _
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, State
 from races.models import Division, Entry, Kind, Race, Redrive, Retiming
 from races.selectors import podiums
@@ -43,7 +44,6 @@ from ..models import (
     Notice,
     NoticeChoice,
     NoticeKind,
-    Racer,
     Round,
     Stage,
     StewardDecision,

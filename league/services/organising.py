@@ -10,11 +10,12 @@ from django.db import transaction
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
+from accounts.models import Racer
 from paddock.errors import UserFault
 from races.models import Entry, Race, RaceState
 from races.services import edit_race, remove_entry
 
-from ..models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints, Season, Stage
+from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season, Stage
 from ..models.season import WITH_POINTS
 from .notices import announce
 from .seasons import hold_season

@@ -9,13 +9,14 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.db import transaction
 
+from accounts.models import Racer
 from paddock.errors import UserFault
 from races.errors import problem
 from races.models import Race
 from races.services import create_league_race
 from races.services.gates import moment
 
-from ..models import Membership, Racer, Round, Season, Stage, StageRules
+from ..models import Membership, Round, Season, Stage, StageRules
 from ..models.season import DIVISION_OF, WITH_FIELD
 from .fields import give_round_its_field
 

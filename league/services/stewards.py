@@ -6,12 +6,13 @@ from datetime import datetime
 
 from django.db import transaction
 
+from accounts.models import Racer
 from paddock.errors import UserFault
 from races.models import Entry, RaceState
 from races.services.entries import remove_entry, restore_entry
 from races.services.gates import moment
 
-from ..models import Decision, Racer, Round, Season, Stage, StewardDecision
+from ..models import Decision, Round, Season, Stage, StewardDecision
 from ..models.season import WITH_FIELD
 from .closing import forget_outcomes, rework
 from .fields import give_fields

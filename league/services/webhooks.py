@@ -11,13 +11,14 @@ from django.core.cache import cache
 from django.db import transaction
 from django.utils import translation
 
+from accounts.models import Racer
 from evaluation.services.bell import send
 from paddock.errors import UserFault
 from races.models import Entry, Race
 
 from .. import chats, outgoing
 from ..happenings import EVENTS, TEST, Happening, happenings
-from ..models import Racer, Webhook, WebhookDelivery
+from ..models import Webhook, WebhookDelivery
 from ..models.webhook import new_secret
 from .notices import choice_of
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from django import template
 
-from league.models import Notice, Racer
+from accounts.models import Racer
+from league.models import Notice
 from league.notices import sentence
 
 register = template.Library()

@@ -6,7 +6,8 @@ from typing import Any
 
 from django import template
 
-from league.models import Racer, Season
+from accounts.models import Racer
+from league.models import Season
 from league.selectors import racer_ratings, season_of, season_ratings
 from races.models import Kind, Race
 

@@ -9,7 +9,8 @@ from django.db.models import Exists, OuterRef
 from django.utils import timezone
 from django.utils.safestring import SafeString, mark_safe
 
-from league.models import Racer, Round, Season
+from accounts.models import Racer
+from league.models import Round, Season
 from league.selectors import decisions_of
 from league.selectors.boards import BoardCut, board_cut, round_of
 from league.services.organising import cancelling_says, removal_says

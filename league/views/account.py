@@ -20,12 +20,12 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.forms import TokenForm
 from accounts.log_in import may_ask_for_challenge
+from accounts.profile import change_profile
 from accounts.receivers import begin_passing_session
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from core.addresses import origin_of
 from core.forms import add_fault, explain
 from league.forms import ProfileForm
-from league.services.profile import change_profile
 from paddock.errors import UserFault
 
 

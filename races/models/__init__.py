@@ -5,13 +5,12 @@ from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, Rac
 from .counting import BoardCount
 from .duel import Draw, Duel, DuelCar, DuelState
 from .entry import Entry
-from .race import ONE_LINE, Race, default_sensors, new_invitation
+from .race import Race, default_sensors, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
 from .submission import Submission
 from .video import UNDER_WAY, WHOLE, Video, VideoState
 
 __all__ = [
-    "ONE_LINE",
     "UNDER_WAY",
     "WHOLE",
     "BoardCount",

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from django.conf import settings
 from django.core.exceptions import ValidationError
-from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
+from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
 from django.urls import reverse
@@ -14,6 +14,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
+from core.validators import ONE_LINE
 from paddock.simulator.rules import RaceRules
 from tracks.models import Direction
 
@@ -21,8 +22,6 @@ from ..errors import problem
 from ..sensors import OFFERABLE, sensors_make_sense
 from . import course
 from .choices import Division, DuelFormat, Kind, Opponents, RaceState, RaceType, RankingMethod, Visibility
-
-ONE_LINE = RegexValidator(r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*\Z", _("Write a name on one line."), code="one_line")
 
 
 def _are(kind: type, *values: object) -> bool:

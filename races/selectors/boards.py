@@ -15,7 +15,7 @@ from .counting import page_of, places_of, totals_of
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 PER_PAGE = 50
 PURPLE, GREEN, YELLOW = "purple", "green", "yellow"

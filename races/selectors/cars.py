@@ -12,7 +12,7 @@ from django.db.models import QuerySet
 from ..models import Entry, Race, RefusedCar, Submission, car_of
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @dataclass(frozen=True)

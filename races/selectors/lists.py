@@ -17,8 +17,8 @@ from .visibility import races_visible_to
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
+    from accounts.models import Racer
     from evaluation.models import Evaluation
-    from league.models import Racer
     from tracks.models import Track
 
     Reader: TypeAlias = Racer | AnonymousUser | None

@@ -16,7 +16,7 @@ from ..sensors import not_offered
 from .lists import racing_now
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 MOST = 12
 LOOKED_AT = 60  # each may cost a look at who may enter it

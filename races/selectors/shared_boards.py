@@ -16,7 +16,7 @@ from .boards import PER_PAGE, Board, as_seen_by, board
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 # What is drawn says how long ago a result came, so it lives no longer than that is right
 LIVES_S = 1.0

@@ -19,7 +19,7 @@ from .visibility import can_see_evaluation, evaluations_visible_to
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 A_DAY = timedelta(days=1)
 

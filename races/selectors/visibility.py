@@ -14,7 +14,7 @@ from ..models import Duel, Entry, Race, Submission, Visibility
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 def can_organise(racer: Racer | AnonymousUser | None, race: Race) -> bool:

@@ -26,7 +26,7 @@ from .locks import lock_entries
 from .standings import work_out_standings
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 logger = logging.getLogger(__name__)
 BATCH = 500

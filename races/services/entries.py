@@ -22,7 +22,7 @@ from .standings import forget_fastest, note_fastest
 from .stopping import stop_after_commit, stop_duels_after_commit
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @transaction.atomic

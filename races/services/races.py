@@ -29,7 +29,7 @@ from .gates import require_not_over, require_open
 from .stopping import stop_after_commit
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 # Addresses that pages use for something else.
 RESERVED_SLUGS = frozenset({"new", "create", "course", "edit", "invitation", "join", "mine", "api"})

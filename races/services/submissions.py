@@ -23,7 +23,7 @@ from .entries import enter_race
 from .gates import require_open
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 HOUSE_PRIORITY = -10  # nobody waits for a house car
 ACTIVE = (State.QUEUED, State.RUNNING)

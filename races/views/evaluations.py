@@ -30,7 +30,7 @@ from .latest import live_mark
 from .videos import video_context
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 REPLAY_FORMAT = 2
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from accounts.aliases import is_reserved
-from league.models import Racer
+from accounts.models import Racer
 
 
 @pytest.mark.parametrize(

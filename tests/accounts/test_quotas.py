@@ -10,10 +10,9 @@ from django.db import IntegrityError, connection, transaction
 from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 
-from accounts.models import MOST, RacerQuota
+from accounts.models import MOST, Racer, RacerQuota
 from accounts.quotas import all_quotas, limit_of, usage_of, used_by
 from accounts.selectors import can_see_usage, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
-from league.models import Racer
 from paddock.errors import UserFault
 from races.services import create_community_race
 from tests.factories import a_model, a_race, a_racer, a_track
@@ -97,7 +96,7 @@ def test_a_racer_has_one_limit_of_a_kind() -> None:
 
 def test_an_admin_sets_a_limit_on_the_racer_s_page(client, boss) -> None:
     alice = a_racer("alice")
-    page = reverse("admin:league_racer_change", args=[alice.pk])
+    page = reverse("admin:accounts_racer_change", args=[alice.pk])
     form = {"email": alice.email, "country": "", "is_active": "on"}
     for prefix in ("emailaddress_set", "authenticator_set", "quotas"):
         form |= {f"{prefix}-TOTAL_FORMS": "0", f"{prefix}-INITIAL_FORMS": "0"}

@@ -14,8 +14,8 @@ from django.test import Client
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
+from accounts.models import Racer
 from config.env import passkeys_work
-from league.models import Racer
 from tests.accounts.one_time_codes import code_of
 
 PASSWORD = "correct horse battery"

@@ -8,9 +8,8 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from accounts.models import SignUpInvitation
+from accounts.models import Racer, SignUpInvitation
 from accounts.services import take_up_invitation
-from league.models import Racer
 from paddock.errors import UserFault
 from tests.factories import a_racer
 

@@ -15,10 +15,9 @@ from django.test import Client
 from django.utils import timezone
 from knox.models import AuthToken
 
-from accounts.models import KnownAddress, TokenGrant
+from accounts.models import KnownAddress, Racer, TokenGrant
 from accounts.scopes import SCOPES
 from accounts.tokens import NOTED_AGAIN_AFTER, create_token, note_use, tokens_of
-from league.models import Racer
 from league.services.webhooks import add_webhook
 
 PASSWORD, NEW = "correct horse battery", "quite another passphrase"

@@ -9,8 +9,8 @@ from django.core.cache import cache
 from django.utils import timezone
 from rest_framework.test import APIClient
 
+from accounts.models import Racer
 from accounts.tokens import create_token, note_use
-from league.models import Racer
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from django.utils import timezone
 
-from league.models import Racer
+from accounts.models import Racer
 from races.models import Visibility
 from races.services import enter_race
 from tests.factories import a_race, a_racer, drive, lap, laps

@@ -15,8 +15,9 @@ from drf_spectacular.generators import SchemaGenerator
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
+from accounts.models import Racer
 from core.bodies import MAX_NAME, MAX_NAMED
-from league.models import Notice, NoticeKind, Racer
+from league.models import Notice, NoticeKind
 from league.services import create_season
 from league.services.webhooks import add_webhook
 from races.models import Race, Video, Visibility

@@ -16,8 +16,9 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from knox.models import AuthToken
 from rest_framework.throttling import ScopedRateThrottle
 
+from accounts.models import Racer
 from config.wsgi import application
-from league.models import Notice, NoticeKind, Racer
+from league.models import Notice, NoticeKind
 from league.services import create_season, schedule_round
 from league.services.webhooks import add_webhook, send_test
 from races.models import Visibility

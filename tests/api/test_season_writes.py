@@ -9,7 +9,8 @@ from django.contrib.admin.models import LogEntry
 from django.contrib.auth.models import Permission
 from django.utils import timezone
 
-from league.models import Racer, Round, Season
+from accounts.models import Racer
+from league.models import Round, Season
 from league.services import close_round
 from races.models import Race
 from tests.factories import a_race, a_track

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from league.models import Racer, Season
+from accounts.models import Racer
+from league.models import Season
 from league.services import close_round, set_stage_rules
 from tests.factories import a_racer
 from tests.kept import Kept

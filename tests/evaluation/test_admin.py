@@ -6,9 +6,9 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from accounts.models import Racer
 from evaluation import services
 from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
-from league.models import Racer
 from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.rows import model_row

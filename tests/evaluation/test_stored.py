@@ -17,11 +17,11 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 from django.utils import timezone
 
+from accounts.models import Racer
 from evaluation.admit import AdmittedPackage
 from evaluation.models import Damage, Network, StoredFile
 from evaluation.services import garage, run_next_evaluation, stored
 from evaluation.services.stored import heal_network, read, read_gzip, scrub, store
-from league.models import Racer
 from paddock.errors import PlatformFault
 from paddock.packages.identity import identity
 from paddock.packages.limits import DEFAULT_LIMITS

@@ -19,7 +19,7 @@ def answers(alias: str, addresses: Iterable[str]) -> dict[str, list]:
     """Status and sha-256 of what this racer gets at each address, without what is drawn anew for each page."""
     from django.test import Client
 
-    from league.models import Racer
+    from accounts.models import Racer
 
     client, got = Client(), {}
     client.force_login(Racer.objects.get(alias=alias), "django.contrib.auth.backends.ModelBackend")

@@ -8,16 +8,8 @@ from typing import Any
 
 import pytest
 
-from league.models import (
-    ChampionshipPlace,
-    FinalePlace,
-    Membership,
-    Racer,
-    RecordedResult,
-    Round,
-    RoundPoints,
-    Season,
-)
+from accounts.models import Racer
+from league.models import ChampionshipPlace, FinalePlace, Membership, RecordedResult, Round, RoundPoints, Season
 from league.services.importing import import_folder
 from paddock.errors import UserFault
 from races.models import Entry, Race

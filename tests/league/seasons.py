@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from league.models import Racer, Round, Season
+from accounts.models import Racer
+from league.models import Round, Season
 from league.services import create_season, schedule_round
 from races.models import Entry, Race
 from tests.factories import a_racer, a_track

@@ -9,7 +9,8 @@ from django.contrib import admin
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
-from league.models import Membership, Racer, Round, Season, Stage
+from accounts.models import Racer
+from league.models import Membership, Round, Season, Stage
 from league.services import close_round
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import a_round, a_season, after, board, racers, stand
@@ -61,38 +62,38 @@ def test_email_addresses_are_on_no_list_but_the_racers(boss, now):
 def test_an_admin_makes_a_racer_and_the_alias_stays(boss):
     data = {"alias": "fresh", "email": "Fresh@Example.org", "usable_password": "true"}
     data |= {"password1": "a long enough secret", "password2": "a long enough secret"}
-    response = boss.post(reverse("admin:league_racer_add"), data)
+    response = boss.post(reverse("admin:accounts_racer_add"), data)
     assert response.status_code == 302, response.context["adminform"].form.errors
     racer = Racer.objects.get(alias="fresh")
-    page = boss.get(reverse("admin:league_racer_change", args=[racer.pk])).content.decode()
+    page = boss.get(reverse("admin:accounts_racer_change", args=[racer.pk])).content.decode()
     assert 'name="email"' in page and 'name="alias"' not in page
 
 
 def test_who_has_raced_is_deactivated_and_not_deleted(boss, now):
     racer = a_racer()
     drive(a_race(now), racer, laps(9_000, 9_000, 9_000), now)
-    assert boss.post(reverse("admin:league_racer_delete", args=[racer.pk]), {"post": "yes"}).status_code == 403
+    assert boss.post(reverse("admin:accounts_racer_delete", args=[racer.pk]), {"post": "yes"}).status_code == 403
     data = {"action": "deactivate", "_selected_action": [racer.pk]}
-    boss.post(reverse("admin:league_racer_changelist"), data, follow=True)
+    boss.post(reverse("admin:accounts_racer_changelist"), data, follow=True)
     racer.refresh_from_db()
     assert not racer.is_active
-    boss.post(reverse("admin:league_racer_changelist"), data | {"action": "activate"}, follow=True)
+    boss.post(reverse("admin:accounts_racer_changelist"), data | {"action": "activate"}, follow=True)
     racer.refresh_from_db()
     assert racer.is_active
 
 
 def test_only_superusers_give_power(client):
     helper = a_racer("helper", is_staff=True)
-    helper.user_permissions.set(Permission.objects.filter(content_type__app_label="league"))
+    helper.user_permissions.set(Permission.objects.filter(content_type__app_label__in=("accounts", "league")))
     client.force_login(helper)
     boss = Racer.objects.create_superuser("boss", "boss@example.org", None)
-    address = reverse("admin:league_racer_change", args=[helper.pk])
+    address = reverse("admin:accounts_racer_change", args=[helper.pk])
     page = client.get(address).content.decode()
     assert 'name="is_superuser"' not in page and 'name="user_permissions"' not in page
     client.post(address, {"email": "helper@example.org", "is_superuser": "on", "is_active": "on"})
     helper.refresh_from_db()
     assert not helper.is_superuser
-    page = client.get(reverse("admin:league_racer_change", args=[boss.pk])).content.decode()
+    page = client.get(reverse("admin:accounts_racer_change", args=[boss.pk])).content.decode()
     assert 'name="email"' not in page, "a superuser is looked at, not changed"
     assert client.get(reverse("admin:auth_user_password_change", args=[boss.pk])).status_code == 403
 

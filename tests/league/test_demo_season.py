@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, TrainedModel
 from league.eligibility import check_division
-from league.models import Racer, Round, Season, Stage
+from league.models import Round, Season, Stage
 from league.services import enter_house_cars, house_cars, open_demo_season
 from league.services import house as house_services
 from league.services.house import HOUSE_CARS_DIR

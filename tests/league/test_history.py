@@ -6,14 +6,8 @@ from datetime import timedelta
 
 import pytest
 
-from league.models import (
-    ChampionshipPlace,
-    FinalePlace,
-    Membership,
-    Racer,
-    RoundPoints,
-    Season,
-)
+from accounts.models import Racer
+from league.models import ChampionshipPlace, FinalePlace, Membership, RoundPoints, Season
 from league.selectors.proof import proof_of
 from paddock.errors import UserFault
 from races.errors import RaceRefused

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from league.models import Racer, Round, Season
+from accounts.models import Racer
+from league.models import Round, Season
 from league.selectors.proof import proof_of
 from league.services import create_season
 from league.services.importing import import_folder

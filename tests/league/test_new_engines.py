@@ -7,8 +7,9 @@ from datetime import timedelta
 import pytest
 from django.utils import translation
 
+from accounts.models import Racer
 from league.happenings import happenings
-from league.models import Lead, Notice, Racer, Webhook
+from league.models import Lead, Notice, Webhook
 from league.notices import sentence
 from league.selectors.honours import honours_of
 from league.services import close_due_rounds, close_round

@@ -11,7 +11,8 @@ from django.core import mail, signing
 from django.db import IntegrityError, transaction
 from django.test import Client
 
-from league.models import Notice, NoticeKind, Racer, Stage
+from accounts.models import Racer
+from league.models import Notice, NoticeKind, Stage
 from league.notices import sentence
 from league.services import close_due_rounds, disqualify, put_back
 from league.services.notices import (

@@ -9,7 +9,8 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from league.models import ChampionshipPlace, FinalePlace, Membership, Racer, Round, RoundPoints
+from accounts.models import Racer
+from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints
 from league.selectors import (
     country_standings,
     field_of,

@@ -7,7 +7,8 @@ from datetime import date, timedelta
 import pytest
 from django.db import IntegrityError, transaction
 
-from league.models import DuelRating, Racer, Round, Season
+from accounts.models import Racer
+from league.models import DuelRating, Round, Season
 from league.selectors import racer_ratings, season_ratings
 from league.services import create_season, rate_season
 from races.models import Entry, Kind

@@ -7,8 +7,9 @@ from datetime import timedelta
 import pytest
 from django.utils import translation
 
+from accounts.models import Racer
 from evaluation.models import Evaluation
-from league.models import Notice, Racer
+from league.models import Notice
 from league.notices import sentence
 from league.services.notices import tell_what_happened
 from paddock.errors import UserFault

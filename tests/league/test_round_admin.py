@@ -11,7 +11,8 @@ from django.contrib.auth.models import Permission
 from django.test import Client
 from django.urls import reverse
 
-from league.models import Decision, Membership, Notice, Racer, Round, Stage, StewardDecision
+from accounts.models import Racer
+from league.models import Decision, Membership, Notice, Round, Stage, StewardDecision
 from league.services import close_round, disqualify
 from league.services.organising import consequences_of, postpone_round
 from league.services.stewards import lock_round

@@ -11,7 +11,8 @@ import pytest
 from django.core.exceptions import ValidationError
 from django.test import Client
 
-from league.models import Membership, Racer, Round, RoundPoints
+from accounts.models import Racer
+from league.models import Membership, Round, RoundPoints
 from league.services import close_due_rounds, close_round, disqualify
 from league.services.organising import postpone_round
 from league.services.stewards import put_back, reopen_round

@@ -9,7 +9,7 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
-from league.models import Racer
+from accounts.models import Racer
 from league.services.deliveries import deliver_due
 from league.services.notices import send_mails, tell_what_happened
 from league.services.webhooks import add_webhook, queue_deliveries

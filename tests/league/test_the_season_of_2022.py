@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from django.core.management import call_command
 
-from league.models import Racer, Season
+from accounts.models import Racer
+from league.models import Season
 from tests.postgres import MIGRATED, migrated, postgres
 from tests.shared import CHECKOUT, SHARED
 

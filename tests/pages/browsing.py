@@ -14,7 +14,7 @@ from tests.pages.test_browser import FLAGS
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 BACKEND = "django.contrib.auth.backends.ModelBackend"
 

@@ -20,8 +20,8 @@ from django.core.cache import cache
 from django.test import Client
 from django.utils import timezone
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, TrainedModel
-from league.models import Racer
 from paddock.errors import PlatformFault, UserFault
 from races.models import Race, RankingMethod, Submission, Visibility
 from races.services import enter_race, submit_model

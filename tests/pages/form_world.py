@@ -9,9 +9,10 @@ from allauth.account.forms import default_token_generator
 from allauth.account.models import EmailAddress, EmailConfirmationHMAC
 from allauth.account.utils import user_pk_to_url_str
 
+from accounts.models import Racer
 from accounts.tokens import create_token
 from evaluation.services import share_model
-from league.models import NoticeKind, Racer, Round, Stage
+from league.models import NoticeKind, Round, Stage
 from league.services import close_round
 from league.services.notices import stopping_token, tell_what_happened
 from league.services.webhooks import add_webhook

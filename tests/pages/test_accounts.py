@@ -10,8 +10,8 @@ from django.core.cache import cache
 from django.utils import timezone
 from knox.models import AuthToken
 
+from accounts.models import Racer
 from accounts.tokens import TOKENS_PER_RACER, create_token
-from league.models import Racer
 from tests.pages.conftest import World
 
 PASSWORD = "a long enough passphrase"

@@ -9,7 +9,7 @@ import pytest
 from django.db import transaction
 from django.utils import timezone
 
-from league.models import Racer
+from accounts.models import Racer
 from races.models import Draw, Duel, Entry, Visibility
 from races.services import accept_invitation, draw_duels, drive_on
 from tests.duels import a_duel_race, drawn, driving, end, end_all, qualify

@@ -11,7 +11,7 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
-from league.models import Racer
+from accounts.models import Racer
 from races.models import Race
 from races.services import withdraw
 from tests.factories import a_model, a_race, a_racer, drive, laps

@@ -7,8 +7,8 @@ from django.contrib.auth.models import AnonymousUser
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client, override_settings
 
+from accounts.models import Racer
 from evaluation.models import Evaluation, TrainedModel
-from league.models import Racer
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import write_npy
 from races.models import Entry, Race, Submission

@@ -9,7 +9,8 @@ from django.contrib.admin.models import LogEntry
 from django.test import Client
 from icalendar import Calendar
 
-from league.models import Membership, Notice, NoticeKind, Racer, Round, Season, Stage, Webhook
+from accounts.models import Racer
+from league.models import Membership, Notice, NoticeKind, Round, Season, Stage, Webhook
 from league.services import close_round, disqualify
 from league.services.webhooks import add_webhook
 from tests.factories import a_racer

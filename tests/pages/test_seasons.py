@@ -13,7 +13,8 @@ from django.test import Client
 from django.urls import reverse
 from icalendar import Calendar
 
-from league.models import Racer, Round, Season, Stage
+from accounts.models import Racer
+from league.models import Round, Season, Stage
 from league.season_form import SeasonForm
 from league.services import close_due_rounds, close_round, disqualify, open_demo_season
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from django.core.cache import cache
 
-from league.models import Racer
+from accounts.models import Racer
 from tests.accounts.one_time_codes import code_of
 from tests.pages.browsing import chromium, visitor
 

@@ -11,7 +11,8 @@ from django.db import transaction
 from django.test import Client
 from django.utils import timezone
 
-from league.models import Racer, Round
+from accounts.models import Racer
+from league.models import Round
 from races.models import Entry, Submission
 from races.services import withdraw
 from tests.duels import drawn, end_all

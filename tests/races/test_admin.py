@@ -10,7 +10,7 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 from django.utils import timezone
 
-from league.models import Racer
+from accounts.models import Racer
 from paddock.errors import PlatformFault
 from paddock.geometry.catalogue import by_slug
 from paddock.geometry.npy import write_npy

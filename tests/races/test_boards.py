@@ -9,7 +9,7 @@ from django.contrib.auth.models import AnonymousUser
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
-from league.models import Racer
+from accounts.models import Racer
 from races.models import Entry, Race
 from races.ranking import NOT_CLASSIFIED
 from races.selectors import (

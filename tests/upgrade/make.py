@@ -24,9 +24,9 @@ def make() -> None:
     from django.core.management import call_command
     from onnx import numpy_helper
 
+    from accounts.models import Racer
     from evaluation.services import upload_model
     from evaluation.services.work import run_next_evaluation
-    from league.models import Racer
     from league.services import demo
     from league.services.notices import tell_what_happened
     from league.services.webhooks import add_webhook, queue_deliveries

@@ -27,7 +27,7 @@ def told(record: dict[str, Any] | None = None) -> dict[str, Any]:
     """``{"pages": {racer: {address: status}}, "api": {address: body}, "files": {address: sha-256}}``."""
     from django.test import Client
 
-    from league.models import Racer
+    from accounts.models import Racer
 
     said: dict[str, Any] = {"pages": {}, "api": {}, "files": {}}
     for alias in RACERS:

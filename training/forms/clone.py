@@ -14,7 +14,7 @@ from evaluation.selectors import models_of, shared_models
 from training.selectors import clonable_models
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 OWN_LISTED = 100
 SHARED_LISTED = 30

@@ -37,7 +37,7 @@ from .fields import ActionsField
 from .hyperparameters import HYPERPARAMETERS, HyperparametersForm
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 DISCRETE, CONTINUOUS = "discrete", "continuous"
 _COMMAS_OF_2018 = 11  # its twelve arguments: rewards.function.POSITIONAL_NAMES, which brings the physics along

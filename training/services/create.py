@@ -36,7 +36,7 @@ from ..selectors import can_clone_model, minutes_left
 from .bell import ring_training_bell
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 NAME = re.compile(r"[A-Za-z0-9-]{1,64}")
 DESCRIPTION_LIMIT = TrainingJob._meta.get_field("description").max_length

@@ -14,7 +14,7 @@ from ..models import TrainingJob
 from .create import course_of
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 LAPS_OF_A_TEST = 3
 

@@ -28,7 +28,7 @@ from .create import create_training
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from league.models import Racer
+    from accounts.models import Racer
 
 NAME = "first-car"
 _LOOKED_AT = 12

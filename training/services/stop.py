@@ -11,7 +11,7 @@ from ..models import Checkpoint, EndReason, JobState, TrainingJob
 from .bell import ring_training_bell
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @transaction.atomic

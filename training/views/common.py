@@ -18,7 +18,7 @@ from training.selectors import minutes_left, visible_trainings
 from training.services.create import refuse_when_closed
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from training.rewards.examples import DEFAULT, EXAMPLES
 from .wizard import report_of
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 RUNS_OFFERED = 20
 PILOT, SWAYING, INNER, OUTER = "pilot", "swaying", "inner", "outer"

@@ -30,7 +30,7 @@ from training.vehicles import vehicles_of
 from .common import usage_of
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 STEP_TITLES = (
     ("what", gettext_lazy("Name")),

@@ -6,8 +6,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
+from accounts.models import Racer
 from accounts.second_factor import forget_second_factor
-from league.models import Racer
 
 
 class Command(BaseCommand):

@@ -22,7 +22,7 @@ from .bell import ring_video_bell
 from .files import NO_FILE, delete_files_on_commit
 
 if TYPE_CHECKING:
-    from league.models import Racer
+    from accounts.models import Racer
 
 
 @dataclass(frozen=True)

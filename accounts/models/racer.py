@@ -10,8 +10,7 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from accounts.services import end_access
-from races.models import ONE_LINE
+from core.validators import ONE_LINE
 
 ALIAS_PATTERN = r"^[A-Za-z0-9_-]{2,64}$"
 ALIAS_VALIDATORS = [
@@ -91,6 +90,8 @@ class Racer(AbstractBaseUser, PermissionsMixin):
         with transaction.atomic():
             super().save(*args, **kwargs)
             if changed:
+                from ..services import end_access  # which imports the models
+
                 end_access(racer=self)
         self._closed = False
 

@@ -13,8 +13,8 @@ from django.db.models import F, Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from .quotas import name_choices
-from .scopes import SCOPES
+from ..quotas import name_choices
+from ..scopes import SCOPES
 
 # An upper bound that every database stores, and no quota needs.
 MOST = 2_000_000_000

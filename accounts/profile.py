@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..models import Racer
+from .models import Racer
 
 
 def change_profile(*, racer: Racer, country: str, team: str) -> Racer:

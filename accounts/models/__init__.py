@@ -1,0 +1,17 @@
+"""Racers, what an admin has set for single ones, invitations to sign up, where racers have logged in from, and what
+their tokens may do."""
+
+from .access import MOST, KnownAddress, RacerQuota, SignUpInvitation, TokenGrant
+from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
+
+__all__ = [
+    "ALIAS_PATTERN",
+    "ALIAS_VALIDATORS",
+    "MOST",
+    "KnownAddress",
+    "Racer",
+    "RacerManager",
+    "RacerQuota",
+    "SignUpInvitation",
+    "TokenGrant",
+]
