@@ -27,7 +27,7 @@ OF_EVERY_COMMAND = {
 
 
 def sources() -> list[Path]:
-    rooms = ("league", "races", "evaluation", "tracks", "accounts")
+    rooms = ("config", "league", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
     return [path for room in rooms for path in (CHECKOUT / room).rglob("*.py") if path.name != "env.py"]
 
 

@@ -1,0 +1,1 @@
+"""An application whose second migration breaks the code before it."""

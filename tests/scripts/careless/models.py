@@ -1,0 +1,5 @@
+from django.db import models
+
+
+class Car(models.Model):
+    colour = models.TextField()
