@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from django.db import connection
 
-from tests import database, kept, postgres
+from tests import database, emptied, kept, postgres
 
 PACK = 20
 
@@ -96,13 +96,19 @@ def django_db_keepdb(
 
 
 @pytest.fixture(scope="session")
-def django_db_setup(django_db_setup: None, migrated: Path | None, migrating: Callable[[], None]) -> Iterator[None]:
-    """pytest-django's; what it has migrated is kept for the next time."""
+def django_db_setup(
+    django_db_setup: None, migrated: Path | None, migrating: Callable[[], None], django_db_blocker
+) -> Iterator[None]:
+    """pytest-django's; what it has migrated is kept for the next time, and is what tests that commit leave."""
     made = Path(connection.settings_dict["NAME"])
     if migrated is not None and not migrated.exists() and made == Path(connection.creation._get_test_db_name()):
         database.keep(made, migrated)
     migrating()
+    with django_db_blocker.unblock():
+        back_to_migrated = emptied.emptied()
+        back_to_migrated.__enter__()
     yield
+    back_to_migrated.__exit__(None, None, None)
 
 
 @pytest.fixture(scope="session")
