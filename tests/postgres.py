@@ -78,7 +78,7 @@ def again(kept: Path, *arguments: str) -> None:
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PADDOCK_", "PYTEST_"))}
     with postgres(migrated(kept)) as url:
         run = subprocess.run(
-            [*command, "-m", "not postgres", *arguments],
+            [*command, "-m", "not postgres and not soak", *arguments],
             cwd=CHECKOUT,
             env=clean | {"DATABASE_URL": url},
             stdout=subprocess.PIPE,

@@ -20,7 +20,7 @@ from .turns import hurry_from, insert_in_turn
 
 if TYPE_CHECKING:
     from accounts.models import Racer
-    from paddock.rules.race import RaceRules
+    from paddock.simulator.rules import RaceRules
     from tracks.models import Track
 
 

@@ -30,7 +30,6 @@ from django.utils.translation import gettext as _
 from accounts.models import Racer
 from evaluation.models import Evaluation, State
 from races.models import Division, Entry, Kind, Race, Redrive, Retiming
-from races.ranking import laps_needed
 from races.selectors import podiums
 from races.selectors.results import result_of
 from races.services.gates import moment
@@ -334,7 +333,7 @@ def _result_told(one: Evaluation) -> dict[str, Any]:
     return told | {
         "score_ms": found.standing.score_ms,
         "streak": found.streak,
-        "needed": laps_needed(found.race),
+        "needed": found.race.minimum_laps,
         "rank": None if found.place.is_drawn else found.place.rank,
         "of": found.place.totals.racers,
         "change": found.change.kind.value,

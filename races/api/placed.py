@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rest_framework import serializers
 
-from paddock.rules.race import LANES
+from paddock.simulator.rules import LANES
 
 
 class PlacedBoxSerializer(serializers.Serializer):

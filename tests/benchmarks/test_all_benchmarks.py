@@ -13,7 +13,7 @@ from benchmarks import season
 from tests.shared import CHECKOUT
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_parts_that_are_asked_for_come_as_one_object_and_one_that_cannot_be_measured_says_why(
     monkeypatch, capsys, tmp_path, new_data
 ):

@@ -40,12 +40,12 @@ def measured(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path]
     return json.loads(run("benchmarks.board", *SMALLEST, *loaded, may_miss=True, BENCH_DATABASE=ready))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_boards_of_each_size_are_measured_and_a_month_is_closed(measured) -> None:
     check(measured, "sqlite")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.skipif(not load.is_there(), reason="wrk is not installed")
 def test_requests_a_second_stand_beside_those_of_a_bare_view(measured) -> None:
     found = measured["requests"]
@@ -56,7 +56,7 @@ def test_requests_a_second_stand_beside_those_of_a_bare_view(measured) -> None:
     assert load.BARE in board.table(measured)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.postgres
 def test_the_same_on_a_server_of_its_own(postgresql: Path) -> None:
     ready = postgres.migrated(postgresql)

@@ -32,7 +32,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path]
     return json.loads(run("benchmarks.evaluation", "--json", *SMALLEST, BENCH_SITE=site))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_whole_evaluations_are_measured_and_their_time_is_accounted_for(measured) -> None:
     assert measured["real_time_factor"]["steady"] > 1
     assert measured["cpu_factor"]["steady"] > 1
@@ -54,7 +54,7 @@ def test_whole_evaluations_are_measured_and_their_time_is_accounted_for(measured
     assert "steady" in evaluation.table(measured)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_car_is_timed_from_upload_to_rank_on_a_running_site(measured) -> None:
     timed = measured["upload_to_ranked"]
     assert measured["upload_to_ranked_s"] == timed["total_s"] > 0

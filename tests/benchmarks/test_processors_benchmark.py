@@ -67,7 +67,7 @@ def test_without_the_emulator_it_says_what_to_install(monkeypatch, capsys) -> No
     assert "Debian: qemu-user" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.skipif(platform.machine() != "x86_64" or emulator() is None, reason="there is no emulator here")
 def test_a_lap_is_compared_and_its_decisions_are_counted(monkeypatch) -> None:
     monkeypatch.setattr(processors, "HOUSE_CARS", ("flyer",))

@@ -25,13 +25,13 @@ def check(figures: dict, database: str) -> None:
     assert "place of the last, many racers" in queue.table(figures)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_queue_of_each_length_is_measured(tmp_path, new_data) -> None:
     ready = new_data(tmp_path / "data") / "paddock.sqlite3"
     check(json.loads(run("benchmarks.queue", *SMALLEST, may_miss=True, BENCH_DATABASE=ready)), "sqlite")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.postgres
 def test_and_on_postgresql(postgresql: Path) -> None:
     ready = postgres.migrated(postgresql)

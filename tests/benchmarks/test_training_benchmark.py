@@ -83,14 +83,14 @@ def test_a_speed_that_no_car_drives_is_no_limit(limit, capsys):
     assert "0.1 to 4 m/s" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_car_racing_is_measured_where_box2d_is_installed():
     pytest.importorskip("Box2D", reason="pip install '.[bench]'")
     pytest.importorskip("torch", reason="training is not installed: make training")
     assert training.car_racing(512)["steps_per_second"] > 1
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_one_training_is_measured_from_start_to_laps(capsys):
     pytest.importorskip("torch", reason="training is not installed: make training")
     assert (
@@ -103,7 +103,7 @@ def test_one_training_is_measured_from_start_to_laps(capsys):
     assert run["cpu_s"] > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_training_towards_the_racing_line_ends_when_its_budget_is_spent(monkeypatch):
     pytest.importorskip("torch", reason="training is not installed: make training")
     monkeypatch.setattr(racing_pace, "BUDGET_S", 1.0)
@@ -112,7 +112,7 @@ def test_a_training_towards_the_racing_line_ends_when_its_budget_is_spent(monkey
     assert run["cpu_s"] >= 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_what_is_near_the_line_is_what_an_evaluation_says(monkeypatch):
     pytest.importorskip("torch", reason="training is not installed: make training")
     monkeypatch.setattr(racing_pace, "NEAR", 3.0)  # whoever laps at all

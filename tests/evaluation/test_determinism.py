@@ -17,11 +17,12 @@ from evaluation.pipeline import EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.sandbox.probe import probe
 from league.services import house_cars
 from paddock.geometry.catalogue import by_slug
-from paddock.rules.race import BoxPlace, RaceRules
+from paddock.simulator.rules import BoxPlace, RaceRules
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 RUNS = 5
+ALWAYS = ("boxes in drawn places", "four cars")  # the others in `make soak`
 CARS = [RivalCar(car.onnx.read_bytes(), json.loads(car.metadata.read_bytes())) for car in house_cars()]
 FIXED = tuple(BoxPlace(fraction, lane) for fraction, lane in ((0.2, "inner"), (0.5, "outer"), (0.8, "inner")))
 RACES = {
@@ -33,7 +34,7 @@ RACES = {
 }
 
 
-@pytest.fixture(params=RACES, ids=lambda name: name.replace(" ", "_"))
+@pytest.fixture(params=[pytest.param(name, marks=() if name in ALWAYS else pytest.mark.soak) for name in RACES])
 def job(request):
     rules, rivals = RACES[request.param]
     first, *others = (CARS * 4)[: rivals + 1]

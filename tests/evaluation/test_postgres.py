@@ -14,7 +14,7 @@ CUT_OFF = (  # in the middle of a transaction; a stop, a wall or a whole worker'
 )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.postgres
 @pytest.mark.redis
 @pytest.mark.xdist_group("workers")

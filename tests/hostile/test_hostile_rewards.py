@@ -12,15 +12,20 @@ import pytest
 
 from evaluation.sandbox.limits import REWARD
 from paddock.errors.reasons.training import REWARD_REASONS
+from tests.soak import one_of_each
 from training.rewards.validate import check_reward, validate_reward
 
 from .test_hostile import children, descriptors
 
 HERE = Path(__file__).parent
 CASES = sorted(path.relative_to(HERE).with_suffix("").as_posix() for path in HERE.glob("reward_*/*.txt"))
-COMPUTING = ("reward_too_slow", "reward_memory")  # these take seconds
+COMPUTING = ("reward_too_slow", "reward_memory")
 GOOD = "def reward_function(params):\n    return params['progress']\n"
 SLOW = ("reward_stuck/waits_for_ever", "reward_prints_too_much/a_gigabyte_at_once")
+
+
+def takes_seconds(case: str) -> bool:
+    return case.startswith(COMPUTING) or case in SLOW
 
 
 def source(case: str) -> str:
@@ -34,10 +39,7 @@ def marked_lines(text: str) -> set[int | None]:
 
 @pytest.mark.parametrize(
     "case",
-    [
-        pytest.param(case, marks=pytest.mark.slow if case.startswith(COMPUTING) or case in SLOW else ())
-        for case in CASES
-    ],
+    one_of_each(CASES, kind=lambda case: case.split("/")[0] if takes_seconds(case) else case),
 )
 def test_a_hostile_reward_function_ends_with_its_code_and_line(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

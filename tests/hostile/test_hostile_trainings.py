@@ -17,6 +17,7 @@ from evaluation.sandbox.probe import probe
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.simulator import referee, rules
+from tests.soak import one_of_each
 from training.hyperparameters import DEFAULT_ACTIONS, check_hyperparameters
 from training.trainer import client
 from training.trainer.client import Iteration, Listener, train
@@ -259,7 +260,7 @@ def _wall():
         pytest.skip("this host offers no wall")
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", one_of_each(CASES, kind=lambda case: case.split("/")[0]))
 def test_a_training_ends_with_the_code_and_the_line(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # longer than the seconds of the processor that a call has, also where it gets half of one
@@ -274,7 +275,7 @@ def test_a_training_ends_with_the_code_and_the_line(case: str, tmp_path: Path, m
     assert list(tmp_path.iterdir()) == [], "something was written"
 
 
-@pytest.mark.parametrize("case", IN_TRAINING_ONLY)
+@pytest.mark.parametrize("case", one_of_each(IN_TRAINING_ONLY, kind=lambda case: IN_TRAINING_ONLY[case][0]))
 def test_what_happens_in_training_only_is_the_functions_fault(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Never ours: our faults are tried again, and cost no minutes."""
     monkeypatch.setattr(client, "_SILENCE_S", 15.0)
@@ -290,7 +291,7 @@ def test_what_happens_in_training_only_is_the_functions_fault(case: str, monkeyp
     assert all(one.values["eval_lap_ms"] != 1 for one in heard.iterations)
 
 
-@pytest.mark.parametrize(("stop", "why"), [(False, "time"), (True, "stopped")])
+@pytest.mark.parametrize(("stop", "why"), [(False, "time"), pytest.param(True, "stopped", marks=pytest.mark.soak)])
 def test_a_function_that_stops_the_clock_does_not_get_more_time(stop, why, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "_FINISH_S", 4.0)
     heard, began = Heard(), time.monotonic()

@@ -291,7 +291,7 @@ def test_without_tools_as_new_as_the_server_it_says_which_package(monkeypatch, t
         databases._tool("pg_dump")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.postgres
 def test_the_same_on_postgresql(again_on_postgresql):
     tests = (

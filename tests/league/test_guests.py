@@ -166,7 +166,7 @@ def test_a_racer_of_a_later_page_sees_their_row_beside_the_shared_one(race, now,
     assert not any(row.is_me for row in last.rows)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.postgres
 def test_the_same_on_postgresql(again_on_postgresql):
     again_on_postgresql(f"{__file__}", "tests/evaluation/test_unchanged.py", "-k", "not postgresql")

@@ -191,7 +191,7 @@ def test_a_round_that_is_taken_back_while_others_close_it_ends_held_back_or_offi
 
 
 @pytest.mark.postgres
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.django_db(transaction=False)
 def test_all_of_the_league_s_rules_hold_on_postgresql_too(again_on_postgresql):
     again_on_postgresql(*(f"tests/league/test_{name}.py" for name in ABOUT_THE_DATABASE))

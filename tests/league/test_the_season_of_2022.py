@@ -54,6 +54,7 @@ def test_our_rules_and_the_league_agree_and_the_record_goes_out_as_it_came(tmp_p
     assert files(tmp_path / "out") == files(RECORD)
 
 
+@pytest.mark.soak
 @pytest.mark.postgres
 def test_the_same_on_postgresql(tmp_path, postgresql):
     with postgres(migrated(postgresql), MIGRATED) as url:

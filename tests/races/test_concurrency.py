@@ -193,7 +193,7 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 
 
 @pytest.mark.postgres
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.django_db(transaction=False)
 def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
     files = (f"test_{name}.py" for name in ABOUT_THE_DATABASE)

@@ -125,7 +125,7 @@ def test_six_tabs_save_the_same_vehicle_and_one_does(now):
 
 
 @pytest.mark.postgres
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.django_db(transaction=False)
 def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
     again_on_postgresql(*(f"tests/training/test_{name}.py" for name in ("concurrency", "leases", "create", "removal")))

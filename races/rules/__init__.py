@@ -1,1 +1,0 @@
-"""Race rules as the site tells and asks them: made from the engine's list (:mod:`paddock.rules.race`)."""

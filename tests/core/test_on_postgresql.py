@@ -1,0 +1,21 @@
+"""What happens at once ends on PostgreSQL as on SQLite: locks, leases and triggers, all rooms in one process.
+
+Whatever else a room asks of its database, ``make soak`` asks of PostgreSQL, too.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+AT_ONCE = {
+    "evaluation": ("states", "queue"),
+    "races": ("concurrency", "counting", "duels_concurrency", "redrives_concurrency", "videos_concurrency"),
+    "training": ("concurrency", "leases"),
+    "league": ("simultaneous",),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.postgres
+def test_what_happens_at_once_ends_on_postgresql_as_on_sqlite(again_on_postgresql):
+    again_on_postgresql(*(f"tests/{room}/test_{name}.py" for room, names in AT_ONCE.items() for name in names))
