@@ -197,6 +197,7 @@ CELERY_BEAT_SCHEDULE = {
     "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "videos": {"task": "races.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "old_videos": {"task": "races.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
+    "clock": {"task": "league.tasks.clock", "schedule": 60.0, "options": {"expires": 59}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
     "events": {"task": "core.events.tasks.sweep", "schedule": 60.0, "options": {"expires": 59}},

@@ -8,6 +8,7 @@ class LeagueConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts.signals import account_taken_over
+        from core.events import register_reader
         from evaluation.signals import evaluation_ended
         from races.eligibility import register
         from races.engines import register_official
@@ -17,9 +18,13 @@ class LeagueConfig(AppConfig):
         from .eligibility import check_division
         from .receivers import drop_webhooks, follow_board, follow_late_result, rate_duels
         from .services.closing import is_official
+        from .services.news import NOTICES
         from .services.seasons import check_round_times, hold_season
+        from .services.webhooks import WEBHOOKS
 
         register(check_division)
+        for reader in (NOTICES, WEBHOOKS):
+            register_reader(reader)
         register_time_check(check_round_times)
         register_hold(hold_season)
         register_official(is_official)

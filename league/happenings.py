@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
 from django.conf import settings
-from django.db.models import F, Q, QuerySet
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
-from accounts.models import Racer
+from core.events import Event
+from evaluation.events import RUN_FAILED, RUN_FINISHED
 from evaluation.models import Evaluation, State
+from races import events as of_races
 from races.facts import clock
-from races.models import Kind, Race
+from races.models import Entry, Race, Submission
 from races.names import named
 
-from .models import ChampionshipPlace, FinalePlace, Membership, NoticeKind, Stage, Webhook
+from . import events as of_league
+from .models import NoticeKind, Round
 from .notices import SENTENCES
+from .selectors.outcomes import holds
 
-OPENED, CLOSED, OFFICIAL, RESULT = "race.opened", "race.closed", "race.official", "race.result"
-FINISHED, FAILED = "run.finished", "run.failed"
-PROMOTED, IN_FINALE, QUALIFIED = "racer.promoted", "racer.finale", "racer.qualified"
-OF_RACES = (OPENED, CLOSED, OFFICIAL, RESULT)
-OF_RACER = (FINISHED, FAILED, PROMOTED, IN_FINALE, QUALIFIED)
+# What a webhook is told has the names of the events that it is told of.
+OF_RACE_KINDS = (of_races.RACE_OPENED, of_races.RACE_CLOSED, of_races.RACE_OFFICIAL, of_races.RACE_RESULT)
+OF_RACER_KINDS = (RUN_FINISHED, RUN_FAILED, of_league.PROMOTED, of_league.IN_FINALE, of_league.QUALIFIED)
+KINDS = (*OF_RACER_KINDS, *OF_RACE_KINDS)
+OPENED, CLOSED, OFFICIAL, RESULT = OF_RACES = tuple(kind.name for kind in OF_RACE_KINDS)
+FINISHED, FAILED, PROMOTED, IN_FINALE, QUALIFIED = OF_RACER = tuple(kind.name for kind in OF_RACER_KINDS)
 EVENTS = (*OF_RACER, *OF_RACES)
 # asked for by the owner
 TEST = "webhook.test"
@@ -98,106 +102,91 @@ class Happening:
         }
 
 
-def happenings(hook: Webhook, since: datetime, now: datetime) -> Iterator[Happening]:
-    """What the webhook is to be told of the time after ``since`` until ``now``."""
-    wanted = set(hook.events or EVENTS)
-    if wanted & set(OF_RACES):
-        for one in _of_races(_organised(hook), since, now):
-            if one.event in wanted:
-                yield one
-    if wanted & {FINISHED, FAILED}:
-        for one in _runs(hook, since, now):
-            if one.event in wanted:
-                yield one
-    for event in (PROMOTED, IN_FINALE, QUALIFIED):
-        if event in wanted:
-            yield from _outcomes(event, hook, since, now)
+def happening(event: Event) -> Happening | None:
+    """What webhooks may be told of an event; None for what is no news to them, or holds no more."""
+    return _WHAT[event.kind](event)
 
 
-def _organised(hook: Webhook) -> QuerySet[Race]:
-    """The races that a webhook may be told of, judged anew each time: who no longer organises hears no more."""
-    races = Race.objects.filter(cancelled_at=None, imported_at=None)
-    if not hook.owner.is_staff:
-        races = races.filter(organiser=hook.owner)
-    elif hook.race_id is None:
-        races = races.filter(Q(organiser=hook.owner) | Q(kind=Kind.LEAGUE))
-    return races if hook.race_id is None else races.filter(pk=hook.race_id)
+def _timed(event: Event) -> Happening | None:
+    race = _race(event.race)
+    return None if race is None else Happening(event.kind, event.once or "", event.at, race.get_absolute_url(), race)
 
 
-def _of_races(races: QuerySet[Race], since: datetime, now: datetime) -> Iterator[Happening]:
-    for race in races.filter(opens_at__gt=since, opens_at__lte=now):
-        about = f"{race.slug}:{race.opens_at:%Y%m%d%H%M}"
-        yield Happening(OPENED, about, race.opens_at, race.get_absolute_url(), race)
-    for race in races.filter(closes_at__gt=since, closes_at__lte=now):
-        about = f"{race.slug}:{race.closes_at:%Y%m%d%H%M}"
-        yield Happening(CLOSED, about, race.closes_at, race.get_absolute_url(), race)
-    for race in races.filter(round__closed_at__gt=since, round__closed_at__lte=now).select_related("round"):
-        about = f"{race.slug}:{race.round.closed_at:%Y%m%d%H%M%S}"
-        yield Happening(OFFICIAL, about, race.round.closed_at, race.get_absolute_url(), race)
-    # what was driven again is no news, and what is held back is told once it counts
-    ended = Evaluation.objects.filter(
-        submission__entry__race__in=races,
-        redrive=None,
-        result__engine=F("submission__entry__race__engine"),
-        ended_at__gt=since,
-        ended_at__lte=now,
-        state=State.FINISHED,
-    )
-    for one in ended.select_related("submission__entry__race", "submission__entry__racer").order_by("ended_at", "pk"):
-        entry = one.submission.entry
-        data = {"evaluation": one.public_id, "racer": entry.racer.alias} | _standing(one)
-        yield Happening(RESULT, one.public_id, one.ended_at, one.get_absolute_url(), entry.race, data)
+def _official(event: Event) -> Happening | None:
+    """Of rounds, as long as they are."""
+    race = _race(event.race)
+    is_round = race is not None and Round.objects.filter(race=race, closed_at=event.at).exists()
+    return _timed(event) if is_round else None
 
 
-def _runs(hook: Webhook, since: datetime, now: datetime) -> Iterator[Happening]:
-    """What the owner's own cars have driven: in races, in duels, and in private."""
-    ended = Evaluation.objects.filter(
-        owner=hook.owner, redrive=None, ended_at__gt=since, ended_at__lte=now, state__in=[State.FINISHED, State.FAILED]
-    )
-    if hook.race_id is not None:
-        ended = ended.filter(Q(submission__entry__race=hook.race_id) | Q(duel__race=hook.race_id))
-    related = ("model", "result", "submission__entry__race", "duel__race")
-    for one in ended.select_related(*related).order_by("ended_at", "pk"):
-        submission, duel = getattr(one, "submission", None), getattr(one, "duel", None)
-        race = submission.entry.race if submission else duel.race if duel else None
-        data: dict[str, Any] = {"evaluation": one.public_id, "model": one.model.name}
-        if one.state == State.FAILED:
-            event, data = FAILED, data | {"reason": one.reason_code}
-        else:
-            event = FINISHED
-            data |= {"best_lap_ms": one.result.best_lap_ms, "total_ms": one.result.total_ms}
-            if submission:
-                data |= {"is_best": submission.entry.best_id == submission.pk}
-        yield Happening(event, one.public_id, one.ended_at, one.get_absolute_url(), race, data)
+def _run(event: Event) -> Evaluation | None:
+    """The run of an event. One that was driven again is no news."""
+    runs = Evaluation.objects.filter(public_id=event.subject, redrive=None, state__in=(State.FINISHED, State.FAILED))
+    return runs.select_related("model", "result", "submission__entry__race", "duel__race").first()
 
 
-def _outcomes(event: str, hook: Webhook, since: datetime, now: datetime) -> Iterator[Happening]:
-    """What came of a round for the owner, once it is official. ``about``: of the season or of the month, as a round
-    that is opened again and closed anew tells nothing twice."""
-    owner: Racer = hook.owner
-    rounds = {"closed_at__gt": since, "closed_at__lte": now, "race__imported_at": None}
-    if hook.race_id is not None:
-        rounds["race"] = hook.race_id
-    if event == PROMOTED:
-        rows = Membership.objects.filter(racer=owner, **{f"promoted_in__{name}": rounds[name] for name in rounds})
-        found = [row.promoted_in for row in rows.select_related("promoted_in__race", "promoted_in__season")]
+def _counted(event: Event) -> Happening | None:
+    """A car was timed in a race; what is held back is told once it counts."""
+    run = _run(event)
+    submission = None if run is None else getattr(run, "submission", None)
+    if run is None or submission is None or run.state != State.FINISHED:
+        return None
+    entry = submission.entry
+    data = {"evaluation": run.public_id, "racer": entry.racer.alias} | _standing(entry, submission)
+    return Happening(RESULT, run.public_id, run.ended_at, run.get_absolute_url(), _race(entry.race_id), data)
+
+
+def _driven(event: Event) -> Happening | None:
+    """What one's own car has driven: in a race, in a duel, or in private."""
+    run = _run(event)
+    if run is None:
+        return None
+    submission, duel = getattr(run, "submission", None), getattr(run, "duel", None)
+    race = submission.entry.race if submission else duel.race if duel else None
+    data: dict[str, Any] = {"evaluation": run.public_id, "model": run.model.name}
+    if run.state == State.FAILED:
+        kind, data = FAILED, data | {"reason": run.reason_code}
     else:
-        kind, stage = (FinalePlace, Stage.PRO) if event == IN_FINALE else (ChampionshipPlace, Stage.FINALE)
-        rows = kind.objects.filter(
-            racer=owner, round__stage=stage, **{f"round__{name}": rounds[name] for name in rounds}
-        )
-        found = [row.round for row in rows.select_related("round__race", "round__season")]
-    for one in found:
-        about = one.race.slug if event == IN_FINALE else one.season.slug
-        path = one.season.get_absolute_url() + ("" if event == PROMOTED else "finales/")
-        yield Happening(event, about, one.closed_at, path, one.race, {"season": one.season.name})
+        kind = FINISHED
+        data |= {"best_lap_ms": run.result.best_lap_ms, "total_ms": run.result.total_ms}
+        if submission:
+            data |= {"is_best": submission.entry.best_id == submission.pk}
+    return Happening(kind, run.public_id, run.ended_at, run.get_absolute_url(), race, data)
 
 
-def _standing(evaluation: Evaluation) -> dict[str, Any]:
-    entry = evaluation.submission.entry
+def _moved_on(event: Event) -> Happening | None:
+    """What came of a round for a racer, once it is official. ``about``: of the season or of the month, as a round that
+    is opened again and closed anew tells nothing twice."""
+    rounds = Round.objects.filter(pk=event.data["round"], closed_at__isnull=False, race__imported_at=None)
+    one = rounds.select_related("race", "season").first()
+    if one is None or not holds(event):
+        return None
+    about = one.race.slug if event.kind == IN_FINALE else one.season.slug
+    path = one.season.get_absolute_url() + ("" if event.kind == PROMOTED else "finales/")
+    return Happening(event.kind, about, one.closed_at, path, one.race, {"season": one.season.name})
+
+
+def _race(pk: int | None) -> Race | None:
+    return Race.objects.filter(pk=pk, cancelled_at=None, imported_at=None).first()
+
+
+def _standing(entry: Entry, submission: Submission) -> dict[str, Any]:
     return {
-        "is_best": entry.best_id == evaluation.submission.pk,
+        "is_best": entry.best_id == submission.pk,
         "classified": entry.classified,
         "score_ms": entry.score_ms,
         "best_lap_ms": entry.best_lap_ms,
     }
+
+
+_WHAT: dict[str, Callable[[Event], Happening | None]] = {
+    OPENED: _timed,
+    CLOSED: _timed,
+    OFFICIAL: _official,
+    RESULT: _counted,
+    FINISHED: _driven,
+    FAILED: _driven,
+    PROMOTED: _moved_on,
+    IN_FINALE: _moved_on,
+    QUALIFIED: _moved_on,
+}

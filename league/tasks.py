@@ -11,9 +11,10 @@ from django.utils import timezone
 from evaluation.services.bell import send
 
 from .services import close_due_rounds, enter_house_cars
+from .services.clock import tick
 from .services.deliveries import AT_ONCE, deliver_due, hosts_due
-from .services.notices import send_mails, tell_what_happened
-from .services.webhooks import queue_deliveries
+from .services.notices import forget_old_notices, send_mails
+from .services.webhooks import tidy_webhooks
 
 logger = logging.getLogger(__name__)
 
@@ -25,25 +26,30 @@ def house_cars() -> int:
 
 
 @shared_task
+def clock() -> int:
+    """Write down what has happened by the passing of time. Returns how many events are new."""
+    return tick(now=timezone.now())
+
+
+@shared_task
 def close_rounds() -> int:
-    """Make the results of rounds official that have closed. Returns how many. Who needs them earlier does it too."""
+    """Make the results of rounds official that have closed. Returns how many."""
     return len(close_due_rounds(now=timezone.now()))
 
 
 @shared_task
 def notices() -> int:
-    """Tell racers what has happened, in the site and by mail. Returns how many notices are new."""
+    """Send the notices that are to go by mail. Returns how many went."""
     now = timezone.now()
-    told = tell_what_happened(now=now)
-    send_mails(now=now)
-    return told
+    forget_old_notices(now=now)
+    return send_mails(now=now)
 
 
 @shared_task
 def webhooks() -> int:
-    """Tell programs and chats what has happened, several hosts at once. Returns how many deliveries this one tried."""
+    """Tell programs and chats what is due, several hosts at once. Returns how many deliveries this one tried."""
     now = timezone.now()
-    queue_deliveries(now=now)
+    tidy_webhooks(now=now)
     if (others := min(hosts_due(now=now), AT_ONCE) - 1) > 0:
         send(deliver, others)
     return deliver_due(now=now)

@@ -14,6 +14,7 @@ class RacesConfig(AppConfig):
 
         from . import queues
         from .board_triggers import installed_after_migrate
+        from .events import register_audiences
         from .models import Video
         from .quotas import RACES, VIDEO_FILES, VIDEOS_A_DAY, VIDEOS_AT_ONCE
         from .receivers import take_deleted_model, take_ended_evaluation
@@ -23,6 +24,7 @@ class RacesConfig(AppConfig):
             register(quota)
         storage.register(VIDEO_FILES)
         queues.register()
+        register_audiences()
         post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")
         model_deleted.connect(take_deleted_model, dispatch_uid="races.take_deleted_model")

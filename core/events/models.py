@@ -14,7 +14,8 @@ class Event(models.Model):
 
     ``at``: when it happened, as the service says that wrote it; ``recorded_at``: when it was written, by the database's
     clock. ``racer``: whom it concerns; ``race``: the id of its race, which may be gone by now; ``subject``: the public
-    id or address of what it is about. ``once``: what there is only one event of this kind for.
+    id or address of what it is about. ``once``: what there is only one event of this kind for; None where
+    there may be any number.
 
     ``position``: its place in the order that readers follow; None until the transaction that wrote it is committed and
     somebody reads (:mod:`core.events.reading` says why).
@@ -36,7 +37,7 @@ class Event(models.Model):
     race = models.PositiveBigIntegerField(_("race"), null=True, blank=True)
     subject = models.CharField(_("subject"), max_length=64, blank=True)
     data = models.JSONField(_("data"), default=dict, blank=True)
-    once = models.CharField(_("once for"), max_length=160, blank=True, editable=False)
+    once = models.CharField(_("once for"), max_length=160, null=True, blank=True, editable=False)
 
     class Meta:
         verbose_name = _("event")
@@ -48,7 +49,7 @@ class Event(models.Model):
             models.Index(fields=["race", "position"], name="event_by_race"),
         ]
         constraints = [
-            models.UniqueConstraint(fields=["kind", "once"], condition=~Q(once=""), name="event_once"),
+            models.UniqueConstraint(fields=["kind", "once"], name="event_once"),
             models.CheckConstraint(condition=~Q(kind=""), name="event_has_a_kind"),
         ]
 

@@ -35,7 +35,7 @@ def written(
         raise TypeError(f"{kind.name} keeps {', '.join(kind.data) or 'nothing'}, not {', '.join(data) or 'nothing'}")
     if bool(once) != bool(kind.once):
         raise TypeError(f"{kind.name} happens {'once for ' + kind.once if kind.once else 'any number of times'}")
-    return Event(kind=kind.name, at=at, racer_id=racer, race=race, subject=subject, once=once, data=data)
+    return Event(kind=kind.name, at=at, racer_id=racer, race=race, subject=subject, once=once or None, data=data)
 
 
 def record(kind: Kind, *, at: datetime, **what: Any) -> bool:

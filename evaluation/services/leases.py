@@ -19,6 +19,7 @@ from django.db.models.functions import Concat, Right
 
 from paddock.errors import PaddockError, PlatformFault
 
+from ..events import record_end, record_start
 from ..line import FRONT, next_in_line, queued
 from ..models import Evaluation, Result, State
 from ..signals import evaluation_ended
@@ -59,23 +60,31 @@ def claim_next_evaluation(*, worker: str, now: datetime) -> Evaluation | None:
     _end_pauses(now)
     while candidates := next_in_line(CANDIDATES):
         for pk, attempt in candidates:
-            lease = uuid.uuid4()
-            mine = Evaluation.objects.filter(pk=pk, state=State.QUEUED, not_before=None, attempt=attempt)
-            claimed = mine.update(
-                state=State.RUNNING,
-                lease=lease,
-                leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
-                worker=worker[:128],
-                attempt=F("attempt") + 1,
-                started_at=now,
-                not_before=None,
-                progress={},
-            )
-            # by its lease: if it was stopped or taken over in this very moment, it is not ours to run
-            evaluation = _held(pk, lease).select_related("model__network", "track").first() if claimed else None
+            evaluation = _claim(pk, attempt, worker, now)
             if evaluation is not None:
                 return evaluation
     return None  # a lost race means that somebody else won it, so this loop ends
+
+
+@transaction.atomic
+def _claim(pk: int, attempt: int, worker: str, now: datetime) -> Evaluation | None:
+    lease = uuid.uuid4()
+    mine = Evaluation.objects.filter(pk=pk, state=State.QUEUED, not_before=None, attempt=attempt)
+    claimed = mine.update(
+        state=State.RUNNING,
+        lease=lease,
+        leased_until=now + timedelta(seconds=settings.LEASE_SECONDS),
+        worker=worker[:128],
+        attempt=F("attempt") + 1,
+        started_at=now,
+        not_before=None,
+        progress={},
+    )
+    # by its lease: if it was stopped or taken over in this very moment, it is not ours to run
+    evaluation = _held(pk, lease).select_related("model__network", "track").first() if claimed else None
+    if evaluation is not None:
+        record_start(evaluation, now)
+    return evaluation
 
 
 def beat(*, evaluation_id: int, lease: uuid.UUID, progress: dict | None, now: datetime) -> bool:
@@ -231,4 +240,5 @@ def _fail(mine: QuerySet[Evaluation], evaluation: Evaluation, fault: PaddockErro
 
 def _tell(evaluation_id: int, result, now: datetime) -> None:
     evaluation = Evaluation.objects.select_related("model", "track", "owner").get(pk=evaluation_id)
+    record_end(evaluation, result, now)
     evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=result, now=now)

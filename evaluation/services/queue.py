@@ -10,6 +10,7 @@ from django.db import transaction
 
 from paddock.errors import UserFault
 
+from ..events import record_end
 from ..line import URGENT
 from ..models import Evaluation, EvaluationRival, State, TrainedModel
 from ..rivals import check_rivals
@@ -141,5 +142,6 @@ def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     )
     evaluation.refresh_from_db()
     if stopped:
+        record_end(evaluation, None, now)
         evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=None, now=now)
     return bool(stopped)

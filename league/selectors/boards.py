@@ -34,12 +34,11 @@ class BoardCut:
     held: frozenset[int] = field(default_factory=frozenset)
 
 
-def round_of(race: Race, racer: Racer | None = None, now: datetime | None = None) -> Round | None:
+def round_of(race: Race, racer: Racer | None = None) -> Round | None:
     """The round that a race is, with its season; None for all others. One query, for league races only.
 
-    ``has_decisions``: whether stewards decided anything about it. With ``racer`` and ``now`` it also has
-    ``reader_division`` ("" for none of their own) and ``waits``: whether a round of its season is due to become
-    official. What was read once stays with the race, for the page that shows it.
+    ``has_decisions``: whether stewards decided anything about it. With ``racer`` it also has ``reader_division`` (""
+    for none of their own). What was read once stays with the race, for the page that shows it.
     """
     if race.kind != Kind.LEAGUE:
         return None
@@ -47,10 +46,9 @@ def round_of(race: Race, racer: Racer | None = None, now: datetime | None = None
         return race._round_shown
     rounds = Round.objects.filter(race=race).select_related("season")
     rounds = rounds.annotate(has_decisions=Exists(StewardDecision.objects.filter(round=OuterRef("pk"))))
-    if racer is not None and now is not None:
-        due = due_rounds(now).filter(season=OuterRef("season")).order_by()
+    if racer is not None:
         own = Membership.objects.filter(season=OuterRef("season"), racer=racer).order_by().values("division")[:1]
-        rounds = rounds.annotate(waits=Exists(due), reader_division=Coalesce(Subquery(own), Value("")))
+        rounds = rounds.annotate(reader_division=Coalesce(Subquery(own), Value("")))
     race._round_shown = rounds.first()
     if race._round_shown is not None:
         race._round_shown.race = race

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import islice
 
+from core.events import Event
 from races.models import Entry, Race
 from races.selectors.boards import CLASSIFIED, board_entries
 from races.selectors.counting import totals_of
 
-from ..models import ChampionshipPlace, Membership, Round, Season, Stage
+from ..events import IN_FINALE, PROMOTED
+from ..models import ChampionshipPlace, FinalePlace, Membership, Round, Season, Stage
 from ..models.season import WITH_POINTS
 from ..rules import ChampionshipField, FinaleField, PointsTable, Promotion, Standings
 
@@ -51,6 +53,14 @@ def classified_order(race: Race, limit: int | None = None) -> list[int]:
 def classified_count(race: Race) -> int:
     """How many racers of a race have a rank."""
     return totals_of(race).classified
+
+
+def holds(event: Event) -> bool:
+    """Whether a round still moves on the racer whom the event names: a correction may have undone it since."""
+    if event.kind == PROMOTED.name:
+        return Membership.objects.filter(promoted_in=event.data["round"], racer=event.racer_id).exists()
+    model = FinalePlace if event.kind == IN_FINALE.name else ChampionshipPlace
+    return model.objects.filter(round=event.data["round"], racer=event.racer_id).exists()
 
 
 def outcome_of(round_: Round) -> Outcome:

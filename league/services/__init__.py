@@ -1,6 +1,6 @@
 """Every write to seasons, rounds, divisions and house cars."""
 
-from .closing import close_due_rounds, close_round, close_what_is_due
+from .closing import close_due_rounds, close_round
 from .demo import open_demo_season
 from .house import HouseReport, enter_house_cars, house_cars, house_racer
 from .ratings import rate_season
@@ -11,7 +11,6 @@ __all__ = [
     "HouseReport",
     "close_due_rounds",
     "close_round",
-    "close_what_is_due",
     "create_season",
     "disqualify",
     "edit_season",

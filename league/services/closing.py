@@ -7,18 +7,21 @@ round and all official ones after it anew, and the same boards always give the s
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from datetime import datetime
 
 from django.db import transaction
 from django.db.models import Q
 
 from accounts.models import Racer
+from core.events import record, record_all, written
 from paddock.errors import UserFault
+from races.events import RACE_OFFICIAL, of_race
 from races.models import Opponents, Race, RaceState
 from races.selectors.counting import cars_waiting, driven_again
 from races.services.gates import moment
 
+from ..events import IN_FINALE, PROMOTED, QUALIFIED
 from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season
 from ..selectors.boards import due_rounds
 from ..selectors.outcomes import Outcome, outcome_of
@@ -43,7 +46,10 @@ def close_round(*, round: Round, now: datetime) -> Round:
     _require_ready(round_, now)
     Round.objects.filter(pk=round_.pk).update(closed_at=now, held_at=None)
     round_.closed_at, round_.held_at = now, None
-    _write(round_, outcome_of(round_))
+    _write(round_, outcome := outcome_of(round_))
+    if round_.race.imported_at is None:
+        _record_moves(round_, outcome, now)
+        record(RACE_OFFICIAL, at=now, **of_race(round_.race), once=f"{round_.race.slug}:{now:%Y%m%d%H%M%S}")
     give_fields(season, now=now)
     return round_
 
@@ -65,12 +71,6 @@ def close_due_rounds(*, now: datetime, season: Season | None = None) -> list[Rou
     return closed
 
 
-def close_what_is_due(season: Season, *, now: datetime) -> None:
-    """:func:`close_due_rounds` at the cost of one query when nothing is due: for who needs to know divisions now."""
-    if _due(now, season).exists():
-        close_due_rounds(now=now, season=season)
-
-
 @transaction.atomic
 def rework(*, round: Round, now: datetime) -> None:
     """Work out an official round anew, and every official one of the season that closed after it."""
@@ -78,10 +78,14 @@ def rework(*, round: Round, now: datetime) -> None:
     round_ = _fresh(round, season)
     if round_.closed_at is None:
         return
-    forget_outcomes(affected := list(_official_from(round_)))
+    affected = list(_official_from(round_))
+    moved = {one.pk: _moved_by(one) for one in affected}
+    forget_outcomes(affected)
     for one in affected:
         one.season = season
-        _write(one, outcome_of(one))
+        _write(one, outcome := outcome_of(one))
+        if one.race.imported_at is None:
+            _record_moves(one, outcome, now, known=moved[one.pk])
     give_fields(season, now=now)
 
 
@@ -147,6 +151,29 @@ def _driven_again(race: Race) -> int:
     """How many runs of another engine still are to be driven again; at least one until they all count."""
     again = driven_again(race)
     return 0 if again is None else max(1, again.runs - again.done)
+
+
+def _moved_by(round_: Round) -> set[tuple[str, int]]:
+    """Whom the round has moved on as it stands: kinds of events, with the racers."""
+    promoted = Membership.objects.filter(promoted_in=round_).values_list("racer", flat=True)
+    finale, qualified = (
+        model.objects.filter(round=round_).values_list("racer", flat=True) for model in (FinalePlace, ChampionshipPlace)
+    )
+    found = ((PROMOTED, promoted), (IN_FINALE, finale), (QUALIFIED, qualified))
+    return {(kind.name, racer) for kind, racers in found for racer in racers}
+
+
+def _record_moves(round_: Round, outcome: Outcome, now: datetime, known: Collection[tuple[str, int]] = ()) -> None:
+    """Write down whom a round moves on, but for those whom it did before it was worked out anew."""
+    promoted = [racer for _place, racer in outcome.promoted]
+    found = ((PROMOTED, promoted), (IN_FINALE, outcome.finale), (QUALIFIED, outcome.qualified))
+    where = {"race": round_.race_id, "subject": round_.season.slug, "round": round_.pk}
+    record_all(
+        written(kind, at=now, racer=racer, **where)
+        for kind, racers in found
+        for racer in racers
+        if (kind.name, racer) not in known
+    )
 
 
 def _write(round_: Round, outcome: Outcome) -> None:

@@ -7,11 +7,13 @@ from datetime import datetime
 from django.db import transaction
 
 from accounts.models import Racer
+from core.events import record
 from paddock.errors import UserFault
 from races.models import Entry, RaceState
 from races.services.entries import remove_entry, restore_entry
 from races.services.gates import moment
 
+from ..events import DISQUALIFIED, RESTORED
 from ..models import Decision, Round, Season, Stage, StewardDecision
 from ..models.season import WITH_FIELD
 from .closing import forget_outcomes, rework
@@ -117,4 +119,8 @@ def _fed_by(round_: Round):
 def _decide(
     round_: Round, decision: Decision, by: Racer, reason: str, now: datetime, racer: Racer | None
 ) -> StewardDecision:
-    return StewardDecision.objects.create(round=round_, racer=racer, decision=decision, reason=reason, by=by, at=now)
+    decided = StewardDecision.objects.create(round=round_, racer=racer, decision=decision, reason=reason, by=by, at=now)
+    kind = {Decision.DISQUALIFIED: DISQUALIFIED, Decision.RESTORED: RESTORED}.get(decision)
+    if kind is not None and racer is not None:
+        record(kind, at=now, racer=racer.pk, race=round_.race_id, subject=str(decided.pk), reason=reason)
+    return decided

@@ -9,15 +9,18 @@ from datetime import datetime, timedelta
 from django.conf import settings
 from django.core.cache import cache
 from django.db import transaction
+from django.db.models import Q, QuerySet
 from django.utils import translation
 
 from accounts.models import Racer
+from core.events import Event, Reader
 from evaluation.services.bell import send
 from paddock.errors import UserFault
 from races.models import Entry, Race
+from races.models import Kind as RaceKind
 
 from .. import chats, outgoing
-from ..happenings import EVENTS, TEST, Happening, happenings
+from ..happenings import EVENTS, KINDS, OF_RACER, TEST, Happening, happening
 from ..models import Webhook, WebhookDelivery
 from ..models.webhook import new_secret
 from .notices import choice_of
@@ -80,29 +83,58 @@ def send_test(*, webhook: Webhook, now: datetime) -> WebhookDelivery:
     return queued
 
 
-def queue_deliveries(*, now: datetime) -> int:
-    """Write down what webhooks are to be told at ``now``, each thing once; returns how many deliveries are new.
+def queue_deliveries(event: Event, now: datetime) -> int:
+    """Write down what webhooks are to be told of an event, each thing once; returns how many deliveries are new.
 
     Nothing from before the webhook was made, and nothing older than three days.
     """
-    queued = WebhookDelivery.objects.filter(at=now)  # not all there are, which grow
-    before = queued.count()
-    for hook in Webhook.objects.select_related("owner", "race").filter(owner__is_active=True):
+    one = happening(event)
+    if one is None:
+        return 0
+    queued = 0
+    for hook in _hooks_for(one, event):
+        known = WebhookDelivery.objects.filter(webhook=hook, event=one.event, about=one.about)
+        if one.event in (hook.events or EVENTS) and max(now - REACH, hook.created_at) < one.at and not known.exists():
+            _delivery(hook, one, now).save(force_insert=True)
+            queued += 1
+    if queued:
+        transaction.on_commit(_ring, robust=True)
+    return queued
+
+
+# Writes deliveries; told is how many.
+WEBHOOKS = Reader("webhooks", KINDS, queue_deliveries)
+
+
+def tidy_webhooks(*, now: datetime) -> int:
+    """Delete what was told more than a month ago; give webhooks that know none their host. Returns how many deliveries
+    went."""
+    for hook in Webhook.objects.all():
         host = outgoing.host_of(hook.url)
         if hook.host != host:  # made by a version that knew no hosts, or no ports of them
             Webhook.objects.filter(pk=hook.pk).update(host=host)
-        since = max(now - REACH, hook.created_at)
-        rows = [_delivery(hook, one, now) for one in happenings(hook, since, now)]
-        WebhookDelivery.objects.bulk_create(rows, ignore_conflicts=True)
-    count = queued.count() - before
-    WebhookDelivery.objects.filter(at__lt=now - KEPT).exclude(state="due").delete()
-    return count
+    return WebhookDelivery.objects.filter(at__lt=now - KEPT).exclude(state="due").delete()[0]
 
 
 def secrets_of(hook: Webhook, now: datetime) -> list[str]:
     """What signs at ``now``: the secret, and for a day after it was changed the one before."""
     keeps_old = hook.old_secret_until is not None and now < hook.old_secret_until
     return [hook.secret, hook.old_secret] if keeps_old else [hook.secret]
+
+
+def _hooks_for(one: Happening, event: Event) -> QuerySet[Webhook]:
+    """The webhooks that may be told, judged anew each time: who no longer organises a race hears no more of it."""
+    hooks = Webhook.objects.select_related("owner", "race").filter(owner__is_active=True).order_by("pk")
+    hooks = hooks.filter(Q(race=None) | Q(race=one.race))
+    if one.event in OF_RACER:
+        return hooks.filter(owner=event.racer_id)
+    race = one.race
+    if race is None:
+        return hooks.none()
+    whose = Q(owner__is_staff=True, race=race)
+    if race.kind == RaceKind.LEAGUE:
+        whose |= Q(owner__is_staff=True)
+    return hooks.filter(whose if race.organiser_id is None else whose | Q(owner=race.organiser_id))
 
 
 def _may_hear_of(racer: Racer, race: Race) -> bool:

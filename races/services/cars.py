@@ -21,6 +21,7 @@ from django.db.models import Exists, OuterRef, Q, QuerySet
 from evaluation.models import Network, TrainedModel
 from paddock.errors import UserFault
 
+from ..events import record_board
 from ..models import Entry, Race, RaceCar, RefusedCar, Submission, car_of
 from .locks import lock_entries
 from .standings import work_out_standings
@@ -86,6 +87,8 @@ def settle_cars(*, race: Race) -> int:
     Submission.objects.bulk_update(changed, ["car_of"], batch_size=BATCH)
     touched = [entries[pk] for pk in sorted({submission.entry_id for submission in changed})]
     work_out_standings(race, [entry for entry in touched if entry.seed is None])
+    if changed:
+        record_board(race)
     return len(changed)
 
 

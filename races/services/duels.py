@@ -16,6 +16,7 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import Min, QuerySet
 
+from core.events import record
 from evaluation.models import Evaluation, Result, State
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
@@ -25,6 +26,7 @@ from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of
 from ..duels.points import Drive, places, points_lap_time
 from ..duels.schedule import Heat, round_robin
 from ..engines import keeps_engine
+from ..events import DUEL_DECIDED, DUELS_DRAWN, DUELS_OVER, of_race
 from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
 from ..ranking import drawn_rank
 from ..signals import duels_over
@@ -67,6 +69,7 @@ def draw_duels(*, race: Race, now: datetime) -> Draw:
         entry.rank_score, entry.rank_lap = drawn_rank(0, None, seed)
     Entry.objects.bulk_update(seeded, _STANDING)
     drawn = Draw.objects.create(race=race, entrants=len(seeded), drawn_at=now)
+    record(DUELS_DRAWN, at=now, **of_race(race), cars=len(seeded))
     if race.duel_format == DuelFormat.ROUND_ROBIN:
         by_seed = {entry.seed: entry for entry in seeded}
         for number, heats in enumerate(round_robin(len(seeded), race.duel_cars), start=1):
@@ -94,6 +97,7 @@ def drive_on(*, race: Race, now: datetime) -> int:
         if number is None:
             recount(race, list(by_seed.values()))
             Draw.objects.filter(race=race).update(over_at=now)
+            record(DUELS_OVER, at=now, **of_race(race))
             duels_over.send(sender=Race, race=race, now=now)
             return queued
         queued += _queue_round(race, number, now)  # none if all of them are walkovers
@@ -255,6 +259,7 @@ def _queue(race: Race, duel: Duel, now: datetime) -> bool:
     if len(starting) < 2:
         _place(cars, starting + [car for car in cars if car.forfeited])
         Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now, evaluation=None)
+        record(DUEL_DECIDED, at=now, **of_race(race), round=duel.round, number=duel.number)
         return False
     front, *others = (car.entry.best.evaluation.model for car in starting)
     evaluation = queue_evaluation(
@@ -281,6 +286,7 @@ def _decide(duel: Duel, cars: list[DuelCar], result: Result, now: datetime) -> N
         car.retired_code = driven[number].retired_code
     _place(cars, [starting[number] for number in result.order] + [car for car in grid if car.forfeited])
     Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now)
+    record(DUEL_DECIDED, at=now, **of_race(duel.race), round=duel.round, number=duel.number)
 
 
 def _place(cars: list[DuelCar], order: list[DuelCar]) -> None:

@@ -12,6 +12,7 @@ from django.utils import timezone
 from paddock.errors import UserFault
 
 from ..eligibility import check_eligible
+from ..events import record_board
 from ..models import Entry, Race, RaceState, Visibility
 from ..selectors.visibility import can_organise
 from ..signals import board_changed
@@ -93,8 +94,7 @@ def restore_entry(*, entry: Entry, by: Racer, now: datetime | None = None) -> En
         entry.removed_at = entry.withdrawn_at = None
         entry.removal_reason = ""
         entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
-        note_fastest(entry)
-        settle_after_commit(entry)
+        _came_back(entry)
         board_changed.send(sender=Race, race=entry.race, now=now or timezone.now())
     return entry
 
@@ -121,8 +121,7 @@ def give_field(*, race: Race, racers: Collection[int], now: datetime, reason: st
             entry.removed_at = entry.withdrawn_at = None
             entry.removal_reason = ""
             entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
-            note_fastest(entry)
-            settle_after_commit(entry)
+            _came_back(entry)
 
 
 @transaction.atomic
@@ -155,9 +154,14 @@ def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
     lock_entry(entry)
     if Entry.objects.filter(pk=entry.pk, removed_at=None, withdrawn_at__isnull=False).update(withdrawn_at=None):
         entry.refresh_from_db(fields=["withdrawn_at"])
-        note_fastest(entry)
-        settle_after_commit(entry)
+        _came_back(entry)
     return entry
+
+
+def _came_back(entry: Entry) -> None:
+    note_fastest(entry)
+    settle_after_commit(entry)
+    record_board(entry.race)
 
 
 def _left(entry: Entry, now: datetime) -> None:
@@ -165,3 +169,4 @@ def _left(entry: Entry, now: datetime) -> None:
     settle_after_commit(entry)
     stop_after_commit(entry.submissions.all(), now=now)
     stop_duels_after_commit(entry, now=now)
+    record_board(entry.race)

@@ -15,6 +15,7 @@ from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
 from accounts.quotas import limit_of, used_by
+from core.events import record
 from core.locks import hold
 from evaluation.models import Evaluation
 from evaluation.services import reschedule
@@ -22,6 +23,7 @@ from paddock.errors import UserFault
 from tracks.models import Track
 
 from ..errors import RaceRefused, problem
+from ..events import RACE_CANCELLED, of_race
 from ..models import Kind, Race, Submission, new_invitation
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above
@@ -131,6 +133,7 @@ def cancel_race(*, race: Race, reason: str, now: datetime) -> Race:
     locked = Race.objects.select_for_update(no_key=True).get(pk=race.pk)
     require_not_over(locked, now)
     Race.objects.filter(pk=race.pk).update(cancelled_at=now, cancel_reason=reason[:limit])
+    record(RACE_CANCELLED, at=now, **of_race(race), reason=reason[:limit])
     stop_after_commit(Submission.objects.filter(entry__race=race), now=now)
     race.refresh_from_db()
     return race

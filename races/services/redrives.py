@@ -52,12 +52,14 @@ from typing import TypeAlias
 from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
+from core.events import record
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
 from evaluation.services import engines_at_work, queue_copies
 from evaluation.services.leases import pause_after
 
 from ..engines import is_official, is_over, site_engine
+from ..events import RACE_RETIMED, of_race, record_board
 from ..models import (
     Draw,
     Duel,
@@ -72,7 +74,7 @@ from ..models import (
 from ..ranking import LAST, NO_RESULT, rule_for
 from ..selectors.boards import ranks_of
 from ..validation import hold_above
-from .standings import work_out_standings
+from .standings import record_result, work_out_standings
 from .stopping import stop_evaluations_after_commit
 
 logger = logging.getLogger(__name__)
@@ -104,7 +106,10 @@ def drive_again(*, race: Race, now: datetime) -> int:
         return 0  # somebody has entered between the two locks: the next sweep sees them
     site = site_engine()
     stale = list(
-        _counted(race).exclude(evaluation__result__engine=site).select_related("evaluation").order_by("number", "pk")
+        _counted(race)
+        .exclude(evaluation__result__engine=site)
+        .select_related("evaluation__result", "entry")
+        .order_by("number", "pk")
     )
     pending = {one.submission_id: one for one in _pending(race)}
     if not _is_needed(race, bool(stale), now):
@@ -220,6 +225,7 @@ def _undo_draw(race: Race, entries: Sequence[Entry], now: datetime) -> None:
     names = ["seed", "points", "duels", "duel_lap_ms", "classified", "score_ms", "rank_score", "rank_lap"]
     Entry.objects.bulk_update(drawn, names, batch_size=BATCH)
     work_out_standings(race, drawn)
+    record_board(race)
     logger.warning("The draw of %s is undone: its runs are driven again with %s.", race.slug, race.next_engine)
 
 
@@ -241,7 +247,22 @@ def _switch(race: Race, entries: Sequence[Entry], done: Sequence[tuple[Submissio
     work_out_standings(race, entries)
     if old_engine != race.engine:
         _note_retimings(race, old_engine, before, _standings(entries), counted_by, done, now)
+    _note_results(race, old_engine, done, now)  # after it: whoever leads since was not driven past
+    record_board(race)
     logger.info("%s counts by %s now: %s runs were driven again.", race.slug, race.engine, len(done))
+
+
+def _note_results(race: Race, old_engine: str, done: Sequence[tuple[Submission, Redrive]], now: datetime) -> None:
+    """What was held back counts now and is told like any result, also by what was driven again in its place. A car
+    whose result counted before is no news."""
+    for submission, redrive in done:
+        if submission.evaluation.result.engine != old_engine:
+            record_result(submission, redrive.evaluation, at=now)
+    if old_engine != race.engine:
+        again = [submission.pk for submission, _redrive in done]
+        held_back = _counted(race).filter(evaluation__result__engine=race.engine).exclude(pk__in=again)
+        for submission in held_back.select_related("entry", "evaluation").order_by("pk"):
+            record_result(submission, submission.evaluation, at=now)
 
 
 def _note_retimings(
@@ -285,6 +306,8 @@ def _note_retimings(
             )
         )
     Retiming.objects.bulk_create(changes, batch_size=BATCH)
+    if changes:
+        record(RACE_RETIMED, at=now, **of_race(race), engine=race.engine)
 
 
 def _standings(entries: Sequence[Entry]) -> dict[int, Standing]:

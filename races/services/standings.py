@@ -13,9 +13,11 @@ from django.db import transaction
 from django.db.models import F, Min, Q, Value
 from django.db.models.functions import Coalesce, Least
 
+from core.events import record
 from evaluation.models import Evaluation, Result, State
 
 from ..engines import admit
+from ..events import RACE_RESULT, record_board
 from ..models import Entry, Race, Submission
 from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, rule_for
 from .duels import recount
@@ -63,6 +65,8 @@ def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, no
     entry = lock_entry(submission.entry)
     if result is not None:
         _take_result(entry, submission, result)
+        if result.engine == entry.race.engine:
+            record_result(submission, evaluation, at=now)
     elif evaluation.state == State.STOPPED or evaluation.is_platform_fault:
         _void(entry, submission, refund=evaluation.is_platform_fault or evaluation.started_at is None)
     return entry
@@ -75,6 +79,7 @@ def recompute_standing(*, entry: Entry) -> Entry:
     How it qualified does not change any more then: its seed and its car came from that.
     """
     entry = lock_entry(entry)
+    record_board(entry.race)
     if entry.seed is not None:
         recount(entry.race, [entry])
         return entry
@@ -85,9 +90,16 @@ def recompute_standing(*, entry: Entry) -> Entry:
     return entry
 
 
+def record_result(submission: Submission, evaluation: Evaluation, *, at: datetime) -> None:
+    """A result of a car counts in its race from now on: each is told once, however it came to count."""
+    entry = submission.entry
+    run = {"subject": evaluation.public_id, "once": evaluation.public_id}
+    record(RACE_RESULT, at=at, racer=entry.racer_id, race=entry.race_id, submission=submission.pk, **run)
+
+
 def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
     """Work out from their submissions how these entries of a race stand, which the caller has locked with it and no
-    draw has seeded. Of results only those of the race's engine count."""
+    draw has seeded. Of results only those of the race's engine count. The caller records why."""
     for entry in entries:
         _clear(entry)
         submissions = entry.submissions.filter(is_void=False, car_of=None, evaluation__result__engine=race.engine)

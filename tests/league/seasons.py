@@ -9,6 +9,7 @@ from typing import Any
 from accounts.models import Racer
 from league.models import Round, Season
 from league.services import create_season, schedule_round
+from races.events import record_board
 from races.models import Entry, Race
 from tests.factories import a_racer, a_track
 
@@ -69,6 +70,7 @@ def stand(race: Race, racer: Racer, score_ms: int, **fields: Any) -> Entry:
     for name, value in (standing | fields).items():
         setattr(entry, name, value)
     entry.save()
+    record_board(race)
     return entry
 
 

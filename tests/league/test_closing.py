@@ -237,12 +237,14 @@ def test_who_qualified_and_only_they_drive_the_championship(season):
     assert hall.divisions == {"pro": four[0]}
 
 
-def test_racing_makes_the_last_month_official_by_itself(season):
-    """A stopped scheduler delays nobody: whoever wants into the next pro race is promoted by asking."""
+def test_asking_for_a_place_makes_nothing_official_and_the_promoted_get_in_once_it_is(season):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     february = a_round(season, 2, "pro-qualifier")
     refused("race_pro_only", enter_race, race=february.race, racer=ten[0], now=january.race.closes_at - HOUR)
+    refused("race_pro_only", enter_race, race=february.race, racer=ten[0], now=january.race.closes_at)
+    assert not Round.objects.filter(closed_at__isnull=False).exists(), "a check writes nothing"
+    close_due_rounds(now=january.race.closes_at)
     assert enter_race(race=february.race, racer=ten[0], now=january.race.closes_at)
     refused("race_pro_only", enter_race, race=february.race, racer=ten[5], now=january.race.closes_at)
 

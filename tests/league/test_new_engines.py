@@ -8,18 +8,17 @@ import pytest
 from django.utils import translation
 
 from accounts.models import Racer
-from league.happenings import happenings
 from league.models import Lead, Notice, Webhook
 from league.notices import sentence
 from league.selectors.honours import honours_of
 from league.services import close_due_rounds, close_round
 from league.services.closing import cars_on_the_way
-from league.services.notices import tell_what_happened
 from paddock.errors import UserFault
 from races.models import Race
 from races.services import withdraw
 from races.services.redrives import drive_again, sweep_redrives
 from tests.factories import a_race, a_racer, drive, laps
+from tests.happened import queue_deliveries, tell_what_happened
 from tests.league.seasons import a_round, a_season, after
 from tests.redrives import SITE, break_down, end, everything, pending, shown
 
@@ -146,9 +145,11 @@ class TestWhoIsTold:
         race = filled(a_race(now, organiser=organiser), cast, now)
         hooks = [Webhook.objects.create(owner=one, url="https://example.org") for one in (organiser, cast[0])]
         upgraded(race, site, now + MINUTE, 9_000, 9_100, 9_200)
-        assert [list(happenings(hook, now, now + 2 * MINUTE)) for hook in hooks] == [[], []]
+        Webhook.objects.update(created_at=now)
+        assert queue_deliveries(now=now + 2 * MINUTE) == 0
         drive(race, cast[0], laps(8_000, 8_000, 8_000), now + 2 * MINUTE)
-        told_of = [[one.event for one in happenings(hook, now, now + 2 * MINUTE)] for hook in hooks]
+        queue_deliveries(now=now + 2 * MINUTE)
+        told_of = [[one.event for one in hook.deliveries.all()] for hook in hooks]
         assert told_of == [["race.result"], ["run.finished"]]
 
 

@@ -15,17 +15,12 @@ from accounts.models import Racer
 from league.models import Notice, NoticeKind, Stage
 from league.notices import sentence
 from league.services import close_due_rounds, disqualify, put_back
-from league.services.notices import (
-    choice_of,
-    choose_notices,
-    mark_read,
-    send_mails,
-    stopping_token,
-    tell_what_happened,
-)
+from league.services.notices import choice_of, choose_notices, mark_read, send_mails, stopping_token
 from paddock.errors import UserFault
+from races.services import cancel_race
 from races.services.gates import moment
 from tests.factories import a_race, a_racer, drive, laps
+from tests.happened import tell_what_happened
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
 pytestmark = pytest.mark.django_db
@@ -84,9 +79,10 @@ class TestARaceInCommunity:
         assert told(racer) == ["opens", "opens"]
 
     def test_a_cancelled_race_says_why_and_nothing_else(self, now):
-        race = a_race(now, opens_at=now, cancelled_at=now, cancel_reason="Rain")
+        race = a_race(now, opens_at=now)
         (racer,) = racers(1)
         board(race, [racer])
+        cancel_race(race=race, reason="Rain", now=now)
         tell_what_happened(now=now)
         assert tell_what_happened(now=race.closes_at) == 0
         assert told(racer) == ["cancelled"] and sentence(Notice.objects.get()) == f"{race.name} is cancelled: Rain"
@@ -131,7 +127,7 @@ class TestASeason:
         now = after(pro)
         close_due_rounds(now=now)
         tell_what_happened(now=now)
-        assert told(field[0]) == ["opens", "opens", "promoted", "finale", "official", "official"]
+        assert told(field[0]) == ["opens", "opens", "promoted", "official", "finale", "official"]
         assert told(field[9]) == ["opens", "official"]
         board(finale.race, field[:3])
         close_due_rounds(now=after(finale))

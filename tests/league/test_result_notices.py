@@ -11,10 +11,10 @@ from accounts.models import Racer
 from evaluation.models import Evaluation
 from league.models import Notice
 from league.notices import sentence
-from league.services.notices import tell_what_happened
 from paddock.errors import UserFault
 from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, drive, fail, lap, laps
+from tests.happened import tell_what_happened
 
 pytestmark = pytest.mark.django_db
 

@@ -11,10 +11,11 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from league.services.deliveries import deliver_due
-from league.services.notices import send_mails, tell_what_happened
-from league.services.webhooks import add_webhook, queue_deliveries
+from league.services.notices import send_mails
+from league.services.webhooks import add_webhook
 from races.services import cancel_race
 from tests.factories import a_race, drive, laps
+from tests.happened import queue_deliveries, tell_what_happened
 
 pytestmark = pytest.mark.django_db
 

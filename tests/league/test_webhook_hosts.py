@@ -12,7 +12,7 @@ from league import outgoing, tasks
 from league.models import Webhook, WebhookDelivery, WebhookHost
 from league.services import deliveries
 from league.services.deliveries import GIVEN_UP_AFTER, LONGEST_PAUSE, deliver_due, hosts_due
-from league.services.webhooks import add_webhook, queue_deliveries, send_test
+from league.services.webhooks import add_webhook, send_test, tidy_webhooks
 
 pytestmark = pytest.mark.django_db
 MINUTE = timedelta(minutes=1)
@@ -165,5 +165,5 @@ def test_as_many_senders_are_rung_for_as_hosts_are_due(drips, bob, net, monkeypa
 
 def test_a_webhook_from_before_there_were_hosts_gets_its_own(drips, now):
     Webhook.objects.update(host="")
-    queue_deliveries(now=now)
+    tidy_webhooks(now=now)
     assert Webhook.objects.get().host == "drips.example"

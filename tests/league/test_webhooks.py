@@ -16,9 +16,10 @@ from league.happenings import EVENTS
 from league.models import Stage, Webhook, WebhookDelivery
 from league.services import close_round
 from league.services.deliveries import TRIES, deliver_due, signature
-from league.services.webhooks import PER_RACER, TESTS_AN_HOUR, add_webhook, queue_deliveries, send_test
+from league.services.webhooks import PER_RACER, TESTS_AN_HOUR, add_webhook, send_test
 from paddock.errors import UserFault
 from tests.factories import a_race, a_racer, drive, laps
+from tests.happened import queue_deliveries
 from tests.league.seasons import HOUR, a_round, a_season, after
 
 pytestmark = pytest.mark.django_db

@@ -14,16 +14,17 @@ from standardwebhooks import WebhookVerificationError
 
 from league import chats
 from league.happenings import EVENTS, LABELS, WORDS
-from league.models import ChampionshipPlace, FinalePlace, Membership, NoticeChoice, Stage, Webhook, WebhookDelivery
-from league.services import close_round
+from league.models import NoticeChoice, Stage, Webhook, WebhookDelivery
+from league.services import close_round, disqualify, reopen_round
 from league.services.deliveries import deliver_due
-from league.services.webhooks import add_webhook, change_secret, queue_deliveries, send_test
+from league.services.webhooks import add_webhook, change_secret, send_test
 from league.signing import shown
 from paddock.errors import UserFault
 from races.services import submit_model
 from tests.docs.pages import code_blocks, text
-from tests.factories import a_model, a_race, drive, fail, laps
-from tests.league.seasons import HOUR, a_round, a_season, after
+from tests.factories import a_model, a_race, a_racer, drive, fail, laps
+from tests.happened import queue_deliveries
+from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
 pytestmark = pytest.mark.django_db
 
@@ -143,25 +144,28 @@ class TestARacerIsTold:
         [(Stage.OPEN, "racer.promoted"), (Stage.PRO, "racer.finale"), (Stage.FINALE, "racer.qualified")],
     )
     def test_of_what_came_of_a_round_once_it_is_official(self, hook, alice, bob, stage, event):
-        round_ = a_round(a_season(), 1, stage)
+        round_, steward = a_round(a_season(), 1, stage), a_racer(is_staff=True)
+        elsewhere = add_webhook(owner=bob, url="https://example.org/")
         Webhook.objects.update(created_at=round_.race.opens_at - HOUR)
+        board(round_.race, [alice, *racers(9), bob])
         close_round(round=round_, now=after(round_))
-        made = {
-            Stage.OPEN: lambda racer: Membership(
-                season=round_.season, racer=racer, promoted_in=round_, place=1, division="pro"
-            ),
-            Stage.PRO: lambda racer: FinalePlace(round=round_, racer=racer, place=1),
-            Stage.FINALE: lambda racer: ChampionshipPlace(season=round_.season, round=round_, racer=racer, place=1),
-        }
-        row = made[stage](alice)
-        row.save()
         queue_deliveries(now=after(round_))
         ((kind, body),) = told(hook)
         assert kind == event and body["data"] == {"season": round_.season.name}
-        assert queue_deliveries(now=after(round_) + HOUR) == 0
-        type(row).objects.update(racer=bob)
-        WebhookDelivery.objects.all().delete()
-        assert queue_deliveries(now=after(round_)) == 0, "somebody else's"
+        assert told(elsewhere) == [], "who was last has come to nothing"
+        reopen_round(round=round_, by=steward, reason="Look again", now=after(round_) + HOUR)
+        close_round(round=round_, now=after(round_) + 2 * HOUR)
+        assert queue_deliveries(now=after(round_) + 2 * HOUR) == 0, "nothing twice"
+
+    def test_of_nothing_that_was_undone_before_it_was_told(self, hook, alice):
+        round_ = a_round(a_season(), 1, Stage.OPEN)
+        Webhook.objects.update(created_at=round_.race.opens_at - HOUR)
+        board(round_.race, [alice, *racers(9)])
+        close_round(round=round_, now=after(round_))
+        reason = {"by": a_racer(is_staff=True), "reason": "Two accounts"}
+        disqualify(round=round_, racer=alice, now=after(round_), **reason)
+        queue_deliveries(now=after(round_))
+        assert told(hook) == []
 
     def test_only_what_they_chose_and_only_of_the_race_that_they_named(self, alice, bob, now):
         mine, other = a_race(now, organiser=bob), a_race(now, organiser=bob)

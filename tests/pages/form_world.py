@@ -14,7 +14,7 @@ from accounts.tokens import create_token
 from evaluation.services import share_model
 from league.models import NoticeKind, Round, Stage
 from league.services import close_round
-from league.services.notices import stopping_token, tell_what_happened
+from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import Race
 from races.services import enter_race, remove_entry, withdraw
@@ -22,6 +22,7 @@ from races.services.videos import ask_for_video, run_next_video
 from tests.duels import a_duel_race, qualify
 from tests.factories import a_model, a_race, a_racer
 from tests.films import a_driven_run
+from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
 from tests.pages.conftest import World
 from tests.training.jobs import a_training

@@ -14,9 +14,9 @@ from evaluation.services.work import run_next_evaluation
 from league.models import Membership, Season, Stage
 from league.services import close_due_rounds
 from league.services.house import HOUSE_CARS_DIR
-from league.services.notices import tell_what_happened
 from races.models import Entry, Race
 from tests.factories import a_racer, a_track
+from tests.happened import tell_what_happened
 from tests.league.seasons import HOUR, racers, stand
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")

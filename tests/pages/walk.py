@@ -13,12 +13,13 @@ from django.urls import URLPattern, get_resolver, resolve
 from evaluation.services import share_model
 from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
-from league.services.notices import stopping_token, tell_what_happened
+from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.services.videos import ask_for_video, run_next_video
 from tests.duels import drawn, end_all
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.films import a_driven_run
+from tests.happened import tell_what_happened
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
 from tests.training.jobs import a_training

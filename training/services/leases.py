@@ -15,6 +15,7 @@ from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.outages import storage_is_out
 from paddock.errors import PaddockError, PlatformFault, fault_from_dict
 
+from ..events import record_end
 from ..line import due, line_of
 from ..models import Checkpoint, EndReason, JobState, TrainingJob
 from .bell import ring_training_bell
@@ -166,6 +167,7 @@ def _fail(mine: QuerySet[TrainingJob], job: TrainingJob, fault: PaddockError, no
         return bool(requeued)
     failed = mine.update(state=JobState.FAILED, ended_because=EndReason.FAILED, ended_at=now, **changes)
     if failed:
+        record_end(job.pk, now)
         drop_checkpoints(job)
     return bool(failed)
 

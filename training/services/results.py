@@ -20,6 +20,7 @@ from paddock.errors import PaddockError, UserFault
 from paddock.packages.read import UploadPart
 from races.services import submit_model
 
+from ..events import record_end
 from ..models import EndReason, JobState, TrainingJob
 from ..trainer.client import Ended
 from .leases import held
@@ -101,6 +102,7 @@ def finish_training(
             lease=None, leased_until=None, ended_at=now, best_model=best, last_model=last, sb3_zip=sb3_zip, **changes
         )
         if finished:
+            record_end(job.pk, now)
             drop_checkpoints(job)
             if fault is None and job.submit_to_race_id is not None:
                 _submit(job, best, now)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from django.db import transaction
 
+from ..events import record_end
 from ..models import Checkpoint, EndReason, JobState, TrainingJob
 from .bell import ring_training_bell
 
@@ -27,7 +28,9 @@ def stop_training(*, job: TrainingJob, now: datetime, by: Racer | None = None) -
         stopped = TrainingJob.objects.filter(pk=job.pk, state=JobState.QUEUED).update(
             state=JobState.STOPPED, ended_because=EndReason.STOPPED, ended_at=now, stop_asked_at=now, stopped_by=by
         )
-    if not stopped:
+    if stopped:
+        record_end(job.pk, now)
+    else:
         stopped = TrainingJob.objects.filter(pk=job.pk, state__in=(JobState.QUEUED, JobState.RUNNING)).update(
             stop_asked_at=now, stopped_by=by, not_before=None
         )

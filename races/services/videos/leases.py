@@ -13,10 +13,12 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 
+from core.events import record
 from evaluation.services.leases import DETAIL_LIMIT, detail_with, pause_after
 from evaluation.services.outages import storage_is_out
 from paddock.errors import PaddockError, PlatformFault
 
+from ...events import VIDEO_READY
 from ...models import Video, VideoState
 from .bell import ring_video_bell
 from .files import delete_files, digest_of, names_of, store
@@ -89,22 +91,26 @@ def finish_video(*, video_id: int, lease: uuid.UUID, drawn: DrawnVideo, now: dat
     film, still = names = store(video, drawn.film, drawn.still)
     finished = 0
     try:
-        finished = _held(video_id, lease).update(
-            state=VideoState.READY,
-            lease=None,
-            leased_until=None,
-            ended_at=now,
-            watched_at=now,
-            progress=100,
-            fingerprint=drawn.fingerprint,
-            file=film,
-            poster=still,
-            sha256=digest_of(drawn.film),
-            size=drawn.facts.size,
-            duration_ms=drawn.facts.duration_ms,
-            width=drawn.facts.width,
-            height=drawn.facts.height,
-        )
+        with transaction.atomic():
+            written = _held(video_id, lease).update(
+                state=VideoState.READY,
+                lease=None,
+                leased_until=None,
+                ended_at=now,
+                watched_at=now,
+                progress=100,
+                fingerprint=drawn.fingerprint,
+                file=film,
+                poster=still,
+                sha256=digest_of(drawn.film),
+                size=drawn.facts.size,
+                duration_ms=drawn.facts.duration_ms,
+                width=drawn.facts.width,
+                height=drawn.facts.height,
+            )
+            if written:
+                record(VIDEO_READY, at=now, subject=video.evaluation.public_id, video=video.public_id)
+        finished = written
     finally:
         if not finished:
             delete_files(names)

@@ -1,0 +1,39 @@
+"""What happens to a run, as events."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from core.events import Kind, record, register
+
+from .models import Evaluation, Result, State
+
+# Who may see the run. What that means is said by the room that knows races.
+RUN = "run"
+
+RUN_STARTED = register(Kind("run.started", "a worker has taken a run", RUN, ("racer", "subject"), ("attempt",)))
+RUN_FINISHED = register(
+    Kind("run.finished", "a run has a result", RUN, ("racer", "subject"), ("best_lap_ms", "total_ms"))
+)
+RUN_FAILED = register(Kind("run.failed", "a run came to no result", RUN, ("racer", "subject"), ("reason",)))
+RUN_STOPPED = register(Kind("run.stopped", "a run was stopped", RUN, ("racer", "subject")))
+
+
+def record_start(evaluation: Evaluation, now: datetime) -> None:
+    """A worker has claimed the run. Call it in the transaction that claims it."""
+    record(RUN_STARTED, at=now, **_whose(evaluation), attempt=evaluation.attempt)
+
+
+def record_end(evaluation: Evaluation, result: Result | None, now: datetime) -> None:
+    """The run is final, with a result or without. Call it in the transaction that ends it."""
+    whose = _whose(evaluation)
+    if result is not None:
+        record(RUN_FINISHED, at=now, **whose, best_lap_ms=result.best_lap_ms, total_ms=result.total_ms)
+    elif evaluation.state == State.STOPPED:
+        record(RUN_STOPPED, at=now, **whose)
+    else:
+        record(RUN_FAILED, at=now, **whose, reason=evaluation.reason_code)
+
+
+def _whose(evaluation: Evaluation) -> dict:
+    return {"racer": evaluation.owner_id, "subject": evaluation.public_id}

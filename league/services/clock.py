@@ -1,0 +1,52 @@
+"""The league's clock: what happens by the passing of time, written down once.
+
+No transaction opens a race: its time comes. So somebody has to look, and this is the one who does; the event it writes
+is what everybody else reads. It finds what has become due since :data:`REACH` ago, so it may stand still for days, and
+each event names what it is the only one for, so any number of clocks may look at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta
+
+from django.db.models import QuerySet
+
+from core.events import Event, Kind, record_all, written
+from races.events import RACE_CLOSED, RACE_CLOSING, RACE_OFFICIAL, RACE_OPENED, of_race
+from races.models import Kind as RaceKind
+from races.models import Race
+
+from .closing import cars_on_the_way
+
+REACH = timedelta(days=3)
+A_DAY = timedelta(days=1)
+
+
+def tick(*, now: datetime) -> int:
+    """Write down which races have opened, close within a day or have closed, and whose results are official without
+    anybody saying so. Returns how many events are new."""
+    races = Race.objects.filter(cancelled_at=None, imported_at=None).order_by("closes_at", "pk")
+    opened = races.filter(opens_at__gt=now - REACH, opens_at__lte=now)
+    # a race that lasts no longer than a day has only just told that it opens
+    closing = races.filter(opens_at__lte=now - A_DAY, closes_at__gt=now, closes_at__lte=now + A_DAY)
+    closed = races.filter(closes_at__gt=now - REACH, closes_at__lte=now)
+    new = record_all(_timed(RACE_OPENED, opened, "opens_at"))
+    new += record_all(_timed(RACE_CLOSING, closing, "closes_at"))
+    new += record_all(_timed(RACE_CLOSED, closed, "closes_at"))
+    return new + record_all(_settled(closed, now))
+
+
+def _timed(kind: Kind, races: Iterable[Race], when: str) -> Iterator[Event]:
+    for race in races:
+        time = getattr(race, when)
+        yield written(kind, at=time, **of_race(race), once=f"{race.slug}:{time:%Y%m%d%H%M}")
+
+
+def _settled(closed: QuerySet[Race], now: datetime) -> Iterator[Event]:
+    """Community races that have closed and timed their last car."""
+    races = {f"{race.slug}:": race for race in closed.filter(kind=RaceKind.COMMUNITY)}
+    known = Event.objects.filter(kind=RACE_OFFICIAL.name, once__in=races).values_list("once", flat=True)
+    for once in races.keys() - set(known):
+        if not cars_on_the_way(races[once]):
+            yield written(RACE_OFFICIAL, at=now, **of_race(races[once]), once=once)

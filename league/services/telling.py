@@ -1,0 +1,105 @@
+"""Writing notices: to whom, once each, and whether by mail as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any
+
+from allauth.account.models import EmailAddress
+from django.db import transaction
+from django.db.models import Exists, OuterRef, Q
+
+from accounts.models import Racer
+from evaluation.services.bell import send
+from races.models import Division, Entry, Kind, Race
+
+from ..models import Membership, Notice, NoticeChoice, NoticeKind, Round
+from ..models.notice import NOT_MAILED
+from ..models.season import WITH_FIELD
+
+SEEN_LATELY = timedelta(days=60)  # who has not logged in for longer is not reminded of open races
+BATCH = 500
+
+
+@dataclass(frozen=True)
+class Told:
+    """Something to tell racers (ids)."""
+
+    kind: NoticeKind
+    about: str
+    racers: Iterable[int]
+    path: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+
+def tell(told: Told, now: datetime) -> int:
+    """Write notices to all who can read them and want them; those who were told already are left out. Returns how many
+    were written; mails go once the transaction is committed."""
+    ids = list(told.racers)
+    written, mails = 0, False
+    for start in range(0, len(ids), BATCH):
+        readers = Racer.objects.filter(pk__in=ids[start : start + BATCH], is_active=True, is_house=False)
+        known = Notice.objects.filter(kind=told.kind, about=told.about, racer=OuterRef("pk"))
+        new = list(readers.exclude(Exists(known)).values_list("pk", flat=True))
+        choices = NoticeChoice.objects.in_bulk(new)
+        verified = verified_addresses(new)
+        rows = []
+        for racer in new:
+            chosen = choices.get(racer) or NoticeChoice(mail_off=list(NOT_MAILED))
+            mailed = racer in verified and told.kind not in chosen.mail_off
+            hidden = told.kind in chosen.site_off
+            mails = mails or mailed
+            # also who wants none has a row, so that nothing is told twice
+            rows.append(
+                Notice(
+                    racer_id=racer,
+                    kind=told.kind,
+                    about=told.about,
+                    path=told.path,
+                    params=dict(told.params),
+                    at=now,
+                    hidden=hidden,
+                    mail_state="due" if mailed else "",
+                )
+            )
+        Notice.objects.bulk_create(rows, ignore_conflicts=True)
+        written += len(rows)
+    if mails:
+        transaction.on_commit(_ring, robust=True)
+    return written
+
+
+def concerned(race: Race, now: datetime) -> list[int]:
+    """Who is in a race, and for a league race who may be and looks in now and then."""
+    racers = set(entered(race))
+    round_ = Round.objects.filter(race=race).first()
+    if round_ is None or race.kind != Kind.LEAGUE or round_.stage in WITH_FIELD:
+        return sorted(racers)
+    pros = Membership.objects.filter(season=round_.season_id, division=Division.PRO).values("racer")
+    seen = Racer.objects.filter(Q(last_login__gt=now - SEEN_LATELY), is_active=True)
+    if race.division == Division.PRO:
+        seen = seen.filter(pk__in=pros)
+    elif race.division == Division.OPEN:
+        seen = seen.exclude(pk__in=pros)
+    return sorted(racers | set(seen.values_list("pk", flat=True)))
+
+
+def entered(race: Race) -> list[int]:
+    """Who is in a race."""
+    inside = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False)
+    return sorted(inside.values_list("racer", flat=True))
+
+
+def verified_addresses(racers: Iterable[int]) -> dict[int, str]:
+    """The confirmed address of each racer who has one: nobody else's mailbox is written to."""
+    found = EmailAddress.objects.filter(user__in=list(racers), verified=True).order_by("primary", "pk")
+    return dict(found.values_list("user_id", "email"))
+
+
+def _ring() -> None:
+    """A broker that is away is logged; the periodic task sends what is due within a minute all the same."""
+    from ..tasks import notices
+
+    send(notices, 1)

@@ -1,0 +1,81 @@
+"""What happens in a race, as events, and who may see events of races and runs.
+
+The opening, the coming end and the closing of a race come by the passing of time: the league's clock
+(:mod:`league.services.clock`) notices them and writes each once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.db.models import Q
+from django.utils import timezone
+
+from core.events import Event, Kind, record, register, register_audience
+from evaluation.events import RUN
+from evaluation.models import Evaluation
+
+from .models import Race
+
+# Who may see the race.
+RACE = "race"
+_OF_RACE = ("race", "subject")
+
+RACE_OPENED = register(Kind("race.opened", "a race has opened", RACE, _OF_RACE, once="race and opening time"))
+RACE_CLOSING = register(
+    Kind("race.closing", "a race closes in less than a day", RACE, _OF_RACE, once="race and closing time")
+)
+RACE_CLOSED = register(Kind("race.closed", "a race has closed", RACE, _OF_RACE, once="race and closing time"))
+RACE_CANCELLED = register(Kind("race.cancelled", "a race was cancelled", RACE, _OF_RACE, ("reason",)))
+RACE_OFFICIAL = register(
+    Kind("race.official", "the results of a race are official", RACE, _OF_RACE, once="race and time of its closing")
+)
+RACE_RESULT = register(
+    Kind(
+        "race.result",
+        "a car was timed in a race, and its result counts",
+        RUN,
+        ("racer", "race", "subject"),
+        ("submission",),
+        once="run",
+    )
+)
+RACE_BOARD = register(
+    Kind("race.board", "a board changed by more than a result: somebody left or came back", RACE, _OF_RACE)
+)
+RACE_RETIMED = register(
+    Kind("race.retimed", "all runs of a race were driven again with another engine", RACE, _OF_RACE, ("engine",))
+)
+DUELS_DRAWN = register(Kind("duels.drawn", "the duels of a race are drawn", RACE, _OF_RACE, ("cars",)))
+DUEL_DECIDED = register(Kind("duel.decided", "a heat of a race is decided", RACE, _OF_RACE, ("round", "number")))
+DUELS_OVER = register(Kind("duels.over", "the last heat of a race is decided", RACE, _OF_RACE))
+# subject: the run that is shown
+VIDEO_READY = register(Kind("video.ready", "a video of a run is ready", RUN, ("subject",), ("video",)))
+
+
+def of_race(race: Race) -> dict[str, Any]:
+    """The columns of an event that names a race: its id and its address."""
+    return {"race": race.pk, "subject": race.slug}
+
+
+def record_board(race: Race) -> None:
+    """The board of a race was worked out anew, or somebody left it or came back. Call it in that transaction."""
+    record(RACE_BOARD, at=timezone.now(), **of_race(race))
+
+
+def register_audiences() -> None:
+    """Say who may see events of races and of runs: who may see the race or the run."""
+    from .selectors.visibility import can_see_evaluation, can_see_race, evaluations_visible_to, races_visible_to
+
+    def sees_race(viewer: Any, event: Event) -> bool:
+        race = Race.objects.filter(pk=event.race).first()
+        return race is not None and can_see_race(viewer, race)
+
+    def sees_run(viewer: Any, event: Event) -> bool:
+        run = Evaluation.objects.filter(public_id=event.subject).first()
+        return run is not None and can_see_evaluation(viewer, run)
+
+    register_audience(RACE, can_see=sees_race, seen=lambda viewer: Q(race__in=races_visible_to(viewer).values("pk")))
+    register_audience(
+        RUN, can_see=sees_run, seen=lambda viewer: Q(subject__in=evaluations_visible_to(viewer).values("public_id"))
+    )
