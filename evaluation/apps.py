@@ -9,6 +9,7 @@ class EvaluationConfig(AppConfig):
     def ready(self) -> None:
         from accounts import quotas, storage
 
+        from . import events  # noqa: F401 - its kinds of events are known from the start
         from .quotas import MODELS, NETWORKS, STORAGE, TRACES
 
         quotas.register(MODELS)

@@ -9,26 +9,24 @@ class LeagueConfig(AppConfig):
     def ready(self) -> None:
         from accounts.signals import account_taken_over
         from core.events import register_reader
-        from evaluation.signals import evaluation_ended
         from races.eligibility import register
         from races.engines import register_official
-        from races.signals import board_changed, duels_over
+        from races.signals import board_changed
         from races.validation import register_hold, register_time_check
 
         from .eligibility import check_division
-        from .receivers import drop_webhooks, follow_board, follow_late_result, rate_duels
+        from .receivers import drop_webhooks, follow_board
         from .services.closing import is_official
+        from .services.follow import SEASONS
         from .services.news import NOTICES
         from .services.seasons import check_round_times, hold_season
         from .services.webhooks import WEBHOOKS
 
         register(check_division)
-        for reader in (NOTICES, WEBHOOKS):
+        for reader in (NOTICES, WEBHOOKS, SEASONS):
             register_reader(reader)
         register_time_check(check_round_times)
         register_hold(hold_season)
         register_official(is_official)
         board_changed.connect(follow_board, dispatch_uid="league.follow_board")
-        evaluation_ended.connect(follow_late_result, dispatch_uid="league.follow_late_result")
         account_taken_over.connect(drop_webhooks, dispatch_uid="league.drop_webhooks")
-        duels_over.connect(rate_duels, dispatch_uid="league.rate_duels")

@@ -7,6 +7,3 @@ from django.dispatch import Signal
 # Sent inside the transaction that changed who stands on the board of a race other than by racing: an entry was removed
 # or restored. Arguments: ``race``, ``now``.
 board_changed = Signal()
-
-# Sent inside the transaction that ends the last duel of a race, when its board stands. Arguments: ``race``, ``now``.
-duels_over = Signal()

@@ -187,6 +187,16 @@ def now() -> datetime:
     return datetime(2026, 11, 15, 12, 0, tzinfo=UTC)
 
 
+@pytest.fixture(autouse=True)
+def woken(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The readers of events that are woken, instead of a broker. A test that wants them to read calls ``follow``."""
+    from core.events import waking
+
+    names: list[str] = []
+    monkeypatch.setattr(waking, "wake", names.append)
+    return names
+
+
 @pytest.fixture
 def bell(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
     """Every ring of the bell, instead of a broker."""

@@ -19,7 +19,7 @@ class TrainingConfig(AppConfig):
         from accounts.quotas import register
         from evaluation import proof
 
-        from . import queues
+        from . import events, queues  # noqa: F401 - its kinds of events are known from the start
         from .quotas import AT_ONCE, FILES, MINUTES
 
         register(AT_ONCE)

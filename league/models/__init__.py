@@ -1,6 +1,6 @@
 """Seasons with their rounds, what came of the rounds, and what was recorded elsewhere."""
 
-from .notice import Announcement, Lead, Notice, NoticeChoice, NoticeKind
+from .notice import Lead, Notice, NoticeChoice, NoticeKind
 from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
 from .rating import DuelRating
 from .record import RecordedRace, RecordedResult, RecordedSeason
@@ -8,7 +8,6 @@ from .season import Round, Season, Stage, StageRules, default_points
 from .webhook import Webhook, WebhookDelivery, WebhookHost
 
 __all__ = [
-    "Announcement",
     "ChampionshipPlace",
     "Decision",
     "DuelRating",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
-from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models.racer import Racer
@@ -84,20 +83,6 @@ class NoticeChoice(models.Model):
 
     def __str__(self) -> str:
         return str(self.racer)
-
-
-class Announcement(models.Model):
-    """Something that was told to everybody whom it concerns: made in the transaction that tells them, once."""
-
-    about = models.CharField(max_length=160, unique=True)
-    at = models.DateTimeField(default=timezone.now)
-
-    class Meta:
-        verbose_name = _("announcement")
-        verbose_name_plural = _("announcements")
-
-    def __str__(self) -> str:
-        return self.about
 
 
 class Lead(models.Model):

@@ -29,7 +29,6 @@ from ..engines import keeps_engine
 from ..events import DUEL_DECIDED, DUELS_DRAWN, DUELS_OVER, of_race
 from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
 from ..ranking import drawn_rank
-from ..signals import duels_over
 from .gates import moment
 
 logger = logging.getLogger(__name__)
@@ -81,7 +80,7 @@ def draw_duels(*, race: Race, now: datetime) -> Draw:
 def drive_on(*, race: Race, now: datetime) -> int:
     """Queue the heats that are due: those of the next round once the last is decided, and those to be repeated.
 
-    Returns how many were queued. Once nothing is left, the duels are over and ``duels_over`` is sent.
+    Returns how many were queued. Once nothing is left, the duels are over, which is an event.
     """
     if _nothing_due(race):
         return 0
@@ -98,7 +97,6 @@ def drive_on(*, race: Race, now: datetime) -> int:
             recount(race, list(by_seed.values()))
             Draw.objects.filter(race=race).update(over_at=now)
             record(DUELS_OVER, at=now, **of_race(race))
-            duels_over.send(sender=Race, race=race, now=now)
             return queued
         queued += _queue_round(race, number, now)  # none if all of them are walkovers
     queued += _queue_round(race, _first_open(race), now)  # what stopped or failed in the round that is on

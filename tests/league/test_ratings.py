@@ -8,12 +8,14 @@ import pytest
 from django.db import IntegrityError, transaction
 
 from accounts.models import Racer
+from core.events import follow
 from league.models import DuelRating, Round, Season
 from league.selectors import racer_ratings, season_ratings
 from league.services import create_season, rate_season
 from races.models import Entry, Kind
 from races.services import draw_duels, drive_on, remove_entry
-from tests.duels import a_duel_race, driving, end, end_all, qualify
+from tests.duels import a_duel_race, driving, end, qualify
+from tests.duels import end_all as drive_all_heats
 from tests.factories import a_racer
 
 pytestmark = pytest.mark.django_db
@@ -42,6 +44,12 @@ def a_round(season: Season, racers: list[Racer], now, number: int = 1, **fields)
     draw_duels(race=race, now=race.closes_at)
     drive_on(race=race, now=race.closes_at)
     return race
+
+
+def end_all(race, now, **how) -> None:
+    """Drive all heats, and let the season follow."""
+    drive_all_heats(race, now, **how)
+    follow("seasons", now=now)
 
 
 def table(season: Season) -> list[tuple]:

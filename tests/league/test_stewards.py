@@ -6,6 +6,7 @@ from datetime import timedelta
 
 import pytest
 
+from core.events import follow
 from evaluation.models import Evaluation
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, StewardDecision
 from league.selectors import decisions_of, season_standings
@@ -177,5 +178,6 @@ def test_a_run_that_is_repeated_in_the_window_changes_the_season(season, bell):
     assert promoted(season) == {four[0].pk}
     again = repeat_submission(submission=submission, now=after(january))
     finish(again, laps(5_000, 5_000, 5_000), after(january, hours=1))
+    follow("seasons", now=after(january, hours=1))
     assert promoted(season) == {racer.pk}
     assert Evaluation.objects.count() == 2

@@ -25,14 +25,6 @@ def kinds_of_these_tests(monkeypatch):
     KINDS.update(before)
 
 
-@pytest.fixture(autouse=True)
-def woken(monkeypatch) -> list[str]:
-    """The readers that are woken, instead of a broker."""
-    names: list[str] = []
-    monkeypatch.setattr(waking, "wake", names.append)
-    return names
-
-
 @pytest.fixture
 def heard() -> list[int]:
     """What the reader ``ear`` has heard."""

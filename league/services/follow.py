@@ -1,0 +1,40 @@
+"""A season follows its races: the reader of events that closes rounds, corrects official ones and rates duels.
+
+A round may be ready when its race closes, when the last car is timed and when the last heat is decided. The periodic
+task (:func:`league.tasks.close_rounds`) looks as well, for what becomes ready in other ways.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from core.events import Event, Reader
+from evaluation.events import RUN_FAILED
+from races.events import DUELS_OVER, RACE_CLOSED, RACE_RESULT
+from races.models import Submission
+
+from ..models import Round
+from .closing import close_due_rounds
+from .ratings import rate_season
+from .stewards import correct_results
+
+
+def _follow(event: Event, now: datetime) -> int:
+    race = event.race
+    if event.kind == RUN_FAILED.name:
+        raced = Submission.objects.filter(evaluation__public_id=event.subject)
+        race = raced.values_list("entry__race", flat=True).first()
+    round_ = Round.objects.filter(race=race).select_related("season", "race").first()
+    if round_ is None:
+        return 0
+    if event.kind == DUELS_OVER.name:
+        rate_season(season=round_.season)
+    if round_.closed_at is not None:
+        # a car that was timed again after its round became official, while the window was open
+        correct_results(round=round_, now=event.at)
+        return 0
+    return len(close_due_rounds(now=now, season=round_.season))
+
+
+# Closes rounds; told is how many.
+SEASONS = Reader("seasons", (RACE_CLOSED, RACE_RESULT, RUN_FAILED, DUELS_OVER), _follow)

@@ -1,0 +1,136 @@
+"""What races and runs write down of what happens, and who may see it."""
+
+from __future__ import annotations
+
+import pytest
+from django.contrib.auth.models import AnonymousUser
+
+from core.events import Event, can_see_event, events_visible_to
+from evaluation.models import Evaluation
+from evaluation.services import claim_next_evaluation, stop_evaluation
+from paddock.errors import PlatformFault, UserFault
+from races.models import Visibility
+from races.services import cancel_race, draw_duels, drive_on, enter_race, submit_model, withdraw
+from tests.duels import a_duel_race, end_all, qualify
+from tests.factories import a_model, a_race, a_racer, drive, fail, laps
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def silent(bell):
+    return bell
+
+
+def happened(**which) -> list[tuple]:
+    """Kind, racer and subject of what happened, in order."""
+    return list(Event.objects.filter(**which).order_by("pk").values_list("kind", "racer__alias", "subject"))
+
+
+def test_a_worker_takes_a_run(alice, now):
+    submission = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
+    assert claim_next_evaluation(worker="w", now=now) and claim_next_evaluation(worker="w", now=now) is None
+    assert happened() == [("run.started", "alice", submission.evaluation.public_id)]
+    assert Event.objects.get().data == {"attempt": 1}
+
+
+def test_a_run_has_a_result_that_counts(alice, now):
+    race = a_race(now)
+    run = drive(race, alice, laps(9_000, 9_000, 9_000), now).evaluation
+    assert [row for row in happened() if row[0] != "race.board"] == [
+        ("run.finished", "alice", run.public_id),
+        ("race.result", "alice", run.public_id),
+    ]
+    finished = Event.objects.get(kind="run.finished")
+    assert (finished.at, finished.data) == (run.ended_at, {"best_lap_ms": 9_000, "total_ms": 27_000})
+    assert Event.objects.get(kind="race.result").race == race.pk
+
+
+def test_a_run_that_comes_to_nothing_says_why_and_one_that_is_repeated_by_our_fault_says_nothing(alice, now):
+    race = a_race(now)
+    failed = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(failed, UserFault("non_finite_action", step=7), now)
+    assert Event.objects.get(kind="run.failed").data == {"reason": "non_finite_action"}
+    stopped = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    assert stop_evaluation(evaluation=stopped.evaluation, now=now)
+    assert not stop_evaluation(evaluation=stopped.evaluation, now=now)
+    assert happened(kind="run.stopped") == [("run.stopped", "alice", stopped.evaluation.public_id)]
+    given_up = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
+    fail(given_up, PlatformFault("runner_died"), now)
+    assert [row[2] for row in happened(kind="run.failed")] == [
+        failed.evaluation.public_id,
+        given_up.evaluation.public_id,
+    ], "tried several times, given up once"
+
+
+def test_leaving_and_coming_back_and_calling_off(alice, now):
+    race = a_race(now)
+    entry = enter_race(race=race, racer=alice, now=now)
+    withdraw(entry=entry, now=now)
+    enter_race(race=race, racer=alice, now=now)
+    cancel_race(race=race, reason="Rain", now=now)
+    assert happened(race=race.pk) == [
+        ("race.board", None, race.slug),
+        ("race.board", None, race.slug),
+        ("race.cancelled", None, race.slug),
+    ]
+    assert Event.objects.get(kind="race.cancelled").data == {"reason": "Rain"}
+
+
+def test_duels_are_drawn_decided_one_by_one_and_over(now):
+    race = a_duel_race(now)
+    qualify(race, [a_racer() for _ in range(3)], now)
+    Event.objects.all().delete()
+    draw_duels(race=race, now=race.closes_at)
+    drive_on(race=race, now=race.closes_at)
+    end_all(race, race.closes_at)
+    kinds = [kind for kind, *_rest in happened(race=race.pk)]
+    assert kinds[0] == "duels.drawn" and kinds[-1] == "duels.over"
+    assert kinds.count("duel.decided") == race.duels.count() == 6
+
+
+class TestWhoMaySee:
+    @pytest.fixture
+    def cast(self, alice, bob, charlie):
+        """Alice organises a race by invitation, bob has driven in it, charlie is a stranger."""
+        return {
+            "organiser": alice,
+            "member": bob,
+            "stranger": charlie,
+            "staff": a_racer(is_staff=True),
+            "guest": AnonymousUser(),
+            "nobody": None,
+        }
+
+    def seen_by(self, cast, kind: str) -> list[str]:
+        """Who of the cast sees the only event of a kind, as predicate and queryset agree."""
+        event = Event.objects.get(kind=kind)
+        seen = [who for who, viewer in cast.items() if can_see_event(viewer, event)]
+        assert seen == [who for who, viewer in cast.items() if event in events_visible_to(viewer)]
+        return seen
+
+    def test_a_race_by_invitation_and_a_run_in_it(self, cast, now):
+        race = a_race(now, organiser=cast["organiser"], visibility=Visibility.INVITATION)
+        other = a_racer()
+        for racer in (cast["member"], other):
+            race.entries.create(racer=racer, entered_at=now)
+        drive(race, cast["member"], laps(9_000, 9_000, 9_000), now)
+        cancel_race(race=race, reason="Rain", now=now)
+        assert self.seen_by(cast, "race.cancelled") == ["organiser", "member", "staff"]
+        assert self.seen_by(cast, "run.finished") == ["organiser", "member", "staff"]
+        assert self.seen_by({"other": other}, "run.finished") == ["other"], "it stands on the board"
+
+    def test_a_public_race_is_everybody_s_and_a_run_that_stands_on_no_board_is_its_owner_s(self, cast, now):
+        race = a_race(now)
+        failed = submit_model(race=race, racer=cast["member"], model=a_model(cast["member"]), now=now)
+        fail(failed, UserFault("non_finite_action", step=7), now)
+        cancel_race(race=race, reason="Rain", now=now)
+        assert self.seen_by(cast, "race.cancelled") == list(cast)
+        assert self.seen_by(cast, "run.failed") == ["member", "staff"]
+
+    def test_what_is_gone_is_staff_s(self, cast, now):
+        race = a_race(now)
+        cancel_race(race=race, reason="Rain", now=now)
+        race.delete()
+        assert self.seen_by(cast, "race.cancelled") == ["staff"]
+        assert not Evaluation.objects.exists()
