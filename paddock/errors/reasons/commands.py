@@ -23,6 +23,20 @@ REASONS = table(
             "%(place)s has data, and nothing is overwritten. Restore into an empty place: an empty database, no stored "
             "files."
         ),
+        "site_from_before": _(
+            "The database is of a version before 0.1.0. Put it aside, and copy it into a new one with manage.py "
+            "carry_over; nothing was changed."
+        ),
+        "carry_unreadable": _("%(path)s cannot be read as a database: %(problem)s."),
+        "carry_other_kind": _(
+            "The old database is of the kind %(theirs)s, and this site has %(ours)s. Name an empty one of its own kind "
+            "with DATABASE_URL."
+        ),
+        "carry_other_state": _(
+            "%(path)s is not in the state of the last version before 0.1.0 (%(found)s). Start that version once with "
+            "it, so that it migrates; nothing was changed."
+        ),
+        "carry_not_empty": _("The site's database has racers, and nothing is overwritten. Name an empty one."),
         "postgres_tools_missing": _(
             "PostgreSQL's %(tool)s of version %(version)s or newer is needed and not found here. Install it (Debian: "
             "postgresql-client-%(version)s)."
