@@ -35,8 +35,6 @@ def make_race(slug: str, track: Any, now: datetime) -> Any:
         track=track,
         opens_at=now - timedelta(days=1),
         closes_at=now + timedelta(days=1),
-        laps=3,
-        minimum_laps=3,
     )
 
 

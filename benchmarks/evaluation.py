@@ -18,7 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
 
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE
+from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE
 
 from . import renderers, site, traffic, whole
 from .machine import measured_on

@@ -19,7 +19,7 @@ from typing import Any
 
 from evaluation.sandbox.policy_wire import EXACT, EXCEEDED
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from training.golden.__main__ import console_car
 from training.golden.drive import Driven
 from training.golden.processors import BARE, NATIVE, PROCESSORS, ProcessorFailed, emulator, side_by_side

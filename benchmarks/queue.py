@@ -76,7 +76,7 @@ def _looks(runs: int, now: datetime) -> dict[str, float]:
 
     from evaluation import selectors, services
     from evaluation.line import ORDER, queued
-    from paddock.simulator.rules import RaceRules
+    from paddock.rules.race import RaceRules
 
     front, last = queued().order_by(*ORDER)[0], queued().order_by(*ORDER).reverse()[0]
     last.model = _of(last.owner, last.model)

@@ -24,7 +24,7 @@ from evaluation.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.metadata import parse_metadata
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from training.actions import discrete_actions
 from training.rewards.examples import example
 from training.trainer.client import Iteration, Listener, train

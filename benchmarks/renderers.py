@@ -17,6 +17,7 @@ import numpy as np
 from evaluation.sandbox.policy_process import Policy
 from paddock.geometry.track import TrackGeometry
 from paddock.network.session import load
+from paddock.rules.race import OBJECT_AVOIDANCE, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.optics import Optics
 from paddock.simulator.camera.view import Camera
@@ -24,7 +25,6 @@ from paddock.simulator.car import Pose
 from paddock.simulator.clock import STEP_MS
 from paddock.simulator.course import lay_course
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.rules import OBJECT_AVOIDANCE, RaceRules
 from paddock.simulator.sensors import POSE, sensor_spec
 from paddock.simulator.solids import Solid, box
 from paddock.simulator.stage import Ground, Stage

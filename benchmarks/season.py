@@ -49,12 +49,14 @@ def make_folder(folder: Path, results: int) -> Path:
 
 
 def _race(file: str, stage: str, month: int, count: int) -> dict[str, Any]:
+    from league.history import LAPS_COLUMNS
+
     finale = stage == "pro-finale"
     opens = datetime(2031, month + finale, 10 if finale else 1, tzinfo=UTC)
     closes = datetime(2031, month + 1, 11 if finale else 1, tzinfo=UTC)
     return {
         **{"file": file, "season": "2031", "name": f"Month {month}", "stage": stage, "division": stage.split("-")[0]},
-        **{"race_type": "time_trial", "timing_method": "total_time", "minimum_laps": 3, "maximum_laps": 3},
+        **{"race_type": "time_trial", "timing_method": "total_time", **dict.fromkeys(LAPS_COLUMNS, 3)},
         **{"opens": opens.isoformat(), "closes": closes.isoformat(), "track": "somewhere", "racers": count},
     }
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from evaluation.pipeline import RaceJob
 from paddock.geometry.track import TrackGeometry
-from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, RaceRules
 
 from . import whole
 from .models import AdmittedCar

@@ -17,7 +17,7 @@ from typing import Any
 from evaluation.crew import Crew
 from evaluation.pipeline import EvaluationOutcome, RaceJob, evaluate
 from paddock.geometry.track import TrackGeometry
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 
 from .models import AdmittedCar
 from .processor import Clock

@@ -15,7 +15,7 @@ from django.utils.translation import gettext_lazy as _
 
 from core.ids import new_public_id
 from paddock.errors.reasons import REASONS
-from paddock.simulator.rules import MAX_CARS
+from paddock.rules.race import MAX_CARS
 
 from .looks import COLOUR, DEFAULT_COLOUR, Look, Shell
 

@@ -17,9 +17,9 @@ from typing import Any
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
 from paddock.network.bound import Facts
+from paddock.rules.race import RaceRules
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import cpu_model
-from paddock.simulator.rules import RaceRules
 
 from .crew import Crew
 from .rivals import check_rivals

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from paddock.errors import UserFault
-from paddock.simulator.rules import HEAD_TO_HEAD, MAX_CARS, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, MAX_CARS, RaceRules
 
 
 def check_rivals(rules: RaceRules, rivals: int) -> None:

@@ -28,12 +28,12 @@ import numpy as np
 
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.engine import versions
 from paddock.simulator.metrics import metrics_json
 from paddock.simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.sensors import sensor_spec
 from paddock.simulator.stage import Ground
 from paddock.simulator.world import make_ready

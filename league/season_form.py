@@ -16,8 +16,9 @@ from django.utils.translation import gettext_lazy as _
 
 from core.forms import add_fault
 from paddock.errors import UserFault
+from paddock.rules.race import STAGE
 from races.errors import RaceRefused, problem
-from races.models import RankingMethod
+from races.models.rules import lap_problems
 from tracks.models import Direction, Track
 
 from .calendars import zone_names
@@ -25,7 +26,7 @@ from .models import Season, StageRules
 from .models.season import RESERVED_SLUGS
 from .round_form import Change, read_changes, values_of
 from .services.template import MonthPlan, SeasonPlan, Turning
-from .stage_fields import BOTS, BOXES, DUELS, RULES, STAGES, TURNS, named, stage_fields, stage_plan
+from .stage_fields import BOTS, BOXES, DUELS, STAGES, TURNS, named, stage_fields, stage_plan
 
 MONTHS_AT_MOST = 12
 DEFAULT_POINTS = "25, 18, 15, 12, 10, 8, 6, 4, 2, 1"
@@ -124,7 +125,7 @@ class SeasonForm(forms.Form):
         cleaned = super().clean()
         self._check(Season(), {name: name for name in self.OF_A_SEASON}, cleaned)
         for stage in STAGES:
-            self._check(StageRules(stage=stage), {name: named(stage, name) for name in RULES}, cleaned)
+            self._check(StageRules(stage=stage), {name: named(stage, name) for name in STAGE}, cleaned)
         if not any(cleaned.get(f"open_{month}") for month in range(1, MONTHS_AT_MOST + 1)):
             self.add_error(None, problem("season_without_races"))
         slug = cleaned.get("slug")
@@ -185,7 +186,7 @@ class SeasonForm(forms.Form):
         """Each stage with its fields: ``turns``, ``boxes``, ``bots``, ``duels``, ``sensors`` and ``rules``; ``wrong``:
         whether one of them has errors."""
         for stage in STAGES:
-            group = {"turns": TURNS, "boxes": BOXES, "bots": BOTS, "duels": DUELS, "rules": RULES}
+            group = {"turns": TURNS, "boxes": BOXES, "bots": BOTS, "duels": DUELS, "rules": STAGE}
             shown = {part: [self[named(stage, name)] for name in names] for part, names in group.items()}
             sensors = self[named(stage, "sensors")]
             wrong = any(field.errors for fields in (*shown.values(), [sensors]) for field in fields)
@@ -215,18 +216,12 @@ class SeasonForm(forms.Form):
         for name, shown in names.items():
             if shown not in cleaned:
                 return
-            setattr(row, name, cleaned[shown])
+            if cleaned[shown] is not None:
+                setattr(row, name, cleaned[shown])
         try:
             row.clean() if isinstance(row, Season) else row.clean_fields(exclude=["season"])
-            if isinstance(row, StageRules):
-                _check_laps(row)
+            if isinstance(row, StageRules) and (problems := lap_problems(row)):
+                raise ValidationError(problems)
         except ValidationError as refused:
             for name, errors in refused.error_dict.items():
                 self.add_error(names[name], errors)
-
-
-def _check_laps(rules: StageRules) -> None:
-    if rules.minimum_laps > rules.laps:
-        raise ValidationError({"minimum_laps": problem("race_minimum_laps", laps=rules.laps)})
-    if rules.ranking_method == RankingMethod.TOTAL and rules.minimum_laps != rules.laps:
-        raise ValidationError({"minimum_laps": problem("race_total_needs_all_laps", laps=rules.laps)})

@@ -9,11 +9,9 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.templatetags.garage import SENSOR_NAMES
-from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
-from races.fields import PlainNumberField, ResetsField, SecondsField
-from races.models import DuelFormat, RankingMethod
-from races.models.course import BOX_DISTANCES_M
+from paddock.rules.race import RULES, STAGE, all_laps
+from races.models import DuelFormat
+from races.rules.fields import rule_fields
 from races.sensors import OFFERABLE
 
 from .models import Stage
@@ -28,10 +26,6 @@ BOXES, BOTS, DUELS = (
     ("duel_format", "duel_cars"),
 )
 LAYOUT = (*BOXES, *BOTS, *DUELS)
-RULES = (
-    *("ranking_method", "laps", "minimum_laps", "off_track_penalty_ms", "collision_penalty_ms"),
-    *("max_resets", "max_simulated_ms", "max_submissions"),
-)
 _LAYOUT_PROPOSED: dict[str, Any] = {
     "random_boxes": 4,
     "box_distance_m": 2.0,
@@ -41,37 +35,25 @@ _LAYOUT_PROPOSED: dict[str, Any] = {
     "duel_format": DuelFormat.BRACKET,
     "duel_cars": 2,
 }
+_PROPOSED = {"collision_penalty_ms": 3000, "max_simulated_ms": 360_000}
 _CAMERA = ["FRONT_FACING_CAMERA"]
 
 
-def _proposed(turns: tuple[str, ...], sensors: list[str], *rules: Any) -> dict[str, Any]:
-    ranking, laps, minimum, off_track, submissions = rules
-    return {
-        **_LAYOUT_PROPOSED,
-        **dict(zip(TURNS, (*turns, "", ""), strict=False)),
-        "sensors": sensors,
-        "ranking_method": ranking,
-        "laps": laps,
-        "minimum_laps": minimum,
-        "off_track_penalty_ms": off_track,
-        "collision_penalty_ms": 3000,
-        "max_resets": 10_000,
-        "max_simulated_ms": 360_000,
-        "max_submissions": submissions,
-    }
+def _proposed(turns: tuple[str, ...], sensors: list[str], **rules: Any) -> dict[str, Any]:
+    usual = {name: RULES[name].default for name in STAGE}
+    turns_by_name = dict(zip(TURNS, (*turns, "", ""), strict=False))
+    return usual | _LAYOUT_PROPOSED | turns_by_name | {"sensors": sensors} | _PROPOSED | rules
 
 
 # As the official league's were in 2021 and 2022: newcomers drive alone with a camera, pros meet boxes and bots by turns
 # with every sensor. A newcomer's car may leave the road; a finale asks for more, and lets one try less often.
 PROPOSALS: dict[str, dict[str, Any]] = {
-    Stage.OPEN: _proposed(
-        (Turn.TIME_TRIAL,),
-        _CAMERA,
-        *(RankingMethod.AVERAGE, RaceRules.laps, RaceRules.laps, RaceRules.off_track_penalty_ms, 50),
+    Stage.OPEN: _proposed((Turn.TIME_TRIAL,), _CAMERA),
+    Stage.PRO: _proposed((Turn.BOXES, Turn.BOTS), [*OFFERABLE], laps=5, off_track_penalty_ms=5000),
+    Stage.FINALE: _proposed((AS_PRO,), [*OFFERABLE], **all_laps(3), off_track_penalty_ms=5000, max_submissions=10),
+    Stage.CHAMPIONSHIP: _proposed(
+        (Turn.MODELS,), [*OFFERABLE], **all_laps(5), off_track_penalty_ms=5000, max_submissions=10
     ),
-    Stage.PRO: _proposed((Turn.BOXES, Turn.BOTS), [*OFFERABLE], RankingMethod.AVERAGE, 5, 3, 5000, 50),
-    Stage.FINALE: _proposed((AS_PRO,), [*OFFERABLE], RankingMethod.TOTAL, 3, 3, 5000, 10),
-    Stage.CHAMPIONSHIP: _proposed((Turn.MODELS,), [*OFFERABLE], RankingMethod.TOTAL, 5, 5, 5000, 10),
 }
 
 
@@ -80,7 +62,7 @@ def stage_fields(stage: Stage) -> dict[str, forms.Field]:
     made = {**_turns(stage), **_layout(), **_rules()}
     for name, shown in made.items():
         shown.initial = PROPOSALS[stage][name]
-        if name in RULES or name in TURNS:
+        if name in STAGE or name in TURNS:
             shown.widget.attrs["aria-label"] = _("%(stage)s: %(field)s") % {"stage": stage.label, "field": shown.label}
     return {named(stage, name): shown for name, shown in made.items()}
 
@@ -92,13 +74,13 @@ def named(stage: Stage, name: str) -> str:
 
 def stage_plan(stage: Stage, data: Mapping[str, Any]) -> StagePlan:
     """What the cleaned data of the form say of a stage."""
-    own = {name: data[named(stage, name)] for name in (*TURNS, *LAYOUT, *RULES, "sensors")}
+    own = {name: data[named(stage, name)] for name in (*TURNS, *LAYOUT, *STAGE, "sensors")}
     turns = [own[name] for name in TURNS if own[name]]
     return StagePlan(
         turns=() if turns == [AS_PRO] else turns,
         layout={name: _LAYOUT_PROPOSED[name] if own[name] in (None, "") else own[name] for name in LAYOUT},
         sensors=own["sensors"],
-        rules={name: own[name] for name in RULES},
+        rules={name: own[name] for name in STAGE if own[name] is not None},
     )
 
 
@@ -116,42 +98,13 @@ def _turns(stage: Stage) -> dict[str, forms.Field]:
     return fields
 
 
-def _number(field: type[forms.Field], label: Any, least: float, most: float, **more: Any) -> forms.Field:
-    return field(label=label, min_value=least, max_value=most, **more)
-
-
-def _optional(field: type[forms.Field], label: Any, least: float, most: float, **more: Any) -> forms.Field:
-    """A number that only some race types have; empty: as proposed."""
-    return _number(field, label, least, most, required=False, **more)
-
-
 def _layout() -> dict[str, forms.Field]:
-    return {
-        "random_boxes": _optional(
-            forms.IntegerField, _("Boxes"), 1, MAX_BOXES, help_text=_("Their places are drawn anew for each month.")
-        ),
-        "box_distance_m": _optional(PlainNumberField, _("Metres between boxes at least"), *BOX_DISTANCES_M),
-        "bots": _optional(forms.IntegerField, _("How many bots"), 1, MAX_BOTS),
-        "bot_speed_mps": _optional(PlainNumberField, _("Their speed in m/s"), *BOT_SPEED_RANGE_MPS),
-        "bot_lane_changes": forms.BooleanField(label=_("They change lanes"), required=False),
-        "duel_format": forms.ChoiceField(label=_("Duels"), choices=DuelFormat.choices, required=False),
-        "duel_cars": _optional(forms.IntegerField, _("Cars on the track at once"), 2, MAX_CARS),
-        "sensors": forms.MultipleChoiceField(
-            label=_("Sensors offered"),
-            choices=[(name, _(SENSOR_NAMES[name])) for name in OFFERABLE],
-            widget=forms.CheckboxSelectMultiple,
-        ),
-    }
+    """An empty one is as proposed."""
+    fields = rule_fields(LAYOUT, strict=True)
+    fields["random_boxes"].label = _("Boxes")
+    fields["random_boxes"].help_text = _("Their places are drawn anew for each month.")
+    return fields | rule_fields(("sensors",), strict=True)
 
 
 def _rules() -> dict[str, forms.Field]:
-    return {
-        "ranking_method": forms.ChoiceField(label=_("Ranked by"), choices=RankingMethod.choices),
-        "laps": _number(forms.IntegerField, _("Laps driven"), 1, 20),
-        "minimum_laps": _number(forms.IntegerField, _("Laps in a row"), 1, 20),
-        "off_track_penalty_ms": _number(SecondsField, _("Penalty in seconds"), 0, 60),
-        "collision_penalty_ms": _number(SecondsField, _("Collision penalty in seconds"), 0, 60),
-        "max_resets": ResetsField(label=_("Resets allowed")),
-        "max_simulated_ms": _number(SecondsField, _("Time limit in seconds"), 10, 1200),
-        "max_submissions": _number(forms.IntegerField, _("Submissions"), 1, 1000),
-    }
+    return rule_fields(STAGE, short=True, strict=True)

@@ -11,8 +11,8 @@ from django.utils.translation import gettext as _
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import RULES, RUN_RULES, BoxPlace, RaceRules
 from paddock.simulator.course import Course, box_faults, lay_course, place_box
-from paddock.simulator.rules import BoxPlace, RaceRules
 from paddock.simulator.solids import Solid, box
 from tracks.drawing import BoxMark
 
@@ -28,22 +28,8 @@ if TYPE_CHECKING:
 
 def race_rules(race: Race) -> RaceRules:
     """What the simulator is told about a race. Raises ValueError for a race that contradicts itself."""
-    return RaceRules(
-        race_type=race.race_type,
-        laps=race.laps,
-        off_track_penalty_ms=race.off_track_penalty_ms,
-        collision_penalty_ms=race.collision_penalty_ms,
-        max_resets=race.max_resets,
-        max_simulated_ms=race.max_simulated_ms,
-        seed=race.seed,
-        direction=race.direction,
-        boxes=tuple(BoxPlace(float(place["fraction"]), place["lane"]) for place in race.boxes),
-        random_boxes=race.random_boxes,
-        box_distance_m=race.box_distance_m,
-        bots=race.bots,
-        bot_speed_mps=race.bot_speed_mps,
-        bot_lane_changes=race.bot_lane_changes,
-    )
+    told = {name: getattr(race, name) for name in RUN_RULES if name in RULES and name != "boxes"}
+    return RaceRules(**told, boxes=tuple(BoxPlace(float(one["fraction"]), one["lane"]) for one in race.boxes))
 
 
 def laid_out(race: Race) -> Course:

@@ -10,74 +10,39 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, PROPOSED_BOTS, PROPOSED_BOXES
+from paddock.rules.race import MAX_BOXES, RULES
 from tracks.drawing import BoxMark
-from tracks.models import Direction, Track
+from tracks.models import Track
 
 from .course import box_marks, check_layout, typed_boxes
-from .fields import BoxesField, PlainNumberField
-from .models import DuelFormat, Opponents, Race, RaceType
-from .models.course import BOX_DISTANCES_M, problems_of
+from .models import Opponents, Race, RaceType
+from .models.course import problems_of
+from .models.rules import usual
+from .rules.fields import rule_fields
 from .validation import COURSE_FIELDS
 
 FIXED, DRAWN = "fixed", "drawn"
 _BOXES = ("boxes", "random_boxes", "box_distance_m")
-_BOTS = ("bots", "bot_speed_mps", "bot_lane_changes")
-_DUELS = ("duel_format", "duel_cars")
+_BOTS = tuple(name for name in COURSE_FIELDS if name.startswith("bot"))
+_DUELS = tuple(name for name in COURSE_FIELDS if name.startswith("duel"))
 # What a form proposes for a race that has none of it yet.
-PROPOSALS = {
-    "random_boxes": PROPOSED_BOXES,
-    "opponents": Opponents.BOTS,
-    "bots": PROPOSED_BOTS,
-    "duel_format": DuelFormat.ROUND_ROBIN,
-}
+PROPOSALS = {name: rule.proposed for name, rule in RULES.items() if rule.proposed is not None}
+_RuleFields = type(forms.Form)(
+    "RuleFields", (forms.Form,), rule_fields(("direction", "race_type", *COURSE_FIELDS, "seed"))
+)
 
 
-def _number(field: type[forms.Field], label: Any, least: float, most: float, **more: Any) -> forms.Field:
-    """A number whose bounds the browser knows; the race's own validation decides, with a reason."""
-    step = more.pop("step", 1)
-    return field(
-        label=label, required=False, widget=forms.NumberInput(attrs={"min": least, "max": most, "step": step}), **more
-    )
-
-
-class CourseForm(forms.Form):
+class CourseForm(_RuleFields):  # type: ignore[misc, valid-type]
     """Track, type of race, and what belongs to that type. Values of other types are dropped, whatever they are."""
 
     track = forms.ModelChoiceField(
         label=_("Track"), queryset=Track.objects.none(), to_field_name="slug", empty_label=_("Choose a track")
     )
-    direction = forms.ChoiceField(label=_("Direction"), choices=Direction.choices)
-    race_type = forms.ChoiceField(label=_("Race type"), choices=RaceType.choices, widget=forms.RadioSelect)
     box_choice = forms.ChoiceField(
         label=_("Places of the boxes"),
         choices=[(FIXED, _("where I put them")), (DRAWN, _("drawn from the seed"))],
         widget=forms.RadioSelect,
         required=False,
-    )
-    boxes = BoxesField(
-        label=_("Boxes"),
-        required=False,
-        help_text=_("Percentages of the lap from the finish line, in the direction driven."),
-    )
-    random_boxes = _number(forms.IntegerField, _("How many boxes"), 1, MAX_BOXES)
-    box_distance_m = _number(PlainNumberField, _("Metres between boxes at least"), *BOX_DISTANCES_M, step=0.1)
-    opponents = forms.ChoiceField(
-        label=_("Opponents"), choices=Opponents.choices, widget=forms.RadioSelect, required=False
-    )
-    bots = _number(forms.IntegerField, _("How many bots"), 1, MAX_BOTS)
-    bot_speed_mps = _number(PlainNumberField, _("Their speed in m/s"), *BOT_SPEED_RANGE_MPS, step=0.1)
-    bot_lane_changes = forms.BooleanField(
-        label=_("They change lanes"), required=False, help_text=_("At moments drawn from the seed.")
-    )
-    duel_format = forms.ChoiceField(label=_("Duels"), choices=DuelFormat.choices, required=False)
-    duel_cars = _number(forms.IntegerField, _("Cars on the track at once"), 2, MAX_CARS)
-    seed = forms.IntegerField(
-        label=_("Seed"),
-        min_value=0,
-        max_value=2**31 - 1,
-        required=False,
-        help_text=_("Another number, other draws; the same number, the same for everybody."),
     )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -90,10 +55,10 @@ class CourseForm(forms.Form):
         cleaned = super().clean()
         for name in self._foreign(cleaned):
             self.errors.pop(name, None)
-            cleaned[name] = _usual(name)
+            cleaned[name] = usual(name)
         for name in (*COURSE_FIELDS, "seed"):
             if name not in self.errors and cleaned.get(name) is None:
-                cleaned[name] = _usual(name)
+                cleaned[name] = usual(name)
         return cleaned
 
     def place_error(self, field: str) -> str | None:
@@ -139,7 +104,7 @@ def preview(form: CourseForm, *, submitted: bool) -> Preview:
         if isinstance(values["track"], str):
             values["track"] = form.fields["track"].queryset.filter(slug=values["track"]).first()
         foreign = form._foreign(values | {"box_choice": form.initial.get("box_choice")})
-        values |= {name: _usual(name) for name in foreign}
+        values |= {name: usual(name) for name in foreign}
         values = {name: _meant(form, name, value) for name, value in values.items()}
     if values.get("track") is None:
         return Preview(None, [], ())
@@ -178,8 +143,8 @@ def _meant(form: CourseForm, name: str, value: Any) -> Any:
     try:
         cleaned = form.fields[name].clean(value)
     except ValidationError:
-        return _usual(name)
-    return _usual(name) if cleaned is None else cleaned
+        return usual(name)
+    return usual(name) if cleaned is None else cleaned
 
 
 _DRAWN_BY = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")
@@ -188,7 +153,3 @@ _DRAWN_BY = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")
 def _sentences(problems: dict[str, Any]) -> list[str]:
     errors = (error for each in problems.values() for error in (each if isinstance(each, list) else [each]))
     return list(dict.fromkeys(text for error in errors for text in error.messages))
-
-
-def _usual(name: str) -> Any:
-    return Race._meta.get_field(name).get_default()

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from paddock.rules.race import RANKING
+
 from .selectors import BoardRow, whole_board
 
 if TYPE_CHECKING:
@@ -78,9 +80,7 @@ def board_data(race: Race, now: datetime, racer: Racer | AnonymousUser | None = 
         "track": race.track.slug,
         "direction": race.direction,
         "state": str(race.state_at(now).value),
-        "ranking_method": race.ranking_method,
-        "laps": race.laps,
-        "minimum_laps": race.minimum_laps,
+        **{name: getattr(race, name) for name in RANKING},
         "opens_at": race.opens_at.isoformat(),
         "closes_at": race.closes_at.isoformat(),
         "rows": [row_data(row) for row in whole_board(race, racer)],

@@ -8,10 +8,11 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from evaluation.templatetags.garage import SENSOR_NAMES
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import BY_PLACE, RULES, RaceRules
 
 from .models import DuelFormat, Opponents, RankingMethod
-from .ranking import rule_for
+from .ranking import laps_needed, standing_in
+from .rules.words import figures
 from .sensors import OFFERABLE
 
 if TYPE_CHECKING:
@@ -63,6 +64,50 @@ def course_rules(race: Race) -> list[str]:
     return [*rules, _crash_rule(race)]
 
 
+def fault_words(race: Race) -> str:
+    """What a fault costs, in a few words."""
+    if not race.max_resets:
+        return _("The first fault ends the run.")
+    said = [
+        _("Off track: back on the lane after %(seconds)s s.") % {"seconds": f"{race.off_track_penalty_ms / 1000:g}"}
+    ]
+    if course_facts(race):
+        said.append(_("A crash costs %(seconds)s s.") % {"seconds": f"{race.collision_penalty_ms / 1000:g}"})
+    return " ".join(said)
+
+
+def fault_rules(race: Race) -> list[str]:
+    """What becomes of a car that leaves the road, in whole sentences."""
+    resets = race.max_resets
+    if not resets:
+        return [_("There are no resets: the first fault ends the run.")]
+    rules = [
+        _(
+            "A car that is off track or drives backwards is put back on the nearer lane and stands still for "
+            "%(seconds)s s. The clock goes on."
+        )
+        % {"seconds": f"{race.off_track_penalty_ms / 1000:g}"}
+    ]
+    if resets != RULES["max_resets"].unlimited:
+        allowed = ngettext(
+            "%(resets)s reset is allowed; the next fault ends the run.",
+            "%(resets)s resets are allowed; the next fault ends the run.",
+            resets,
+        )
+        rules.append(allowed % {"resets": resets})
+    return rules
+
+
+# What a page tells elsewhere, or in words of its own.
+_TOLD = ("race_type", "direction", "sensors", "ranking_method", "seed", "max_submissions", "shared_cars")
+_IN_FIGURES = tuple(name for name in BY_PLACE if not RULES[name].layout and name not in _TOLD)
+
+
+def rule_figures(race: Race) -> list[tuple[str, str]]:
+    """Label and value of the rules that every race of this type has."""
+    return figures(race, _IN_FIGURES)
+
+
 def score_words(entry: Entry) -> str:
     """What an entry is ranked by, in words: a time, or once duels are drawn points, in a bracket the ties won; a dash
     for who is not classified."""
@@ -75,7 +120,7 @@ def score_words(entry: Entry) -> str:
 
 def score_name(race: Race) -> str:
     """What a race ranks by, in words."""
-    laps = race.minimum_laps if race.ranking_method == RankingMethod.AVERAGE else race.laps
+    laps = laps_needed(race) if race.ranking_method == RankingMethod.AVERAGE else race.laps
     if race.ranking_method == RankingMethod.AVERAGE and laps > 1:
         return _("Average of %(laps)s laps") % {"laps": laps}
     if race.ranking_method == RankingMethod.TOTAL and laps > 1:
@@ -91,7 +136,7 @@ def worth_words(run: Evaluation) -> tuple[str, str] | None:
         return None
     if submission is not None:
         race = submission.entry.race
-        standing = rule_for(race).standing(result.laps, race.minimum_laps)
+        standing = standing_in(race, result.laps)
         return clock(standing.score_ms), score_name(race) if standing.classified else _("not classified")
     if getattr(run, "duel", None) is not None:
         place = _("place %(place)s of %(cars)s")

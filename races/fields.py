@@ -10,11 +10,10 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from paddock.simulator.rules import MAX_BOXES
+from paddock.rules.race import BOX_FRACTIONS, MAX_BOXES
 
 from .errors import problem
 from .models import Lane
-from .models.course import BOX_FRACTIONS
 
 
 class SecondsField(forms.DecimalField):
@@ -41,20 +40,19 @@ class SecondsField(forms.DecimalField):
 class ResetsField(forms.IntegerField):
     """How many resets a run may have; an empty field is no limit, which is stored as the greatest number."""
 
-    UNLIMITED = 10_000
-
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(min_value=0, max_value=self.UNLIMITED, required=False, **kwargs)
+    def __init__(self, *, unlimited: int, **kwargs: Any) -> None:
+        super().__init__(min_value=0, max_value=unlimited, required=False, **kwargs)
+        self.unlimited = unlimited
         self.widget.attrs["placeholder"] = _("unlimited")
 
     def prepare_value(self, value: Any) -> Any:
         """Nothing where there is no limit."""
-        return "" if str(value) == str(self.UNLIMITED) else value
+        return "" if str(value) == str(self.unlimited) else value
 
     def clean(self, value: Any) -> int:
-        """The number as typed, :attr:`UNLIMITED` for none."""
+        """The number as typed, ``unlimited`` for none."""
         resets: int | None = super().clean(value)
-        return self.UNLIMITED if resets is None else resets
+        return self.unlimited if resets is None else resets
 
     def has_changed(self, initial: Any, data: Any) -> bool:
         return super().has_changed(self.prepare_value(initial), data)

@@ -12,14 +12,14 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from core.forms import add_fault
-from evaluation.templatetags.garage import SENSOR_NAMES
 from paddock.errors import UserFault
+from paddock.rules.race import BY_PLACE
 
 from .course_form import DRAWN, FIXED, PROPOSALS, CourseForm
 from .errors import RaceRefused
-from .fields import MomentField, ResetsField, SecondsField
-from .models import Race, RaceState, RaceType, RankingMethod, Visibility
-from .sensors import OFFERABLE
+from .fields import MomentField
+from .models import Race, RaceState, RaceType, Visibility
+from .rules.fields import rule_fields
 from .services.races import edition_of
 from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
 
@@ -27,7 +27,13 @@ DEFAULT_DURATION = timedelta(days=7)
 _NOT_OF_A_RACE = ("track", "time_zone", "box_choice", "edition")
 
 
-class RaceForm(CourseForm):
+_ELSEWHERE = ("collision_penalty_ms", "max_submissions", "shared_cars", "sensors")
+# What every race has, in rows of three on a page.
+_IN_ROWS = tuple(name for name in BY_PLACE if name not in (*CourseForm.base_fields, *_ELSEWHERE))
+_RuleFields = type(CourseForm)("RuleFields", (CourseForm,), rule_fields((*_IN_ROWS, *_ELSEWHERE)))
+
+
+class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
     """A community race. What a race may be is decided by the race's own validation, not here."""
 
     name = forms.CharField(label=_("Name"), max_length=64)
@@ -36,43 +42,6 @@ class RaceForm(CourseForm):
     )
     opens_at = MomentField(label=_("Opens"))
     closes_at = MomentField(label=_("Closes"))
-    laps = forms.IntegerField(label=_("Laps driven"), min_value=1, max_value=20)
-    minimum_laps = forms.IntegerField(
-        label=_("Laps in a row to be classified"),
-        min_value=1,
-        max_value=20,
-        help_text=_("The average is taken over this many consecutive complete laps."),
-    )
-    ranking_method = forms.ChoiceField(label=_("Ranked by"), choices=RankingMethod.choices)
-    off_track_penalty_ms = SecondsField(
-        label=_("Off-track penalty in seconds"),
-        min_value=0,
-        max_value=60,
-        help_text=_("The car stands still for so long before it goes on."),
-    )
-    collision_penalty_ms = SecondsField(
-        label=_("Collision penalty in seconds"),
-        min_value=0,
-        max_value=60,
-        required=False,
-        help_text=_("For running into a box, a bot or another car."),
-    )
-    max_resets = ResetsField(label=_("Resets allowed"), help_text=_("0: the first fault ends the run."))
-    max_simulated_ms = SecondsField(
-        label=_("Time limit in seconds"), min_value=10, max_value=1200, help_text=_("Simulated time for the whole run.")
-    )
-    max_submissions = forms.IntegerField(label=_("Submissions for each racer"), min_value=1, max_value=1000)
-    shared_cars = forms.BooleanField(
-        label=_("One car may race for several racers"),
-        required=False,
-        help_text=_("For teams and classes. Otherwise whoever sent a car first keeps its place."),
-    )
-    sensors = forms.MultipleChoiceField(
-        label=_("Sensors offered"),
-        choices=[(name, _(SENSOR_NAMES[name])) for name in OFFERABLE],
-        widget=forms.CheckboxSelectMultiple,
-        help_text=_("Only models that read no others can be sent."),
-    )
     visibility = forms.ChoiceField(
         label=_("Who may join"),
         choices=[
@@ -104,7 +73,7 @@ class RaceForm(CourseForm):
         A page shows no seconds: a moment that was not touched keeps its own.
         """
         cleaned = super().clean()
-        self._clean_collision_penalty(cleaned)
+        self._clean_unsent(cleaned)
         zone = _zone(cleaned.pop("time_zone", ""))
         for name in ("opens_at", "closes_at"):
             typed = cleaned.get(name)
@@ -116,14 +85,18 @@ class RaceForm(CourseForm):
             cleaned[name] = stored if untouched else typed
         return cleaned
 
-    def _clean_collision_penalty(self, cleaned: dict[str, Any]) -> None:
-        """A time trial has nothing to run into, and its page does not send the field: what stood stands."""
-        name = "collision_penalty_ms"
+    def _clean_unsent(self, cleaned: dict[str, Any]) -> None:
+        """What a page does not send stays as it stood: a time trial has nothing to run into."""
         if cleaned.get("race_type") == RaceType.TIME_TRIAL:
-            self.errors.pop(name, None)
-            cleaned[name] = None
-        if name not in self.errors and cleaned.get(name) is None:
-            cleaned[name] = getattr(self.race or Race(), name)
+            self.errors.pop("collision_penalty_ms", None)
+            cleaned["collision_penalty_ms"] = None
+        for name in (*_IN_ROWS, *_ELSEWHERE):
+            if name not in self.errors and cleaned.get(name) is None:
+                cleaned[name] = getattr(self.race or Race(), name)
+
+    def rows(self) -> list[list[forms.BoundField]]:
+        """The rules that every race has, three to a row."""
+        return [[self[name] for name in _IN_ROWS[at : at + 3]] for at in range(0, len(_IN_ROWS), 3)]
 
     def changes(self) -> dict[str, Any]:
         """What the form says, for the services; what may not change any more is left out."""

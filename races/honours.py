@@ -5,7 +5,7 @@ from __future__ import annotations
 from evaluation.models import Evaluation
 
 from .models import Race
-from .ranking import rule_for
+from .ranking import standing_in
 
 
 def race_of_marks(evaluation: Evaluation) -> Race | None:
@@ -18,5 +18,5 @@ def race_of_marks(evaluation: Evaluation) -> Race | None:
     entry = submission.entry
     if entry.is_baseline or evaluation.result.engine != entry.race.engine:
         return None
-    standing = rule_for(entry.race).standing(evaluation.result.laps, entry.race.minimum_laps)
+    standing = standing_in(entry.race, evaluation.result.laps)
     return entry.race if standing.classified else None

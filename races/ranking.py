@@ -137,7 +137,7 @@ class Average(RankingRule):
         return average_ms
 
     def rule(self, race: Race) -> str:
-        laps = race.minimum_laps
+        laps = laps_needed(race)
         return ngettext(
             # not the words of the best lap's rule: gettext knows a sentence and its plural by the singular alone
             "Ranked by the lowest time of one complete lap. A car that finishes no lap is not classified.",
@@ -157,7 +157,7 @@ class Best(RankingRule):
         return best_ms
 
     def rule(self, race: Race) -> str:
-        laps = race.minimum_laps
+        laps = laps_needed(race)
         return ngettext(
             "Ranked by the fastest complete lap. A car that finishes no lap is not classified.",
             "Ranked by the fastest complete lap. A car that does not finish %(laps)s laps in a row is not classified.",
@@ -219,6 +219,16 @@ DUELS: dict[str, RankingRule] = {code: Points(rule) for code, rule in RULES.item
 def rule_for(race: Race) -> RankingRule:
     """The ranking method of ``race``."""
     return (DUELS if race.opponents == "models" else RULES)[race.ranking_method]
+
+
+def laps_needed(race: Race) -> int:
+    """Complete laps in a row that classify a car in ``race``."""
+    return race.minimum_laps
+
+
+def standing_in(race: Race, laps: Sequence[Lap]) -> Standing:
+    """What ``laps`` are worth in ``race``."""
+    return rule_for(race).standing(laps, laps_needed(race))
 
 
 def drawn_rank(points: int, lap_ms: int | None, seed: int) -> tuple[int, int]:

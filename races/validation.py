@@ -8,6 +8,8 @@ from functools import partial
 
 from django.core.exceptions import ValidationError
 
+from paddock.rules.race import LAYOUT, RULES
+
 from .course import check_layout
 from .errors import RaceRefused, problem
 from .models import Kind, Race, RaceState
@@ -26,34 +28,9 @@ Hold = Callable[[Race], None]
 _HOLDS: list[Hold] = []
 
 # What stands and drives on the track.
-COURSE_FIELDS = (
-    "boxes",
-    "random_boxes",
-    "box_distance_m",
-    "opponents",
-    "bots",
-    "bot_speed_mps",
-    "bot_lane_changes",
-    "duel_format",
-    "duel_cars",
-)
+COURSE_FIELDS = LAYOUT
 # What moves a lap time or an order: fixed from the first submission on, for everybody.
-RULE_FIELDS = (
-    "track",
-    "direction",
-    "race_type",
-    "sensors",
-    "ranking_method",
-    "laps",
-    "minimum_laps",
-    "off_track_penalty_ms",
-    "collision_penalty_ms",
-    "max_resets",
-    "max_simulated_ms",
-    *COURSE_FIELDS,
-    "seed",
-    "shared_cars",
-)
+RULE_FIELDS = ("track", *(name for name, rule in RULES.items() if rule.fixed))
 # What decides where boxes stand and whether bots have room: a change of these lays the course out and checks it anew.
 LAYOUT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")
 # What never changes after a race is made.
@@ -64,7 +41,7 @@ EDITABLE_FIELDS = (
     *TEXT_FIELDS,
     *RULE_FIELDS,
     "division",
-    "max_submissions",
+    *(name for name, rule in RULES.items() if not rule.fixed),
     "visibility",
     "opens_at",
     "closes_at",
@@ -151,8 +128,12 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
 def changed_fields(before: Race, after: Race) -> list[str]:
     """Names of the fields that racers know in which two states of a race differ."""
     names = (*EDITABLE_FIELDS, *FIXED_FIELDS)
-    attributes = {name: Race._meta.get_field(name).attname for name in names}
-    return [name for name, attribute in attributes.items() if getattr(before, attribute) != getattr(after, attribute)]
+    return [name for name in names if stored_value(before, name) != stored_value(after, name)]
+
+
+def stored_value(race: Race, name: str) -> object:
+    """What stands in a field of a race; of another row its key."""
+    return getattr(race, name if name in RULES else Race._meta.get_field(name).attname)
 
 
 def _collect(problems: ValidationError, check: Callable[[], None]) -> None:

@@ -8,63 +8,43 @@ from typing import Any
 
 from config.management import Refusal
 from paddock.errors import UserFault
-from paddock.simulator.rules import (
+from paddock.rules.race import (
     BOT_SPEED_RANGE_MPS,
-    DIRECTIONS,
     HEAD_TO_HEAD,
     LANES,
     MAX_BOTS,
     MAX_BOXES,
     OBJECT_AVOIDANCE,
-    RACE_TYPES,
+    RULES,
+    RUN_RULES,
     BoxPlace,
     RaceRules,
 )
+from paddock.rules.rule import Rule
+
+_METAVARS = {"ms": "SECONDS", "m": "METRES", "m/s": "MPS"}
+_ASKED = [rule for rule in RUN_RULES.values() if rule.name in RULES and rule.name != "boxes"]
 
 
 def add_race_options(parser: ArgumentParser) -> None:
-    """Everything that :func:`rules_of` reads."""
-    rules = RaceRules()
-    parser.add_argument("--race-type", choices=RACE_TYPES, default=rules.race_type, help="default: %(default)s")
-    parser.add_argument("--direction", choices=DIRECTIONS, default=rules.direction, help="default: %(default)s")
-    parser.add_argument("--laps", type=int, default=rules.laps, help="default: %(default)s")
-    parser.add_argument(
-        "--seed", type=int, default=rules.seed, help="of boxes and of bots' lane changes; default: %(default)s"
-    )
-    for option, milliseconds in (
-        ("--off-track-penalty", rules.off_track_penalty_ms),
-        ("--collision-penalty", rules.collision_penalty_ms),
-    ):
-        parser.add_argument(
-            option, type=float, default=milliseconds / 1000, metavar="SECONDS", help="default: %(default)s"
-        )
-    parser.add_argument(
-        "--max-resets",
-        type=int,
-        default=rules.max_resets,
-        help="0: the first fault ends the run; default: %(default)s",
-    )
-    parser.add_argument(
-        "--time-limit",
-        type=float,
-        default=rules.max_simulated_ms / 1000,
-        metavar="SECONDS",
-        help="of simulated time; default: %(default)s",
-    )
-    parser.add_argument(
-        "--obstacles",
-        type=int,
-        default=0,
-        metavar="N",
-        help=f"boxes in places drawn from the seed, at most {MAX_BOXES}",
-    )
-    parser.add_argument(
-        "--obstacle-distance",
-        type=float,
-        default=rules.box_distance_m,
-        metavar="METRES",
-        help="between drawn boxes at least, along the track; default: %(default)s",
-    )
+    """Everything that :func:`rules_of` reads: an option for each rule of a run."""
+    for rule in _ASKED:
+        said = (rule.help or rule.label).rstrip(".")
+        option = f"--{_option(rule).replace('_', '-')}"
+        if rule.type is bool:
+            parser.add_argument(option, action="store_true", help=said)
+        elif rule.choices:
+            parser.add_argument(option, choices=rule.choices, default=rule.default, help="default: %(default)s")
+        else:
+            # whether a bot's speed was given is looked at: it has no default of its own
+            shown = rule.default / 1000 if rule.unit == "ms" else rule.default
+            parser.add_argument(
+                option,
+                type=float if rule.unit else int,
+                default=None if rule.name == "bot_speed_mps" else shown,
+                metavar=_METAVARS.get(rule.unit, "N"),
+                help=f"{said}; default: {shown}",
+            )
     parser.add_argument(
         "--box",
         action="append",
@@ -72,9 +52,6 @@ def add_race_options(parser: ArgumentParser) -> None:
         metavar="FRACTION:LANE",
         help=f"a box in a fixed place: the share of the lap driven there and the lane ({', '.join(LANES)}); repeat it",
     )
-    parser.add_argument("--bots", type=int, default=0, metavar="N", help=f"bot cars, at most {MAX_BOTS}")
-    parser.add_argument("--bot-speed", type=float, metavar="MPS", help=f"of bot cars; default: {rules.bot_speed_mps}")
-    parser.add_argument("--lane-changes", action="store_true", help="bot cars change lanes")
 
 
 def rules_of(options: dict[str, Any]) -> RaceRules:
@@ -82,24 +59,21 @@ def rules_of(options: dict[str, Any]) -> RaceRules:
     boxes = _boxes(options)
     _check_bots(options)
     try:
-        return RaceRules(
-            race_type=options["race_type"],
-            laps=options["laps"],
-            seed=options["seed"],
-            direction=options["direction"],
-            max_resets=options["max_resets"],
-            off_track_penalty_ms=_milliseconds(options, "off_track_penalty"),
-            collision_penalty_ms=_milliseconds(options, "collision_penalty"),
-            max_simulated_ms=_milliseconds(options, "time_limit"),
-            boxes=boxes,
-            random_boxes=options["obstacles"],
-            box_distance_m=options["obstacle_distance"],
-            bots=options["bots"],
-            bot_speed_mps=_bot_speed(options),
-            bot_lane_changes=options["lane_changes"],
-        )
+        return RaceRules(boxes=boxes, **{rule.name: _value(rule, options) for rule in _ASKED})
     except ValueError as error:
         raise Refusal(UserFault("rules_senseless", problem=str(error))) from error
+
+
+def _option(rule: Rule) -> str:
+    return (rule.option or rule.name.removesuffix("_ms")).replace("-", "_")
+
+
+def _value(rule: Rule, options: dict[str, Any]) -> Any:
+    name = _option(rule)
+    value = options[name]
+    if value is None:
+        return rule.default
+    return _milliseconds(options, name) if rule.unit == "ms" else value
 
 
 def _milliseconds(options: dict[str, Any], name: str) -> int:

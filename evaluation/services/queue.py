@@ -21,7 +21,7 @@ from .turns import hurry_from, insert_in_turn
 
 if TYPE_CHECKING:
     from accounts.models import Racer
-    from paddock.simulator.rules import RaceRules
+    from paddock.rules.race import RaceRules
     from tracks.models import Track
 
 

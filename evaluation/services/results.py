@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from django.db.models import Q
 
 from core.storage_faults import storage_at_work
-from paddock.simulator.rules import MAX_CARS
+from paddock.rules.race import MAX_CARS
 
 from ..models import CarResult, Evaluation, Result, RivalResult
 from .stored import delete, read_gzip, store

@@ -71,7 +71,7 @@ def job_of(evaluation: Evaluation) -> RaceJob:
     Raises PlatformFault("storage_failed") or ("file_damaged") for a network's file, ("internal_error") when the track
     is not the one that was frozen.
     """
-    from paddock.simulator.rules import RaceRules
+    from paddock.rules.race import RaceRules
 
     from ..pipeline import RaceJob, RivalCar
 

@@ -22,9 +22,11 @@ from league.models import Season, Stage
 from league.selectors import months_of
 from league.selectors.overview import month_races, seasons_listed
 from league.services import create_season, edit_season, schedule_round, set_stage_rules
+from paddock.rules.race import STAGE
 from races.api.races import NewRaceSerializer
 from races.audit import log
-from races.models import Division, RankingMethod
+from races.models import Division
+from races.rules.serializers import with_rules
 
 from .season_serializers import RoundSerializer, SeasonDetailSerializer, StageRulesSerializer
 
@@ -62,17 +64,8 @@ class NewSeasonSerializer(SeasonChangeSerializer):
     edition = None
 
 
-class StageChangeSerializer(Body):
+class StageChangeSerializer(with_rules(Body, STAGE, asked=True)):  # type: ignore[misc]
     """Rules of a stage; what is left out stays as it is."""
-
-    ranking_method = serializers.ChoiceField(RankingMethod.choices, required=False)
-    laps = serializers.IntegerField(min_value=1, max_value=20, required=False)
-    minimum_laps = serializers.IntegerField(min_value=1, max_value=20, required=False)
-    off_track_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
-    collision_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
-    max_submissions = serializers.IntegerField(min_value=1, max_value=1000, required=False)
-    max_resets = serializers.IntegerField(min_value=0, max_value=10_000, required=False)
-    max_simulated_ms = serializers.IntegerField(min_value=10_000, max_value=1_200_000, required=False)
 
 
 class NewRoundSerializer(NewRaceSerializer):

@@ -11,8 +11,10 @@ from league.models import Season, Stage, StageRules
 from league.selectors import months_of, rules_of
 from league.selectors.overview import MonthRace, divisions_with_points
 from league.services.seasons import edition_of
-from races.models import Division, RaceState, RankingMethod
+from paddock.rules.race import STAGE
+from races.models import Division, RaceState
 from races.ranking import RULES
+from races.rules.serializers import with_rules
 
 DIVISIONS = Division.values
 
@@ -28,18 +30,10 @@ class SeasonSerializer(serializers.Serializer):
     official = serializers.IntegerField(source="official_count", help_text="How many of them are official.")
 
 
-class StageRulesSerializer(serializers.Serializer):
+class StageRulesSerializer(with_rules(serializers.Serializer, STAGE)):  # type: ignore[misc]
     """How the races of a stage are ranked and limited, unless one says otherwise."""
 
     stage = serializers.ChoiceField(Stage.choices)
-    ranking_method = serializers.ChoiceField(RankingMethod.choices)
-    laps = serializers.IntegerField()
-    minimum_laps = serializers.IntegerField()
-    off_track_penalty_ms = serializers.IntegerField()
-    collision_penalty_ms = serializers.IntegerField()
-    max_submissions = serializers.IntegerField()
-    max_resets = serializers.IntegerField()
-    max_simulated_ms = serializers.IntegerField()
     ranking_rule = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
 
     def get_ranking_rule(self, rules: StageRules) -> str:

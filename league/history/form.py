@@ -25,8 +25,9 @@ from .duels import FIRST as FIRST_OF_DUELS
 from .duels import LAST as LAST_OF_DUELS
 from .duels import DuelScore, read_duel_score
 
+LAPS_COLUMNS = ("minimum_laps", "maximum_laps")
 RACE_COLUMNS = (
-    *("file", "season", "name", "stage", "division", "race_type", "timing_method", "minimum_laps", "maximum_laps"),
+    *("file", "season", "name", "stage", "division", "race_type", "timing_method", *LAPS_COLUMNS),
     *("opens", "closes", "off_track_penalty_s", "collision_penalty_s", "bots", "bot_speed_mps", "obstacles"),
     *("track", "racers"),
 )
@@ -85,6 +86,11 @@ class RaceRow:
     obstacles: int
     track: str
     racers: int | None
+
+    @property
+    def laps_of_the_race(self) -> dict[str, int]:
+        """How many laps are driven and how many must be complete, as fields of a race."""
+        return {"laps": self.laps, "minimum_laps": self.minimum_laps}
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@ import django.db.models.deletion
 import django.utils.timezone
 import league.models.season
 import league.models.webhook
+import races.models.rules
 from decimal import Decimal
 from django.conf import settings
 from django.db import migrations, models
@@ -210,15 +211,16 @@ class Migration(migrations.Migration):
             name='StageRules',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('rules', models.JSONField(blank=True, db_default={}, default=races.models.rules.inside_a_stage, editable=False, verbose_name='other rules')),
+                ('ranking_method', models.CharField(choices=[('average', 'average lap'), ('best', 'best lap'), ('total', 'total time')], default='average', max_length=7, verbose_name='Ranked by')),
+                ('laps', models.PositiveSmallIntegerField(default=3, validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(20)], verbose_name='Laps driven')),
+                ('minimum_laps', models.PositiveSmallIntegerField(default=3, help_text='The average is taken over this many consecutive complete laps.', validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(20)], verbose_name='Laps in a row to be classified')),
+                ('off_track_penalty_ms', models.PositiveIntegerField(default=2000, help_text='The car stands still for so long before it goes on.', validators=[django.core.validators.MaxValueValidator(60000)], verbose_name='Off-track penalty in milliseconds')),
+                ('collision_penalty_ms', models.PositiveIntegerField(default=5000, help_text='For running into a box, a bot or another car.', validators=[django.core.validators.MaxValueValidator(60000)], verbose_name='Collision penalty in milliseconds')),
+                ('max_resets', models.PositiveIntegerField(default=10000, help_text='0: the first fault ends the run.', validators=[django.core.validators.MaxValueValidator(10000)], verbose_name='Resets allowed')),
+                ('max_simulated_ms', models.PositiveIntegerField(default=180000, help_text='Simulated time for the whole run.', validators=[django.core.validators.MinValueValidator(10000), django.core.validators.MaxValueValidator(1200000)], verbose_name='Time limit in milliseconds')),
+                ('max_submissions', models.PositiveSmallIntegerField(default=50, validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(1000)], verbose_name='Submissions for each racer')),
                 ('stage', models.CharField(choices=[('open-qualifier', 'open race'), ('pro-qualifier', 'pro race'), ('pro-finale', 'finale'), ('championship', 'championship'), ('single', 'race of its own')], max_length=16, verbose_name='stage')),
-                ('ranking_method', models.CharField(choices=[('average', 'average lap'), ('best', 'best lap'), ('total', 'total time')], default='average', max_length=8, verbose_name='ranking')),
-                ('laps', models.PositiveSmallIntegerField(default=3, validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(20)], verbose_name='laps driven')),
-                ('minimum_laps', models.PositiveSmallIntegerField(default=3, validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(20)], verbose_name='consecutive complete laps needed')),
-                ('off_track_penalty_ms', models.PositiveIntegerField(default=2000, validators=[django.core.validators.MaxValueValidator(60000)], verbose_name='off-track penalty in milliseconds')),
-                ('collision_penalty_ms', models.PositiveIntegerField(default=5000, validators=[django.core.validators.MaxValueValidator(60000)], verbose_name='collision penalty in milliseconds')),
-                ('max_submissions', models.PositiveSmallIntegerField(default=50, validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(1000)], verbose_name='submissions for each racer')),
-                ('max_resets', models.PositiveIntegerField(default=10000, validators=[django.core.validators.MaxValueValidator(10000)], verbose_name='resets allowed')),
-                ('max_simulated_ms', models.PositiveIntegerField(default=180000, validators=[django.core.validators.MinValueValidator(10000), django.core.validators.MaxValueValidator(1200000)], verbose_name='time limit in simulated milliseconds')),
                 ('season', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='stage_rules', to='league.season', verbose_name='season')),
             ],
             options={
@@ -407,11 +409,15 @@ class Migration(migrations.Migration):
         ),
         migrations.AddConstraint(
             model_name='stagerules',
-            constraint=models.CheckConstraint(condition=models.Q(('laps__gte', 1), ('laps__lte', 20), ('minimum_laps__gte', 1), ('minimum_laps__lte', models.F('laps'))), name='stage_rules_laps'),
+            constraint=models.CheckConstraint(condition=models.Q(('minimum_laps__gte', 1), ('minimum_laps__lte', models.F('laps'))), name='stage_rules_minimum_laps_within_laps'),
         ),
         migrations.AddConstraint(
             model_name='stagerules',
-            constraint=models.CheckConstraint(condition=models.Q(models.Q(('ranking_method', 'total'), _negated=True), ('minimum_laps', models.F('laps')), _connector='OR'), name='stage_rules_total_needs_all'),
+            constraint=models.CheckConstraint(condition=models.Q(('laps__gte', 1), ('laps__lte', 20)), name='stage_rules_laps_range'),
+        ),
+        migrations.AddConstraint(
+            model_name='stagerules',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('ranking_method', 'total'), _negated=True), ('minimum_laps', models.F('laps')), _connector='OR'), name='stage_rules_total_needs_all_laps'),
         ),
         migrations.AddIndex(
             model_name='stewarddecision',

@@ -13,9 +13,10 @@ from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
 from core.validators import ONE_LINE
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import STAGE
 from races.errors import problem
-from races.models import Division, Kind, Race, RankingMethod
+from races.models import Division, Kind, Race
+from races.models.rules import inside_a_stage, laps_constraints, with_rules
 
 # The table of a round that many championships use. Nobody is bound to it.
 DEFAULT_POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
@@ -161,49 +162,11 @@ def _is_table(points: object) -> bool:
     )
 
 
-class StageRules(models.Model):
+class StageRules(with_rules(STAGE, inside_a_stage)):  # type: ignore[misc]
     """How the races of one stage of a season are ranked and limited, unless a race says otherwise when it is made."""
 
     season = models.ForeignKey(Season, models.CASCADE, related_name="stage_rules", verbose_name=_("season"))
     stage = models.CharField(_("stage"), max_length=16, choices=Stage.choices)
-    ranking_method = models.CharField(
-        _("ranking"), max_length=8, choices=RankingMethod.choices, default=RankingMethod.AVERAGE
-    )
-    laps = models.PositiveSmallIntegerField(
-        _("laps driven"), default=RaceRules.laps, validators=[MinValueValidator(1), MaxValueValidator(20)]
-    )
-    minimum_laps = models.PositiveSmallIntegerField(
-        _("consecutive complete laps needed"),
-        default=RaceRules.laps,
-        validators=[MinValueValidator(1), MaxValueValidator(20)],
-    )
-    off_track_penalty_ms = models.PositiveIntegerField(
-        _("off-track penalty in milliseconds"),
-        default=RaceRules.off_track_penalty_ms,
-        validators=[MaxValueValidator(60_000)],
-    )
-    collision_penalty_ms = models.PositiveIntegerField(
-        _("collision penalty in milliseconds"),
-        default=RaceRules.collision_penalty_ms,
-        validators=[MaxValueValidator(60_000)],
-    )
-    max_submissions = models.PositiveSmallIntegerField(
-        _("submissions for each racer"), default=50, validators=[MinValueValidator(1), MaxValueValidator(1000)]
-    )
-    max_resets = models.PositiveIntegerField(
-        _("resets allowed"), default=RaceRules.max_resets, validators=[MaxValueValidator(10_000)]
-    )
-    max_simulated_ms = models.PositiveIntegerField(
-        _("time limit in simulated milliseconds"),
-        default=RaceRules.max_simulated_ms,
-        validators=[MinValueValidator(10_000), MaxValueValidator(1_200_000)],
-    )
-
-    # what a race takes over
-    FOR_A_RACE = (
-        *("ranking_method", "laps", "minimum_laps", "off_track_penalty_ms", "collision_penalty_ms"),
-        *("max_submissions", "max_resets", "max_simulated_ms"),
-    )
 
     class Meta:
         verbose_name = _("rules of a stage")
@@ -212,13 +175,7 @@ class StageRules(models.Model):
         constraints = [
             models.UniqueConstraint(fields=["season", "stage"], name="stage_rules_once_a_season"),
             models.CheckConstraint(condition=Q(stage__in=Stage.values), name="stage_rules_stage_known"),
-            models.CheckConstraint(
-                condition=Q(laps__gte=1, laps__lte=20, minimum_laps__gte=1, minimum_laps__lte=F("laps")),
-                name="stage_rules_laps",
-            ),
-            models.CheckConstraint(
-                condition=~Q(ranking_method="total") | Q(minimum_laps=F("laps")), name="stage_rules_total_needs_all"
-            ),
+            *laps_constraints("stage_rules"),
         ]
 
     def __str__(self) -> str:
@@ -226,7 +183,7 @@ class StageRules(models.Model):
 
     def for_a_race(self) -> dict:
         """The fields of a race that these rules set."""
-        return {name: getattr(self, name) for name in self.FOR_A_RACE}
+        return {name: getattr(self, name) for name in STAGE}
 
 
 class Round(models.Model):

@@ -11,6 +11,7 @@ from typing import Any
 from django.db import transaction
 from django.utils import timezone
 
+from paddock.rules.race import UNTIL_THE_FIRST_FAULT
 from races.models import DuelFormat, Opponents, RaceType, RankingMethod
 from races.names import house_text as _
 from races.sensors import OFFERABLE
@@ -101,7 +102,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
             "ranking_method": RankingMethod.AVERAGE,
             "laps": 10,
             "minimum_laps": 2,
-            "max_resets": 0,
+            **UNTIL_THE_FIRST_FAULT,
             "max_simulated_ms": 900_000,
         },
     ),

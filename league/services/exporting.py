@@ -11,11 +11,12 @@ from typing import Any
 
 from paddock.errors import UserFault
 from races.models import DuelFormat, Entry, Race
-from races.ranking import NO_RESULT, NOT_CLASSIFIED
+from races.ranking import NO_RESULT, NOT_CLASSIFIED, laps_needed
 from races.selectors.boards import ORDER, board_entries
 
 from ..history.duels import DuelScore
 from ..history.form import (
+    LAPS_COLUMNS,
     RACE_COLUMNS,
     RACE_TYPES,
     RESULT_COLUMNS,
@@ -86,8 +87,7 @@ def _race_row(round_: Round, racers: int) -> dict[str, Any]:
         "division": "" if round_.stage == Stage.SINGLE else race.division,
         "race_type": _RACE_TYPES[race.race_type],
         "timing_method": _TIMING_METHODS[race.ranking_method],
-        "minimum_laps": race.minimum_laps,
-        "maximum_laps": race.laps,
+        **dict(zip(LAPS_COLUMNS, (laps_needed(race), race.laps), strict=True)),
         "opens": _iso(race.opens_at),
         "closes": _iso(race.closes_at),
         "off_track_penalty_s": race.off_track_penalty_ms / 1000,
@@ -151,7 +151,7 @@ def _driven_row(entry: Entry, race: Race) -> dict[str, Any]:
     return times | {
         "Alias": entry.racer.alias,
         "SubmissionTime": milliseconds_of(entry.achieved_at),
-        "LapCount": race.minimum_laps if entry.classified else 0,
+        "LapCount": laps_needed(race) if entry.classified else 0,
         "AvgResets": entry.resets / len(laps) if laps else 0.0,
         "CollisionCount": sum(lap["crashes"] for lap in laps),
         "OffTrackCount": entry.off_tracks,

@@ -16,6 +16,7 @@ from evaluation.models import Evaluation, State
 from races import events as of_races
 from races.models import Entry, Race, Redrive, Retiming, Submission
 from races.models import Kind as RaceKind
+from races.ranking import laps_needed
 from races.selectors import podiums
 from races.selectors.results import result_of
 from races.services.gates import moment
@@ -96,7 +97,7 @@ def _result_told(run: Evaluation, submission: Submission) -> dict[str, Any]:
     return told | {
         "score_ms": found.standing.score_ms,
         "streak": found.streak,
-        "needed": found.race.minimum_laps,
+        "needed": laps_needed(found.race),
         "rank": None if found.place.is_drawn else found.place.rank,
         "of": found.place.totals.racers,
         "change": found.change.kind.value,

@@ -11,6 +11,7 @@ from django.db import transaction
 
 from accounts.models import Racer
 from paddock.errors import UserFault
+from paddock.rules.race import STAGE
 from races.errors import problem
 from races.models import Race
 from races.services import create_league_race
@@ -76,7 +77,7 @@ def set_stage_rules(*, season: Season, stage: str, **rules: Any) -> StageRules:
     """
     row = StageRules.objects.filter(season=season, stage=stage).first() or StageRules(season=season, stage=stage)
     for name, value in rules.items():
-        if name not in StageRules.FOR_A_RACE:
+        if name not in STAGE:
             raise TypeError(f"not a rule of a stage: {name}")
         setattr(row, name, value)
     row.full_clean()

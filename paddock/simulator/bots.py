@@ -14,10 +14,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import INNER, LANES, RaceRules, penalty_steps
 
 from .car import Pose
 from .course import other_lane, start_places
-from .rules import INNER, LANES, RaceRules, penalty_steps
 from .solids import Solid, car
 
 CHANGE_M = 1.0  # a lane change takes so many metres (simapp, LANE_CHANGE_DISTANCE)

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import INNER, LANES, OUTER, RaceRules
 
-from .rules import INNER, LANES, OUTER, RaceRules
 from .solids import Solid, box
 
 START_CLEAR_M = 1.0  # no box nearer to the finish line than this, before and after it

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import INNER
 
 from .action import ActionSpace
 from .course import EMPTY, Course
 from .physics import PADDOCK_CAR
-from .rules import INNER
 from .sensors import POSE
 
 _AHEAD_M, _AHEAD_S = 0.25, 0.2  # look-ahead: metres at rest, and seconds of driving on top

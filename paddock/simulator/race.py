@@ -12,6 +12,7 @@ import numpy as np
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import MAX_CARS, RaceRules
 
 from .action import Action, ActionSpace
 from .camera.theme import OFFICIAL, Theme
@@ -19,7 +20,6 @@ from .contestant import Contestant
 from .engine import ENGINE_ID, versions
 from .physics import PADDOCK_CAR, CarPhysics
 from .referee import LAPS_DONE, RETIRED, Lap
-from .rules import MAX_CARS, RaceRules
 from .stage import Ground, Stage
 from .trace import LABELS, Trace
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import INNER, LANES, OUTER, RaceRules, penalty_steps
 
 from .boxes import BEYOND_M, BoxWatch
 from .car import Pose
@@ -19,7 +20,6 @@ from .clock import STEP_MS, milliseconds
 from .course import EMPTY, Course, other_lane
 from .physics import CarPhysics
 from .progress import Odometer, Reach
-from .rules import INNER, LANES, OUTER, RaceRules, penalty_steps
 from .trace import CRASHED, IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PARK, PAUSE, REVERSED, TIME_UP
 
 SECTORS = 3  # virtual_event: three sectors a lap, here thirds of the length

@@ -7,6 +7,7 @@ from functools import cached_property
 from types import TracebackType
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import RaceRules
 
 from .action import Action
 from .bots import Bots, LanePaths
@@ -18,7 +19,6 @@ from .course import lay_course
 from .physics import PADDOCK_CAR, CarPhysics
 from .progress import Reach, clear_distance
 from .referee import Referee
-from .rules import RaceRules
 from .sensors import Reading, make_sensors
 from .solids import Solid, car
 from .traffic import Traffic

@@ -17,11 +17,13 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
 from paddock.errors import PaddockError
+from paddock.rules.race import LAYOUT, RULES, RUN_RULES
 
 from ..course import check_layout
 from ..errors import problem
 from ..fields import BoxesField
-from ..models import Kind, Race, RaceState, Visibility
+from ..models import Kind, Race, RaceState, RaceType, Visibility
+from ..rules.fields import rule_fields
 from ..sensors import OFFERABLE
 from ..services import (
     cancel_race,
@@ -35,8 +37,13 @@ from ..services.races import edition_of, free_slug, has_submissions
 from ..validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
 from .actions import WithReason, sentence
 
+_ELSEWHERE = ("direction", *LAYOUT)
+# What a race keeps without a column: the form of a model does not know it.
+_INSIDE = tuple(name for name, rule in RULES.items() if not rule.column)
+_Inside = type(forms.ModelForm)("Inside", (forms.ModelForm,), rule_fields(_INSIDE))
 
-class RaceForm(forms.ModelForm):
+
+class RaceForm(_Inside):  # type: ignore[misc, valid-type]
     """A race as admins make and change it, under the same rules as everybody's."""
 
     sensors = forms.MultipleChoiceField(
@@ -48,17 +55,21 @@ class RaceForm(forms.ModelForm):
 
     class Meta:
         model = Race
-        fields = ("slug", "kind", "organiser", *EDITABLE_FIELDS)
+        fields = ("slug", "kind", "organiser", *(name for name in EDITABLE_FIELDS if name not in _INSIDE))
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         if "slug" in self.fields:
             self.fields["slug"].required = False
             self.fields["slug"].help_text = _("Leave empty to make it from the name. It never changes afterwards.")
+        self.initial |= {name: getattr(self.instance, name) for name in _INSIDE}
         if self.instance.pk:
             self.initial["edition"] = edition_of(self.instance)
 
     def _post_clean(self) -> None:
+        for name in _INSIDE:
+            if self.cleaned_data.get(name) is not None:
+                setattr(self.instance, name, self.cleaned_data[name])
         super()._post_clean()
         stored = Race.objects.get(pk=self.instance.pk) if self.instance.pk else None
         edition = self.cleaned_data.get("edition")
@@ -118,22 +129,14 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
         (
             gettext_lazy("Ranking"),
             {
-                "fields": ("ranking_method", "laps", "minimum_laps", "max_submissions", "shared_cars"),
+                "fields": tuple(name for name in RULES if name not in (*RUN_RULES, *LAYOUT, "sensors")),
                 "description": gettext_lazy("Fixed, like the next section, once the first car is submitted."),
             },
         ),
         (
             gettext_lazy("Rules on the track"),
             {
-                "fields": (
-                    "race_type",
-                    "sensors",
-                    "off_track_penalty_ms",
-                    "collision_penalty_ms",
-                    "max_resets",
-                    "max_simulated_ms",
-                    "seed",
-                )
+                "fields": (*(name for name in RUN_RULES if name in RULES and name not in _ELSEWHERE), "sensors"),
             },
         ),
         (
@@ -145,7 +148,7 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
         ),
         (
             gettext_lazy("Head-to-head"),
-            {"fields": ("opponents", "bots", "bot_speed_mps", "bot_lane_changes", "duel_format", "duel_cars")},
+            {"fields": tuple(name for name in LAYOUT if RULES[name].race_types == (RaceType.HEAD_TO_HEAD,))},
         ),
         (gettext_lazy("Who sees it"), {"fields": ("visibility", "invitation_link")}),
         (gettext_lazy("State"), {"fields": ("state", "cancel_reason", "board", "created_at")}),

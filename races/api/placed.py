@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rest_framework import serializers
 
-from paddock.simulator.rules import LANES
+from paddock.rules.race import LANES
 
 
 class PlacedBoxSerializer(serializers.Serializer):

@@ -15,17 +15,17 @@ from rest_framework.views import APIView
 from accounts.scopes import ORGANISE
 from core.bodies import Body, refuse_fields
 from paddock.errors import UserFault
-from tracks.models import Direction, Track
+from paddock.rules.race import RULES
+from tracks.models import Track
 
 from .. import services
 from ..audit import log
 from ..course import box_rows
-from ..models import Division, Entry, Kind, Race, RaceState, RaceType, RankingMethod, Visibility
+from ..models import Division, Entry, Kind, Race, RaceState, RaceType, Visibility
 from ..ranking import order_rule, rule_for
+from ..rules.serializers import with_rules
 from ..selectors import can_organise, races_visible_to
-from ..sensors import OFFERABLE
 from ..services.races import edition_of
-from .course import CourseSerializer
 from .lookup import organised_race, visible_race
 from .placed import PlacedBoxSerializer
 
@@ -38,7 +38,7 @@ class TrackSummarySerializer(serializers.Serializer):
     length_m = serializers.FloatField()
 
 
-class RaceSerializer(CourseSerializer):
+class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore[misc]
     """A race and its rules."""
 
     slug = serializers.CharField()
@@ -53,21 +53,6 @@ class RaceSerializer(CourseSerializer):
     cancelled_at = serializers.DateTimeField(allow_null=True)
     cancel_reason = serializers.CharField(allow_blank=True)
     track = TrackSummarySerializer()
-    direction = serializers.ChoiceField(Direction.choices)
-    race_type = serializers.ChoiceField(RaceType.choices)
-    sensors = serializers.ListField(child=serializers.CharField())
-    ranking_method = serializers.ChoiceField(RankingMethod.choices)
-    laps = serializers.IntegerField()
-    minimum_laps = serializers.IntegerField()
-    off_track_penalty_ms = serializers.IntegerField()
-    collision_penalty_ms = serializers.IntegerField()
-    max_resets = serializers.IntegerField()
-    max_simulated_ms = serializers.IntegerField()
-    max_submissions = serializers.IntegerField()
-    shared_cars = serializers.BooleanField(
-        help_text="One car may race for several racers; otherwise whoever sent it first keeps its place."
-    )
-    seed = serializers.IntegerField()
     visibility = serializers.ChoiceField(Visibility.choices)
     engine = serializers.CharField(
         allow_blank=True, help_text="The simulator that its counted results are of; empty before the first."
@@ -109,7 +94,7 @@ class RaceDetailSerializer(RaceSerializer):
         return None if hidden else race.invitation
 
 
-class RaceChangeSerializer(Body, CourseSerializer):
+class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore[misc]
     """What may be changed of a race. Bounds that one field cannot know are checked with the whole race."""
 
     name = serializers.CharField(max_length=64, required=False)
@@ -119,28 +104,6 @@ class RaceChangeSerializer(Body, CourseSerializer):
     )
     opens_at = serializers.DateTimeField(required=False)
     closes_at = serializers.DateTimeField(required=False)
-    direction = serializers.ChoiceField(Direction.choices, required=False)
-    race_type = serializers.ChoiceField(RaceType.choices, required=False)
-    sensors = serializers.ListField(child=serializers.ChoiceField(OFFERABLE), required=False, max_length=8)
-    ranking_method = serializers.ChoiceField(RankingMethod.choices, required=False)
-    laps = serializers.IntegerField(min_value=1, max_value=20, required=False)
-    minimum_laps = serializers.IntegerField(
-        min_value=1,
-        max_value=20,
-        required=False,
-        help_text="Consecutive complete laps that classify a car, and the window of the average.",
-    )
-    off_track_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
-    collision_penalty_ms = serializers.IntegerField(min_value=0, max_value=60_000, required=False)
-    max_resets = serializers.IntegerField(
-        min_value=0, max_value=10_000, required=False, help_text="0: the first fault ends the run."
-    )
-    max_simulated_ms = serializers.IntegerField(min_value=10_000, max_value=1_200_000, required=False)
-    max_submissions = serializers.IntegerField(min_value=1, max_value=1000, required=False)
-    seed = serializers.IntegerField(min_value=0, max_value=2**31 - 1, required=False)
-    shared_cars = serializers.BooleanField(
-        required=False, help_text="Whether one car may race for several racers: for teams and classes."
-    )
     visibility = serializers.ChoiceField(Visibility.choices, required=False)
 
 

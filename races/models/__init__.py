@@ -5,8 +5,9 @@ from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, Rac
 from .counting import BoardCount
 from .duel import Draw, Duel, DuelCar, DuelState
 from .entry import Entry
-from .race import Race, default_sensors, new_invitation
+from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
+from .rules import default_sensors
 from .submission import Submission
 from .video import UNDER_WAY, WHOLE, Video, VideoState
 

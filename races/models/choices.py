@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from paddock.simulator.rules import INNER, OUTER
+from paddock.rules.race import INNER, OUTER
 
 
 class Kind(models.TextChoices):

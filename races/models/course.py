@@ -9,17 +9,14 @@ from django.db import models
 from django.db.models import Func, Q
 from django.db.models.lookups import LessThanOrEqual
 
-from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, LANES, MAX_BOTS, MAX_BOXES, MAX_CARS
+from paddock.rules.race import BOX_FRACTIONS, LANES, MAX_BOTS, MAX_BOXES, RULES
 
 from ..errors import problem
 from .choices import DuelFormat, Opponents, RaceType
+from .rules import within
 
 if TYPE_CHECKING:
     from .race import Race
-
-# Where a fixed box may stand, as a share of the lap: not where cars start or finish (DRoA's race form).
-BOX_FRACTIONS = (0.07, 0.90)
-BOX_DISTANCES_M = (0.5, 20.0)
 
 
 class _Length(Func):
@@ -49,7 +46,7 @@ CONSTRAINTS = (
     ),
     models.CheckConstraint(condition=LessThanOrEqual(_Length("boxes"), MAX_BOXES), name="race_box_count"),
     models.CheckConstraint(
-        condition=Q(box_distance_m__gte=BOX_DISTANCES_M[0], box_distance_m__lte=BOX_DISTANCES_M[1]),
+        condition=within("box_distance_m"),
         name="race_box_distance_range",
     ),
     models.CheckConstraint(
@@ -60,10 +57,10 @@ CONSTRAINTS = (
         name="race_opponents_are_bots_or_models",
     ),
     models.CheckConstraint(
-        condition=Q(bot_speed_mps__gte=BOT_SPEED_RANGE_MPS[0], bot_speed_mps__lte=BOT_SPEED_RANGE_MPS[1]),
+        condition=within("bot_speed_mps"),
         name="race_bot_speed_range",
     ),
-    models.CheckConstraint(condition=Q(duel_cars__gte=2, duel_cars__lte=MAX_CARS), name="race_duel_cars_range"),
+    models.CheckConstraint(condition=within("duel_cars"), name="race_duel_cars_range"),
 )
 
 
@@ -87,18 +84,20 @@ def problems_of(race: Race) -> dict[str, ValidationError]:
     return problems
 
 
+_RANGES = {
+    "box_distance_m": "race_box_distance",
+    "bot_speed_mps": "race_bot_speed",
+    "duel_cars": "race_duel_cars",
+}
+
+
 def _range_problems(race: Race) -> dict[str, ValidationError]:
     """Values that no type of race may have; None, which is no value of its field, is told by the field."""
-    ranges = (
-        ("box_distance_m", "race_box_distance", BOX_DISTANCES_M),
-        ("bot_speed_mps", "race_bot_speed", BOT_SPEED_RANGE_MPS),
-        ("duel_cars", "race_duel_cars", (2, MAX_CARS)),
-    )
     problems = {}
-    for field, code, (least, most) in ranges:
-        value = getattr(race, field)
-        if isinstance(value, int | float) and not least <= value <= most:
-            problems[field] = problem(code, least=f"{least:g}", most=f"{most:g}")
+    for name, code in _RANGES.items():
+        rule, value = RULES[name], getattr(race, name)
+        if isinstance(value, int | float) and not rule.least <= value <= rule.most:
+            problems[name] = problem(code, least=f"{rule.least:g}", most=f"{rule.most:g}")
     return problems
 
 

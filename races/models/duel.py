@@ -6,7 +6,7 @@ from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
-from paddock.simulator.rules import MAX_CARS
+from paddock.rules.race import MAX_CARS
 
 from .entry import Entry
 from .race import Race

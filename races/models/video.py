@@ -12,7 +12,7 @@ from django.utils.translation import gettext_lazy as _
 from core.ids import new_public_id
 from evaluation.models import SHA256, reason_sentence
 from paddock.errors.reasons import REASONS
-from paddock.simulator.rules import MAX_CARS
+from paddock.rules.race import MAX_CARS
 
 WHOLE = 0  # the part that is the whole run
 

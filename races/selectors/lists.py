@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from django.db.models import Case, OuterRef, Q, QuerySet, Value, When
 
 from ..models import Entry, Kind, Race, Redrive, Submission
-from ..ranking import Standing, rule_for
+from ..ranking import Standing, standing_in
 from .boards import ranks_of
 from .counting import racers_on_board
 from .visibility import races_visible_to
@@ -103,12 +103,11 @@ def entry_of(race: Race, racer: Reader) -> Entry | None:
 
 def submissions_of(entry: Entry) -> list[SubmissionRow]:
     """All submissions of an entry, the newest first, each with what it is worth."""
-    rule = rule_for(entry.race)
     rows = []
     related = ("evaluation__result", "evaluation__model", "evaluation__track", "evaluation__owner")
     for submission in entry.submissions.select_related(*related).order_by("-number"):
         result = getattr(submission.evaluation, "result", None)
-        standing = None if result is None else rule.standing(result.laps, entry.race.minimum_laps)
+        standing = None if result is None else standing_in(entry.race, result.laps)
         rows.append(SubmissionRow(submission, standing, submission.pk == entry.best_id))
     return rows
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Value, When
 
 from evaluation.models import TrainedModel
+from paddock.rules.race import EASIER_FIRST
 
 from ..eligibility import refusal
 from ..models import Entry, Kind, Race, Submission, Visibility
@@ -86,7 +87,7 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
         visibility=Visibility.PUBLIC,
         kind=Kind.COMMUNITY,
     )
-    return races.order_by(house_first, "minimum_laps", "-max_resets", "closes_at", "pk")
+    return races.order_by(house_first, *EASIER_FIRST, "closes_at", "pk")
 
 
 def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:

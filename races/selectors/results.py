@@ -14,7 +14,7 @@ from evaluation.models import Result
 
 from ..change import Change, change
 from ..models import Duel, DuelCar, DuelFormat, Entry, Race, Submission
-from ..ranking import Lap, Standing, longest_streak, rule_for
+from ..ranking import Lap, Standing, longest_streak, standing_in
 from .boards import CLASSIFIED, ORDER, board_entries, ranks_of
 from .counting import BoardTotals, totals_of
 
@@ -133,7 +133,7 @@ def result_of(submission: Submission, laps: Sequence[Lap], *, tell_earlier: bool
     if submission.is_void:
         return None
     race = submission.entry.race
-    standing = rule_for(race).standing(laps, race.minimum_laps)
+    standing = standing_in(race, laps)
     number, before = _best_earlier(submission) if tell_earlier else (None, None)
     return RunResult(
         submission=submission,
@@ -162,9 +162,9 @@ def _best_earlier(submission: Submission) -> tuple[int | None, Standing | None]:
     runs = Submission.objects.filter(entry=submission.entry, number__lt=submission.number, is_void=False)
     same_engine = Result.objects.filter(evaluation=submission.evaluation_id).values("engine")
     runs = runs.filter(evaluation__result__engine=Subquery(same_engine[:1])).order_by("number")
-    rule, number, best = rule_for(race), None, None
+    number, best = None, None
     for one, laps in runs.values_list("number", "evaluation__result__laps"):
-        standing = rule.standing(laps, race.minimum_laps)
+        standing = standing_in(race, laps)
         if best is None or standing.key < best.key:
             number, best = one, standing
     return number, best

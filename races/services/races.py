@@ -26,7 +26,7 @@ from ..errors import RaceRefused, problem
 from ..events import RACE_CANCELLED, of_race
 from ..models import Kind, Race, Submission, new_invitation
 from ..quotas import RACES
-from ..validation import EDITABLE_FIELDS, check_race, hold_above
+from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
 from .gates import require_not_over, require_open
 from .stopping import stop_after_commit
 
@@ -90,7 +90,7 @@ def create_league_race(
 
 def edition_of(race: Race) -> str:
     """What stands in all that may be changed of a race, in 16 characters: another after every change."""
-    values = [Race._meta.get_field(name).value_to_string(race) for name in EDITABLE_FIELDS]
+    values = [str(stored_value(race, name)) for name in EDITABLE_FIELDS]
     return hashlib.sha256(repr(values).encode()).hexdigest()[:16]
 
 
@@ -112,7 +112,7 @@ def edit_race(*, race: Race, now: datetime, edition: str | None = None, **change
     for name, value in changes.items():
         setattr(after, name, value)
     check_race(after, now=now, before=before, submissions=has_submissions(before))
-    after.save(update_fields=list(changes))
+    after.save(update_fields=Race.columns_of(changes))
     if after.closes_at != before.closes_at:
         _reschedule(race, after.closes_at)
     race.refresh_from_db()

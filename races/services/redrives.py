@@ -71,7 +71,8 @@ from ..models import (
     Retiming,
     Submission,
 )
-from ..ranking import LAST, NO_RESULT, rule_for
+from ..ranking import LAST, NO_RESULT, standing_in
+from ..ranking import Standing as Worth
 from ..selectors.boards import ranks_of
 from ..validation import hold_above
 from .standings import record_result, work_out_standings
@@ -276,11 +277,11 @@ def _note_retimings(
 ) -> None:
     """Write down whose cars have another score with the new engine. What a car sent meanwhile is worth is a result like
     any, and none of this: an entry that ranks by such a one has a new time here and no new place."""
-    rule, scores = rule_for(race), {}
+    scores: dict[int, Worth] = {}
     verdicts = {submission.pk: redrive.evaluation for submission, redrive in done}
     for submission, redrive in done:
         if redrive.evaluation.state == State.FINISHED:
-            worth = rule.standing(redrive.evaluation.result.laps, race.minimum_laps)
+            worth = standing_in(race, redrive.evaluation.result.laps)
             best = scores.get(submission.entry_id)
             scores[submission.entry_id] = worth if best is None or worth.key < best.key else best
     changes = []

@@ -19,7 +19,7 @@ from evaluation.models import Evaluation, Result, State
 from ..engines import admit
 from ..events import RACE_RESULT, record_board
 from ..models import Entry, Race, Submission
-from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, rule_for
+from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, standing_in
 from .duels import recount
 from .locks import lock_entries, lock_entry
 
@@ -154,7 +154,7 @@ def recompute_fastest(*, race: Race) -> None:
 
 
 def _standing(race: Race, result: Result) -> Standing:
-    return rule_for(race).standing(result.laps, race.minimum_laps)
+    return standing_in(race, result.laps)
 
 
 def _take_result(entry: Entry, submission: Submission, result: Result) -> None:

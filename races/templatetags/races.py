@@ -15,7 +15,7 @@ from django.utils.translation import gettext_noop
 
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
-from races import facts
+from races import facts, ranking
 from races.course import box_marks
 from races.engines import hidden_runs
 from races.models import Entry, Race, RaceState
@@ -147,6 +147,30 @@ def sensor_words(race: Race) -> list[str]:
 def course_rules(race: Race) -> list[str]:
     """The same as rules, a sentence each."""
     return facts.course_rules(race)
+
+
+@register.filter
+def fault_words(race: Race) -> str:
+    """What a fault costs, in a few words."""
+    return facts.fault_words(race)
+
+
+@register.filter
+def fault_rules(race: Race) -> list[str]:
+    """What becomes of a car that leaves the road, a sentence each."""
+    return facts.fault_rules(race)
+
+
+@register.filter
+def rule_figures(race: Race) -> list[tuple[str, str]]:
+    """Label and value of the rules that every race of this type has."""
+    return facts.rule_figures(race)
+
+
+@register.filter
+def laps_needed(race: Race) -> int:
+    """Complete laps in a row that classify a car."""
+    return ranking.laps_needed(race)
 
 
 @register.filter

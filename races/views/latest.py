@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from evaluation.models import Evaluation, State
 from evaluation.selectors import expected_wait_s, queue_position
 from races.models import Entry, Submission
-from races.ranking import Standing, rule_for
+from races.ranking import Standing, standing_in
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,7 @@ class LatestRun:
     def standing(self) -> Standing | None:
         """What its finished run is worth in the race; None until then."""
         result = getattr(self.evaluation, "result", None)
-        race = self.entry.race
-        return None if result is None else rule_for(race).standing(result.laps, race.minimum_laps)
+        return None if result is None else standing_in(self.entry.race, result.laps)
 
     @property
     def counts(self) -> bool:

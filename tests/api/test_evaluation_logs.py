@@ -15,10 +15,10 @@ from django.utils import timezone
 from evaluation.models import Result
 from evaluation.services import finish_evaluation
 from evaluation.services.garage import share_model
+from paddock.rules.race import RaceRules
 from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import RaceResult, run_race
-from paddock.simulator.rules import RaceRules
 from races.services import submit_model
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_model, a_race, drive, laps, start

@@ -13,8 +13,8 @@ from django.utils import timezone
 from evaluation.models import Evaluation
 from evaluation.services import beat, claim_next_evaluation, finish_evaluation, queue_evaluation
 from paddock.errors import UserFault
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import RaceRules
 from races.models import Visibility
 from races.services import submit_model
 from tests.evaluation.stubs import car_outcome, outcome_of, trace_csv

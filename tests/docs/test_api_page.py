@@ -13,7 +13,7 @@ from rest_framework import exceptions
 import config.api.views  # noqa: F401  (its errors are codes, too)
 from core.api.errors import STATUS_OF
 from paddock.errors.reasons import REASONS
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 
 from .pages import code_blocks, section, text
 

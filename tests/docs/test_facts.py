@@ -19,16 +19,16 @@ from paddock.packages.gate.operators import OPERATORS
 from paddock.packages.inputs import CAMERAS, SENSOR_NAMES
 from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from paddock.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
+from paddock.rules.race import RACE_TYPES
 from paddock.simulator import lidar
 from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.car import Pose
 from paddock.simulator.engine import ENGINE_ID
 from paddock.simulator.envs import DEFAULT_METADATA, load_track
-from paddock.simulator.envs.setting import head_to_head, object_avoidance, race_setting, time_trial
+from paddock.simulator.envs.setting import race_setting, rules_of_episodes, time_trial
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.rewards import Objects
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.trace import COLUMNS, STATUSES
 from races.sensors import OFFERABLE, SAME_AS
 from races.validation import MAX_AHEAD, MAX_DURATION
@@ -67,14 +67,10 @@ def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
 
 def test_the_snippet_for_the_environment_names_its_arguments():
     page = section(text("environments.md"), "## The three race types")
-    arguments = {
-        name for made_by in (race_setting, object_avoidance, head_to_head) for name in signature(made_by).parameters
-    } - {"race_type", "objects", "options", "theme", "physics"}
+    rules = {name for race_type in RACE_TYPES for name in rules_of_episodes(race_type)}
+    arguments = set(signature(race_setting).parameters) - {"race_type", "rules", "theme", "physics"}
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
-    assert set(re.findall(r"`(\w+)`", rows)) == arguments | {"render_mode"}
-    rules = RaceRules(race_type="object_avoidance", random_boxes=6)
-    assert f"| {rules.random_boxes}, {rules.box_distance_m} |" in page
-    assert signature(object_avoidance).parameters["mercy_resets"].default == rules.mercy_resets
+    assert set(re.findall(r"`(\w+)`", rows)) == rules | arguments | {"render_mode"}
 
 
 def test_every_sensor_and_the_lidars_beams():

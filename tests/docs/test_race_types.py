@@ -4,8 +4,8 @@ import re
 
 import pytest
 
+from paddock.rules.race import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
 from paddock.simulator import bots, boxes, course, referee
-from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
 from paddock.simulator.solids import box
 
 from .pages import section, text

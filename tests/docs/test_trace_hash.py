@@ -8,7 +8,7 @@ import pytest
 
 from evaluation.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import by_slug
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from paddock.simulator.trace import COLUMNS, STATUSES, Row, Trace
 from training.golden.cars import car
 

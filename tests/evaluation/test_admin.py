@@ -9,7 +9,7 @@ from django.utils import timezone
 from accounts.models import Racer
 from evaluation import services
 from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.rows import model_row
 

@@ -19,8 +19,8 @@ from evaluation.sandbox.policy_process import Policy
 from paddock.exact import PINS, environment, is_pinned
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.session import load
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import DISCRETE, ActionSpace
-from paddock.simulator.rules import RaceRules
 from tests.pinned import pinned_process
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from django.utils import timezone
 from core.clock import database_now
 from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, State
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from races import tasks as race_tasks
 from races.services.videos import ask_for_video, claim_next_video
 from tests.factories import a_race

@@ -10,7 +10,7 @@ from evaluation.pipeline import RaceJob, RivalCar, evaluate
 from evaluation.sandbox.frames import FrameClosed
 from paddock.errors import PlatformFault
 from paddock.geometry.catalogue import CATALOGUE, by_slug
-from paddock.simulator.rules import HEAD_TO_HEAD, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, RaceRules
 from tests.sandbox.networks import METADATA, small_network
 
 

@@ -17,7 +17,7 @@ from evaluation.pipeline import EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.sandbox.probe import probe
 from league.services import house_cars
 from paddock.geometry.catalogue import by_slug
-from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.rules.race import BoxPlace, RaceRules
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]

@@ -21,7 +21,7 @@ from paddock.errors import UserFault
 from paddock.network.bound import Facts
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.rows import METADATA, model_row
 
 pytestmark = pytest.mark.django_db

@@ -20,7 +20,7 @@ from evaluation.sandbox import probe as probing
 from evaluation.services import outages, work
 from evaluation.services.leases import pause_after
 from paddock.errors import PlatformFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import finishes, outcome_of
 from tests.rows import model_row
 

@@ -14,8 +14,8 @@ from evaluation.sandbox.policy_wire import EXACT
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.bound import Facts
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import RaceRules
 from tests.sandbox.conftest import level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, console_sized_network, constant_network, small_network
 

@@ -16,7 +16,7 @@ from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.probe import Layer, SandboxReport
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.sandbox.conftest import PAYLOADS, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, small_network
 

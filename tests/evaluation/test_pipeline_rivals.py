@@ -16,7 +16,7 @@ from evaluation.pipeline import PolicyBudget, RaceJob, RivalCar, evaluate
 from evaluation.sandbox.policy import PolicyProcess
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
-from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.rules.race import BoxPlace, RaceRules
 from tests.sandbox.conftest import PAYLOADS, level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, constant_network, small_network
 

@@ -19,7 +19,7 @@ from evaluation import services, tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
 from league.services import house_cars
 from paddock.packages.read import UploadPart
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests import servers
 from tests.evaluation.held_points import POINTS
 from tests.evaluation.processes import (

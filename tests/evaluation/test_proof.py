@@ -13,8 +13,8 @@ from evaluation.proof import Proof
 from evaluation.sandbox import probe as probing
 from evaluation.services.nodes import note_worker, start_worker
 from paddock.errors import PlatformFault
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import finishes
 from tests.proven import take_as_proven
 from tests.rows import model_row

@@ -16,7 +16,7 @@ from evaluation.services import bell as ringing
 from evaluation.services.results import file_names, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

@@ -17,7 +17,7 @@ from evaluation.services import leases
 from evaluation.services.results import file_names, read_course, read_trace, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
-from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.rules.race import BoxPlace, RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of, trace_csv
 from tests.rows import METADATA, model_row
 

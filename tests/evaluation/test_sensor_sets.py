@@ -18,9 +18,9 @@ from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.session import load
 from paddock.packages.inputs import CAMERAS, LIDARS, input_spec
 from paddock.packages.read import UploadPart
+from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import BoxPlace, RaceRules
 from paddock.simulator.sensors import sensor_spec
 from tests.packages.coach import coach_graph, metadata_dict
 from tests.pinned import pinned_process

@@ -10,7 +10,7 @@ import pytest
 from evaluation import services
 from evaluation.models import Evaluation, Result, State
 from paddock.errors import PlatformFault, UserFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

@@ -145,7 +145,7 @@ class TestReading:
 def test_a_network_with_zeroed_bytes_does_not_race(storage, alice, oval, bell, now):
     from evaluation.models import Evaluation
     from evaluation.services import queue_evaluation
-    from paddock.simulator.rules import RaceRules
+    from paddock.rules.race import RaceRules
 
     onnx = bytes(range(256)) * 200
     model = model_row(alice, onnx=onnx)

@@ -14,7 +14,7 @@ from django.utils import timezone
 from evaluation import services
 from evaluation.models import Evaluation, Result, State
 from evaluation.services.results import read_course, read_trace
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.processes import environment, kill_session, session_of
 from tests.evaluation.stubs import trace_csv
 from tests.rows import model_row

@@ -12,7 +12,7 @@ from evaluation import line, selectors, services
 from evaluation.line import URGENT
 from evaluation.models import Evaluation, State
 from evaluation.templatetags.queue import done_in, in_line, place
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
 

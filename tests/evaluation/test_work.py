@@ -16,8 +16,8 @@ from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.sandbox import probe as probing
 from evaluation.services import heart, work
 from paddock.errors import PlatformFault, UserFault
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import finishes, outcome_of, trace_csv
 from tests.rows import model_row
 

@@ -19,8 +19,8 @@ from evaluation.models import Evaluation, Result
 from league.services import house_cars
 from paddock.errors import PlatformFault, UserFault
 from paddock.packages.read import UploadPart
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import track_row
 from tests.shared import CHECKOUT, CONSOLE_CAR, SHARED, needs_shared

@@ -15,7 +15,7 @@ from evaluation.models import Result, RivalResult
 from evaluation.services.results import read_course
 from league.services import house_cars
 from paddock.packages.read import UploadPart
-from paddock.simulator.rules import BoxPlace, RaceRules
+from paddock.rules.race import BoxPlace, RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.league.test_evaluate import CAR, CAR_FILES, evaluate
 from tests.rows import track_row

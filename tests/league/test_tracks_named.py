@@ -25,7 +25,7 @@ from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.npy import write_npy
 from paddock.geometry.track import TrackGeometry
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.shared import CHECKOUT
 from tracks.models import Look, Track

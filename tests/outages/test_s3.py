@@ -17,7 +17,7 @@ from evaluation import pipeline, services
 from evaluation.models import Damage, Evaluation, Outage, Result, State, StoredFile
 from evaluation.services import stored, work
 from paddock.errors import PlatformFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import finishes
 from tests.evaluation.test_outages import Steady
 from tests.factories import a_race, a_racer, drive, laps

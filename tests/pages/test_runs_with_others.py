@@ -9,8 +9,8 @@ from django.utils import timezone
 
 from evaluation.models import Evaluation, RivalResult, TrainedModel
 from evaluation.services import finish_evaluation, queue_evaluation
+from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.course import lay_course
-from paddock.simulator.rules import BoxPlace, RaceRules
 from races.models import Duel
 from races.replay import map_point
 from tests.evaluation.stubs import car_outcome, outcome_of

@@ -24,7 +24,7 @@ from evaluation.services.nodes import (
     stop_worker,
 )
 from league.selectors.workers import database_now, queues_at, workers_at
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from races.models import Entry, Video, VideoState
 from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, a_track

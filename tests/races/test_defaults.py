@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from argparse import ArgumentParser
 from datetime import timedelta
-from inspect import signature
 from typing import Any
 
 import pytest
@@ -15,12 +14,11 @@ from django.utils import timezone
 from config.management.race_options import add_race_options, rules_of
 from league.models import Stage, StageRules
 from league.stage_fields import PROPOSALS as OF_A_SEASON
-from paddock.simulator.envs.setting import head_to_head, object_avoidance, race_setting
-from paddock.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
+from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RACE_TYPES, RaceRules
+from paddock.simulator.envs.setting import head_to_head, object_avoidance, rules_of_episodes
 from races.course import race_rules
 from races.forms import RaceForm
 from races.models import Race
-from tests.docs.pages import text
 from tests.factories import a_track
 from training.forms.training import INITIAL
 from training.models import TrainingJob
@@ -56,13 +54,9 @@ def test_the_evaluate_command():
     assert rules_of(vars(parser.parse_args([]))) == RaceRules()
 
 
-@pytest.mark.parametrize("make", [race_setting, object_avoidance, head_to_head])
-def test_the_environments(make):
-    arguments = signature(make).parameters.items()
-    said = {name: one.default for name, one in arguments if name in RULES and one.default is not one.empty}
-    for name, proposed in (("boxes", ()), ("random_boxes", None), ("bots", PROPOSED_BOTS)):
-        assert said.pop(name, proposed) == proposed
-    said = {name: value for name, value in said.items() if name not in OF_AN_EPISODE}
+@pytest.mark.parametrize("race_type", RACE_TYPES)
+def test_the_environments(race_type):
+    said = {name: value for name, value in rules_of_episodes(race_type).items() if name not in OF_AN_EPISODE}
     assert said and said == agreeing(said)
 
 
@@ -97,16 +91,3 @@ def test_the_api(alice, client):
     assert answer.status_code == 201, answer.content
     said = {name: value for name, value in answer.json().items() if name in RULES and name != "boxes"}
     assert said and said == agreeing(said)
-
-
-def test_the_pages_of_the_documentation():
-    rows = text("organisers.md")
-    assert (
-        f"| off-track penalty | the car stands still for so long | {RaceRules.off_track_penalty_ms / 1000:g} s |"
-        in rows
-    )
-    assert f"the car stands still for so long | {RaceRules.collision_penalty_ms / 1000:g} s |" in rows
-    assert f"simulated time of a run | {RaceRules.max_simulated_ms / 1000:g} s |" in rows
-    assert f"`off_track_penalty_ms` | the rules | 1, 0, 60 000, {RaceRules.off_track_penalty_ms} |" in text(
-        "environments.md"
-    )

@@ -7,7 +7,7 @@ import pytest
 from evaluation.models import Evaluation, State
 from evaluation.services import finish_evaluation
 from evaluation.signals import evaluation_ended
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from races import services
 from races.models import Draw, DuelCar, DuelState, Entry
 from races.selectors import podiums

@@ -14,7 +14,7 @@ from evaluation.models import Result
 from evaluation.services import finish_evaluation, queue_evaluation, stop_evaluation
 from evaluation.signals import evaluation_ended
 from paddock.errors import UserFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from races.models import Entry, Race, Submission
 from races.selectors import board
 from races.services import (

@@ -81,7 +81,7 @@ def test_runs_on_a_board_are_seen_by_who_sees_the_board_and_other_runs_by_few(ca
         runs[f"{slug} worse"] = drive(race, bob, laps(9_500, 9_500, 9_500), now).evaluation
         runs[f"{slug} waiting"] = submit_model(race=race, racer=bob, model=a_model(bob), now=now).evaluation
     from evaluation.services import queue_evaluation
-    from paddock.simulator.rules import RaceRules
+    from paddock.rules.race import RaceRules
 
     runs["test drive"] = queue_evaluation(
         owner=bob, model=a_model(bob), track=races["public"].track, rules=RaceRules(), now=now

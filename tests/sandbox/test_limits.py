@@ -11,7 +11,7 @@ from evaluation.sandbox.limits import POLICY, PROBE, RUNNER, Limits
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_client import TOTAL_S
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.simulator.rules import MAX_CARS, RaceRules
+from paddock.rules.race import MAX_CARS, RaceRules
 
 from .networks import HEADER, METADATA, console_sized_network, small_network
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import Action
 from paddock.simulator.bots import FOLLOW_M, Bots, LanePaths
 from paddock.simulator.car import Pose
@@ -14,7 +15,6 @@ from paddock.simulator.contact import cars_touch
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import LAPS_DONE
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.stage import Ground, Stage
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, OFF_TRACK, PAUSE
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.car import Pose
 from paddock.simulator.contact import hits_box, overlaps_box
@@ -17,7 +18,6 @@ from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
-from paddock.simulator.rules import BoxPlace, RaceRules
 from paddock.simulator.solids import box
 from paddock.simulator.stage import Ground, Stage
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, TIME_UP

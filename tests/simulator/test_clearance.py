@@ -10,11 +10,11 @@ import pytest
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import read_npy
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import RaceRules
 from paddock.simulator import stage
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import clear_distance
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import RaceRules
 from tests.shared import SHARED, needs_shared
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from paddock.geometry.npy import read_npy
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import RaceRules
 from tests.shared import CONSOLE_CAR, SHARED, needs_shared
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import read_npy
+from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.course import (
     BOTS_END_M,
     BOTS_START_M,
@@ -21,7 +22,6 @@ from paddock.simulator.course import (
     lay_course,
     start_places,
 )
-from paddock.simulator.rules import BoxPlace, RaceRules
 from tests.shared import CHECKOUT, SHARED, needs_shared
 
 from .tracks_for_tests import hairpin, stadium

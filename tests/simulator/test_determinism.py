@@ -9,10 +9,10 @@ import sys
 import numpy as np
 import pytest
 
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, run_race
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.sensors import POSE
 from tests.shared import CHECKOUT
 

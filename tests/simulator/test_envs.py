@@ -9,10 +9,10 @@ from gymnasium.utils.env_checker import check_env
 import paddock.simulator.envs
 from paddock.errors import UserFault
 from paddock.geometry.npy import write_npy
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.envs import DEFAULT_METADATA, load_track
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import RaceRules
 from tests.shared import SHARED, needs_shared
 
 from .tracks_for_tests import stadium

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.trace import COLUMNS
 from tests.shared import SHARED, needs_shared
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.car import Pose
 from paddock.simulator.course import lay_course
@@ -19,7 +20,6 @@ from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach, clear_distance
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
-from paddock.simulator.rules import BoxPlace, RaceRules
 from paddock.simulator.trace import IMMOBILIZED, IN_PROGRESS, OFF_TRACK, REVERSED, TIME_UP
 
 from .tracks_for_tests import hairpin, stadium

@@ -6,6 +6,7 @@ import pytest
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import read_npy
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.bots import Bots, LanePaths
 from paddock.simulator.car import Pose
@@ -15,7 +16,6 @@ from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.progress import Reach, clear_distance
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import Referee
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.trace import PAUSE
 from tests.shared import SHARED, needs_shared
 

@@ -6,10 +6,10 @@ import pytest
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.world import World
 
 from .tracks_for_tests import stadium

@@ -7,13 +7,13 @@ import pytest
 
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import Action, ActionSpace
 from paddock.simulator.car import Pose
 from paddock.simulator.contact import cars_touch
 from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, run_race
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.stage import Ground, Stage
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
 from tests.simulator.test_race import clients

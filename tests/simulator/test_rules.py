@@ -2,8 +2,8 @@ import json
 
 import pytest
 
+from paddock.rules.race import RaceRules, penalty_steps
 from paddock.simulator.clock import milliseconds
-from paddock.simulator.rules import RaceRules, penalty_steps
 
 
 def test_rules_survive_json():

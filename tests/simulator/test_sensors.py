@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from paddock.packages.inputs import SENSOR_NAMES, input_spec
+from paddock.rules.race import RaceRules
 from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT
 from paddock.simulator.camera.view import Camera, Scene
 from paddock.simulator.car import Pose
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.sensors import POSE, SENSORS, make_sensors, sensor_spec
 from paddock.simulator.solids import box, car
 from paddock.simulator.stage import Ground, Stage

@@ -12,8 +12,8 @@ from evaluation.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import RaceRules
 from training.house_cars.files import FOLDER, KEY, LAPS
 from training.house_cars.recipes import RECIPES
 

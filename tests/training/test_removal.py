@@ -16,7 +16,7 @@ from evaluation.models import State, TrainedModel
 from evaluation.services import queue_evaluation
 from evaluation.services.stored import store
 from paddock.errors import UserFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from races.services import submit_model
 from tests.factories import a_race
 from tests.training.jobs import a_training, an_iteration

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from paddock.rules.race import RACE_TYPES
 from paddock.simulator.rewards import avoid_objects, follow_centre_line
-from paddock.simulator.rules import RACE_TYPES
 from training.rewards.examples import DEFAULT, EXAMPLES, example
 from training.rewards.function import load_reward
 from training.rewards.states import five_states

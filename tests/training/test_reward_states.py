@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from paddock.simulator.rules import RACE_TYPES
+from paddock.rules.race import RACE_TYPES
 from training.rewards.states import STATES, five_states
 
 NUMBER, PAIR = "number", "pair"

@@ -13,7 +13,7 @@ from evaluation.sandbox.launch import LEVEL_NAMESPACES
 from evaluation.sandbox.limits import REWARD
 from evaluation.sandbox.probe import probe
 from paddock.errors import PlatformFault
-from paddock.simulator.rules import RACE_TYPES
+from paddock.rules.race import RACE_TYPES
 from training.rewards import ask, modules
 from training.rewards.states import STATES, five_states
 from training.rewards.validate import Problem, check_reward, validate_reward

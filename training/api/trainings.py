@@ -25,9 +25,9 @@ from rest_framework.views import APIView
 from accounts.scopes import TRAIN
 from core.bodies import Body, refuse_fields
 from paddock.errors import UserFault
-from races.api.course import BoxPlaceSerializer
 from races.api.evaluations import EvaluationSerializer
 from races.models import Race, RaceType
+from races.rules.serializers import BoxPlaceSerializer
 from races.selectors import races_visible_to
 from tracks.models import Direction, Track
 from training.checks import refusals

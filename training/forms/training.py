@@ -15,7 +15,7 @@ from django.utils.translation import pgettext_lazy
 
 from core.forms import add_fault
 from paddock.errors import UserFault
-from paddock.simulator.rules import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
+from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
 from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
 from races.models import Opponents, Race, RaceType

@@ -11,7 +11,7 @@ from typing import Any
 from paddock.geometry.catalogue import by_slug
 from paddock.geometry.npy import read_npy
 from paddock.geometry.track import TrackGeometry
-from paddock.simulator.rules import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIME_TRIAL, BoxPlace, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIME_TRIAL, BoxPlace, RaceRules
 
 CONSOLE = "console"  # the car that the old console trained: only where somebody has its archive
 

@@ -10,9 +10,9 @@ import numpy as np
 import onnxruntime
 
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.race import run_race
-from paddock.simulator.rules import RaceRules
 
 from .environment import SENSOR
 
@@ -54,7 +54,7 @@ def score(onnx: bytes, metadata: dict[str, Any], courses: Sequence[tuple[str, st
     clean, speed, distance = 0, 0.0, 0.0
     for slug, direction in courses:
         track = _TRACKS[slug].geometry()
-        rules = RaceRules(laps=1, max_resets=0, max_simulated_ms=120_000, direction=direction)
+        rules = RaceRules.of_an_episode(max_simulated_ms=120_000, direction=direction)
         lap = run_race(track, rules, space, [SENSOR], driver).laps[0]
         distance += lap.completion_percentage / 100.0
         if lap.complete:

@@ -12,7 +12,7 @@ from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.packages.read import UploadPart
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 
 from .recipes import Recipe
 

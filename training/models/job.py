@@ -13,7 +13,7 @@ from django.utils.translation import gettext_lazy as _
 from core.ids import new_public_id
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import reason_sentence
-from paddock.simulator.rules import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, RaceRules
+from paddock.rules.race import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, RaceRules
 from races.models import RaceType
 from tracks.models import Direction
 

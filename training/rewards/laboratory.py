@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import RaceRules
 from paddock.simulator.action import Action
 from paddock.simulator.car import Pose
 from paddock.simulator.contestant import Contestant
@@ -18,7 +19,6 @@ from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import run_race
 from paddock.simulator.rewards import Objects, reward_params
-from paddock.simulator.rules import RaceRules
 from paddock.simulator.solids import Solid
 from paddock.simulator.trace import Trace
 
@@ -66,7 +66,7 @@ def record_lap(
         pilot: CentreLinePilot = SwayingPilot(track, direction, speed_mps, sway_m)
     else:
         pilot = CentreLinePilot(track, direction, speed=speed_mps, offset=offset_m)
-    rules = RaceRules(laps=1, max_resets=0, max_simulated_ms=_LAP_MS, direction=direction)
+    rules = RaceRules.of_an_episode(max_simulated_ms=_LAP_MS, direction=direction)
     trace = run_race(track, rules, pilot.action_space, pilot.sensors, pilot).trace
     return params_along(track.in_direction(direction), trace.columns)
 

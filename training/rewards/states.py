@@ -8,13 +8,13 @@ import math
 
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import INNER, OUTER, RaceRules
 from paddock.simulator.action import Action
 from paddock.simulator.car import Pose
 from paddock.simulator.contestant import Contestant
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.referee import Referee
 from paddock.simulator.rewards import Objects, reward_params
-from paddock.simulator.rules import INNER, OUTER, RaceRules
 from paddock.simulator.solids import Solid, box, car
 from paddock.simulator.trace import OFF_TRACK
 
@@ -68,7 +68,7 @@ def _drive(track: TrackGeometry, solids: list[Solid], leaves: float) -> list[Par
     """The params of every step of one lap along the track, a little left of its centre; off the road for good where
     the share ``leaves`` of the lap is behind."""
     placed = _PlacedCar()
-    referee = Referee(track, RaceRules(laps=1, max_resets=0), PADDOCK_CAR)
+    referee = Referee(track, RaceRules.of_an_episode(max_simulated_ms=RaceRules.max_simulated_ms), PADDOCK_CAR)
     contestant = Contestant(placed, referee, {}, lambda _: solids)  # type: ignore[arg-type]
     objects = Objects(track, 1.0)
     waypoints = [(float(x), float(y)) for x, y in track.centre]

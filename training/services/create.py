@@ -18,8 +18,8 @@ from evaluation.models import TrainedModel
 from evaluation.services.garage import refuse_full_garage
 from paddock.errors import PlatformFault, UserFault
 from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
+from paddock.rules.race import RaceRules
 from paddock.simulator.course import lay_course
-from paddock.simulator.rules import RaceRules
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
 from races.sensors import not_offered

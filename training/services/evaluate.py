@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from evaluation.models import Evaluation
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 
 from ..models import TrainingJob
 from .create import course_of

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.envs.sb3 import SB3VecEnv
 from paddock.simulator.rewards import RewardFunction
-from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
 from paddock.simulator.trace import LABELS, Row, Trace
 from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 
@@ -63,8 +63,6 @@ class Cars(SB3VecEnv):
             track=track,
             direction=track.direction,
             metadata=spec.metadata,
-            laps=1,
-            max_resets=0,
             max_simulated_ms=lap_limit_ms(track, space),
             start="random",
             reward_function=list(rewards),

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.envs.drive import Drive
 from paddock.simulator.envs.setting import Setting, head_to_head, object_avoidance, time_trial
 from paddock.simulator.referee import LAPS_DONE
 from paddock.simulator.rewards import RewardFunction
-from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
 from paddock.simulator.trace import LABELS
 
 from .cars import lap_limit_ms
@@ -95,7 +95,6 @@ class Judge:
             direction=track.direction,
             metadata=self._spec.metadata,
             laps=laps,
-            max_resets=0,
             max_simulated_ms=laps * lap_limit_ms(track, space),
             reward_function=reward,
             theme=THEMES[self._spec.look],

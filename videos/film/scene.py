@@ -13,7 +13,7 @@ from django.utils.translation import override
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
-from paddock.simulator.rules import MAX_CARS
+from paddock.rules.race import MAX_CARS
 
 MAX_SECONDS = 600  # of a run that is filmed; of a longer one a single lap is
 CARD_MS = 2500  # the card with the figures stands so long at the end

@@ -27,9 +27,9 @@ from league.templatetags.paddock import lap_time
 from paddock.errors import PaddockError, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.read import UploadPart
+from paddock.rules.race import MAX_CARS
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.course import lay_course
-from paddock.simulator.rules import MAX_CARS
 
 
 class Command(JsonCommand):

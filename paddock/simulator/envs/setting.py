@@ -17,13 +17,22 @@ from gymnasium import spaces
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.metadata import ModelMetadata, parse_metadata
+from paddock.rules.race import (
+    HEAD_TO_HEAD,
+    OBJECT_AVOIDANCE,
+    PROPOSED_BOTS,
+    PROPOSED_BOXES,
+    RUN_RULES,
+    TIME_TRIAL,
+    BoxPlace,
+    RaceRules,
+)
 
 from ..action import DISCRETE, ActionSpace
 from ..camera.theme import OFFICIAL, Theme
 from ..course import lay_course
 from ..physics import PADDOCK_CAR, CarPhysics
 from ..rewards import RewardFunction, avoid_objects, follow_centre_line
-from ..rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, PROPOSED_BOTS, PROPOSED_BOXES, TIME_TRIAL, BoxPlace, RaceRules
 from ..sensors import sensor_spec
 from ..stage import Ground
 
@@ -115,104 +124,74 @@ class Setting:
 
 def time_trial(**options: Any) -> Setting:
     """Laps alone; ``options``: see :func:`race_setting`."""
-    return race_setting(TIME_TRIAL, {}, **options)
+    return race_setting(TIME_TRIAL, **options)
 
 
 def object_avoidance(
     *,
     boxes: Sequence[BoxPlace | Mapping[str, Any] | tuple[float, str]] = (),
     random_boxes: int | None = None,
-    box_distance_m: float = RaceRules.box_distance_m,
-    mercy_resets: int = RaceRules.mercy_resets,
-    collision_penalty_ms: int = RaceRules.collision_penalty_ms,
-    course_seed: int | None = None,
     reward_function: RewardFunction = avoid_objects,
     **options: Any,
 ) -> Setting:
     """Laps past boxes: at fixed places (fraction of the lap, lane), or ``random_boxes`` of them (6 unless told
     otherwise) in other places in every episode, drawn from the seed of ``reset``; always the same with ``course_seed``.
 
-    The others: rules of a race, and ``options`` as for :func:`race_setting`.
+    ``options``: as for :func:`race_setting`.
     """
-    rules = {
-        "boxes": tuple(_box_place(place) for place in boxes),
-        "random_boxes": (0 if boxes else PROPOSED_BOXES) if random_boxes is None else random_boxes,
-        "box_distance_m": box_distance_m,
-        "mercy_resets": mercy_resets,
-        "collision_penalty_ms": collision_penalty_ms,
-    }
-    return race_setting(OBJECT_AVOIDANCE, rules, course_seed, reward_function=reward_function, **options)
+    places = tuple(_box_place(place) for place in boxes)
+    count = (0 if places else PROPOSED_BOXES) if random_boxes is None else random_boxes
+    return race_setting(OBJECT_AVOIDANCE, boxes=places, random_boxes=count, reward_function=reward_function, **options)
 
 
 def head_to_head(
-    *,
-    bots: int = PROPOSED_BOTS,
-    bot_speed_mps: float = RaceRules.bot_speed_mps,
-    bot_lane_changes: bool = RaceRules.bot_lane_changes,
-    bot_lane_change_ms: tuple[int, int] = RaceRules.bot_lane_change_ms,
-    bot_pause_ms: int = RaceRules.bot_pause_ms,
-    collision_penalty_ms: int = RaceRules.collision_penalty_ms,
-    course_seed: int | None = None,
-    reward_function: RewardFunction = avoid_objects,
-    **options: Any,
+    *, bots: int = PROPOSED_BOTS, reward_function: RewardFunction = avoid_objects, **options: Any
 ) -> Setting:
     """Laps among bot cars, which draw their lanes and lane changes from the seed of ``reset``, anew in every episode;
-    always the same with ``course_seed``. The others: rules of a race, and ``options`` as for :func:`race_setting`."""
+    always the same with ``course_seed``. ``options``: as for :func:`race_setting`."""
     if not bots:
         raise ValueError("bots must be at least 1: other models do not drive in an environment")
-    rules = {
-        "bots": bots,
-        "bot_speed_mps": bot_speed_mps,
-        "bot_lane_changes": bot_lane_changes,
-        "bot_lane_change_ms": bot_lane_change_ms,
-        "bot_pause_ms": bot_pause_ms,
-        "collision_penalty_ms": collision_penalty_ms,
-    }
-    return race_setting(HEAD_TO_HEAD, rules, course_seed, reward_function=reward_function, **options)
+    return race_setting(HEAD_TO_HEAD, bots=bots, reward_function=reward_function, **options)
+
+
+def rules_of_episodes(race_type: str) -> dict[str, Any]:
+    """The rules that an environment of this type takes by their names, and what each is unless somebody says so."""
+    told = (rule for name, rule in RUN_RULES.items() if name not in ("race_type", "seed"))
+    return {rule.name: rule.default_of_an_episode for rule in told if rule.belongs_to(race_type)}
 
 
 def race_setting(
     race_type: str,
-    objects: Mapping[str, Any],
-    course_seed: int | None = None,
     *,
     track: Track = "oval",
-    direction: str = RaceRules.direction,
     metadata: Mapping[str, Any] = DEFAULT_METADATA,
-    laps: int = 1,
-    max_resets: int = 0,
-    max_simulated_ms: int = 60_000,
-    off_track_penalty_ms: int = RaceRules.off_track_penalty_ms,
     start: str = "fixed",
+    course_seed: int | None = None,
     reward_function: RewardFunction = follow_centre_line,
     observation: str = DICT,
     theme: Theme = OFFICIAL,
     physics: CarPhysics = PADDOCK_CAR,
+    **rules: Any,
 ) -> Setting:
-    """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``direction``: "ccw" or "cw".
-    ``metadata``: a ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre
-    line. ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb"
-    the same as three equal channels, for wrappers that want a colour picture. The others: rules of a race.
+    """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``metadata``: a
+    ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre line.
+    ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb" the same
+    as three equal channels, for wrappers that want a colour picture. ``rules``: see :func:`rules_of_episodes`.
 
-    Raises ValueError for a wrong argument or for metadata that an upload would be refused for, UserFault for a track
-    file or a course that is refused.
+    Raises TypeError for a rule that this type of race does not have, ValueError for a wrong argument or for metadata
+    that an upload would be refused for, UserFault for a track file or a course that is refused.
     """
+    usual = rules_of_episodes(race_type)
+    if unknown := rules.keys() - usual.keys():
+        raise TypeError(f"{race_type} takes no {', '.join(sorted(unknown))}; its rules are {', '.join(usual)}")
+    told = RaceRules(race_type=race_type, seed=course_seed or 0, **{**usual, **rules})
     if start not in ("fixed", "random"):
         raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
     checked = check_metadata(metadata)
     _check_observation(observation, checked)
     setting = Setting(
-        ground=Ground(load_track(track), direction, theme),
-        rules=RaceRules(
-            race_type=race_type,
-            laps=laps,
-            max_resets=max_resets,
-            max_simulated_ms=max_simulated_ms,
-            off_track_penalty_ms=off_track_penalty_ms,
-            direction=direction,
-            seed=course_seed or 0,
-            **objects,
-        ),
+        ground=Ground(load_track(track), told.direction, theme),
+        rules=told,
         metadata=checked,
         actions=ActionSpace.from_metadata(checked.to_dict()),
         physics=physics,

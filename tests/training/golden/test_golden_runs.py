@@ -7,8 +7,8 @@ import json
 import pytest
 
 from paddock.packages.inputs import CAMERAS, LIDARS
+from paddock.rules.race import DIRECTIONS, RACE_TYPES
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.rules import DIRECTIONS, RACE_TYPES
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 from training.golden import __main__ as command
 from training.golden import table

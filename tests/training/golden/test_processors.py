@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from paddock.simulator.rules import RaceRules
+from paddock.rules.race import RaceRules
 from tests.shared import CHECKOUT
 from training.golden.processors import EMULATOR, NATIVE, PROCESSORS, Processor, ProcessorFailed, emulator, side_by_side
 from training.golden.runs import CONSOLE, RUNS, GoldenRun, runs_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from paddock.errors.reasons import gettext_noop as _
-from paddock.simulator.rules import HEAD_TO_HEAD, OBJECT_AVOIDANCE, RACE_TYPES
+from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, RACE_TYPES
 
 _HERE = Path(__file__).parent
 

@@ -1,0 +1,342 @@
+"""The list of race rules: what a race asks and punishes, as plain values that cross a pipe as JSON.
+
+Two classes hold it. A run is told :class:`RaceRules`; :class:`BoardRules` are what an organiser chooses besides: who is
+ranked how, how often a car is sent and with what. To add a rule, add a field here and read it where it acts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .rule import Rule, rule, rules_in
+from .rule import gettext_noop as _
+
+TIME_TRIAL, OBJECT_AVOIDANCE, HEAD_TO_HEAD = "time_trial", "object_avoidance", "head_to_head"
+RACE_TYPES = (TIME_TRIAL, OBJECT_AVOIDANCE, HEAD_TO_HEAD)
+DIRECTIONS = ("ccw", "cw")
+AVERAGE, BEST, TOTAL = RANKING_METHODS = ("average", "best", "total")
+BOTS, MODELS = OPPONENTS = ("bots", "models")
+ROUND_ROBIN, BRACKET = DUEL_FORMATS = ("round_robin", "bracket")
+
+# Of the track's lanes: the one beside the inner border and the one beside the outer border, whatever the direction.
+INNER, OUTER = "inner", "outer"
+LANES = (INNER, OUTER)
+
+MAX_BOXES = 10  # console API
+MAX_BOTS = 6  # console API
+MAX_CARS = 4  # in one world, model against model
+BOT_SPEED_RANGE_MPS = (0.2, 4.0)
+# Where a race may have a fixed box, as a share of the lap: not where cars start or finish (DRoA's race form).
+BOX_FRACTIONS = (0.07, 0.90)
+
+
+@dataclass(frozen=True)
+class BoxPlace:
+    """Where a box stands: the share of a lap driven there from the finish line, in [0, 1), and the lane it stands in
+    the middle of."""
+
+    fraction: float
+    lane: str
+
+    def __post_init__(self) -> None:
+        value = self.fraction
+        if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value <= 1.0:
+            raise ValueError(f"fraction must be a number from 0.0 to 1.0, not {value!r}")
+        if value >= 1.0:
+            raise ValueError("fraction must be less than 1")
+        if self.lane not in LANES:
+            raise ValueError(f"lane must be one of {LANES}, not {self.lane!r}")
+
+
+@dataclass(frozen=True)
+class RaceRules:
+    """What a run is told. Raises ValueError at construction when a value makes no sense; whether boxes have room on a
+    certain track is for the simulator's course.
+
+    Defaults: deepracer-simapp, evaluation_worker.py. Penalties are stood still on the track, in whole control steps
+    (1/15 s, rounded up). Object avoidance has ``boxes`` or ``random_boxes``, 1 to 10; head-to-head has ``bots``, or
+    none and submitted cars race each other.
+    """
+
+    race_type: str = rule(TIME_TRIAL, label=_("Race type"), choices=RACE_TYPES, column=True)
+    laps: int = rule(
+        3, place=2, label=_("Laps driven"), least=1, most=20, beyond=True, episode=1, stage=True, column=True
+    )
+    off_track_penalty_ms: int = rule(
+        2000,
+        place=4,
+        label=_("Off-track penalty"),
+        short=_("Penalty"),
+        help=_("The car stands still for so long before it goes on."),
+        unit="ms",
+        least=0,
+        most=60_000,
+        beyond=True,
+        stage=True,
+        column=True,
+    )
+    collision_penalty_ms: int = rule(
+        5000,
+        place=5,
+        label=_("Collision penalty"),
+        help=_("For running into a box, a bot or another car."),
+        unit="ms",
+        least=0,
+        most=60_000,
+        beyond=True,
+        race_types=(OBJECT_AVOIDANCE, HEAD_TO_HEAD),
+        stage=True,
+        column=True,
+    )
+    # over all laps
+    max_resets: int = rule(
+        10_000,
+        place=6,
+        label=_("Resets allowed"),
+        help=_("0: the first fault ends the run."),
+        least=0,
+        most=10_000,
+        beyond=True,
+        unlimited=10_000,
+        episode=0,
+        stage=True,
+        column=True,
+    )
+    max_simulated_ms: int = rule(
+        180_000,
+        place=7,
+        label=_("Time limit"),
+        help=_("Simulated time for the whole run."),
+        unit="ms",
+        least=10_000,
+        most=1_200_000,
+        beyond=True,
+        episode=60_000,
+        stage=True,
+        column=True,
+        option="time-limit",
+    )
+    seed: int = rule(
+        0,
+        label=_("Seed"),
+        help=_("Another number, other draws; the same number, the same for everybody."),
+        least=0,
+        most=2**31 - 1,
+        beyond=True,
+        column=True,
+    )
+    direction: str = rule("ccw", label=_("Direction"), choices=DIRECTIONS, column=True)
+    boxes: tuple[BoxPlace, ...] = rule(
+        (),
+        label=_("Boxes"),
+        help=_("Percentages of the lap from the finish line, in the direction driven."),
+        race_types=(OBJECT_AVOIDANCE,),
+        layout=True,
+        column=True,
+    )
+    # instead of fixed places, drawn from the seed
+    random_boxes: int = rule(
+        0,
+        label=_("How many boxes"),
+        least=1,
+        most=MAX_BOXES,
+        beyond=True,
+        race_types=(OBJECT_AVOIDANCE,),
+        layout=True,
+        column=True,
+        proposed=6,
+        option="obstacles",
+    )
+    box_distance_m: float = rule(
+        2.0,
+        label=_("Metres between boxes at least"),
+        unit="m",
+        least=0.5,
+        most=20.0,
+        beyond=True,
+        race_types=(OBJECT_AVOIDANCE,),
+        layout=True,
+        column=True,
+        option="obstacle-distance",
+    )
+    # At so many resets near one box the car is put behind it (0: never), because the same car in the same place would
+    # do the same for ever. Simapp has this rule (ENABLE_MERCY_RESET, with 3) but off: its runs differ.
+    mercy_resets: int = rule(
+        3,
+        label="At which reset near one box the car is put behind it",
+        help="0: never.",
+        least=0,
+        race_types=(OBJECT_AVOIDANCE,),
+        run_only=True,
+    )
+    bots: int = rule(
+        0,
+        label=_("How many bots"),
+        least=1,
+        most=MAX_BOTS,
+        beyond=True,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        column=True,
+        proposed=4,
+    )
+    bot_speed_mps: float = rule(
+        1.0,
+        label=_("Their speed in m/s"),
+        unit="m/s",
+        least=BOT_SPEED_RANGE_MPS[0],
+        most=BOT_SPEED_RANGE_MPS[1],
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        column=True,
+        option="bot-speed",
+    )
+    bot_lane_changes: bool = rule(
+        False,
+        label=_("They change lanes"),
+        help=_("At moments drawn from the seed."),
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        option="lane-changes",
+    )
+    bot_lane_change_ms: tuple[int, int] = rule(
+        (3000, 5000),
+        label="Between two lane changes of a bot, least and most",
+        race_types=(HEAD_TO_HEAD,),
+        run_only=True,
+    )
+    bot_pause_ms: int = rule(
+        2000, label="So long a bot stands after a crash", least=0, race_types=(HEAD_TO_HEAD,), run_only=True
+    )
+
+    def __post_init__(self) -> None:
+        for one in RUN_RULES.values():
+            one.check(getattr(self, one.name))
+        count = len(self.boxes) + self.random_boxes
+        if self.boxes and self.random_boxes:
+            raise ValueError("boxes have fixed places or random ones, not both")
+        if self.race_type == OBJECT_AVOIDANCE and not 1 <= count <= MAX_BOXES:
+            raise ValueError(f"object avoidance needs 1 to {MAX_BOXES} boxes, not {count}")
+        if self.race_type != OBJECT_AVOIDANCE and count:
+            raise ValueError("only object avoidance has boxes")
+        if self.race_type != HEAD_TO_HEAD and self.bots:
+            raise ValueError("only head-to-head has bots")
+        if self.bots > MAX_BOTS:
+            raise ValueError(f"bots must be at most {MAX_BOTS}, not {self.bots}")
+        least, most = self.bot_lane_change_ms
+        if not 0 < least <= most:
+            raise ValueError(f"bot_lane_change_ms must be (least, most) milliseconds, not {self.bot_lane_change_ms!r}")
+
+    @classmethod
+    def of_an_episode(cls, **rules: Any) -> RaceRules:
+        """Those of an environment's episode, one lap until the first fault, where ``rules`` say nothing else."""
+        return cls(**{one.name: one.episode for one in RUN_RULES.values() if one.episode is not None} | rules)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> RaceRules:
+        """The rules that :meth:`to_dict` wrote, also after a way through JSON. Raises TypeError for an unknown key,
+        ValueError for a bad value."""
+        values = dict(data)
+        if "boxes" in values:
+            values["boxes"] = tuple(BoxPlace(**box) for box in values["boxes"])
+        if "bot_lane_change_ms" in values:
+            values["bot_lane_change_ms"] = tuple(values["bot_lane_change_ms"])
+        return cls(**values)
+
+
+@dataclass(frozen=True)
+class BoardRules:
+    """What an organiser chooses besides: who is ranked how, how often a car is sent and with what, against whom."""
+
+    sensors: tuple[str, ...] = rule(
+        ("FRONT_FACING_CAMERA",),
+        label=_("Sensors offered"),
+        help=_("Only models that read no others can be sent."),
+        column=True,
+    )
+    ranking_method: str = rule(AVERAGE, place=1, label=_("Ranked by"), choices=RANKING_METHODS, stage=True, column=True)
+    minimum_laps: int = rule(
+        RaceRules.laps,
+        place=3,
+        label=_("Laps in a row to be classified"),
+        short=_("Laps in a row"),
+        help=_("The average is taken over this many consecutive complete laps."),
+        least=1,
+        most=20,
+        stage=True,
+        column=True,
+    )
+    max_submissions: int = rule(
+        50,
+        place=8,
+        label=_("Submissions for each racer"),
+        short=_("Submissions"),
+        least=1,
+        most=1000,
+        fixed=False,
+        stage=True,
+        column=True,
+    )
+    shared_cars: bool = rule(
+        False,
+        label=_("One car may race for several racers"),
+        help=_("For teams and classes. Otherwise whoever sent a car first keeps its place."),
+        column=True,
+    )
+    opponents: str = rule(
+        "", label=_("Opponents"), choices=OPPONENTS, race_types=(HEAD_TO_HEAD,), layout=True, column=True, proposed=BOTS
+    )
+    duel_format: str = rule(
+        "",
+        label=_("Duels"),
+        choices=DUEL_FORMATS,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        column=True,
+        proposed=ROUND_ROBIN,
+    )
+    duel_cars: int = rule(
+        2,
+        label=_("Cars on the track at once"),
+        least=2,
+        most=MAX_CARS,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        column=True,
+    )
+
+
+RUN_RULES = rules_in(RaceRules)
+# All that an organiser sets of a race, by name.
+RULES: Mapping[str, Rule] = {
+    **{name: one for name, one in RUN_RULES.items() if not one.run_only},
+    **rules_in(BoardRules),
+}
+LAYOUT = tuple(name for name, one in RULES.items() if one.layout)
+BY_PLACE = tuple(sorted(RULES, key=lambda name: RULES[name].place))
+STAGE = tuple(name for name in BY_PLACE if RULES[name].stage)
+# What decides what laps are worth.
+RANKING = ("ranking_method", "laps", "minimum_laps")
+UNTIL_THE_FIRST_FAULT = {"max_resets": 0}
+# What makes a race easier to finish comes first: an order of rows.
+EASIER_FIRST = ("minimum_laps", "-max_resets")
+# What forms and environments propose, where a type of race needs some and nobody has said how many.
+PROPOSED_BOXES, PROPOSED_BOTS = RULES["random_boxes"].proposed, RULES["bots"].proposed
+
+
+def all_laps(laps: int) -> dict[str, Any]:
+    """The rules of a race whose laps all count."""
+    return dict(zip(RANKING, (TOTAL, laps, laps), strict=True))
+
+
+def penalty_steps(penalty_ms: int, control_hz: float) -> int:
+    """Control steps that a penalty lasts, rounded up."""
+    return math.ceil(penalty_ms * control_hz / 1000.0 - 1e-9)

@@ -1,0 +1,60 @@
+"""Race rules as fields of forms: made from the engine's list."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from django import forms
+from django.utils.translation import gettext_lazy as _
+
+from evaluation.templatetags.garage import SENSOR_NAMES
+from paddock.rules.race import RULES
+from paddock.rules.rule import Rule
+
+from ..fields import BoxesField, PlainNumberField, ResetsField, SecondsField
+from ..models.rules import choices_of
+from ..sensors import OFFERABLE
+from .words import help_text, label
+
+_RADIOS = ("race_type", "opponents")
+
+
+def rule_fields(names: Iterable[str], **said: Any) -> dict[str, forms.Field]:
+    """The fields of these rules; ``said`` as for :func:`rule_field`."""
+    return {name: rule_field(RULES[name], **said) for name in names}
+
+
+def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> forms.Field:
+    """The field that asks for a rule.
+
+    What belongs to some race types only may stay empty, and so may what old pages do not send; the bounds of what
+    stands on the track are the browser's, for the race's own validation has better reasons: unless it is ``strict``.
+    """
+    said: dict[str, Any] = {
+        "label": label(rule, short=short),
+        "required": rule.column and not rule.layout and (strict or not rule.race_types) and rule.name != "seed",
+    }
+    if not strict:
+        said["help_text"] = help_text(rule)
+    if rule.name == "boxes":
+        return BoxesField(**said)
+    if rule.name == "sensors":
+        names = [(name, _(SENSOR_NAMES[name])) for name in OFFERABLE]
+        return forms.MultipleChoiceField(choices=names, widget=forms.CheckboxSelectMultiple, **said)
+    if rule.choices:
+        widget = {"widget": forms.RadioSelect} if rule.name in _RADIOS else {}
+        return forms.ChoiceField(choices=choices_of(rule), **widget, **said)
+    if rule.type is bool:
+        return forms.BooleanField(**said | {"required": False})
+    if rule.unlimited is not None:
+        del said["required"]
+        return ResetsField(unlimited=rule.unlimited, **said)
+    if rule.unit == "ms":
+        return SecondsField(min_value=int(rule.least or 0) // 1000, max_value=int(rule.most or 0) // 1000, **said)
+    kind = PlainNumberField if rule.type is float else forms.IntegerField
+    if rule.layout and not strict:
+        step = 0.1 if rule.type is float else 1
+        bounds = forms.NumberInput(attrs={"min": rule.least, "max": rule.most, "step": step})
+        return kind(widget=bounds, **said)
+    return kind(min_value=rule.least, max_value=rule.most, **said)
