@@ -30,8 +30,9 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.rules.hyperparameters import DEFAULTS
 from paddock.simulator.physics import PADDOCK_CAR
-from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, DEFAULTS
+from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
 from training.rewards.examples import EXAMPLES
 from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import TrainerSpec

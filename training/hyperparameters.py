@@ -1,71 +1,19 @@
-"""The console's hyperparameters: names, ranges and defaults, and the checks of what a training is asked for.
-
-Ranges are those that learners know (deepracer console and DeepRacer on AWS). Defaults are ours, tuned on this simulator
-with ``benchmarks/training.py``. How they map onto stable-baselines3: :mod:`training.trainer.learners`. No Django.
-"""
+"""The checks of what a training is asked for: its hyperparameters and its action space. No Django."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from paddock.errors import UserFault
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
-
-PPO, SAC = "ppo", "sac"
-HUBER, MEAN_SQUARED_ERROR = "huber", "mean squared error"
-LOSS_TYPES = (HUBER, MEAN_SQUARED_ERROR)
-LOSS_TYPE = "loss_type"
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, SAC
 
 ACTION_COUNTS = (2, 30)
 STEERING_DEG = (-30.0, 30.0)
 SPEED_MPS = (0.1, 4.0)
 
 
-@dataclass(frozen=True)
-class Range:
-    """What one hyperparameter may be, ends included."""
-
-    low: float
-    high: float
-    whole: bool
-
-
-RANGES: Mapping[str, Range] = {
-    "batch_size": Range(32, 512, True),
-    "num_epochs": Range(3, 10, True),
-    "lr": Range(1e-8, 1e-3, False),
-    "beta_entropy": Range(0.0, 1.0, False),
-    "sac_alpha": Range(0.0, 1.0, False),
-    "discount_factor": Range(0.0, 1.0, False),
-    "num_episodes_between_training": Range(5, 100, True),
-}
-_OF = {
-    PPO: ("batch_size", "num_epochs", "lr", "beta_entropy", "discount_factor", "num_episodes_between_training"),
-    SAC: ("batch_size", "num_epochs", "lr", "sac_alpha", "discount_factor", "num_episodes_between_training"),
-}
-DEFAULTS: Mapping[str, Mapping[str, Any]] = {
-    PPO: {
-        "batch_size": 256,
-        "num_epochs": 4,
-        "lr": 1e-3,
-        "beta_entropy": 0.01,
-        "discount_factor": 0.97,
-        "loss_type": HUBER,
-        "num_episodes_between_training": 20,
-    },
-    SAC: {
-        # Small batches, often: SAC makes much of little driving, and needs many steps of learning for it.
-        "batch_size": 64,
-        "num_epochs": 6,
-        "lr": 1e-3,
-        "sac_alpha": 0.05,
-        "discount_factor": 0.97,
-        "loss_type": MEAN_SQUARED_ERROR,
-        "num_episodes_between_training": 10,
-    },
-}
 DEFAULT_ACTIONS: tuple[Mapping[str, float], ...] = (
     {"steering_angle": -30.0, "speed": 1.0},
     {"steering_angle": -15.0, "speed": 1.2},
@@ -81,9 +29,9 @@ DEFAULT_BOUNDS: Mapping[str, Mapping[str, float]] = {
 
 def names_of(algorithm: str) -> tuple[str, ...]:
     """The hyperparameters of an algorithm. Raises UserFault ``training_algorithm``."""
-    if algorithm not in _OF:
+    if algorithm not in DEFAULTS:
         raise UserFault("training_algorithm", algorithm=str(algorithm)[:40])
-    return (*_OF[algorithm], LOSS_TYPE)
+    return tuple(DEFAULTS[algorithm])
 
 
 def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,21 +44,18 @@ def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str,
     for name in given:
         if name not in names:
             raise UserFault("training_hyperparameter_unknown", name=str(name)[:40], known=", ".join(names))
+    # words first: whoever takes one for another has mostly the numbers right
+    asked = sorted((HYPERPARAMETERS[name] for name in names), key=lambda one: not one.choices)
     checked = {**DEFAULTS[algorithm], **given}
-    if checked[LOSS_TYPE] not in LOSS_TYPES:
-        raise UserFault("training_loss_type")
-    for name in names:
-        if name != LOSS_TYPE:
-            checked[name] = _in_range(name, checked[name])
+    for one in asked:
+        value = checked[one.name]
+        if one.fits(value):
+            checked[one.name] = value if one.choices else one.type(value)
+        elif one.choices:
+            raise UserFault(f"training_{one.name}")
+        else:
+            raise UserFault("training_hyperparameter", name=one.name, low=f"{one.least:g}", high=f"{one.most:g}")
     return checked
-
-
-def _in_range(name: str, value: Any) -> int | float:
-    bounds = RANGES[name]
-    right = isinstance(value, int | float) and not isinstance(value, bool)
-    if not right or not bounds.low <= value <= bounds.high or (bounds.whole and value != int(value)):
-        raise UserFault("training_hyperparameter", name=name, low=f"{bounds.low:g}", high=f"{bounds.high:g}")
-    return int(value) if bounds.whole else float(value)
 
 
 def check_action_space(algorithm: str, kind: str, given: Any) -> list[dict[str, float]] | dict[str, dict[str, float]]:

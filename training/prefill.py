@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from evaluation.models import TrainedModel
 from paddock.packages.inputs import lidar_settings
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO
 from races.course_form import DRAWN, FIXED
 
 from .actions import discrete_actions
 from .cloning import build_of_model
 from .course import LESSON_CODE
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
-from .hyperparameters import DEFAULTS, PPO
 from .models import TrainingJob, Vehicle
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models
@@ -34,8 +34,7 @@ TAKEN_OVER += ("stop_clean_laps", "trials", "best_metric")
 # Fields that an address may fill in. Whatever it says is checked when the form is sent, as if it had been typed.
 NAMED = (
     *("name", "description", "track", "direction", "race_type", "random_boxes", "bots", "algorithm", "vehicle"),
-    *("batch_size", "num_epochs", "lr", "beta_entropy", "sac_alpha", "discount_factor", "loss_type"),
-    *("num_episodes_between_training", "action_space_type", *GRANULARITIES, "steering_low", "steering_high"),
+    *(*HYPERPARAMETERS, "action_space_type", *GRANULARITIES, "steering_low", "steering_high"),
     *("speed_low", "speed_high", "stop_minutes", "stop_steps", "stop_clean_laps", "trials", "best_metric", "seed"),
     "submit_to_race",
 )

@@ -6,17 +6,17 @@ import re
 
 import pytest
 
-from training.hyperparameters import DEFAULTS, RANGES
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS
 
 from .pages import section, text
 
 
-@pytest.mark.parametrize("name", RANGES)
+@pytest.mark.parametrize("name", [name for name, one in HYPERPARAMETERS.items() if not one.choices])
 def test_every_hyperparameter_has_its_range_and_its_defaults(name):
     page = section(text("racers.md"), "## How a training learns")
     (row,) = re.findall(rf"^\| `{name}` \| (.+?) \| (.+?) \|", page, re.M)
     low, high = (float(end) for end in row[0].split(" to "))
-    assert (low, high) == (RANGES[name].low, RANGES[name].high)
+    assert (low, high) == (HYPERPARAMETERS[name].least, HYPERPARAMETERS[name].most)
     said = [float(value) for value in row[1].split(", ")]
     defaults = [DEFAULTS[algorithm][name] for algorithm in ("ppo", "sac") if name in DEFAULTS[algorithm]]
     assert (said if len(said) == len(defaults) else said * len(defaults)) == defaults

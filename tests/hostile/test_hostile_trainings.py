@@ -16,7 +16,8 @@ from evaluation.pipeline import RaceJob, evaluate
 from evaluation.sandbox.probe import probe
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.simulator import referee, rules
+from paddock.rules.race import RaceRules
+from paddock.simulator import referee
 from tests.soak import one_of_each
 from training.hyperparameters import DEFAULT_ACTIONS, check_hyperparameters
 from training.trainer import client
@@ -309,7 +310,7 @@ def test_a_function_that_patches_the_simulator_spoils_its_own_training_only() ->
     train(spec(SAYS_IT_LAPS, stop_steps=1000), heard)
     assert heard.iterations
     assert max(iteration.values["eval_progress"] for iteration in heard.iterations) == 100.0
-    race = rules.RaceRules(laps=1, max_resets=0, max_simulated_ms=20_000)
+    race = RaceRules.of_an_episode(max_simulated_ms=20_000)
     job = RaceJob(OVAL, race, heard.iterations[-1].onnx, METADATA)
     outcome = evaluate(job)
     assert outcome.metrics["metrics"][0]["completion_percentage"] < 100

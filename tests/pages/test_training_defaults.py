@@ -7,15 +7,17 @@ from datetime import timedelta
 
 import pytest
 
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS
 from tests.factories import a_race
 from tests.pages.conftest import World
 from tests.pages.test_training import form_of
 from tests.rows import track_row
-from training.hyperparameters import DEFAULTS, RANGES
 from training.models import TrainingJob
 
 SOON = timedelta(hours=1)
-NUMBERS = [name for name in RANGES if name in DEFAULTS["ppo"] and name in DEFAULTS["sac"] and name != "batch_size"]
+NUMBERS = [
+    name for name, one in HYPERPARAMETERS.items() if len(one.usual) == 2 and name not in ("batch_size", "loss_type")
+]
 
 
 def page(world: World, query: str = "") -> str:

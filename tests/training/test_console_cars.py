@@ -15,10 +15,10 @@ from evaluation.services import share_model, upload_model
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.read import UploadPart
+from paddock.rules.hyperparameters import DEFAULTS, PPO
 from tests.shared import CONSOLE_CAR, needs_shared
 from tests.training.jobs import REWARD, a_training
 from tests.training.test_network import metadata, readings_for, weights_for
-from training.hyperparameters import DEFAULTS, PPO
 from training.models import TrainingJob, Vehicle
 from training.services.work import spec_of
 from training.trainer.network import CONSOLE, OURS, Layout, build_of, from_onnx, to_onnx

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from paddock.geometry.catalogue import by_slug
+from paddock.rules.hyperparameters import DEFAULTS, PPO
 from tests.training.test_network import metadata
-from training.hyperparameters import DEFAULTS, PPO
 from training.trainer.network import Layout
 from training.trainer.spec import CARS, TrainerSpec
 

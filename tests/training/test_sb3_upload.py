@@ -24,10 +24,10 @@ from paddock.errors import PaddockError
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart
+from paddock.rules.hyperparameters import DEFAULTS
 from paddock.simulator.envs import DEFAULT_METADATA
 from paddock.simulator.envs.sb3 import make_sb3_env
 from paddock.simulator.rewards import follow_centre_line
-from training.hyperparameters import DEFAULTS
 from training.sb3.facts import read_facts
 from training.sb3.rebuild import rebuild
 from training.trainer.cars import Cars

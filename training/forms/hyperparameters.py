@@ -10,28 +10,27 @@ from django.utils.translation import gettext_lazy as _
 
 from core.forms import add_fault
 from paddock.errors import UserFault
-from training.hyperparameters import (
-    DEFAULTS,
-    HUBER,
-    MEAN_SQUARED_ERROR,
-    PPO,
-    RANGES,
-    SAC,
-    check_hyperparameters,
-    names_of,
-)
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, LOSS_TYPES, PPO, SAC, Hyperparameter
+from training.hyperparameters import check_hyperparameters, names_of
 
 BATCH_SIZES = (32, 64, 128, 256, 512)
 # What the form shows at first; a field that is left empty means the usual value of the algorithm that is chosen.
-HYPERPARAMETERS: dict[str, Any] = {**DEFAULTS[SAC], **DEFAULTS[PPO]}
+SHOWN: dict[str, Any] = {**DEFAULTS[SAC], **DEFAULTS[PPO]}
+LOSS_NAMES = dict(zip(LOSS_TYPES, (_("Huber"), _("mean squared error")), strict=True))
 
 
-def _number(name: str, label: Any, help_text: Any) -> forms.Field:
-    bounds = RANGES[name]
-    kind = forms.IntegerField if bounds.whole else SmallNumberField
-    attrs = {"min": _plain(bounds.low), "max": _plain(bounds.high), "step": 1 if bounds.whole else "any"}
-    widget = forms.NumberInput(attrs=attrs | _usual(name))
-    return kind(label=label, help_text=help_text, required=False, widget=widget)
+def _field(one: Hyperparameter) -> forms.Field:
+    said: dict[str, Any] = {"label": _(one.label), "help_text": _(one.help), "required": False}
+    if one.choices:
+        choices = [(value, LOSS_NAMES[value]) for value in one.choices]
+        return forms.ChoiceField(choices=choices, widget=forms.Select(attrs=_usual(one.name)), **said)
+    if one.name == "batch_size":
+        sizes = [(size, size) for size in BATCH_SIZES]
+        return forms.TypedChoiceField(choices=sizes, coerce=int, widget=forms.Select(attrs=_usual(one.name)), **said)
+    whole = one.type is int
+    attrs = {"min": _plain(one.least or 0), "max": _plain(one.most or 0), "step": 1 if whole else "any"}
+    widget = forms.NumberInput(attrs=attrs | _usual(one.name))
+    return (forms.IntegerField if whole else SmallNumberField)(widget=widget, **said)
 
 
 def _usual(name: str) -> dict[str, str]:
@@ -73,60 +72,22 @@ class SmallNumberField(forms.FloatField):
         return _plain(value) if isinstance(value, int | float) else value
 
 
-class HyperparametersForm(forms.Form):
+_Fields = type(forms.Form)("Fields", (forms.Form,), {one.name: _field(one) for one in HYPERPARAMETERS.values()})
+
+
+class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
     """Empty fields mean the usual value. Whether a value makes sense is the service's to say."""
 
     # the algorithm whose usual values are shown
     usual_of = forms.CharField(required=False, initial=PPO, widget=forms.HiddenInput)
 
-    batch_size = forms.TypedChoiceField(
-        label=_("Batch size"),
-        choices=[(size, size) for size in BATCH_SIZES],
-        coerce=int,
-        required=False,
-        widget=forms.Select(attrs=_usual("batch_size")),
-        help_text=_("Steps looked at together. Larger batches learn more smoothly and more slowly."),
-    )
-    num_epochs = _number(
-        "num_epochs",
-        _("Epochs"),
-        _("3 to 10: how often each batch of driving is gone through before it is thrown away."),
-    )
-    lr = _number(
-        "lr",
-        _("Learning rate"),
-        _("0.00000001 to 0.001: how far each update moves the weights. Too far, and it forgets."),
-    )
-    beta_entropy = _number(
-        "beta_entropy",
-        _("Entropy"),
-        _("0 to 1: how much it is paid for being undecided. More explores more, and settles later."),
-    )
-    sac_alpha = _number(
-        "sac_alpha",
-        _("SAC alpha"),
-        _("0 to 1: how much it is paid for being undecided. More explores more, and settles later."),
-    )
-    discount_factor = _number(
-        "discount_factor",
-        _("Discount factor"),
-        _("0 to 1: what a reward is worth one step later. 0.97 looks about 33 steps, two seconds, ahead."),
-    )
-    loss_type = forms.ChoiceField(
-        label=_("Loss"),
-        choices=[(HUBER, _("Huber")), (MEAN_SQUARED_ERROR, _("mean squared error"))],
-        required=False,
-        widget=forms.Select(attrs=_usual("loss_type")),
-        help_text=_("How wrong expectations are counted. Huber takes outliers less to heart."),
-    )
-    num_episodes_between_training = _number(
-        "num_episodes_between_training",
-        _("Episodes between updates"),
-        _("5 to 100: how much is driven before each update. An episode counts as 100 steps."),
-    )
-
     def __init__(self, data: Mapping[str, Any] | None = None, *args: Any, **kwargs: Any) -> None:
         super().__init__(_follow_algorithm(data) if data else data, *args, **kwargs)
+
+    def shown_hyperparameters(self) -> list[tuple[str, forms.BoundField]]:
+        """The field of each, in the order of the page, with the algorithm that alone has it, "" for both."""
+        listed = sorted(HYPERPARAMETERS.values(), key=lambda one: one.place)
+        return [("" if len(one.usual) > 1 else next(iter(one.usual)), self[one.name]) for one in listed]
 
     def hyperparameters(self) -> dict[str, Any]:
         """What was chosen, without what belongs to the other algorithm."""

@@ -34,7 +34,7 @@ from training.vehicles import vehicles_of
 
 from .clone import CloneField
 from .fields import ActionsField
-from .hyperparameters import HYPERPARAMETERS, HyperparametersForm
+from .hyperparameters import SHOWN, HyperparametersForm
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -369,5 +369,5 @@ INITIAL: dict[str, Any] = {
     "stop_clean_laps": None,
     "trials": 3,
     "best_metric": BestMetric.PROGRESS,
-    **HYPERPARAMETERS,
+    **SHOWN,
 }

@@ -12,33 +12,21 @@ from django.middleware.csrf import get_token
 from django.template import Context
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_noop
 
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
+from paddock.rules.hyperparameters import HYPERPARAMETERS
 from races.models import Race, RaceType
 from races.sensors import not_offered
 from training.cloning import build_of_model
-from training.hyperparameters import HUBER, MEAN_SQUARED_ERROR
+from training.forms.hyperparameters import LOSS_NAMES
 from training.models import NeuralNetwork, TrainingJob
 from training.selectors import house_cars
 from training.services import begun_by
 from training.views.common import closed_because
 
 register = template.Library()
-
-HYPERPARAMETER_NAMES = {
-    "batch_size": gettext_noop("Batch size"),
-    "num_epochs": gettext_noop("Epochs"),
-    "lr": gettext_noop("Learning rate"),
-    "beta_entropy": gettext_noop("Entropy"),
-    "sac_alpha": gettext_noop("SAC alpha"),
-    "discount_factor": gettext_noop("Discount factor"),
-    "loss_type": gettext_noop("Loss"),
-    "num_episodes_between_training": gettext_noop("Episodes between updates"),
-}
-LOSS_NAMES = {HUBER: gettext_noop("Huber"), MEAN_SQUARED_ERROR: gettext_noop("mean squared error")}
 
 
 @dataclass(frozen=True)
@@ -150,7 +138,7 @@ def item_of(key: str, mapping: dict) -> object:
 @register.filter
 def hyperparameter_name(name: str) -> str:
     """A hyperparameter's name in the reader's language."""
-    return _(HYPERPARAMETER_NAMES[name]) if name in HYPERPARAMETER_NAMES else name
+    return _(HYPERPARAMETERS[name].label) if name in HYPERPARAMETERS else name
 
 
 @register.filter
@@ -158,4 +146,4 @@ def plain_value(value: object) -> str:
     """A hyperparameter's value: small numbers without an exponent, words in the reader's language."""
     if isinstance(value, float):
         return f"{value:.8f}".rstrip("0").rstrip(".")
-    return _(LOSS_NAMES[value]) if value in LOSS_NAMES else str(value)
+    return str(LOSS_NAMES.get(value, value))

@@ -32,12 +32,13 @@ from stable_baselines3.common.utils import polyak_update
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
 
+from paddock.rules.hyperparameters import HUBER
+
 from . import torso
 from .network import FEATURES, Layout
 from .spec import TrainerSpec
 from .warm import torso_arguments
 
-HUBER = "huber"
 _CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
 _SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
 _SAC_MEMORY_UNPOOLED = 5_000  # the same in pictures of the console's network
