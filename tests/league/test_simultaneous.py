@@ -28,6 +28,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 NOW = JANUARY - timedelta(days=1)
 ABOUT_THE_DATABASE = (
     "simultaneous",
+    "clock",
     "closing",
     "stewards",
     "moved_rounds",

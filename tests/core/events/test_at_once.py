@@ -88,8 +88,11 @@ def test_an_event_that_commits_after_a_later_one_was_read_is_not_missed(now):
     assert list(Happening.objects.order_by("pk").values_list("data__number", "position")) == [(1, 2), (2, 1)]
 
 
+@pytest.mark.postgres
+@pytest.mark.soak
+@pytest.mark.django_db(transaction=False)
 def test_the_same_holds_on_postgresql(again_on_postgresql):
-    again_on_postgresql("tests/core/events", "-k", "not postgresql")
+    again_on_postgresql("tests/core/events")
 
 
 def _read() -> int:
