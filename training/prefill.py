@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from evaluation.models import TrainedModel
 from paddock.packages.inputs import lidar_settings
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO
+from paddock.rules.training import DRIVEN_BY, ENDING
 from races.course_form import DRAWN, FIXED
 
 from .actions import discrete_actions
@@ -28,14 +29,12 @@ LONGEST = 255
 # The console's own (deepracer.md 2.4), at which those cars were trained; ours learn best at three times as much.
 CONSOLE_LR = 3e-4
 LACKS_VEHICLE = "lacks_vehicle"  # not a field: the model to begin with, where none of the racer's vehicles fits it
-BOOKED = ("track", "direction", "race_type", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes", "boxes")
-TAKEN_OVER = (*BOOKED, "algorithm", "action_space_type", "reward_code", "stop_minutes", "stop_steps")
-TAKEN_OVER += ("stop_clean_laps", "trials", "best_metric")
+TAKEN_OVER = ("track", *DRIVEN_BY, "algorithm", "action_space_type", "reward_code", *ENDING)
 # Fields that an address may fill in. Whatever it says is checked when the form is sent, as if it had been typed.
 NAMED = (
     *("name", "description", "track", "direction", "race_type", "random_boxes", "bots", "algorithm", "vehicle"),
     *(*HYPERPARAMETERS, "action_space_type", *GRANULARITIES, "steering_low", "steering_high"),
-    *("speed_low", "speed_high", "stop_minutes", "stop_steps", "stop_clean_laps", "trials", "best_metric", "seed"),
+    *("speed_low", "speed_high", *ENDING, "seed"),
     "submit_to_race",
 )
 

@@ -6,11 +6,16 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 
 def gettext_noop(text: str) -> str:
     """Mark a text for ``makemessages`` without importing Django."""
+    return text
+
+
+def pgettext_noop(context: str, text: str) -> str:
+    """The same for a text that means several things: ``context`` tells which."""
     return text
 
 
@@ -29,7 +34,8 @@ class Rule:
 
     ``episode``: the default of an environment, where it is another; ``proposed``: what a form fills in where the
     default is none. ``place``: in the order of forms and pages. ``option``: what the command line calls it, where that
-    is not the name.
+    is not the name. ``context``: of the label for translators. ``refusal``: the code of the reason why a value is
+    refused, where there is one of its own. A default of None: it may be left out.
     """
 
     name: str
@@ -54,6 +60,8 @@ class Rule:
     proposed: Any = None
     place: int = 99
     option: str = ""
+    context: str = ""
+    refusal: str = ""
 
     @property
     def default_of_an_episode(self) -> Any:
@@ -73,6 +81,8 @@ class Rule:
 
     def check(self, value: object) -> None:
         """Refuse a value that makes no sense. Raises ValueError, which names the rule and what is possible."""
+        if value is None and self.default is None:
+            return
         if self.choices:
             if value not in self.choices:
                 raise ValueError(f"{self.name} must be one of {self.choices}, not {value!r}")
@@ -101,14 +111,21 @@ def rule(default: Any, **said: Any) -> Any:
 
 
 def rules_in(kind: type) -> Mapping[str, Rule]:
-    """The entries of a dataclass whose fields are all made with :func:`rule`, by their names in the order written."""
+    """The entries of a dataclass, its fields that are made with :func:`rule`, by their names in the order written."""
     types = get_type_hints(kind)
     return MappingProxyType(
         {
-            field.name: Rule(field.name, types[field.name], field.default, **field.metadata["rule"])
+            field.name: Rule(field.name, _plain(types[field.name]), field.default, **field.metadata["rule"])
             for field in dataclasses.fields(kind)
+            if "rule" in field.metadata
         }
     )
+
+
+def _plain(kind: Any) -> Any:
+    """The type of a value that is not None."""
+    kinds = get_args(kind)
+    return kinds[0] if type(None) in kinds else kind
 
 
 def _is_number(value: object, kind: Any) -> bool:

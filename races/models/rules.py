@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
@@ -26,7 +26,7 @@ _WORDS: dict[str, type[models.TextChoices]] = {
     "opponents": Opponents,
     "duel_format": DuelFormat,
 }
-_SMALL = 1000  # what a smallint holds comfortably
+_SMALL = 9_999  # what a smallint holds comfortably
 
 
 def default_sensors() -> list[str]:
@@ -48,6 +48,11 @@ def inside_a_stage() -> dict[str, Any]:
     return _inside_of(STAGE)
 
 
+def name_choices(name: str, words: type[models.TextChoices]) -> None:
+    """Have the choices of a rule told in the words of a room above."""
+    _WORDS[name] = words
+
+
 def choices_of(rule: Rule) -> list[tuple[str, Any]]:
     """The values that a rule may have, each with its word."""
     return _WORDS[rule.name].choices if rule.name in _WORDS else [(value, value) for value in rule.choices]
@@ -66,7 +71,7 @@ def column(rule: Rule) -> models.Field:
         return models.JSONField(column_label(rule), default=default_sensors, **said)
     if rule.name == "boxes":
         return models.JSONField(column_label(rule), default=list, blank=True, **said)
-    said["default"] = rule.default
+    said |= {"null": True, "blank": True} if rule.default is None else {"default": rule.default}
     if rule.choices:
         longest = max(map(len, rule.choices))
         return models.CharField(
@@ -139,9 +144,9 @@ def _inside(rule: Rule) -> property:
     return property(read, write, doc=rule.label)
 
 
-def within(name: str) -> Q:
+def within(name: str, rules: Mapping[str, Rule] = RULES) -> Q:
     """That a rule's column is within its bounds."""
-    return Q(**{f"{name}__gte": RULES[name].least, f"{name}__lte": RULES[name].most})
+    return Q(**{f"{name}__gte": rules[name].least, f"{name}__lte": rules[name].most})
 
 
 def laps_constraints(prefix: str) -> list[models.CheckConstraint]:

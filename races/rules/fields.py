@@ -31,9 +31,10 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
     What belongs to some race types only may stay empty, and so may what old pages do not send; the bounds of what
     stands on the track are the browser's, for the race's own validation has better reasons: unless it is ``strict``.
     """
+    may_be_empty = rule.layout or rule.default is None or not rule.column or rule.name == "seed"
     said: dict[str, Any] = {
         "label": label(rule, short=short),
-        "required": rule.column and not rule.layout and (strict or not rule.race_types) and rule.name != "seed",
+        "required": not may_be_empty and (strict or not rule.race_types),
     }
     if not strict:
         said["help_text"] = help_text(rule)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rest_framework import serializers
@@ -27,21 +27,24 @@ class BoxPlaceSerializer(Body):
     )
 
 
-def with_rules(base: Any, names: Iterable[str], *, asked: bool = False) -> Any:
+def with_rules(
+    base: Any, names: Iterable[str], *, rules: Mapping[str, Rule] = RULES, asked: bool = False, strict: bool = False
+) -> Any:
     """A serializer of ``base`` that has these rules besides. ``asked``: for what is sent, where each may be left out
     and is held against its bounds; those of what stands on the track are checked with the whole race, where each
-    refusal has its own code."""
-    made = {name: _field(RULES[name], asked or RULES[name].layout) for name in names}
+    refusal has its own code: unless ``strict``."""
+    made = {name: _field(rules[name], asked or rules[name].layout, strict) for name in names}
     return type(base)("Ruled", (base,), {"__doc__": base.__doc__, **made})
 
 
-def _field(rule: Rule, asked: bool) -> serializers.Field:
+def _field(rule: Rule, asked: bool, strict: bool) -> serializers.Field:
     said: dict[str, Any] = {"help_text": _help(rule)} if _help(rule) else {}
     if asked:
         said["required"] = False
-    bounds = {"min_value": int(rule.least or 0), "max_value": rule.most} if asked and not rule.layout else {}
+    elif rule.default is None:
+        said["allow_null"] = True
     if rule.name == "boxes":
-        return BoxPlaceSerializer(many=True, **said)
+        return BoxPlaceSerializer(many=True, **said, **({"max_length": MAX_BOXES} if strict else {}))
     if rule.name == "sensors":
         child = serializers.ChoiceField(OFFERABLE) if asked else serializers.CharField()
         return serializers.ListField(child=child, **said, **({"max_length": 8} if asked else {}))
@@ -49,9 +52,9 @@ def _field(rule: Rule, asked: bool) -> serializers.Field:
         return serializers.ChoiceField(choices_of(rule), **said, **({} if rule.default else {"allow_blank": True}))
     if rule.type is bool:
         return serializers.BooleanField(**said)
-    if rule.type is float:
-        return serializers.FloatField(**said, **(bounds and {"min_value": rule.least, "max_value": rule.most}))
-    return serializers.IntegerField(**said, **bounds)
+    if strict or (asked and not rule.layout):
+        said |= {"min_value": 0 if rule.default == 0 else rule.least, "max_value": rule.most}
+    return (serializers.FloatField if rule.type is float else serializers.IntegerField)(**said)
 
 
 def _help(rule: Rule) -> str:

@@ -6,13 +6,15 @@ from typing import Any
 
 from django.utils.functional import lazy
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext_lazy, pgettext
 
 from paddock.rules.race import RULES
 from paddock.rules.rule import Rule
 
 
-def _label(text: str, unit: str) -> str:
+def _label(text: str, unit: str, context: str = "") -> str:
+    if context:
+        return pgettext(context, text)
     if unit == "s":
         return _("%(label)s in seconds") % {"label": _(text)}
     if unit == "ms":
@@ -25,12 +27,12 @@ _lazy_label = lazy(_label, str)
 
 def label(rule: Rule, *, short: bool = False) -> Any:
     """What a form calls it, lazily translated; times are asked in seconds."""
-    return _lazy_label((rule.short if short else "") or rule.label, "s" if rule.unit == "ms" else "")
+    return _lazy_label((rule.short if short else "") or rule.label, "s" if rule.unit == "ms" else "", rule.context)
 
 
 def column_label(rule: Rule) -> Any:
     """What its column is called, lazily translated; times are stored in milliseconds."""
-    return _lazy_label(rule.label, rule.unit)
+    return _lazy_label(rule.label, rule.unit, rule.context)
 
 
 def help_text(rule: Rule) -> Any:

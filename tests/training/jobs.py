@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from django.core.files.base import ContentFile
 
+from paddock.rules.training import taken_from
 from tests.factories import a_model
 from training.hyperparameters import DEFAULT_ACTIONS
 from training.models import TrainingIteration, TrainingJob
@@ -57,7 +58,8 @@ def a_training(owner, track, now, **changes: Any) -> TrainingJob:
         "action_space": [dict(action) for action in DEFAULT_ACTIONS],
         "seed": 0,
     }
-    return create_training(owner=owner, track=track, now=now, **(asked | changes))
+    settings, rest = taken_from(asked | changes)
+    return create_training(owner=owner, track=track, settings=settings, now=now, **rest)
 
 
 def network(job, seed: int) -> bytes:

@@ -25,19 +25,19 @@ from rest_framework.views import APIView
 from accounts.scopes import TRAIN
 from core.bodies import Body, refuse_fields
 from paddock.errors import UserFault
+from paddock.rules.training import DRIVEN_BY, SETTINGS, taken_from
 from races.api.evaluations import EvaluationSerializer
 from races.models import Race, RaceType
-from races.rules.serializers import BoxPlaceSerializer
+from races.rules.serializers import with_rules
 from races.selectors import races_visible_to
-from tracks.models import Direction, Track
+from tracks.models import Track
 from training.checks import refusals
 from training.endings import how_it_ended
 from training.files import training_metrics
 from training.forms.training import CONTINUOUS, DISCRETE, signature_of
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
 from training.line import place_of
-from training.models import Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, TrainingJob
-from training.models.job import MAX_MINUTES, MAX_TRIALS
+from training.models import Algorithm, EndReason, JobState, NeuralNetwork, TrainingJob
 from training.quotas import bytes_of
 from training.selectors import clonable_models, trainings_of, visible_trainings
 from training.services import create_training, delete_training, evaluate_training, stop_training
@@ -95,7 +95,7 @@ class IterationSerializer(serializers.Serializer):
     is_best = serializers.BooleanField()
 
 
-class TrainingSerializer(TrainingSummarySerializer):
+class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN_BY), SETTINGS, rules=SETTINGS)):  # type: ignore[misc]
     """A training with its settings and its iterations."""
 
     owner = serializers.CharField(source="owner.alias")
@@ -103,24 +103,12 @@ class TrainingSerializer(TrainingSummarySerializer):
     reason = serializers.CharField(allow_blank=True, help_text="The sentence of `reason_code`.")
     queue_position = serializers.SerializerMethodField(help_text="1: the next one.")
     stop_asked = serializers.SerializerMethodField(help_text="It has been asked to stop.")
-    direction = serializers.ChoiceField(Direction.choices)
-    boxes = BoxPlaceSerializer(many=True)
-    random_boxes = serializers.IntegerField()
-    bots = serializers.IntegerField()
-    bot_speed_mps = serializers.FloatField()
-    bot_lane_changes = serializers.BooleanField()
     hyperparameters = serializers.DictField()
     action_space_type = serializers.CharField()
     action_space = serializers.JSONField()
     sensors = serializers.ListField(child=serializers.CharField())
     neural_network = serializers.ChoiceField(NeuralNetwork.choices)
     reward_code = serializers.CharField()
-    stop_minutes = serializers.IntegerField()
-    stop_steps = serializers.IntegerField(allow_null=True)
-    stop_clean_laps = serializers.IntegerField(allow_null=True)
-    trials = serializers.IntegerField()
-    best_metric = serializers.ChoiceField(BestMetric.choices)
-    seed = serializers.IntegerField()
     cloned_from = serializers.CharField(source="cloned_from.public_id", default=None, allow_null=True)
     submit_to_race = serializers.CharField(source="submit_to_race.slug", default=None, allow_null=True)
     evaluation = serializers.CharField(
@@ -153,7 +141,9 @@ class TrainingSerializer(TrainingSummarySerializer):
         return IterationSerializer(rows, many=True).data
 
 
-class CreateSerializer(Body):
+class CreateSerializer(
+    with_rules(with_rules(Body, DRIVEN_BY, asked=True, strict=True), SETTINGS, rules=SETTINGS, asked=True)  # type: ignore[misc]
+):
     """What is to be trained. What is left out has its usual value."""
 
     name = serializers.CharField(max_length=64, help_text="1 to 64 letters, digits and hyphens.")
@@ -161,25 +151,12 @@ class CreateSerializer(Body):
     track = serializers.SlugRelatedField(
         slug_field="slug", queryset=Track.objects.exclude(length_m=None), help_text="The track's slug."
     )
-    direction = serializers.ChoiceField(Direction.choices, required=False)
-    race_type = serializers.ChoiceField(RaceType.choices, required=False)
-    boxes = BoxPlaceSerializer(many=True, required=False, max_length=10)
-    random_boxes = serializers.IntegerField(required=False, min_value=0, max_value=10)
-    bots = serializers.IntegerField(required=False, min_value=0, max_value=6)
-    bot_speed_mps = serializers.FloatField(required=False, min_value=0.2, max_value=4.0)
-    bot_lane_changes = serializers.BooleanField(required=False)
     algorithm = serializers.ChoiceField(Algorithm.choices, required=False)
     hyperparameters = serializers.DictField(required=False)
     action_space_type = serializers.ChoiceField(["discrete", "continuous"], required=False)
     action_space = serializers.JSONField(required=False, help_text="As in model_metadata.json.")
     vehicle = serializers.CharField(required=False, max_length=12, help_text="The public_id of one of your vehicles.")
     reward_code = serializers.CharField(trim_whitespace=False, max_length=MOST_CODE)
-    stop_minutes = serializers.IntegerField(required=False, min_value=1, max_value=MAX_MINUTES)
-    stop_steps = serializers.IntegerField(required=False, min_value=1, max_value=MOST)
-    stop_clean_laps = serializers.IntegerField(required=False, min_value=1, max_value=MAX_TRIALS)
-    trials = serializers.IntegerField(required=False, min_value=1, max_value=MAX_TRIALS)
-    best_metric = serializers.ChoiceField(BestMetric.choices, required=False)
-    seed = serializers.IntegerField(required=False, min_value=0, max_value=MOST)
     clone_from = serializers.CharField(
         required=False,
         max_length=12,
@@ -215,7 +192,8 @@ class TrainingsView(generics.ListAPIView):
     def post(self, request: Request) -> Response:
         serializer = CreateSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
-        job = create_training(owner=request.user, now=timezone.now(), **_checked(request, serializer.validated_data))
+        asked, rest = taken_from(_checked(request, serializer.validated_data))
+        job = create_training(owner=request.user, settings=asked, now=timezone.now(), **rest)
         return Response(TrainingSerializer(job, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
 
@@ -322,7 +300,7 @@ def visible_training(request: Request, public_id: str) -> TrainingJob:
 
 
 def _checked(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
-    """Keyword arguments of ``create_training``. Raises Http404, ValidationError, UserFault ``reward_...`` and more."""
+    """What :func:`taken_from` takes. Raises Http404, ValidationError, UserFault ``reward_...`` and more."""
     kwargs = dict(sent)
     kwargs["reward_code"] = sent["reward_code"].replace("\r\n", "\n")
     kwargs["reward_signature"] = signature_of(kwargs["reward_code"])

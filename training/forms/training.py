@@ -16,10 +16,12 @@ from django.utils.translation import pgettext_lazy
 from core.forms import add_fault
 from paddock.errors import UserFault
 from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
+from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS
 from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
 from races.models import Opponents, Race, RaceType
 from races.names import named, names_track
+from races.rules.fields import rule_field
 from races.selectors.offers import enterable_now, likest_first
 from tracks.models import Track
 from training.actions import (
@@ -28,8 +30,7 @@ from training.actions import (
     discrete_actions,
 )
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, SPEED_MPS, STEERING_DEG, check_action_space
-from training.models import Algorithm, BestMetric, RewardSignature, Vehicle
-from training.models.job import MAX_MINUTES, MAX_TRIALS
+from training.models import Algorithm, RewardSignature, Vehicle
 from training.vehicles import vehicles_of
 
 from .clone import CloneField
@@ -43,7 +44,7 @@ DISCRETE, CONTINUOUS = "discrete", "continuous"
 _COMMAS_OF_2018 = 11  # its twelve arguments: rewards.function.POSITIONAL_NAMES, which brings the physics along
 _ARGUMENTS = re.compile(r"^def[ \t]+reward_function[ \t]*\(([^)]*)\)", re.MULTILINE)
 RANGES = ("steering_low", "steering_high", "speed_low", "speed_high")
-COURSE = ("boxes", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes")
+COURSE = tuple(name for name in DRIVEN_BY if name not in ("direction", "race_type"))
 # The steps of the wizard by the ids of their sections, each with its fields; every other field belongs to "how".
 STEPS: dict[str, tuple[str, ...]] = {
     "what": ("name", "description", "clone"),
@@ -52,7 +53,7 @@ STEPS: dict[str, tuple[str, ...]] = {
     "actions": ("action_space_type", "actions", *RANGES),
     "vehicle": ("vehicle",),
     "reward": ("reward_code",),
-    "stop": ("stop_minutes", "stop_clean_laps", "stop_steps", "trials", "best_metric", "submit_to_race"),
+    "stop": (*ENDING, "submit_to_race"),
 }
 
 
@@ -87,7 +88,10 @@ class RaceSelect(forms.Select):
         return option
 
 
-class TrainingForm(HyperparametersForm, CourseForm):
+_Ending = type(forms.Form)("Ending", (forms.Form,), {name: rule_field(SETTINGS[name]) for name in ENDING})
+
+
+class TrainingForm(HyperparametersForm, CourseForm, _Ending):  # type: ignore[misc, valid-type]
     """Everything that a training is made of. Values of choices not taken are dropped, whatever they are."""
 
     name = forms.RegexField(
@@ -147,37 +151,6 @@ class TrainingForm(HyperparametersForm, CourseForm):
         widget=forms.Textarea(attrs={"rows": 18, "spellcheck": "false", "autocapitalize": "off", "class": "code"}),
         error_messages={"required": _("Write a reward function, or take one of the examples.")},
     )
-    stop_minutes = _number(
-        _("Minutes at most"), 1, MAX_MINUTES, kind=forms.IntegerField, help_text=_("Of wall time: 1 to 1440.")
-    )
-    stop_clean_laps = _number(
-        _("Clean laps in a row"),
-        1,
-        MAX_TRIALS,
-        kind=forms.IntegerField,
-        required=False,
-        help_text=_("It ends as soon as the car has driven so many without leaving the road."),
-    )
-    stop_steps = _number(
-        pgettext_lazy("of a simulation", "Steps"),
-        1,
-        2**31 - 1,
-        kind=forms.IntegerField,
-        required=False,
-        help_text=_("Fifteen steps are one second of driving."),
-    )
-    trials = _number(
-        _("Trials of an evaluation"),
-        1,
-        MAX_TRIALS,
-        kind=forms.IntegerField,
-        help_text=_("After each update the car drives so many laps without exploring."),
-    )
-    best_metric = forms.ChoiceField(
-        label=_("Best by"),
-        choices=BestMetric.choices,
-        help_text=_("What makes one of these evaluations the best; its model is kept beside the last one."),
-    )
     submit_to_race = forms.ModelChoiceField(
         label=_("Submit to a race when done"),
         queryset=Race.objects.none(),
@@ -204,6 +177,10 @@ class TrainingForm(HyperparametersForm, CourseForm):
         """Where it will learn, as far as the form says: races like that are offered first."""
         slug, direction, race_type = (str(self[name].value()) for name in ("track", "direction", "race_type"))
         return Course(Track.objects.filter(slug=slug).values_list("pk", flat=True).first() or 0, direction, race_type)
+
+    def ending_rows(self) -> list[list[forms.BoundField]]:
+        """When it ends and what is the best of it, three to a row."""
+        return [[self[name] for name in ENDING[at : at + 3]] for at in range(0, len(ENDING), 3)]
 
     @property
     def wrong_steps(self) -> set[str]:
@@ -258,18 +235,9 @@ class TrainingForm(HyperparametersForm, CourseForm):
         return discrete_actions(*values.values())
 
     def values(self) -> dict[str, Any]:
-        """What the form says, for ``create_training``."""
+        """What the form says, as :func:`paddock.rules.training.taken_from` takes it."""
         said = self.cleaned_data
-        own = ("name", "description", "track", "direction", "race_type", *COURSE, "seed", "algorithm", "vehicle")
-        own += (
-            "reward_code",
-            "stop_minutes",
-            "stop_steps",
-            "stop_clean_laps",
-            "trials",
-            "best_metric",
-            "submit_to_race",
-        )
+        own = ("name", "description", "track", *DRIVEN_BY, *ENDING, "algorithm", "vehicle", "reward_code")
         return {
             **{name: said[name] for name in own},
             "seed": said["seed"] if str(self.data.get("seed", "")).strip() else None,  # None: another one each time
@@ -278,6 +246,7 @@ class TrainingForm(HyperparametersForm, CourseForm):
             "action_space": self.action_space(said),
             "reward_signature": signature_of(said["reward_code"]),
             "clone_from": said["clone"],
+            "submit_to_race": said["submit_to_race"],
         }
 
     def show(self, fault: UserFault) -> None:
@@ -325,13 +294,8 @@ PLACES = {
     "training_loss_type": "loss_type",
     "training_sac_continuous": "action_space_type",
     "training_action_count": "actions",
-    "training_minutes": "stop_minutes",
+    **{rule.refusal: rule.name for rule in SETTINGS.values()},
     "training_minutes_left": "stop_minutes",
-    "training_steps": "stop_steps",
-    "training_clean_laps": "stop_clean_laps",
-    "training_trials": "trials",
-    "training_best_metric": "best_metric",
-    "training_seed": "seed",
     "training_reward_missing": "reward_code",
     "sensors_not_offered": "submit_to_race",
     "race_closed": "submit_to_race",
@@ -365,9 +329,6 @@ INITIAL: dict[str, Any] = {
     "speed_low": DEFAULT_BOUNDS["speed"]["low"],
     "speed_high": DEFAULT_BOUNDS["speed"]["high"],
     "actions": [dict(action) for action in DEFAULT_ACTIONS],
-    "stop_minutes": 10,
-    "stop_clean_laps": None,
-    "trials": 3,
-    "best_metric": BestMetric.PROGRESS,
+    **{name: SETTINGS[name].default for name in ENDING},
     **SHOWN,
 }

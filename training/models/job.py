@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from django.conf import settings
-from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import Q
 from django.urls import reverse
@@ -13,14 +12,13 @@ from django.utils.translation import gettext_lazy as _
 from core.ids import new_public_id
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import reason_sentence
-from paddock.rules.race import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, RaceRules
-from races.models import RaceType
-from tracks.models import Direction
+from paddock.rules.race import MAX_BOTS, MAX_BOXES, RULES
+from paddock.rules.training import SETTINGS
+from races.models.rules import column, name_choices, within
 
 from .choices import FINAL_STATES, Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, RewardSignature
 
-MAX_MINUTES = 1440
-MAX_TRIALS = 10
+name_choices("best_metric", BestMetric)
 
 
 class TrainingJob(models.Model):
@@ -38,13 +36,13 @@ class TrainingJob(models.Model):
     description = models.CharField(_("description"), max_length=255, blank=True)
 
     track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="training_jobs", verbose_name=_("track"))
-    direction = models.CharField(_("direction"), max_length=3, choices=Direction.choices, default=Direction.CCW)
-    race_type = models.CharField(_("race type"), max_length=16, choices=RaceType.choices, default=RaceType.TIME_TRIAL)
-    boxes = models.JSONField(_("boxes in fixed places"), default=list, blank=True)
-    random_boxes = models.PositiveSmallIntegerField(_("boxes in drawn places"), default=0)
-    bots = models.PositiveSmallIntegerField(_("bot cars"), default=0)
-    bot_speed_mps = models.FloatField(_("speed of the bot cars in m/s"), default=RaceRules.bot_speed_mps)
-    bot_lane_changes = models.BooleanField(_("bot cars change lanes"), default=False)
+    direction = column(RULES["direction"])
+    race_type = column(RULES["race_type"])
+    boxes = column(RULES["boxes"])
+    random_boxes = column(RULES["random_boxes"])
+    bots = column(RULES["bots"])
+    bot_speed_mps = column(RULES["bot_speed_mps"])
+    bot_lane_changes = column(RULES["bot_lane_changes"])
 
     algorithm = models.CharField(_("algorithm"), max_length=3, choices=Algorithm.choices, default=Algorithm.PPO)
     hyperparameters = models.JSONField(_("hyperparameters"))
@@ -70,13 +68,11 @@ class TrainingJob(models.Model):
         choices=RewardSignature.choices,
         default=RewardSignature.PARAMS,
     )
-    stop_minutes = models.PositiveSmallIntegerField(
-        _("minutes of training"), default=10, validators=[MinValueValidator(1), MaxValueValidator(MAX_MINUTES)]
-    )
-    stop_steps = models.PositiveIntegerField(_("steps of training"), null=True, blank=True)
-    stop_clean_laps = models.PositiveSmallIntegerField(_("clean laps that end the training"), null=True, blank=True)
-    trials = models.PositiveSmallIntegerField(_("trials of an evaluation"), default=3)
-    best_metric = models.CharField(_("best by"), max_length=8, choices=BestMetric.choices, default=BestMetric.PROGRESS)
+    stop_minutes = column(SETTINGS["stop_minutes"])
+    stop_steps = column(SETTINGS["stop_steps"])
+    stop_clean_laps = column(SETTINGS["stop_clean_laps"])
+    trials = column(SETTINGS["trials"])
+    best_metric = column(SETTINGS["best_metric"])
     seed = models.PositiveIntegerField(_("seed"), default=0)
     submit_to_race = models.ForeignKey(
         "races.Race",
@@ -222,26 +218,21 @@ class TrainingJob(models.Model):
                 | Q(race_type="head_to_head", boxes=[], random_boxes=0, bots__gte=1, bots__lte=MAX_BOTS),
                 name="training_race_type_options",
             ),
-            models.CheckConstraint(
-                condition=Q(bot_speed_mps__gte=BOT_SPEED_RANGE_MPS[0], bot_speed_mps__lte=BOT_SPEED_RANGE_MPS[1]),
-                name="training_bot_speed_range",
-            ),
+            models.CheckConstraint(condition=within("bot_speed_mps"), name="training_bot_speed_range"),
             models.CheckConstraint(
                 condition=Q(algorithm="ppo", action_space_type__in=["discrete", "continuous"])
                 | Q(algorithm="sac", action_space_type="continuous"),
                 name="training_algorithm_takes_action_space",
             ),
-            models.CheckConstraint(
-                condition=Q(stop_minutes__gte=1, stop_minutes__lte=MAX_MINUTES), name="training_minutes_range"
-            ),
+            models.CheckConstraint(condition=within("stop_minutes", SETTINGS), name="training_minutes_range"),
             models.CheckConstraint(
                 condition=Q(stop_steps__isnull=True) | Q(stop_steps__gte=1), name="training_steps_positive"
             ),
             models.CheckConstraint(
-                condition=Q(stop_clean_laps__isnull=True) | Q(stop_clean_laps__gte=1, stop_clean_laps__lte=MAX_TRIALS),
+                condition=Q(stop_clean_laps__isnull=True) | within("stop_clean_laps", SETTINGS),
                 name="training_clean_laps_range",
             ),
-            models.CheckConstraint(condition=Q(trials__gte=1, trials__lte=MAX_TRIALS), name="training_trials_range"),
+            models.CheckConstraint(condition=within("trials", SETTINGS), name="training_trials_range"),
             models.CheckConstraint(condition=Q(best_metric__in=BestMetric.values), name="training_best_metric_known"),
             models.CheckConstraint(condition=~Q(reward_code=""), name="training_has_reward_function"),
             models.CheckConstraint(condition=Q(charged_s__gte=0), name="training_charged_seconds_positive"),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from django.conf import settings
+from django.conf import settings as site
 from django.db import IntegrityError, transaction
 
 from accounts.quotas import limit_of, used_by
@@ -19,17 +19,17 @@ from evaluation.services.garage import refuse_full_garage
 from paddock.errors import PlatformFault, UserFault
 from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
 from paddock.rules.race import RaceRules
+from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS, TrainingSettings
 from paddock.simulator.course import lay_course
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
 from races.sensors import not_offered
 from races.services.gates import require_open
-from tracks.models import Direction, Track
+from tracks.models import Track
 
 from ..cloning import build_of_model
 from ..hyperparameters import check_action_space, check_hyperparameters
-from ..models import BestMetric, JobState, NeuralNetwork, RewardSignature, TrainingJob, Vehicle
-from ..models.job import MAX_MINUTES, MAX_TRIALS
+from ..models import JobState, NeuralNetwork, TrainingJob, Vehicle
 from ..models.vehicle import default_sensors
 from ..quotas import AT_ONCE, MINUTES
 from ..selectors import can_clone_model, minutes_left
@@ -49,34 +49,17 @@ def create_training(
     name: str,
     track: Track,
     reward_code: str,
-    action_space_type: str,
-    action_space: Any,
+    settings: TrainingSettings,
     now: datetime,
     description: str = "",
-    direction: str = Direction.CCW,
-    race_type: str = RaceType.TIME_TRIAL,
-    boxes: Sequence[Mapping[str, Any]] = (),
-    random_boxes: int = 0,
-    bots: int = 0,
-    bot_speed_mps: float = 1.0,
-    bot_lane_changes: bool = False,
-    algorithm: str = "ppo",
-    hyperparameters: Mapping[str, Any] | None = None,
     vehicle: Vehicle | None = None,
-    reward_signature: str = RewardSignature.PARAMS,
-    stop_minutes: int = 10,
-    stop_steps: int | None = None,
-    stop_clean_laps: int | None = None,
-    trials: int = 3,
-    best_metric: str = BestMetric.PROGRESS,
-    seed: int | None = None,
     submit_to_race: Race | None = None,
     clone_from: TrainedModel | None = None,
 ) -> TrainingJob:
     """Put a training into the queue; a trainer is woken once the transaction is committed.
 
-    ``vehicle=None``: one camera and the shallow network. ``seed=None`` draws one. ``clone_from``: the training begins
-    with the weights of this model. ``boxes``: ``{"fraction", "lane"}`` each.
+    ``vehicle=None``: one camera and the shallow network. ``clone_from``: the training begins with the weights of this
+    model.
 
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
     ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``,
@@ -92,34 +75,22 @@ def create_training(
         raise UserFault("training_reward_missing")
     if vehicle is not None and vehicle.owner_id != owner.pk:
         raise UserFault("vehicle_not_yours")
-    _check_numbers(stop_minutes, stop_steps, stop_clean_laps, trials, seed)
-    if best_metric not in BestMetric.values:
-        raise UserFault("training_best_metric")
+    _check_settings(settings)
     job = TrainingJob(
         owner=owner,
         name=name,
         description=description,
         track=track,
-        direction=direction,
-        race_type=race_type,
-        boxes=[dict(box) for box in boxes],
-        random_boxes=random_boxes,
-        bots=bots,
-        bot_speed_mps=bot_speed_mps,
-        bot_lane_changes=bot_lane_changes,
-        algorithm=algorithm,
-        hyperparameters=check_hyperparameters(algorithm, hyperparameters or {}),
-        action_space_type=action_space_type,
-        action_space=check_action_space(algorithm, action_space_type, action_space),
+        **{rule: getattr(settings, rule) for rule in (*DRIVEN_BY, *ENDING) if rule != "boxes"},
+        boxes=[dict(box) for box in settings.boxes],
+        algorithm=settings.algorithm,
+        hyperparameters=check_hyperparameters(settings.algorithm, settings.hyperparameters),
+        action_space_type=settings.action_space_type,
+        action_space=check_action_space(settings.algorithm, settings.action_space_type, settings.action_space),
         vehicle=vehicle,
         reward_code=reward_code,
-        reward_signature=reward_signature,
-        stop_minutes=stop_minutes,
-        stop_steps=stop_steps,
-        stop_clean_laps=stop_clean_laps,
-        trials=trials,
-        best_metric=best_metric,
-        seed=secrets.randbelow(_GREATEST_SEED) if seed is None else seed,
+        reward_signature=settings.reward_signature,
+        seed=secrets.randbelow(_GREATEST_SEED) if settings.seed is None else settings.seed,
         submit_to_race=submit_to_race,
         cloned_from=clone_from,
         created_at=now,
@@ -135,7 +106,7 @@ def create_training(
     with transaction.atomic():
         hold(owner)
         _refuse_taken_name(owner, name)
-        _refuse_full_quota(owner, stop_minutes, now)
+        _refuse_full_quota(owner, settings.stop_minutes, now)
         try:
             with transaction.atomic():
                 job.save(force_insert=True)
@@ -149,15 +120,16 @@ def create_training(
 
 def refuse_when_closed() -> None:
     """Raises PlatformFault ``training_paused`` or ``training_unavailable``."""
-    if settings.TRAINING_PAUSED:
+    if site.TRAINING_PAUSED:
         raise PlatformFault("training_paused")
-    if not settings.TRAINING:
+    if not site.TRAINING:
         raise PlatformFault("training_unavailable")
 
 
 def clone_settings(model: TrainedModel) -> dict[str, Any]:
-    """What a training that clones this model must have, and what it did have where it was trained here: keyword
-    arguments of :func:`create_training`. Action values and reward function may be changed; sensors and network not."""
+    """What a training that clones this model must have, and what it did have where it was trained here, as
+    :func:`paddock.rules.training.taken_from` takes it. Action values and reward function may be changed;
+    sensors and network not."""
     metadata = model.metadata
     settings_: dict[str, Any] = {
         "action_space_type": metadata.get("action_space_type", "discrete"),
@@ -167,8 +139,7 @@ def clone_settings(model: TrainedModel) -> dict[str, Any]:
     }
     job = TrainingJob.objects.filter(best_model=model).first() or TrainingJob.objects.filter(last_model=model).first()
     if job is not None:
-        names = ("track", "direction", "race_type", "boxes", "random_boxes", "bots", "bot_speed_mps")
-        names += ("bot_lane_changes", "hyperparameters", "reward_code", "reward_signature", "vehicle", "best_metric")
+        names = ("track", *DRIVEN_BY, "hyperparameters", "reward_code", "reward_signature", "vehicle", "best_metric")
         settings_ |= {name: getattr(job, name) for name in names}
     return settings_
 
@@ -256,21 +227,13 @@ def _actions(metadata: Mapping[str, Any]) -> str:
     return f"{len(metadata['action_space'])} {kind}" if kind == "discrete" else kind
 
 
-def _check_numbers(minutes: object, steps: object, clean_laps: object, trials: object, seed: object) -> None:
-    if not _is_whole(minutes, 1, MAX_MINUTES):
-        raise UserFault("training_minutes", low=1, high=MAX_MINUTES)
-    if steps is not None and not _is_whole(steps, 1, _GREATEST_SEED):
-        raise UserFault("training_steps")
-    if clean_laps is not None and not _is_whole(clean_laps, 1, MAX_TRIALS):
-        raise UserFault("training_clean_laps", low=1, high=MAX_TRIALS)
-    if not _is_whole(trials, 1, MAX_TRIALS):
-        raise UserFault("training_trials", low=1, high=MAX_TRIALS)
-    if seed is not None and not _is_whole(seed, 0, _GREATEST_SEED):
-        raise UserFault("training_seed")
-
-
-def _is_whole(value: object, least: int, most: int) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+def _check_settings(settings: TrainingSettings) -> None:
+    for rule in SETTINGS.values():
+        try:
+            rule.check(getattr(settings, rule.name))
+        except ValueError:
+            bounds = {} if rule.choices or rule.most == _GREATEST_SEED else {"low": rule.least, "high": rule.most}
+            raise UserFault(rule.refusal, **bounds) from None
 
 
 def _refuse_taken_name(owner: Racer, name: str) -> None:

@@ -11,6 +11,7 @@ from django.contrib.auth import get_user_model
 from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
 
 from evaluation.models import TrainedModel
+from paddock.rules.training import TrainingSettings
 from races.eligibility import refusal
 from races.models import Race, RaceType
 from races.selectors.offers import beginners_races
@@ -53,10 +54,12 @@ def train_first_car(*, owner: Racer, now: datetime) -> TrainingJob:
         name=free_name(owner, NAME),
         track=track,
         reward_code=DEFAULT.code,
-        action_space_type="discrete",
-        action_space=[dict(action) for action in DEFAULT_ACTIONS],
-        stop_minutes=MINUTES,
-        stop_clean_laps=int(QUICK["stop_clean_laps"]),
+        settings=TrainingSettings(
+            action_space_type="discrete",
+            action_space=[dict(action) for action in DEFAULT_ACTIONS],
+            stop_minutes=MINUTES,
+            stop_clean_laps=int(QUICK["stop_clean_laps"]),
+        ),
         submit_to_race=race_of_first_car(owner, now),
         now=now,
     )

@@ -16,6 +16,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from core.forms import add_fault, explain
 from paddock.errors import PaddockError, PlatformFault, UserFault
+from paddock.rules.training import taken_from
 from races.course_form import preview
 from races.models import RaceType
 from training.checks import one_check, refusals
@@ -99,7 +100,8 @@ def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJo
             form.show(fault)
         if found:
             return None, 422
-        return create_training(owner=owner, now=now, **form.values()), 302
+        asked, rest = taken_from(form.values())
+        return create_training(owner=owner, settings=asked, now=now, **rest), 302
     except UserFault as fault:
         form.show(fault)
         return None, 422

@@ -1,0 +1,100 @@
+"""The list of what a training is asked for besides its reward function, as plain values."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .hyperparameters import PPO
+from .race import RaceRules
+from .rule import gettext_noop as _
+from .rule import pgettext_noop as pgettext
+from .rule import rule, rules_in
+
+BEST_METRICS = ("progress", "reward", "lap_time")
+PARAMS, POSITIONAL = SIGNATURES = ("params", "positional")
+_MOST = 2**31 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingSettings:
+    """How a training drives, learns and ends. Whether its values make sense is checked when it is taken on.
+
+    ``action_space`` and ``action_space_type``: as in ``model_metadata.json``. ``boxes``: ``{"fraction", "lane"}`` each.
+    ``seed``: None draws one.
+    """
+
+    action_space_type: str
+    action_space: Any
+    direction: str = RaceRules.direction
+    race_type: str = RaceRules.race_type
+    boxes: Sequence[Mapping[str, Any]] = ()
+    random_boxes: int = RaceRules.random_boxes
+    bots: int = RaceRules.bots
+    bot_speed_mps: float = RaceRules.bot_speed_mps
+    bot_lane_changes: bool = RaceRules.bot_lane_changes
+    algorithm: str = PPO
+    hyperparameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    reward_signature: str = PARAMS
+    stop_minutes: int = rule(
+        10,
+        label=_("Minutes at most"),
+        help=_("Of wall time: 1 to 1440."),
+        least=1,
+        most=1440,
+        column=True,
+        refusal="training_minutes",
+    )
+    stop_clean_laps: int | None = rule(
+        None,
+        label=_("Clean laps in a row"),
+        help=_("It ends as soon as the car has driven so many without leaving the road."),
+        least=1,
+        most=10,
+        column=True,
+        refusal="training_clean_laps",
+    )
+    stop_steps: int | None = rule(
+        None,
+        label=pgettext("of a simulation", "Steps"),
+        context="of a simulation",
+        help=_("Fifteen steps are one second of driving."),
+        least=1,
+        most=_MOST,
+        column=True,
+        refusal="training_steps",
+    )
+    trials: int = rule(
+        3,
+        label=_("Trials of an evaluation"),
+        help=_("After each update the car drives so many laps without exploring."),
+        least=1,
+        most=10,
+        column=True,
+        refusal="training_trials",
+    )
+    best_metric: str = rule(
+        "progress",
+        label=_("Best by"),
+        help=_("What makes one of these evaluations the best; its model is kept beside the last one."),
+        choices=BEST_METRICS,
+        column=True,
+        refusal="training_best_metric",
+    )
+    seed: int | None = rule(None, label=_("Seed"), least=0, most=_MOST, column=True, refusal="training_seed")
+
+
+# Those with bounds and words of their own.
+SETTINGS = rules_in(TrainingSettings)
+# Race rules that a training drives by, all as the course of a race says them.
+DRIVEN_BY = ("direction", "race_type", "boxes", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes")
+ENDING = tuple(name for name in SETTINGS if name != "seed")
+
+
+def taken_from(values: Mapping[str, Any]) -> tuple[TrainingSettings, dict[str, Any]]:
+    """The settings among ``values``, and the rest. Raises TypeError without an action space."""
+    names = {field.name for field in dataclasses.fields(TrainingSettings)}
+    rest = {name: value for name, value in values.items() if name not in names}
+    return TrainingSettings(**{name: value for name, value in values.items() if name in names}), rest
