@@ -21,6 +21,7 @@ COMMANDS = sorted(path.stem for path in (CHECKOUT / "config/management/commands"
 GIVEN = {
     "backup": ["new.backup"],
     "restore": ["nothing.backup"],
+    "carry_over": ["nothing.sqlite3"],
     "evaluate": ["nothing.tar.gz", "--track", "oval"],
     "export_season": ["2026", "out"],
     "forget_second_factor": ["alice"],
