@@ -1,1 +1,3 @@
 """The league: seasons, rounds, divisions, promotion, standings."""
+
+from . import reasons as reasons  # registers its codes

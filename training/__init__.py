@@ -1,0 +1,1 @@
+from . import reasons as reasons  # registers its codes

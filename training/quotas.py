@@ -15,12 +15,10 @@ from accounts.quotas import Quota
 from accounts.storage import Shelf
 from evaluation.models import StoredFile
 from evaluation.quotas import sizes_of_files
-from paddock.errors.reasons import REASONS
+from paddock.errors.reasons import platform_codes
 
 from .models import Checkpoint, JobState, TrainingIteration, TrainingJob
 from .models.choices import UNDER_WAY
-
-PLATFORM_CODES = [code for code, reason in REASONS.items() if reason.fault == "platform"]
 
 
 def _at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
@@ -36,7 +34,7 @@ def _minutes(racers: Collection[int] | None, now: datetime) -> Mapping[int, floa
     jobs = (
         _jobs(racers)
         .filter(created_at__gte=month)
-        .exclude(state=JobState.FAILED, reason_code__in=PLATFORM_CODES)
+        .exclude(state=JobState.FAILED, reason_code__in=platform_codes())
         .values_list("owner", "state", "charged_s", "stop_minutes")
     )
     used: dict[int, float] = defaultdict(float)

@@ -10,12 +10,10 @@ from django.db.models import IntegerField, OuterRef, Q, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
 from evaluation.models import Evaluation, State
-from paddock.errors.reasons import REASONS
+from paddock.errors.reasons import platform_codes
 
 from ..models import BoardCount, Entry, Race, Redrive, RedriveState, Submission
 from ..models.counting import CLASSIFIED, EVERYBODY, LEVEL_BITS, SHIFTS, TOTAL
-
-PLATFORM_CODES = frozenset(code for code, reason in REASONS.items() if reason.fault == "platform")
 
 
 @dataclass(frozen=True)
@@ -145,7 +143,7 @@ def driven_again(race: Race) -> DrivenAgain | None:
     counted = Submission.objects.filter(entry__race=race, is_void=False, evaluation__result__isnull=False)
     ended = Redrive.objects.filter(submission__entry__race=race, state=RedriveState.PENDING, engine=race.next_engine)
     verdict = Q(evaluation__state=State.STOPPED) | Q(evaluation__result__engine=race.next_engine)
-    verdict |= Q(evaluation__state=State.FAILED) & ~Q(evaluation__reason_code__in=PLATFORM_CODES)
+    verdict |= Q(evaluation__state=State.FAILED) & ~Q(evaluation__reason_code__in=platform_codes())
     return DrivenAgain(
         race.next_engine,
         ended.filter(verdict).count(),
@@ -162,7 +160,7 @@ def races_driven_again() -> list[tuple[Race, DrivenAgain]]:
 def failing_redrives(race: Race) -> list[Redrive]:
     """Of a race that is driven again the runs that have failed through our fault and wait to be tried once more."""
     failed = Redrive.objects.filter(submission__entry__race=race, state=RedriveState.PENDING)
-    given_up = Q(evaluation__state=State.FAILED, evaluation__reason_code__in=PLATFORM_CODES)
+    given_up = Q(evaluation__state=State.FAILED, evaluation__reason_code__in=platform_codes())
     failed = failed.filter(given_up | Q(evaluation__state=State.QUEUED, evaluation__failed_at__isnull=False))
     return list(failed.select_related("evaluation").order_by("pk"))
 

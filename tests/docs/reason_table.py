@@ -6,42 +6,56 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from pathlib import Path
 
-from paddock.errors import reasons
+from paddock.errors.reasons import REASONS
+from tests.shared import CHECKOUT
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "racers.md"
 BEGIN, END = "<!-- reasons: begin -->", "<!-- reasons: end -->"
-SECTIONS = {
-    "Upload": reasons.upload.REASONS,
-    "model_metadata.json": reasons.metadata.REASONS,
-    "Conversion of a TensorFlow graph": reasons.conversion.REASONS,
-    "Policies of stable-baselines3": reasons.sb3.REASONS,
-    "The network": reasons.gate.REASONS,
-    "On the track": reasons.run_time.REASONS,
-    "Paddock's own faults": reasons.platform.REASONS,
-    "Track files": reasons.tracks.REASONS,
-    "Recorded drives": reasons.traces.REASONS,
-    "Races": reasons.race.REASONS,
-    "The league": reasons.league.REASONS,
-    "Several cars in a race": reasons.rivals.REASONS,
-    "Duels": reasons.duels.REASONS,
-    "Videos": reasons.videos.REASONS,
-    "Vehicles": reasons.vehicles.REASONS,
-    "Reward functions": reasons.training.REASONS,
-    "Trainings": reasons.jobs.REASONS,
-    "Account": reasons.account.REASONS,
-    "Programs": reasons.bodies.REASONS,
-    "Commands": reasons.commands.REASONS,
-}
+SECTIONS = (
+    "Upload",
+    "model_metadata.json",
+    "Conversion of a TensorFlow graph",
+    "Policies of stable-baselines3",
+    "The network",
+    "On the track",
+    "Paddock's own faults",
+    "Track files",
+    "Recorded drives",
+    "Races",
+    "The league",
+    "Several cars in a race",
+    "Duels",
+    "Videos",
+    "Vehicles",
+    "Reward functions",
+    "Trainings",
+    "Account",
+    "Programs",
+    "Commands",
+)
+
+
+def files() -> list[Path]:
+    """Where the reasons stand: a file of each package that raises any."""
+    found = [*CHECKOUT.glob("*/reasons.py"), *CHECKOUT.glob("*/*/reasons.py")]
+    return sorted(path for path in found if path.parent.name != "errors")
+
+
+for path in files():
+    import_module(".".join(path.relative_to(CHECKOUT).with_suffix("").parts))
 
 
 def table() -> str:
     """Every reason code by section with its sentence; placeholders stand in italics."""
     lines = []
-    for title, section in SECTIONS.items():
+    for title in SECTIONS:
         lines += [f"### {title}", "", "| code | what it says |", "|---|---|"]
-        for code, reason in section.items():
+        for code, reason in sorted(REASONS.items()):
+            if reason.subject != title:
+                continue
             sentence = re.sub(r"%\((\w+)\)s", r"*\1*", reason.sentence).replace("%%", "%").replace("|", "\\|")
             lines.append(f"| `{code}` | {sentence} |")
         lines.append("")

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from evaluation.sandbox.limits import REWARD
-from paddock.errors.reasons.training import REWARD_REASONS
 from tests.soak import one_of_each
+from training.rewards.reasons import REWARD_REASONS
 from training.rewards.validate import check_reward, validate_reward
 
 from .test_hostile import children, descriptors

@@ -99,7 +99,7 @@ def test_whoever_lost_the_lease_changes_nothing(held, now):
     assert not record_iteration(job=held, lease=other, iteration=an_iteration(1), now=now)
     assert not keep_checkpoint(job=held, lease=other, saved=saved(1), networks=NETWORKS, now=now)
     assert not record_prints(job=held, lease=other, prints=Prints("late\n", "late\n", False), now=now)
-    assert not fail_training(job_id=held.pk, lease=other, fault=UserFault("training_over"), now=now)
+    assert not fail_training(job_id=held.pk, lease=other, fault=UserFault("training_name_taken"), now=now)
     assert not release_training(job_id=held.pk, lease=other, now=now)
     held.refresh_from_db()
     assert (held.state, held.seconds_done, held.printed, held.log) == (JobState.RUNNING, 0.0, "", "")

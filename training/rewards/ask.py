@@ -21,11 +21,11 @@ from evaluation.sandbox.launch import FROM_OUTSIDE, SandboxedProcess, launch, wi
 from evaluation.sandbox.limits import REWARD
 from evaluation.sandbox.lock import EXIT_MEMORY
 from paddock.errors import PlatformFault, UserFault
-from paddock.errors.reasons.training import REWARD_REASONS
 from paddock.packages.slots import default_directory, upload_slot
 
 from .function import MAX_REWARD, Params, printable, readable
 from .modules import wanted_modules
+from .reasons import REWARD_REASONS
 from .watch import KEPT_CHARACTERS, LIMIT_S, line_in
 from .wire import to_wire
 

@@ -4,3 +4,5 @@ Of the zip that ``model.save`` writes two members are read: ``policy.pth`` by ``
 ``data`` as plain JSON, whose base64 fields (pickled Python) stay closed. Both only behind the wall, in a process of
 their own (:mod:`.process`).
 """
+
+from . import reasons as reasons  # registers its codes

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from django.db import transaction
 
+from paddock.errors.reasons import platform_codes
+
 from ..models import JobState, TrainingJob
-from ..quotas import PLATFORM_CODES
 from .bell import ring_training_bell
 from .records import delete_stored
 
@@ -25,7 +26,7 @@ def train_again(*, job: TrainingJob) -> bool:
         progress={},
         steps_done=0,
         seconds_done=0,
-        charged_s=0.0 if job.reason_code in PLATFORM_CODES else job.charged_s,
+        charged_s=0.0 if job.reason_code in platform_codes() else job.charged_s,
         failures=0,
         kills=0,
         got_to=0,

@@ -16,10 +16,10 @@ from evaluation.sandbox.limits import TRAINER
 from evaluation.sandbox.lock import EXIT_MEMORY
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.errors.reasons import REASONS
-from paddock.errors.reasons.training import REWARD_REASONS
 
 from ..rewards.ask import ended_by, line_of
 from ..rewards.modules import wanted_modules
+from ..rewards.reasons import REWARD_REASONS
 from ..rewards.watch import KEPT_CHARACTERS, line_in
 from .bounds import bounds_of
 from .messages import GREATEST, Ended, Iteration, Prints, SavedState, iteration_of, prints_of, whole

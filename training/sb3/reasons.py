@@ -1,9 +1,10 @@
 """Why a policy of stable-baselines3 cannot become ONNX."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REASONS = table(
+register(
+    "Policies of stable-baselines3",
     "user",
     {
         "sb3_unreadable": _(

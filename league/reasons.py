@@ -1,9 +1,23 @@
 """Why something about a season, its rounds or its record is refused."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REASONS = table(
+register(
+    "Races",
+    "user",
+    {
+        "race_pro_only": _(
+            "This is a race of the pro division. The best of each month's open race are promoted to it: enter that one."
+        ),
+        "race_open_only": _(
+            "You are in the pro division this season, so this month's pro race is yours, not this one."
+        ),
+    },
+)
+
+register(
+    "The league",
     "user",
     {
         # the settings of a season

@@ -1,9 +1,10 @@
 """Why a race, an entry or a submission is refused."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REASONS = table(
+register(
+    "Races",
     "user",
     {
         # a race that is made or changed
@@ -73,26 +74,6 @@ REASONS = table(
         "cancel_needs_a_reason": _("Say why the race is cancelled: everybody who entered will read it."),
         "race_league_admins": _("Only admins hold races of the league. Leave the division out for a race of your own."),
         "race_not_yours": _("Only the organiser of this race and admins can do this."),
-        # boxes and bots that a track has no room for
-        "box_on_start_line": _(
-            "Box %(number)s stands on the start line. Move it at least %(least_m)s m away from the line."
-        ),
-        "boxes_overlap": _(
-            "Boxes %(number)s and %(other)s overlap or leave no way between them. Put at least %(least_m)s m of track "
-            "between any two."
-        ),
-        "box_off_track": _(
-            "Box %(number)s has no room on the track: the road is %(width_m)s m wide there, and a car could not pass. "
-            "Move it to a wider place."
-        ),
-        "boxes_do_not_fit": _(
-            "%(boxes)s boxes at least %(distance_m)s m apart do not fit on this track of %(length_m)s m. Ask for fewer "
-            "boxes or a smaller distance."
-        ),
-        "bots_do_not_fit": _(
-            "%(bots)s bots at least %(least_m)s m apart do not fit on this track of %(length_m)s m. Ask for fewer bots "
-            "or choose a longer track."
-        ),
         # getting in and out
         "race_not_open_yet": _("The race opens at %(opens)s. Submit a car from then on."),
         "race_changed_meanwhile": _(
@@ -105,12 +86,6 @@ REASONS = table(
         "race_needs_invitation": _("This race is by invitation. Open the link that its organiser gave you."),
         "invitation_unknown": _(
             "This invitation link is not valid any more. Ask the organiser of the race for the present one."
-        ),
-        "race_pro_only": _(
-            "This is a race of the pro division. The best of each month's open race are promoted to it: enter that one."
-        ),
-        "race_open_only": _(
-            "You are in the pro division this season, so this month's pro race is yours, not this one."
         ),
         "entry_missing": _("You have not entered this race."),
         "entry_withdrawn": _("You have withdrawn from this race. Enter it again first."),
@@ -134,19 +109,62 @@ REASONS = table(
             "could not be held against its results."
         ),
         "submission_not_failed": _("Only a run that failed or was stopped can be repeated; this one stands."),
-        # tracks that racers import
-        "track_known": _("This very track is here already, as %(name)s. Use that one."),
-        "track_limit": _(
-            "You have imported %(limit)s tracks, as many as one racer may. Race on one of those here, or ask an admin."
+    },
+)
+
+register(
+    "Several cars in a race",
+    "user",
+    {
+        "car_number": _("There is no car %(car)s in this evaluation. Ask for one of these numbers: %(known)s."),
+    },
+)
+
+register(
+    "Duels",
+    "user",
+    {
+        "race_has_no_duels": _("This race has no duels. Only a head-to-head race against other racers' cars has."),
+        "race_bracket_of_pairs": _("In a bracket two cars meet at a time. Choose 2 cars in a duel, or a round robin."),
+        "duels_before_closing": _("The duels are drawn once the race has closed, at %(closes)s."),
+        "duels_wait_for_qualifying": _(
+            "Cars that were sent in time (%(count)s) are still being timed. The duels are drawn when they are done."
         ),
-        "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
-        "track_look": _("There is no such look of a track. There are: %(looks)s."),
-        "track_slug": _(
-            "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
+        "duels_drawn": _("The duels are drawn, so the qualifying does not change any more."),
+    },
+)
+
+register(
+    "Videos",
+    "user",
+    {
+        "video_run_not_finished": _("This run has no result, so there is no video of it. Wait for its end."),
+        "video_part": _(
+            "“%(part)s” is no part of a run. Choose “whole”, “best” (the car's fastest lap) or the number of a lap."
         ),
-        "track_shape_unknown": _(
-            "The shape of %(name)s is not known here: it came as a name with the results of an imported season."
+        "video_no_best_lap": _("Car %(car)s completed no lap, so it has no best one. Choose the whole run."),
+        "video_language": _("Videos have their words in one of the languages %(known)s, not in “%(language)s”."),
+        "videos_off": _("No videos are made on this site at the moment: whoever operates it has switched them off."),
+        "videos_at_once": _(
+            "You have asked for %(limit)s videos that wait or are being drawn, as many as you may at once. Wait for "
+            "one, or stop one."
         ),
-        "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
+        "videos_a_day": _(
+            "You have asked for %(limit)s videos within a day, as many as you may. Ask for this one tomorrow."
+        ),
+        "video_stopped": _("The video was stopped before it was done. Ask for it again to have it."),
+    },
+)
+
+register(
+    "Videos",
+    "platform",
+    {
+        "video_encoder_missing": _(
+            "The machine that draws videos cannot encode them (%(detail)s). Whoever operates this site sees with "
+            "“manage.py doctor” what is missing."
+        ),
+        "video_file_lost": _("The file of this video is not there any more. Ask for the video again."),
+        "video_gave_up": _("Paddock failed to make this video %(attempts)s times. Ask for it again later."),
     },
 )

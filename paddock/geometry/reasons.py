@@ -1,9 +1,10 @@
 """Why a track is refused."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REASONS = table(
+register(
+    "Track files",
     "user",
     {
         "track_not_npy": _("This is no NumPy array file (.npy), or it is cut short. Save the track with numpy.save."),

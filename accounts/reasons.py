@@ -1,9 +1,10 @@
-"""Limits of an account."""
+"""Why something about an account is refused."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REASONS = table(
+register(
+    "Account",
     "user",
     {
         "sign_up_invitation": _(

@@ -1,9 +1,26 @@
-"""Why a management command refuses what was typed."""
+"""Why a management command refuses, and what fails below it."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REASONS = table(
+register(
+    "Paddock's own faults",
+    "platform",
+    {
+        "database_not_ready": _(
+            "The database is not ready: %(problem)s. Make it so with “manage.py migrate” (“manage.py run” does it "
+            "itself), or see to what DATABASE_URL and PADDOCK_DATA name."
+        ),
+        "database_damaged": _(
+            "The database is damaged: %(problem)s. Restore the last good backup (“manage.py restore”) into an empty "
+            "place."
+        ),
+        "database_tool_failed": _("%(tool)s failed: %(problem)s."),
+    },
+)
+
+register(
+    "Commands",
     "user",
     {
         "command_line": _("The command line is not understood: %(problem)s. Call the command with --help."),

@@ -1,9 +1,10 @@
 """Why a reward function is refused, or ends the training that it was written for."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-REWARD_REASONS = table(
+REWARD_REASONS = register(
+    "Reward functions",
     "user",
     {
         "reward_length": _(
@@ -66,7 +67,8 @@ REWARD_REASONS = table(
     },
 )
 
-_PLATFORM = table(
+REWARD_REASONS = register(
+    "Reward functions",
     "platform",
     {
         "reward_check_failed": _(
@@ -78,5 +80,3 @@ _PLATFORM = table(
         ),
     },
 )
-
-REASONS = {**REWARD_REASONS, **_PLATFORM}

@@ -1,9 +1,35 @@
-"""Why a training is not begun, or ended early for another reason than its reward function."""
+"""Why a training or a vehicle is refused, and why a training ends early."""
 
-from .reason import gettext_noop as _
-from .reason import table
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
 
-_USER = table(
+register(
+    "Paddock's own faults",
+    "platform",
+    {
+        "submit_failed": _(
+            "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
+        ),
+    },
+)
+
+register(
+    "Vehicles",
+    "user",
+    {
+        "vehicle_name_taken": _("You have another vehicle named “%(name)s”. Choose another name."),
+        "vehicle_limit": _("Your garage has %(limit)s vehicles, as many as it may have. Delete one first."),
+        "vehicle_not_yours": _("This vehicle is not in your garage. Choose one of yours."),
+        "vehicle_sensors": _("A vehicle has one camera (%(cameras)s) and at most one lidar (%(lidars)s)."),
+        "vehicle_lidar": _(
+            "Only the sensor %(sensor)s has settings. Add it to the sensors, or leave the settings out."
+        ),
+        "reward_check_runs": _("One of your reward functions is being checked already. Try again in a few seconds."),
+    },
+)
+
+register(
+    "Trainings",
     "user",
     {
         "training_name_form": _(
@@ -87,7 +113,6 @@ _USER = table(
             "reward function (%(how)s). A function that changes anything but its own values does that. Try one of the "
             "examples instead of it; if that breaks down as well, tell whoever operates this site."
         ),
-        "training_over": _("This training is over."),
         "training_under_way": _("Only a training that is over can be deleted. Stop this one first."),
         "training_model_races": _(
             "The model “%(name)s” is in the race “%(race)s”, which is not over. Delete the training without its "
@@ -100,7 +125,8 @@ _USER = table(
     },
 )
 
-_PLATFORM = table(
+register(
+    "Trainings",
     "platform",
     {
         "training_unavailable": _(
@@ -117,5 +143,3 @@ _PLATFORM = table(
         ),
     },
 )
-
-REASONS = {**_USER, **_PLATFORM}

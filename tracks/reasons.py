@@ -1,0 +1,25 @@
+"""Why a track is not imported, changed or taken away."""
+
+from paddock.errors.reasons import gettext_noop as _
+from paddock.errors.reasons import register
+
+register(
+    "Races",
+    "user",
+    {
+        # tracks that racers import
+        "track_known": _("This very track is here already, as %(name)s. Use that one."),
+        "track_limit": _(
+            "You have imported %(limit)s tracks, as many as one racer may. Race on one of those here, or ask an admin."
+        ),
+        "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
+        "track_look": _("There is no such look of a track. There are: %(looks)s."),
+        "track_slug": _(
+            "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
+        ),
+        "track_shape_unknown": _(
+            "The shape of %(name)s is not known here: it came as a name with the results of an imported season."
+        ),
+        "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
+    },
+)
