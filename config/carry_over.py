@@ -49,7 +49,10 @@ MADE: dict[tuple[str, str], tuple[tuple[str, ...], Callable[..., Any]]] = {
     ),
 }
 # (old table, old column) that nothing is made of
-DROPPED: set[tuple[str, str]] = set()
+DROPPED: set[tuple[str, str]] = {
+    # what was told to everybody: events and the notices themselves say so
+    *(("league_announcement", name) for name in ("id", "about", "at")),
+}
 # (app, model) of a content type: as it was
 MODELS = {("accounts", "racer"): ("league", "racer")}
 # Made by the migrations themselves, or by triggers from the rows of other tables

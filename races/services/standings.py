@@ -78,8 +78,13 @@ def recompute_standing(*, entry: Entry) -> Entry:
 
     How it qualified does not change any more then: its seed and its car came from that.
     """
-    entry = lock_entry(entry)
+    entry = _worked_out(entry)
     record_board(entry.race)
+    return entry
+
+
+def _worked_out(entry: Entry) -> Entry:
+    entry = lock_entry(entry)
     if entry.seed is not None:
         recount(entry.race, [entry])
         return entry
@@ -116,7 +121,8 @@ def recompute_race(*, race: Race) -> int:
     """Work out the standings of all entries of a race anew; returns how many."""
     entries = lock_entries(race.entries.values_list("pk", flat=True))
     for entry in entries:
-        recompute_standing(entry=entry)
+        _worked_out(entry)
+    record_board(race)
     return len(entries)
 
 
