@@ -151,7 +151,7 @@ def _result(race: Any) -> Callable[[], Callable[[], Any]]:
         racer, now = a_racer(), timezone.now()
         running = start(submit_model(race=race, racer=racer, model=a_model(racer), now=now).evaluation, now)
         ended = outcome(laps(12_000, 12_001, 12_002))
-        return lambda: finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=ended, now=now)
+        return lambda: finish_evaluation(pk=running.pk, lease=running.lease, outcome=ended, now=now)
 
     return ready
 

@@ -86,7 +86,7 @@ def _looks(runs: int, now: datetime) -> dict[str, float]:
         selectors.queue_length()
 
     def claim() -> None:
-        assert services.claim_next_evaluation(worker="bench", now=now) is not None
+        assert services.EVALUATIONS.claim(worker="bench", now=now) is not None
 
     def submit() -> None:
         services.queue_evaluation(owner=last.owner, model=last.model, track=last.track, rules=RaceRules(), now=now)
@@ -95,7 +95,7 @@ def _looks(runs: int, now: datetime) -> dict[str, float]:
     timed: dict[str, Callable[[], object]] = {
         "place of the first": lambda: look(front),
         "place of the last": lambda: look(last),
-        "sweep": lambda: services.sweep_queue(now=now),
+        "sweep": lambda: services.EVALUATIONS.sweep(now=now),
         "claim": claim,
         "submission": submit,
     }

@@ -38,14 +38,23 @@ TABLES = {
     "accounts_racer": "league_racer",
     "accounts_racer_groups": "league_racer_groups",
     "accounts_racer_user_permissions": "league_racer_user_permissions",
+    "core_outage": "evaluation_outage",
 }
 # (new table, new column): old column
-COLUMNS: dict[tuple[str, str], str] = {}
+COLUMNS: dict[tuple[str, str], str] = {("league_webhookdelivery", "attempt"): "tries"}
 # (new table, new column): the old columns that it is made of, and how
 MADE: dict[tuple[str, str], tuple[tuple[str, ...], Callable[..., Any]]] = {
     ("races_race", "rules"): (
         ("bot_lane_changes",),
         lambda changes: json.dumps({"bot_lane_changes": bool(changes)}),
+    ),
+    ("league_webhookdelivery", "not_before"): (
+        ("state", "next_at"),
+        lambda state, next_at: next_at if state == "due" else None,
+    ),
+    ("league_webhookdelivery", "ended_at"): (
+        ("state", "next_at"),
+        lambda state, next_at: None if state == "due" else next_at,
     ),
 }
 # (old table, old column) that nothing is made of
@@ -54,7 +63,7 @@ DROPPED: set[tuple[str, str]] = {
     *(("league_announcement", name) for name in ("id", "about", "at")),
 }
 # (app, model) of a content type: as it was
-MODELS = {("accounts", "racer"): ("league", "racer")}
+MODELS = {("accounts", "racer"): ("league", "racer"), ("core", "outage"): ("evaluation", "outage")}
 # Made by the migrations themselves, or by triggers from the rows of other tables
 MADE_ANEW = {"django_content_type", "auth_permission", "races_boardcount", "django_migrations"}
 _MARK = "league_racer"  # a table that only a database from before has

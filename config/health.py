@@ -25,10 +25,10 @@ from kombu.exceptions import KombuError
 from redis import RedisError
 
 from core.clock import database_now
+from core.jobs.outages import storage_answers, storage_is_out
 from evaluation.models import WorkerNode
 from evaluation.selectors import waiting_since
 from evaluation.services.nodes import EVALUATIONS, SILENT_AFTER
-from evaluation.services.outages import storage_answers, storage_is_out
 from paddock.errors import PlatformFault
 
 from .cache import SteadyCache

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from core.jobs.models import reason_sentence
 from core.storage_faults import is_of_storage
-from evaluation.models import reason_sentence
 from paddock.errors import PlatformFault
 
 logger = logging.getLogger(__name__)

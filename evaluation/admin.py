@@ -10,12 +10,12 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from core.clock import database_now
+from core.jobs.models import Outage
 
 from .models import (
     Evaluation,
     EvaluationRival,
     Network,
-    Outage,
     Result,
     RivalResult,
     State,
@@ -23,7 +23,7 @@ from .models import (
     TrainedModel,
     WorkerNode,
 )
-from .services import delete_model, stop_evaluation, stop_sharing_model, sweep_queue
+from .services import EVALUATIONS, delete_model, stop_evaluation, stop_sharing_model
 
 
 class ReadOnlyAdmin(admin.ModelAdmin):
@@ -140,7 +140,7 @@ class EvaluationAdmin(ReadOnlyAdmin):
 
     @admin.action(description=_("Sweep the whole queue now"), permissions=["stop"])
     def sweep(self, request: HttpRequest, queryset: QuerySet[Evaluation]) -> None:
-        report = sweep_queue(now=database_now())
+        report = EVALUATIONS.sweep(now=database_now())
         text = _("Put back: %(requeued)d, waiting: %(waiting)d.")
         counts = {"requeued": report.requeued, "waiting": report.waiting}
         self.message_user(request, text % counts, messages.SUCCESS)

@@ -8,11 +8,15 @@ class EvaluationConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts import quotas, storage
+        from core.jobs.outages import look_after_faults
 
         from . import events  # noqa: F401 - its kinds of events are known from the start
         from .quotas import MODELS, NETWORKS, STORAGE, TRACES
+        from .sandbox import probe as probing
 
         quotas.register(MODELS)
         quotas.register(STORAGE)
         storage.register(NETWORKS)
         storage.register(TRACES)
+        # the turns of a worker end where it says that the sandbox is gone
+        look_after_faults("sandbox_failed", lambda: probing.look_again())

@@ -32,12 +32,6 @@ FRONT = 1000  # the places that are exact
 ORDER = ("-priority", "turn", "queued_at", "pk")
 
 
-def next_in_line(count: int) -> list[tuple[int, int]]:
-    """``(id, attempt)`` of the next ``count`` evaluations that run, in their order. What pauses after a fault of ours
-    stands aside."""
-    return list(queued().filter(not_before=None).order_by(*ORDER).values_list("pk", "attempt")[:count])
-
-
 def front_of_line() -> list[int]:
     """The ids of the first :data:`FRONT` queued evaluations in the order in which they will run if nothing else is
     queued."""

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import uuid
-from typing import Any
 
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
 from core.ids import new_public_id
-from paddock.errors.reasons import REASONS
+from core.jobs.models import Job, lease_constraints, reason_sentence
 from paddock.rules.race import MAX_CARS
 
 from .looks import COLOUR, DEFAULT_COLOUR, Look, Shell
@@ -25,14 +23,6 @@ SHA256 = r"^[0-9a-f]{64}$"
 def alone() -> list[int]:
     """The order at the end of a run with one car."""
     return [0]
-
-
-def reason_sentence(code: str, params: dict[str, Any]) -> str:
-    """A reason in the reader's language; ``""`` where there is none. ``params``: what its sentence names."""
-    if not code:
-        return ""
-    reason = REASONS[code]
-    return reason.render(params, _now(reason.sentence))
 
 
 class Damage(models.TextChoices):
@@ -179,7 +169,7 @@ class State(models.TextChoices):
 FINAL_STATES = (State.FINISHED, State.FAILED, State.STOPPED)
 
 
-class Evaluation(models.Model):
+class Evaluation(Job):
     """One run of one network on one track under one set of rules, and its place in the queue.
 
     ``spec`` is frozen when the row is made: ``{"track": fingerprint, "rules": RaceRules.to_dict(), "metadata": ...}``.
@@ -200,23 +190,8 @@ class Evaluation(models.Model):
     urgent_from = models.DateTimeField(_("goes before others from"), null=True, blank=True)
 
     state = models.CharField(_("state"), max_length=8, choices=State.choices, default=State.QUEUED)
-    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
-    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
-    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
-    worker = models.CharField(_("worker"), max_length=128, blank=True)
     progress = models.JSONField(_("progress"), default=dict, blank=True)
-    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
-    reason_params = models.JSONField(_("details"), default=dict, blank=True)
-    operator_detail = models.TextField(_("for operators"), blank=True)
-    kills = models.PositiveSmallIntegerField(
-        _("kills"), default=0, help_text=_("How often its simulator ended while other cars passed.")
-    )
-
     queued_at = models.DateTimeField(_("queued"), default=timezone.now)
-    failed_at = models.DateTimeField(_("last failed by our fault"), null=True, blank=True)
-    not_before = models.DateTimeField(_("not before"), null=True, blank=True)
-    started_at = models.DateTimeField(_("started"), null=True, blank=True)
-    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
 
     class Meta:
         verbose_name = _("evaluation")
@@ -264,24 +239,15 @@ class Evaluation(models.Model):
             models.Index(fields=["ended_at"], condition=Q(ended_at__isnull=False), name="evaluation_by_end"),
         ]
         constraints = [
-            models.CheckConstraint(condition=Q(state__in=State.values), name="evaluation_state_known"),
-            models.CheckConstraint(
-                condition=Q(state="running", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
-                | (~Q(state="running") & Q(lease__isnull=True, leased_until__isnull=True)),
-                name="evaluation_lease_while_running",
-            ),
-            models.CheckConstraint(
-                condition=Q(state__in=["finished", "failed", "stopped"], ended_at__isnull=False)
-                | Q(state__in=["queued", "running"], ended_at__isnull=True),
-                name="evaluation_ended_when_final",
+            *lease_constraints(
+                "evaluation", waiting="queued", working="running", final=["finished", "failed", "stopped"]
             ),
             models.CheckConstraint(
                 condition=~Q(state="failed") | ~Q(reason_code=""), name="evaluation_failure_has_reason"
             ),
-            # it pauses only while it waits, and only after a fault of ours
             models.CheckConstraint(
-                condition=Q(not_before__isnull=True) | Q(state="queued", failed_at__isnull=False),
-                name="evaluation_pauses_in_queue",
+                condition=Q(not_before__isnull=True) | Q(failed_at__isnull=False),
+                name="evaluation_pauses_after_our_fault",
             ),
             models.CheckConstraint(condition=Q(kills__lte=models.F("attempt")), name="evaluation_kills_of_attempts"),
             # racers take turns: one evaluation of each in a round
@@ -300,16 +266,6 @@ class Evaluation(models.Model):
     def is_final(self) -> bool:
         """Whether nothing will change any more."""
         return self.state in FINAL_STATES
-
-    @property
-    def reason(self) -> str:
-        """The reason's sentence in the reader's language, or ``""``."""
-        return reason_sentence(self.reason_code, self.reason_params)
-
-    @property
-    def is_platform_fault(self) -> bool:
-        """Whether it failed through our fault, and so does not count."""
-        return self.state == State.FAILED and REASONS[self.reason_code].fault == "platform"
 
 
 class EvaluationRival(models.Model):
@@ -429,35 +385,6 @@ class RivalResult(CarResult):
 
     def __str__(self) -> str:
         return f"{self.result} {self.number}"
-
-
-class Outage(models.Model):
-    """A part that all runs need is away: while there is a row, nobody claims. Looked after by the sweep.
-
-    ``looks``: how often it was looked at in vain; ``look_at``: when it is looked at next.
-    """
-
-    class Part(models.TextChoices):
-        """What can be away."""
-
-        STORAGE = "storage", _("storage of files")
-
-    part = models.CharField(_("part"), max_length=16, choices=Part.choices, unique=True)
-    since = models.DateTimeField(_("since"))
-    look_at = models.DateTimeField(_("looked at next"))
-    looks = models.PositiveIntegerField(_("looked at"), default=1)
-
-    class Meta:
-        verbose_name = _("outage")
-        verbose_name_plural = _("outages")
-        ordering = ["since"]
-        constraints = [
-            models.CheckConstraint(condition=Q(part__in=["storage"]), name="outage_part_known"),
-            models.CheckConstraint(condition=Q(look_at__gt=models.F("since")), name="outage_looked_at_later"),
-        ]
-
-    def __str__(self) -> str:
-        return f"{self.part} since {self.since:%Y-%m-%d %H:%M}"
 
 
 class WorkerNode(models.Model):

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import logging
-from functools import partial
-from time import monotonic
+from collections.abc import Callable
 
 from celery import shared_task
 from celery.signals import worker_process_init, worker_process_shutdown, worker_ready
 
 from core.clock import database_now
+from core.jobs.stopping import is_stopping
+from core.jobs.work import work_off
 from paddock.errors import PlatformFault
 
 from .crew import Spare
 from .sandbox import probe as probing
-from .services import note_worker, purge_garages, ring_bell, run_next_evaluation, sweep_queue
+from .services import EVALUATIONS, note_worker, purge_garages, run_next_evaluation
 from .services.stored import scrub as scrub_files
-from .stopping import is_stopping, shutdown_flag
 
 logger = logging.getLogger(__name__)
 _spare: Spare | None = None  # of this process of a pool
@@ -32,25 +32,19 @@ def work(self) -> int:
     worker = self.request.hostname or "local"
     if not _fit(worker):
         return 0
-    sweep_queue(now=database_now(), ring=False)
-    started, count = monotonic(), 0
-    with shutdown_flag() as told_to_stop:
-        turn = partial(run_next_evaluation, worker=worker, interrupted=told_to_stop, spare=_spare)
-        while not told_to_stop() and probing.probe().sufficient and turn():
-            count += 1
-            if monotonic() - started > BUDGET_S:
-                ring_bell()
-                break
-        if not told_to_stop():
-            _wait_ready()
-    return count
+
+    def turn(told_to_stop: Callable[[], bool]) -> bool:
+        fit = probing.probe().sufficient
+        return fit and run_next_evaluation(worker=worker, interrupted=told_to_stop, spare=_spare)
+
+    return work_off(EVALUATIONS, turn, budget_s=BUDGET_S, idle=_wait_ready)
 
 
 @shared_task(bind=True)
 def sweep(self) -> dict[str, int]:
     """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
     fit = _fit(self.request.hostname or "local")
-    report = sweep_queue(now=database_now())
+    report = EVALUATIONS.sweep(now=database_now())
     if fit and not report.waiting and not is_stopping():
         _wait_ready()
     return {"requeued": report.requeued, "waiting": report.waiting}

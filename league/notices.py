@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
-from evaluation.models import reason_sentence
+from core.jobs.models import reason_sentence
 from races.change import sentence as change_sentence
 from races.facts import clock
 from races.names import named

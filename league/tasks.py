@@ -8,7 +8,8 @@ from celery import shared_task
 from celery.signals import worker_ready
 from django.utils import timezone
 
-from evaluation.services.bell import send
+from core.clock import database_now
+from core.wakeup import send
 
 from .services import close_due_rounds, enter_house_cars
 from .services.clock import tick
@@ -48,17 +49,17 @@ def notices() -> int:
 @shared_task
 def webhooks() -> int:
     """Tell programs and chats what is due, several hosts at once. Returns how many deliveries this one tried."""
-    now = timezone.now()
+    now = database_now()
     tidy_webhooks(now=now)
     if (others := min(hosts_due(now=now), AT_ONCE) - 1) > 0:
-        send(deliver, others)
+        send("league.tasks.deliver", others)
     return deliver_due(now=now)
 
 
 @shared_task
 def deliver() -> int:
     """Send what is due beside whoever else does. Returns how many deliveries were tried."""
-    return deliver_due(now=timezone.now())
+    return deliver_due(now=database_now())
 
 
 @worker_ready.connect

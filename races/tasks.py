@@ -11,13 +11,13 @@ from celery import shared_task
 from django.conf import settings
 
 from core.clock import database_now
+from core.jobs.work import work_off
 from evaluation.services import note_worker
-from evaluation.stopping import shutdown_flag
 
 from .services import drive_all_on
 from .services.cars import settle_due
 from .services.redrives import sweep_redrives
-from .services.videos import purge_videos, ring_video_bell, run_next_video, sweep_videos
+from .services.videos import VIDEOS, purge_videos, run_next_video
 
 logger = logging.getLogger(__name__)
 
@@ -47,18 +47,13 @@ def draw(self) -> bool:
         return False
     worker = self.request.hostname or "local"
     note_worker(name=worker, sandboxed=False)
-    sweep_videos(now=database_now(), ring=False)
-    with shutdown_flag() as told_to_stop:
-        drawn = not told_to_stop() and run_next_video(worker=worker, interrupted=told_to_stop)
-        if drawn and not told_to_stop():
-            ring_video_bell()
-    return drawn
+    return bool(work_off(VIDEOS, lambda told: run_next_video(worker=worker, interrupted=told)))
 
 
 @shared_task
 def sweep() -> int:
     """Requeue videos that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
-    return sweep_videos(now=database_now())
+    return VIDEOS.sweep(now=database_now()).waiting
 
 
 @shared_task

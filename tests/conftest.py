@@ -158,10 +158,10 @@ def proven() -> None:
 @pytest.fixture
 def trainings_taken_on(settings, monkeypatch: pytest.MonkeyPatch) -> None:
     """Trainings can be asked for, whatever is installed here, and wait: no broker is told of them."""
-    from training import tasks
+    from tests.wakeups import heard
 
     settings.TRAINING, settings.TRAINING_PAUSED = True, False
-    monkeypatch.setattr(tasks.train, "apply_async", lambda **_options: None)
+    heard(monkeypatch, "training.tasks.train")
 
 
 @pytest.fixture(scope="session")
@@ -199,24 +199,21 @@ def woken(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.fixture
 def bell(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
-    """Every ring of the bell, instead of a broker."""
-    from evaluation import tasks
+    """Every wake-up of a worker that runs evaluations, instead of a broker."""
+    from tests.wakeups import heard
 
-    rings: list[dict] = []
-    monkeypatch.setattr(tasks.work, "apply_async", lambda **options: rings.append(options))
-    return rings
+    return heard(monkeypatch, "evaluation.tasks.work")
 
 
 @pytest.fixture
 def films(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
-    """Every ring of the bell for videos, instead of a broker; and films of a few bytes, for tests that are not about
-    what is drawn."""
-    from races import tasks
+    """Every wake-up of a worker that draws videos, instead of a broker; and films of a few bytes, for tests that
+    are not about what is drawn."""
     from tests.films import a_film
+    from tests.wakeups import heard
     from videos import film
 
-    rings: list[dict] = []
-    monkeypatch.setattr(tasks.draw, "apply_async", lambda **options: rings.append(options))
+    rings = heard(monkeypatch, "races.tasks.draw")
     monkeypatch.setattr(film, "film", a_film)
     monkeypatch.setattr(film, "poster", lambda scene: b"a still")
     return rings

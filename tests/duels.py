@@ -92,7 +92,7 @@ def end(
     evaluation = Evaluation.objects.get(duel=duel)
     running = start(evaluation, now)
     result = duel_outcome(ordered, driven, [number[seed] for seed in retired])
-    assert finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=result, now=now)
+    assert finish_evaluation(pk=running.pk, lease=running.lease, outcome=result, now=now)
 
 
 def end_all(race: Race, now: datetime, choose: Callable[[list[int]], int] = min) -> int:

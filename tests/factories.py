@@ -13,7 +13,7 @@ from unittest.mock import patch
 from accounts.models import Racer
 from evaluation.models import Evaluation, State
 from evaluation.pipeline import EvaluationOutcome
-from evaluation.services import fail_evaluation, finish_evaluation, leases
+from evaluation.services import EVALUATIONS, finish_evaluation
 from paddock.errors import PaddockError
 from paddock.simulator import engine
 from races.models import Kind, Race, Submission
@@ -130,7 +130,7 @@ def start(evaluation: Evaluation, now: datetime) -> Evaluation:
 def finish(submission: Submission, driven: Sequence[dict[str, Any]], now: datetime) -> None:
     """Let a submission's evaluation drive these laps to its end."""
     running = start(submission.evaluation, now)
-    assert finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=outcome(driven), now=now)
+    assert finish_evaluation(pk=running.pk, lease=running.lease, outcome=outcome(driven), now=now)
 
 
 def fail(submission: Submission, fault: PaddockError, now: datetime) -> None:
@@ -140,10 +140,10 @@ def fail(submission: Submission, fault: PaddockError, now: datetime) -> None:
 
 def break_down(evaluation: Evaluation, fault: PaddockError, now: datetime) -> None:
     """Let it fail for good; by a fault of ours as one whose simulator ended every time while others passed."""
-    with patch.object(leases, "_killed_alone", lambda *run: True):
+    with patch.object(EVALUATIONS, "fails_alone", lambda run, fault: True):
         while not evaluation.is_final:
             running = start(evaluation, now)
-            assert fail_evaluation(evaluation_id=running.pk, lease=running.lease, fault=fault, now=now)
+            assert EVALUATIONS.fail(pk=running.pk, lease=running.lease, fault=fault, now=now)
             evaluation.refresh_from_db()
 
 

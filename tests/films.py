@@ -51,6 +51,6 @@ def a_driven_run(race: Race, racer: Any, now: datetime, *, lap_ms: int = LAP_MS,
     for number, lap in enumerate(driven.laps):
         lap["start_ms"] = sum(times[:number])
     driven = replace(driven, trace_csv=driven_trace(race.track, count, lap_ms))
-    assert finish_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=driven, now=now)
+    assert finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=driven, now=now)
     evaluation.refresh_from_db()
     return evaluation

@@ -26,7 +26,7 @@ def pending(race: Race) -> list[Redrive]:
 def end(redrive: Redrive, driven: Sequence[dict[str, Any]], now: datetime) -> None:
     """Let a run that is driven again come to its end with these laps, by the site's engine."""
     running = start(redrive.evaluation, now)
-    assert finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=outcome(driven), now=now)
+    assert finish_evaluation(pk=running.pk, lease=running.lease, outcome=outcome(driven), now=now)
 
 
 def break_down(redrive: Redrive, fault: PaddockError, now: datetime) -> None:

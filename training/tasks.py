@@ -11,11 +11,11 @@ from celery import shared_task
 from django.conf import settings
 
 from core.clock import database_now
+from core.jobs.work import work_off
 from evaluation.services import note_worker
-from evaluation.stopping import shutdown_flag
 from paddock.errors import PlatformFault
 
-from .services import forget_deleted, purge_trainings, ring_training_bell, run_next_training, sweep_trainings
+from .services import TRAININGS, forget_deleted, purge_trainings, run_next_training
 
 logger = logging.getLogger(__name__)
 
@@ -32,18 +32,13 @@ def train(self) -> bool:
     except PlatformFault as fault:
         logger.error("%s trains nothing: %s", worker, "\n".join([str(fault), *getattr(fault, "__notes__", ())]))
         return False
-    sweep_trainings(now=database_now(), ring=False)
-    with shutdown_flag() as told_to_stop:
-        ran = not told_to_stop() and run_next_training(worker=worker, interrupted=told_to_stop)
-        if ran and not told_to_stop():
-            ring_training_bell()
-    return ran
+    return bool(work_off(TRAININGS, lambda told: run_next_training(worker=worker, interrupted=told)))
 
 
 @shared_task
 def sweep() -> int:
     """Requeue trainings that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
-    return sweep_trainings(now=database_now())
+    return TRAININGS.sweep(now=database_now()).waiting
 
 
 @shared_task

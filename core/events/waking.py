@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Collection
 from dataclasses import dataclass
 from time import monotonic
 
-from celery import current_app
 from django.db import connection, transaction
-from kombu.exceptions import OperationalError
 
-logger = logging.getLogger(__name__)
+from ..wakeup import send
+
 FOLLOW = "core.events.tasks.follow"
-STALE_AFTER_S = 60
-PATIENCE_S = 1.0  # a page waits no longer than about this for a broker that does not answer
 LEFT_ALONE_S = 5.0
 _INTERESTED: dict[str, set[str]] = {}
 _away_until = 0.0
@@ -46,20 +42,5 @@ def wake(reader: str) -> None:
     """Ask a worker to let a reader follow. A broker that is away is logged, and left alone for a moment, so that nobody
     waits for it several times."""
     global _away_until
-    if monotonic() < _away_until:
-        return
-    # a connection of its own: Celery's pool tries for six seconds to reach a broker that is down
-    transport = {
-        **current_app.conf.broker_transport_options,
-        "max_retries": 0,
-        "connect_retries_timeout": PATIENCE_S,
-        "socket_connect_timeout": PATIENCE_S,
-        "socket_timeout": PATIENCE_S,
-    }
-    link = current_app.connection_for_write(connect_timeout=PATIENCE_S, transport_options=transport)
-    try:
-        with link:
-            current_app.send_task(FOLLOW, args=[reader], connection=link, retry=False, expires=STALE_AFTER_S)
-    except (OperationalError, OSError, *link.connection_errors, *link.channel_errors) as error:
+    if monotonic() >= _away_until and not send(FOLLOW, 1, args=[reader]):
         _away_until = monotonic() + LEFT_ALONE_S
-        logger.warning("The broker does not answer (%s); the sweep wakes the readers again.", error)

@@ -16,7 +16,7 @@ from ..models import Evaluation, EvaluationRival, State, TrainedModel
 from ..rivals import check_rivals
 from ..selectors import can_use_model
 from ..signals import evaluation_ended
-from .bell import BELLS_AT_ONCE, ring_bell
+from .jobs import EVALUATIONS
 from .turns import hurry_from, insert_in_turn
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def queue_evaluation(
         EvaluationRival(evaluation=evaluation, number=number, model=rival, metadata=rival.metadata)
         for number, rival in enumerate(rivals, 1)
     )
-    ring_bell()
+    EVALUATIONS.wake()
     return evaluation
 
 
@@ -100,30 +100,14 @@ def queue_copies(*, evaluations: Sequence[Evaluation], priority: int, now: datet
         for rival in EvaluationRival.objects.filter(evaluation__in=by_source).order_by("evaluation", "number")
     )
     if copies:
-        ring_bell(times=min(len(copies), BELLS_AT_ONCE))
+        EVALUATIONS.wake(times=min(len(copies), EVALUATIONS.wakes))
     return copies
 
 
-@transaction.atomic
 def queue_again(*, evaluation: Evaluation) -> bool:
     """Put a failed evaluation that belongs to no race back into the queue as if it had never run. False when it is not
     failed any more. What belongs to a race is run again by its submission."""
-    again = Evaluation.objects.filter(pk=evaluation.pk, state=State.FAILED).update(
-        state=State.QUEUED,
-        attempt=0,
-        kills=0,
-        failed_at=None,
-        not_before=None,
-        worker="",
-        progress={},
-        reason_code="",
-        reason_params={},
-        started_at=None,
-        ended_at=None,
-    )
-    if again:
-        ring_bell()
-    return bool(again)
+    return EVALUATIONS.begin_anew(Evaluation.objects.filter(pk=evaluation.pk, state=State.FAILED))
 
 
 @transaction.atomic
@@ -132,16 +116,10 @@ def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
 
     A worker that is running it finds its lease gone at the next beat, kills the processes and writes nothing.
     """
-    stopped = Evaluation.objects.filter(pk=evaluation.pk, state__in=(State.QUEUED, State.RUNNING)).update(
-        state=State.STOPPED,
-        lease=None,
-        leased_until=None,
-        not_before=None,
-        ended_at=now,
-        reason_code="stopped",
-    )
+    under_way = EVALUATIONS.under_way(evaluation.pk)
+    stopped = EVALUATIONS.end(under_way, state=State.STOPPED, now=now, reason_code="stopped")
     evaluation.refresh_from_db()
     if stopped:
         record_end(evaluation, None, now)
         evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=None, now=now)
-    return bool(stopped)
+    return stopped

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import logging
-import traceback
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from django.conf import settings
 
 from core.clock import database_now
-from core.storage_faults import is_of_storage
-from paddock.errors import PaddockError, PlatformFault, UserFault
+from core.jobs.heartbeat import Heartbeat
+from core.jobs.work import never, run_next
+from paddock.errors import PlatformFault
 from paddock.network.bound import Facts
 
 from ..models import Evaluation, Network, TrainedModel
-from ..sandbox import probe as probing
-from .heart import Heart
-from .leases import beat, claim_next_evaluation, fail_evaluation, finish_evaluation, release_evaluation
-from .outages import note_storage_fault
+from .jobs import EVALUATIONS, finish_evaluation
 from .stored import read
 
 if TYPE_CHECKING:
@@ -26,43 +23,20 @@ if TYPE_CHECKING:
     from ..pipeline import EvaluationOutcome, RaceJob
 
 logger = logging.getLogger(__name__)
-PROGRESS_EVERY_S = 1.0
 
 
-def run_next_evaluation(
-    *, worker: str, interrupted: Callable[[], bool] = lambda: False, spare: Spare | None = None
-) -> bool:
+def run_next_evaluation(*, worker: str, interrupted: Callable[[], bool] = never, spare: Spare | None = None) -> bool:
     """Run the evaluation whose turn it is to its end. False: nothing waits. ``spare``: where processes may wait, ready.
 
     ``interrupted`` turns true when the worker is told to shut down: the evaluation is then handed back. Call this from
     a thread that outlives the run (a worker's main thread): the sandboxed processes die with the thread that made them.
     """
-    evaluation = claim_next_evaluation(worker=worker, now=database_now())
-    if evaluation is None:
-        return False
-    ident: dict[str, Any] = {"evaluation_id": evaluation.pk, "lease": evaluation.lease}
-    logger.info("Evaluation %s attempt %s starts.", evaluation, evaluation.attempt)
 
-    def keep_beating(progress: dict[str, Any] | None) -> bool:
-        return beat(**ident, progress=progress, now=database_now())
+    def run(evaluation: Evaluation, heartbeat: Heartbeat) -> bool:
+        outcome = _run(evaluation, heartbeat, interrupted, spare)
+        return finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome, now=database_now())
 
-    with Heart(str(evaluation), keep_beating, every_s=PROGRESS_EVERY_S) as heart:
-        try:
-            outcome = _run(evaluation, heart, interrupted, spare)
-            ended = finish_evaluation(**ident, outcome=outcome, now=database_now())
-            how = "finished"
-        except Exception as error:
-            if not heart.lost and interrupted():
-                ended = release_evaluation(**ident, now=database_now())
-                how = "handed back"
-            else:
-                # a run that we stopped because the database was away for too long is no fault of its model
-                fault, detail = fault_of(PlatformFault("lease_expired") if heart.lost else error)
-                see_what_is_out(fault)
-                ended = fail_evaluation(**ident, fault=fault, now=database_now(), detail=detail)
-                how = f"failed: {fault.code}"
-    logger.info("Evaluation %s %s.", evaluation, how if ended else "was stopped or given to somebody else")
-    return True
+    return run_next(EVALUATIONS, run, worker=worker, interrupted=interrupted)
 
 
 def job_of(evaluation: Evaluation) -> RaceJob:
@@ -97,16 +71,8 @@ def _network_of(model: TrainedModel) -> bytes:
     return read(model.network.onnx.name)
 
 
-def see_what_is_out(fault: PaddockError) -> None:
-    """Before a run goes back into the queue: nobody shall claim the next one only to fail like this one."""
-    if fault.code == "storage_failed":
-        note_storage_fault(now=database_now())
-    elif fault.code == "sandbox_failed":
-        probing.look_again()  # the turns of this process end where it says that the wall is gone
-
-
 def _run(
-    evaluation: Evaluation, heart: Heart, interrupted: Callable[[], bool], spare: Spare | None
+    evaluation: Evaluation, heartbeat: Heartbeat, interrupted: Callable[[], bool], spare: Spare | None
 ) -> EvaluationOutcome:
     from ..pipeline import evaluate
 
@@ -114,8 +80,8 @@ def _run(
     outcome = evaluate(
         job,
         crew=spare.take(job.venue) if spare else None,
-        on_progress=heart.tell,
-        should_stop=lambda: heart.lost or interrupted(),
+        on_progress=heartbeat.tell,
+        should_stop=lambda: heartbeat.lost or interrupted(),
         wall_limit_s=settings.EVALUATION_WALL_SECONDS,
     )
     _note_inexact(evaluation, outcome)
@@ -133,12 +99,3 @@ def _note_inexact(evaluation: Evaluation, outcome: EvaluationOutcome) -> None:
         Network.objects.filter(pk=network.pk).update(
             facts=Facts(bound=None).to_dict() | {"shapes": (network.facts or {}).get("shapes", {})}
         )
-
-
-def fault_of(error: Exception) -> tuple[PaddockError, str]:
-    """The fault to record for whatever was raised, and what operators read about it."""
-    if isinstance(error, UserFault):
-        return error, "\n".join(getattr(error, "__notes__", ()))
-    code = "storage_failed" if is_of_storage(error) else "internal_error"
-    fault = error if isinstance(error, PlatformFault) else PlatformFault(code)
-    return fault, "".join(traceback.format_exception(error))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
+from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_field, extend_schema_view
 from rest_framework import generics, serializers, status
 from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
@@ -55,8 +55,8 @@ class DeliverySerializer(serializers.Serializer):
 
     id = serializers.SerializerMethodField(help_text="The header webhook-id.")
     event = serializers.CharField()
-    state = serializers.ChoiceField(DELIVERY_STATES)
-    tries = serializers.IntegerField()
+    state = serializers.SerializerMethodField()
+    tries = serializers.IntegerField(source="attempt")
     status = serializers.IntegerField(allow_null=True, help_text="Of the last answer.")
     error = serializers.CharField(allow_blank=True, help_text="Why there was no answer.")
     body = serializers.CharField()
@@ -65,6 +65,10 @@ class DeliverySerializer(serializers.Serializer):
 
     def get_id(self, delivery: WebhookDelivery) -> str:
         return f"msg_{delivery.pk}"
+
+    @extend_schema_field(serializers.ChoiceField(DELIVERY_STATES))
+    def get_state(self, delivery: WebhookDelivery) -> str:
+        return "due" if delivery.is_due else delivery.state
 
 
 class WebhookBody(Body):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 from django.db import models
 from django.db.models import Q
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
-from accounts.models.racer import Racer
+from accounts.models import Racer
+from core.jobs.models import Leased, lease_constraints
 
 
 def new_secret() -> str:
@@ -67,17 +70,18 @@ class WebhookHost(models.Model):
         return self.host
 
 
-class WebhookDelivery(models.Model):
-    """One thing that a webhook is told, once. ``state``: ``due``, ``sent``, ``failed``; ``status``: the last answer."""
+class WebhookDelivery(Leased):
+    """One thing that a webhook is told, once.
+
+    ``state``: ``due``, ``sending``, ``sent``, ``failed``; ``status``: the last answer; ``error``: why there was none.
+    """
 
     webhook = models.ForeignKey(Webhook, models.CASCADE, related_name="deliveries", db_index=False)
     event = models.CharField(_("event"), max_length=20)
     about = models.CharField(_("about"), max_length=160)
     body = models.TextField(_("body"))
     at = models.DateTimeField(_("at"))
-    state = models.CharField(_("state"), max_length=6, default="due")
-    tries = models.PositiveSmallIntegerField(_("tries"), default=0)
-    next_at = models.DateTimeField(_("next try"))
+    state = models.CharField(_("state"), max_length=8, default="due")
     status = models.PositiveSmallIntegerField(_("answer"), null=True, blank=True)
     error = models.CharField(_("what went wrong"), max_length=200, blank=True)
 
@@ -86,13 +90,24 @@ class WebhookDelivery(models.Model):
         verbose_name_plural = _("deliveries")
         ordering = ["-at", "-pk"]
         indexes = [
-            models.Index(fields=["next_at"], name="delivery_due", condition=Q(state="due")),
+            models.Index(fields=["not_before"], name="delivery_due", condition=Q(state="due")),
             models.Index(fields=["at"], name="delivery_by_time"),
+            models.Index(fields=["leased_until"], name="delivery_leases", condition=Q(state="sending")),
         ]
         constraints = [
             models.UniqueConstraint(fields=["webhook", "event", "about"], name="delivery_once"),
-            models.CheckConstraint(condition=Q(state__in=["due", "sent", "failed"]), name="delivery_state_known"),
+            *lease_constraints("delivery", waiting="due", working="sending", final=["sent", "failed"]),
         ]
 
     def __str__(self) -> str:
         return f"{self.webhook}: {self.event}"
+
+    @property
+    def is_due(self) -> bool:
+        """Whether it waits or is on its way."""
+        return self.state in ("due", "sending")
+
+    @property
+    def next_at(self) -> datetime:
+        """When it is tried next, of one that is due."""
+        return self.not_before or self.leased_until or self.ended_at or self.at

@@ -18,6 +18,7 @@ from django.conf import settings
 from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Subquery, Value, When
 from django.db.models.functions import Coalesce
 
+from core.jobs.kinds import Kind, register
 from paddock.errors import UserFault
 
 from .. import chats, outgoing
@@ -43,22 +44,64 @@ _ERRORS = (
 )
 
 
-def deliver_due(*, now: datetime) -> int:
+class Deliveries(Kind[WebhookDelivery]):
+    """Sent alone to their host: hosts that answered last go before those that did not. A test waits for no pause: its
+    owner asks whether the host is back. One whose sender was lost is due again at once."""
+
+    name, model, task, queue = "Delivery", WebhookDelivery, "league.tasks.deliver", "messages"
+    waiting, working, finished = "due", "sending", "sent"
+    related = ("webhook",)
+    needs = ()
+
+    @property
+    def lease(self) -> timedelta:
+        return LEASE
+
+    def due(self, now: datetime) -> QuerySet[WebhookDelivery]:
+        busy = WebhookHost.objects.filter(host=OuterRef("webhook__host"), free_at__gt=now)
+        return super().due(now).filter(Q(event=TEST) | ~Exists(busy))
+
+    def next_in_line(self, now: datetime) -> list[tuple[int, int]]:
+        failures = WebhookHost.objects.filter(host=OuterRef("webhook__host")).values("failures")
+        order = (Coalesce(Subquery(failures), 0), Coalesce("not_before", "at"), "pk")
+        return list(self.due(now).order_by(*order).values_list("pk", "attempt")[:AT_A_TIME])
+
+    def take(self, pk: int, attempt: int, *, worker: str, now: datetime) -> WebhookDelivery | None:
+        """Nobody else sends it, and its host is the caller's until it is freed."""
+        seen = WebhookDelivery.objects.filter(pk=pk).values_list("event", "webhook__host").first()
+        if seen is None:
+            return None
+        event, host = seen
+        WebhookHost.objects.get_or_create(host=host, defaults={"free_at": now})
+        free = WebhookHost.objects.filter(host=host, free_at__lte=now)
+        if not free.update(free_at=now + HOST_LEASE) and event != TEST:
+            return None
+        taken = super().take(pk, attempt, worker=worker, now=now)
+        if taken is None:
+            WebhookHost.objects.filter(host=host, free_at=now + HOST_LEASE).update(free_at=now)
+        return taken
+
+
+DELIVERIES = register(Deliveries())
+
+
+def deliver_due(*, now: datetime, worker: str = "local") -> int:
     """Send what is due, at most twenty and for about a minute; returns how many were taken.
 
     Whoever claims a delivery sends it alone, and alone to its host.
     """
+    DELIVERIES.sweep(now=now, wake=False)
     give_up_late(now=now)
     until, taken = monotonic() + TURN_S, 0
-    while taken < AT_A_TIME and monotonic() < until and (delivery := _claim(now)) is not None:
-        _deliver(delivery, now)
+    while taken < AT_A_TIME and monotonic() < until and (one := DELIVERIES.claim(worker=worker, now=now)) is not None:
+        _deliver(one, now)
         taken += 1
     return taken
 
 
 def hosts_due(*, now: datetime) -> int:
     """To how many hosts something may be sent now: so many deliveries can go at once."""
-    return _due(now).order_by().values("webhook__host").distinct().count()
+    return DELIVERIES.due(now).values("webhook__host").distinct().count()
 
 
 def give_up_late(*, now: datetime) -> int:
@@ -67,36 +110,13 @@ def give_up_late(*, now: datetime) -> int:
     late = WebhookDelivery.objects.filter(Exists(away), state="due", at__lt=now - GIVEN_UP_AFTER)
     error = Case(When(error="", status=None, then=Value("host_away")), default=F("error"))
     return WebhookDelivery.objects.filter(pk__in=list(late.values_list("pk", flat=True))).update(
-        state="failed", error=error
+        state="failed", not_before=None, ended_at=now, error=error
     )
 
 
 def signature(secret: str, body: bytes) -> str:
     """HMAC-SHA256 of a body as it stands in the header X-Paddock-Signature, for programs that were written for it."""
     return "sha256=" + hmac.new(secret.encode(), body, hashlib.sha256).hexdigest()
-
-
-def _due(now: datetime) -> QuerySet[WebhookDelivery]:
-    """What may be sent: to hosts that answered last before those that did not. A test waits for no pause: its owner
-    asks whether the host is back."""
-    host = WebhookHost.objects.filter(host=OuterRef("webhook__host"))
-    due = WebhookDelivery.objects.filter(state="due", next_at__lte=now)
-    free = due.filter(Q(event=TEST) | ~Exists(host.filter(free_at__gt=now)))
-    return free.order_by(Coalesce(Subquery(host.values("failures")), 0), "next_at", "pk")
-
-
-def _claim(now: datetime) -> WebhookDelivery | None:
-    """A delivery that nobody else sends, and whose host is the caller's until it is freed; None when there is none."""
-    for pk, event, host in list(_due(now).values_list("pk", "event", "webhook__host")[:AT_A_TIME]):
-        WebhookHost.objects.get_or_create(host=host, defaults={"free_at": now})
-        free = WebhookHost.objects.filter(host=host, free_at__lte=now)
-        if not free.update(free_at=now + HOST_LEASE) and event != TEST:
-            continue
-        claim = WebhookDelivery.objects.filter(pk=pk, state="due", next_at__lte=now)
-        if claim.update(next_at=now + LEASE, tries=F("tries") + 1):
-            return WebhookDelivery.objects.select_related("webhook").get(pk=pk)
-        WebhookHost.objects.filter(host=host, free_at=now + HOST_LEASE).update(free_at=now)
-    return None
 
 
 def _deliver(delivery: WebhookDelivery, now: datetime) -> None:
@@ -110,14 +130,13 @@ def _deliver(delivery: WebhookDelivery, now: datetime) -> None:
     except (OSError, http.client.HTTPException) as fault:
         error = next((code for kind, code in _ERRORS if isinstance(fault, kind)), "no_connection")
     _free(delivery.webhook.host, now, reached=status is not None)
+    mine, answer = DELIVERIES.held(delivery.pk, delivery.lease), {"status": status, "error": error}
     if status is not None and 200 <= status < 300:
-        delivery.state = "sent"
+        DELIVERIES.end(mine, state="sent", now=now, **answer)
+    elif delivery.attempt >= TRIES or delivery.event == TEST:
+        DELIVERIES.end(mine, state="failed", now=now, **answer)
     else:
-        given_up = delivery.tries >= TRIES or delivery.event == TEST
-        delivery.state = "failed" if given_up else "due"
-        delivery.next_at = now + _pause(delivery.tries)
-    delivery.status, delivery.error = status, error
-    delivery.save(update_fields=["state", "next_at", "status", "error"])
+        DELIVERIES.put_back(mine, now=now, pause=_pause(delivery.attempt), **answer)
 
 
 def _free(name: str, now: datetime, *, reached: bool) -> None:

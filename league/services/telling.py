@@ -8,11 +8,10 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from allauth.account.models import EmailAddress
-from django.db import transaction
 from django.db.models import Exists, OuterRef, Q
 
 from accounts.models import Racer
-from evaluation.services.bell import send
+from core.wakeup import wake
 from races.models import Division, Entry, Kind, Race
 
 from ..models import Membership, Notice, NoticeChoice, NoticeKind, Round
@@ -67,7 +66,8 @@ def tell(told: Told, now: datetime) -> int:
         Notice.objects.bulk_create(rows, ignore_conflicts=True)
         written += len(rows)
     if mails:
-        transaction.on_commit(_ring, robust=True)
+        # a broker that is away is logged; the periodic task sends what is due within a minute all the same
+        wake("league.tasks.notices")
     return written
 
 
@@ -96,10 +96,3 @@ def verified_addresses(racers: Iterable[int]) -> dict[int, str]:
     """The confirmed address of each racer who has one: nobody else's mailbox is written to."""
     found = EmailAddress.objects.filter(user__in=list(racers), verified=True).order_by("primary", "pk")
     return dict(found.values_list("user_id", "email"))
-
-
-def _ring() -> None:
-    """A broker that is away is logged; the periodic task sends what is due within a minute all the same."""
-    from ..tasks import notices
-
-    send(notices, 1)

@@ -14,7 +14,7 @@ from django.utils import translation
 
 from accounts.models import Racer
 from core.events import Event, Reader
-from evaluation.services.bell import send
+from core.wakeup import wake
 from paddock.errors import UserFault
 from races.models import Entry, Race
 from races.models import Kind as RaceKind
@@ -79,7 +79,8 @@ def send_test(*, webhook: Webhook, now: datetime) -> WebhookDelivery:
         test = Happening(TEST, f"{now:%Y%m%d%H%M%S%f}", now, "/settings/webhooks/", data={"url": webhook.url})
         queued = _delivery(webhook, test, now)
         queued.save(force_insert=True)
-        transaction.on_commit(_ring, robust=True)
+        # a broker that is away is logged; the periodic task takes what is due within a minute all the same
+        wake("league.tasks.webhooks")
     return queued
 
 
@@ -98,7 +99,7 @@ def queue_deliveries(event: Event, now: datetime) -> int:
             _delivery(hook, one, now).save(force_insert=True)
             queued += 1
     if queued:
-        transaction.on_commit(_ring, robust=True)
+        wake("league.tasks.webhooks")
     return queued
 
 
@@ -113,7 +114,7 @@ def tidy_webhooks(*, now: datetime) -> int:
         host = outgoing.host_of(hook.url)
         if hook.host != host:  # made by a version that knew no hosts, or no ports of them
             Webhook.objects.filter(pk=hook.pk).update(host=host)
-    return WebhookDelivery.objects.filter(at__lt=now - KEPT).exclude(state="due").delete()[0]
+    return WebhookDelivery.objects.filter(at__lt=now - KEPT, state__in=("sent", "failed")).delete()[0]
 
 
 def secrets_of(hook: Webhook, now: datetime) -> list[str]:
@@ -151,7 +152,7 @@ def _delivery(hook: Webhook, one: Happening, now: datetime) -> WebhookDelivery:
     else:
         with translation.override(choice_of(hook.owner).language):
             body = chats.message(chat, one.words(), f"{settings.SITE_URL}{one.path}").decode()
-    return WebhookDelivery(webhook=hook, event=one.event, about=one.about, at=now, next_at=now, body=body)
+    return WebhookDelivery(webhook=hook, event=one.event, about=one.about, at=now, not_before=now, body=body)
 
 
 def _count_test(owner: int) -> None:
@@ -164,10 +165,3 @@ def _count_test(owner: int) -> None:
         sent = 1
     if sent > TESTS_AN_HOUR:
         raise UserFault("webhook_test_limit", limit=TESTS_AN_HOUR)
-
-
-def _ring() -> None:
-    """A broker that is away is logged; the periodic task takes what is due within a minute all the same."""
-    from ..tasks import webhooks
-
-    send(webhooks, 1)

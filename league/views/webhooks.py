@@ -97,7 +97,7 @@ def webhooks(request: HttpRequest) -> HttpResponse:
         "form": form,
         "hooks": [_row(hook, now) for hook in webhooks_of(request.user)],
         "deliveries": [(one, urlsplit(one.webhook.url).hostname, _answer(one)) for one in deliveries],
-        "test_waits": any(one.event == TEST and one.state == "due" for one in deliveries),
+        "test_waits": any(one.event == TEST and one.is_due for one in deliveries),
         "limit": PER_RACER,
     }
     return render(request, "league/webhooks.html", context, status=422 if form.errors else 200)

@@ -10,8 +10,8 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from core.ids import new_public_id
-from evaluation.models import SHA256, reason_sentence
-from paddock.errors.reasons import REASONS
+from core.jobs.models import Job, lease_constraints
+from evaluation.models import SHA256
 from paddock.rules.race import MAX_CARS
 
 WHOLE = 0  # the part that is the whole run
@@ -29,11 +29,11 @@ class VideoState(models.TextChoices):
 UNDER_WAY = (VideoState.WAITING, VideoState.DRAWING)
 
 
-class Video(models.Model):
+class Video(Job):
     """One video of a finished run: of the whole run or one lap, following one car, with words in one language.
 
     ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, else a
-    lap of that car. A worker claims a row by a guarded UPDATE that writes its lease; later writes name that lease.
+    lap of that car.
     ``fingerprint``: of all that the file shows (:meth:`races.filming.FilmedRun.fingerprint`); another one now, and the
     file shows somebody's old name or colours. ``asks``: how often ``asked_by`` asked for it on the day of ``asked_at``.
     """
@@ -47,27 +47,12 @@ class Video(models.Model):
     language = models.CharField(_("language"), max_length=8)
 
     state = models.CharField(_("state"), max_length=8, choices=VideoState.choices, default=VideoState.WAITING)
-    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
-    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
-    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
-    worker = models.CharField(_("worker"), max_length=128, blank=True)
     progress = models.PositiveSmallIntegerField(_("progress"), default=0, help_text=_("Per cent."))
-    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
-    reason_params = models.JSONField(_("details"), default=dict, blank=True)
-    operator_detail = models.TextField(_("for operators"), blank=True)
-    kills = models.PositiveSmallIntegerField(
-        _("kills"), default=0, db_default=0, help_text=_("How often we failed at it while others passed.")
-    )
-    failed_at = models.DateTimeField(_("last failed"), null=True, blank=True)
-    not_before = models.DateTimeField(_("pauses until"), null=True, blank=True)
-
     asked_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("asked by")
     )
     asked_at = models.DateTimeField(_("asked for"), default=timezone.now)
     asks = models.PositiveSmallIntegerField(_("times asked for"), default=1)
-    started_at = models.DateTimeField(_("started"), null=True, blank=True)
-    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     watched_at = models.DateTimeField(_("last watched"), null=True, blank=True)
 
     fingerprint = models.CharField(_("fingerprint"), max_length=64, blank=True)
@@ -90,24 +75,11 @@ class Video(models.Model):
             models.Index(fields=["asked_by", "-asked_at"], name="video_of_racer"),
         ]
         constraints = [
+            *lease_constraints("video", waiting="waiting", working="drawing", final=["ready", "failed"]),
             models.UniqueConstraint(fields=["evaluation", "car", "part", "language"], name="video_made_once"),
-            models.CheckConstraint(condition=Q(state__in=VideoState.values), name="video_state_known"),
             models.CheckConstraint(condition=Q(car__lt=MAX_CARS), name="video_car_in_range"),
             models.CheckConstraint(condition=Q(progress__lte=100), name="video_progress_in_range"),
             models.CheckConstraint(condition=~Q(language=""), name="video_has_language"),
-            models.CheckConstraint(
-                condition=Q(state="drawing", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
-                | (~Q(state="drawing") & Q(lease__isnull=True, leased_until__isnull=True)),
-                name="video_lease_while_drawing",
-            ),
-            models.CheckConstraint(
-                condition=Q(not_before__isnull=True) | Q(state="waiting"), name="video_pauses_while_waiting"
-            ),
-            models.CheckConstraint(
-                condition=Q(state__in=["ready", "failed"], ended_at__isnull=False)
-                | Q(state__in=["waiting", "drawing"], ended_at__isnull=True),
-                name="video_ended_when_final",
-            ),
             models.CheckConstraint(
                 condition=Q(state="failed") & ~Q(reason_code="") | ~Q(state="failed") & Q(reason_code=""),
                 name="video_failed_for_a_reason",
@@ -137,13 +109,3 @@ class Video(models.Model):
     def is_under_way(self) -> bool:
         """Whether it waits or is being drawn."""
         return self.state in UNDER_WAY
-
-    @property
-    def reason(self) -> str:
-        """Why it failed, in the reader's language, or ``""``."""
-        return reason_sentence(self.reason_code, self.reason_params)
-
-    @property
-    def is_platform_fault(self) -> bool:
-        """Whether it failed through our fault."""
-        return self.state == VideoState.FAILED and REASONS[self.reason_code].fault == "platform"

@@ -19,7 +19,7 @@ engine of the results that count in a race; the first of them names it. When the
 - **A run that fails by the car's fault** under the new engine is that engine's verdict on it, as it would be for
   anybody who sent it today: it has no time. It was not its racer's idea to drive again, so the submission is void and
   given back.
-- **A run that fails by ours** waits in the queue and is tried again like any (:mod:`evaluation.services.leases`). One
+- **A run that fails by ours** waits in the queue and is tried again like any (:mod:`core.jobs.retried`). One
   that was given up is queued again, after the same pauses, from the second on: a car's place is not lost to our
   fault, and the old board stands. An operator who sees that it will never do (a file is gone for good) stops that run:
   then it counts like one that failed by the car's fault, and the race goes on.
@@ -53,10 +53,10 @@ from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from core.events import record
+from core.jobs.retried import pause_after
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
 from evaluation.services import engines_at_work, queue_copies
-from evaluation.services.leases import pause_after
 
 from ..engines import is_official, is_over, site_engine
 from ..events import RACE_RETIMED, of_race, record_board

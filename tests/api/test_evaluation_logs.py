@@ -45,7 +45,7 @@ def finished(racer, now, driven: RaceResult, **more):
     evaluation = submit_model(race=a_race(now), racer=racer, model=a_model(racer), now=now).evaluation
     running = start(evaluation, now)
     outcome = replace(outcome_of(**more), trace_csv=driven.trace.to_csv(), metrics=metrics_json(driven))
-    assert finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=outcome, now=now)
+    assert finish_evaluation(pk=running.pk, lease=running.lease, outcome=outcome, now=now)
     evaluation.refresh_from_db()
     return evaluation
 

@@ -11,7 +11,7 @@ from django.core.files.storage import FileSystemStorage
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from evaluation.services import beat, claim_next_evaluation, finish_evaluation, queue_evaluation
+from evaluation.services import EVALUATIONS, finish_evaluation, queue_evaluation
 from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
@@ -55,7 +55,7 @@ def test_an_evaluation_is_followed_from_the_queue_to_its_result(alice, bob, now,
     running = start(evaluation, now)
     progress = {"lap": 2, "laps": 3, "lap_ms": 1500, "total_ms": 12_000, "percent": 50.5, "x": 1.0, "y": 2.0}
     progress |= {"off_tracks": 1, "crashes": 0, "resets": 1, "last_lap_ms": 10_500, "bots": [[1.5, 2.5]], "rivals": []}
-    assert beat(evaluation_id=running.pk, lease=running.lease, progress=progress, now=now)
+    assert EVALUATIONS.beat(pk=running.pk, lease=running.lease, progress=progress, now=now)
     shown = read(client, evaluation).data
     assert (shown["state"], shown["queue"], shown["progress"]) == ("running", None, progress)
 
@@ -160,10 +160,10 @@ def duel(alice, bob, now, bell):
         rules=RaceRules(race_type="head_to_head"),
         now=now,
     )
-    claimed = claim_next_evaluation(worker="w", now=now)
+    claimed = EVALUATIONS.claim(worker="w", now=now)
     course = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
     outcome = outcome_of(rivals=[car_outcome(salt=1, retired="policy_died")], course=course)
-    assert finish_evaluation(evaluation_id=claimed.pk, lease=claimed.lease, outcome=outcome, now=now)
+    assert finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome, now=now)
     return evaluation
 
 

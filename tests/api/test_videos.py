@@ -7,7 +7,7 @@ from django.utils import timezone
 
 from races.models import Video, Visibility
 from races.services import accept_invitation
-from races.services.videos import claim_next_video, run_next_video
+from races.services.videos import VIDEOS, run_next_video
 from tests.factories import a_race
 from tests.films import a_driven_run
 
@@ -35,7 +35,7 @@ def test_a_video_from_asking_to_download(cast, address, run):
     assert (again.status_code, again.json()["public_id"]) == (200, video["public_id"])
     one = f"/api/v1/videos/{video['public_id']}/"
     assert member.get(f"{one}file/").status_code == 404
-    claim = claim_next_video(worker="w", now=timezone.now())
+    claim = VIDEOS.claim(worker="w", now=timezone.now())
     assert member.get(one).json()["state"] == "drawing"
     Video.objects.filter(pk=claim.pk).update(state="waiting", lease=None, leased_until=None, started_at=None)
     assert run_next_video(worker="w")

@@ -9,6 +9,7 @@ import pytest
 from league.models import Webhook, WebhookDelivery
 from league.services.webhooks import PER_RACER, add_webhook
 from tests.factories import a_race
+from tests.wakeups import heard
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/webhooks/"
@@ -20,9 +21,7 @@ def hook(alice) -> Webhook:
 
 
 def test_a_webhook_is_added_tried_given_a_new_secret_and_removed(alice, as_racer, now, monkeypatch):
-    from league import tasks
-
-    monkeypatch.setattr(tasks.webhooks, "apply_async", lambda **_options: None)
+    heard(monkeypatch, "league.tasks.webhooks")
     client, race = as_racer(alice), a_race(now, organiser=alice)
     sent = {"url": "https://example.org/x", "race": race.slug, "events": ["race.closed", "run.finished"]}
     made = client.post(ADDRESS, sent)
@@ -71,7 +70,7 @@ def test_ten_are_as_many_as_there_may_be_and_an_address_of_a_chat_says_so(alice,
 
 def test_a_webhook_is_its_owners_alone(cast, hook, now):
     WebhookDelivery.objects.create(
-        webhook=hook, event="race.opened", about="x", at=now, next_at=now + timedelta(1), body=""
+        webhook=hook, event="race.opened", about="x", at=now, not_before=now + timedelta(1), body=""
     )
     one = f"{ADDRESS}{hook.pk}/"
     for role in ("member", "stranger", "admin", "anonymous"):

@@ -20,7 +20,7 @@ django.setup()
 from celery.signals import worker_ready  # noqa: E402
 
 from evaluation import pipeline  # noqa: E402
-from evaluation.services import leases, work  # noqa: E402
+from evaluation.services import jobs, work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from paddock.errors import UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
@@ -81,7 +81,7 @@ if "REAL_RUNS" not in os.environ:
     pipeline.evaluate = evaluate
     take_as_proven()
 work.job_of = before("claimed", work.job_of)
-leases.store_files = after("stored", leases.store_files)
+jobs.store_files = after("stored", jobs.store_files)
 work.finish_evaluation = after("committed", work.finish_evaluation)
 evaluation_ended.connect(lambda **kwargs: hold("finishing"), weak=False)
 worker_ready.connect(lambda **kwargs: (FOLDER / "ready").touch(), weak=False)

@@ -22,9 +22,10 @@ from django.conf import settings  # noqa: E402
 from django.db.models import F  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
+from core import wakeup  # noqa: E402
 from evaluation import pipeline, services  # noqa: E402
 from evaluation.models import Evaluation, State  # noqa: E402
-from evaluation.services import bell, leases, work  # noqa: E402
+from evaluation.services import jobs  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from paddock.errors import PlatformFault, UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
@@ -68,7 +69,7 @@ def driven(seed: int, rivals: int):
     return outcome_of(salt=seed, rivals=cars, course={"boxes": [], "bots": [[[seed, 0, 0]]]})
 
 
-def store_files_and_perhaps_die(*args, store=leases.store_files):
+def store_files_and_perhaps_die(*args, store=jobs.store_files):
     name = store(*args)
     perhaps_die("stored")
     return name
@@ -85,11 +86,11 @@ def dawdle(evaluation) -> None:
     late end counts."""
     pause(LEASE_S * 1.5)
     seed = evaluation.spec["rules"]["seed"]
-    held = {"evaluation_id": evaluation.pk, "lease": evaluation.lease}
+    held = {"pk": evaluation.pk, "lease": evaluation.lease}
     try:
         refuse(seed)
     except UserFault as fault:
-        late = services.fail_evaluation(**held, fault=fault, now=timezone.now())
+        late = services.EVALUATIONS.fail(**held, fault=fault, now=timezone.now())
     else:
         outcome = driven(seed, evaluation.rivals.count())
         late = services.finish_evaluation(**held, outcome=outcome, now=timezone.now())
@@ -98,9 +99,9 @@ def dawdle(evaluation) -> None:
 
 def worker() -> None:
     while Evaluation.objects.filter(state__in=(State.QUEUED, State.RUNNING)).exists():
-        services.sweep_queue(now=timezone.now(), ring=False)
+        services.EVALUATIONS.sweep(now=timezone.now(), wake=False)
         if luck.random() < DAWDLE:
-            evaluation = services.claim_next_evaluation(worker="dawdler", now=timezone.now())
+            evaluation = services.EVALUATIONS.claim(worker="dawdler", now=timezone.now())
             if evaluation is not None:
                 dawdle(evaluation)
         elif not services.run_next_evaluation(worker=f"w{os.getpid()}"):
@@ -112,9 +113,9 @@ def main(workers: int) -> None:
     settings.LEASE_SECONDS = LEASE_S
     settings.EVALUATION_MAX_ATTEMPTS = 1000
     pipeline.evaluate = evaluate
-    leases.store_files = store_files_and_perhaps_die
-    bell._ring = lambda times: None
-    work.PROGRESS_EVERY_S = 0.1
+    jobs.store_files = store_files_and_perhaps_die
+    wakeup.send = lambda *_, **__: None
+    jobs.Evaluations.beat_s = 0.1
     evaluation_ended.connect(count_the_end, weak=False)
     ride_out(workers, worker, luck)
 

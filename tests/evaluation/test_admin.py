@@ -29,8 +29,8 @@ def evaluations(alice, oval, bell):
     model = model_row(alice)
     for _ in range(2):
         services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=timezone.now())
-    claimed = services.claim_next_evaluation(worker="w", now=timezone.now())
-    services.finish_evaluation(evaluation_id=claimed.pk, lease=claimed.lease, outcome=outcome_of(), now=timezone.now())
+    claimed = services.EVALUATIONS.claim(worker="w", now=timezone.now())
+    services.finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome_of(), now=timezone.now())
     WorkerNode.objects.create(name="w", seen_at=timezone.now(), sandbox={"level": 3, "name": "lock"}, engine="e")
     return Evaluation.objects.order_by("pk")
 
@@ -53,9 +53,9 @@ def test_the_other_cars_of_a_race_and_what_they_did_are_on_the_pages(admin, alic
     cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
     rules = RaceRules(race_type="head_to_head")
     services.queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=rules, now=timezone.now())
-    claimed = services.claim_next_evaluation(worker="w", now=timezone.now())
+    claimed = services.EVALUATIONS.claim(worker="w", now=timezone.now())
     outcome = outcome_of(rivals=[car_outcome(laps=(7_654,), retired="policy_died")])
-    services.finish_evaluation(evaluation_id=claimed.pk, lease=claimed.lease, outcome=outcome, now=timezone.now())
+    services.finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome, now=timezone.now())
     page = admin.get(reverse("admin:evaluation_evaluation_change", args=[claimed.pk])).content.decode()
     assert "Nut" in page
     result = reverse("admin:evaluation_result_change", args=[claimed.result.pk])
@@ -75,7 +75,7 @@ def test_an_admin_stops_what_waits_and_nothing_else(admin, evaluations):
 
 
 def test_an_admin_sweeps_the_queue(admin, evaluations):
-    services.claim_next_evaluation(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+    services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
     answer = admin.post(
         reverse("admin:evaluation_evaluation_changelist"),
         {"action": "sweep", "_selected_action": [evaluations[0].pk]},

@@ -12,13 +12,14 @@ from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, State
 from paddock.rules.race import RaceRules
 from races import tasks as race_tasks
-from races.services.videos import ask_for_video, claim_next_video
+from races.services.videos import VIDEOS, ask_for_video
 from tests.factories import a_race
 from tests.films import a_driven_run
 from tests.rows import model_row
 from tests.training.jobs import a_training
+from tests.wakeups import heard
 from training import tasks as training_tasks
-from training.services import claim_next_training
+from training.services import TRAININGS
 
 pytestmark = pytest.mark.django_db(transaction=True)
 REAL = timezone.now
@@ -59,23 +60,23 @@ def test_a_worker_two_hours_ahead_that_dies_is_requeued_in_a_minute(queued, cloc
     held = Evaluation.objects.get()
     assert held.state == State.RUNNING
     assert held.leased_until < REAL() + timedelta(minutes=1)
-    assert services.sweep_queue(now=REAL() + timedelta(minutes=1)).requeued == 1
+    assert services.EVALUATIONS.sweep(now=REAL() + timedelta(minutes=1)).requeued == 1
 
 
 @pytest.mark.parametrize("kind", ["evaluation", "training", "video"])
 def test_one_that_is_31_s_ahead_takes_nobodys_lease(kind, alice, oval, bell, films, monkeypatch, clock_ahead, settings):
-    monkeypatch.setattr(training_tasks.train, "apply_async", lambda **options: None)
+    heard(monkeypatch, "training.tasks.train")
     settings.TRAINING = settings.VIDEOS = True
     now = REAL()
     if kind == "evaluation":
         services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
-        job, sweep = services.claim_next_evaluation(worker="steady", now=database_now()), tasks.sweep
+        job, sweep = services.EVALUATIONS.claim(worker="steady", now=database_now()), tasks.sweep
     elif kind == "training":
         a_training(alice, oval, now)
-        job, sweep = claim_next_training(worker="steady", now=database_now()), training_tasks.sweep
+        job, sweep = TRAININGS.claim(worker="steady", now=database_now()), training_tasks.sweep
     else:
         ask_for_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now)
-        job, sweep = claim_next_video(worker="steady", now=database_now()), race_tasks.sweep
+        job, sweep = VIDEOS.claim(worker="steady", now=database_now()), race_tasks.sweep
     clock_ahead(seconds=31)
     sweep.apply().get()
     held = type(job).objects.get(pk=job.pk)

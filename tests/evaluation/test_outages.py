@@ -13,12 +13,15 @@ from django.core.files.storage import FileSystemStorage, default_storage
 from django.db import IntegrityError, transaction
 from storages.backends.s3 import S3Storage
 
+from core.jobs import outages
+from core.jobs import work as turns
+from core.jobs.models import Outage
+from core.jobs.retried import pause_after
 from core.storage_faults import storage_at_work
 from evaluation import pipeline, services
-from evaluation.models import Evaluation, Outage, State
+from evaluation.models import Evaluation, State
 from evaluation.sandbox import probe as probing
-from evaluation.services import outages, work
-from evaluation.services.leases import pause_after
+from evaluation.services import work
 from paddock.errors import PlatformFault
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import finishes, outcome_of
@@ -73,13 +76,13 @@ def cars(alice, bob, oval, bell, now):
 def turn(monkeypatch, now):
     """A worker's turn ``after`` seconds, as the pipeline's stub plays it; it sweeps before it looks."""
     monkeypatch.setattr(pipeline, "evaluate", finishes)
-    monkeypatch.setattr(work, "Heart", contextlib.nullcontext)
-    monkeypatch.setattr(work, "Heart", lambda *args, **kwargs: contextlib.nullcontext(Steady()))
+    monkeypatch.setattr(services.EVALUATIONS, "heartbeat", lambda job: contextlib.nullcontext(Steady()))
 
     def take(after):
         at = now + timedelta(seconds=after)
-        monkeypatch.setattr(work, "database_now", lambda: at)
-        services.sweep_queue(now=at, ring=False)
+        for part in (turns, work):
+            monkeypatch.setattr(part, "database_now", lambda: at)
+        services.EVALUATIONS.sweep(now=at, wake=False)
         return services.run_next_evaluation(worker="w")
 
     return take
@@ -152,11 +155,11 @@ class TestStorage:
 
         def nested():
             looked.append(1)
-            outages.look_after_storage(now=now + timedelta(seconds=6))
+            outages.look_after("storage", now=now + timedelta(seconds=6))
             return False
 
         monkeypatch.setattr(outages, "storage_answers", nested)
-        outages.look_after_storage(now=now + timedelta(seconds=6))
+        outages.look_after("storage", now=now + timedelta(seconds=6))
         assert looked == [1]
 
     def test_at_a_bucket_whose_server_is_stopped_is_a_storage_fault(self):
@@ -203,14 +206,14 @@ class TestACarWhoseSimulatorEnds:
     def claimed(self, evaluation, at):
         others = Evaluation.objects.filter(pk=evaluation.pk)
         others.update(state=State.QUEUED, ended_at=None, priority=99)
-        claimed = services.claim_next_evaluation(worker="w", now=at)
+        claimed = services.EVALUATIONS.claim(worker="w", now=at)
         assert claimed.pk == evaluation.pk
         others.update(priority=0)
-        return {"evaluation_id": claimed.pk, "lease": claimed.lease}
+        return {"pk": claimed.pk, "lease": claimed.lease}
 
     def kills(self, evaluation, at):
         fault = PlatformFault("runner_died", how="signal 11")
-        assert services.fail_evaluation(**self.claimed(evaluation, at), fault=fault, now=at)
+        assert services.EVALUATIONS.fail(**self.claimed(evaluation, at), fault=fault, now=at)
 
     def passes(self, evaluation, at):
         from evaluation.models import Result
@@ -226,7 +229,7 @@ def test_pauses_grow_to_an_hour():
 
 
 def test_only_what_waits_may_pause(cars, now):
-    claimed = services.claim_next_evaluation(worker="w", now=now)
+    claimed = services.EVALUATIONS.claim(worker="w", now=now)
     for changes in ({"not_before": now, "failed_at": now}, {"kills": claimed.attempt + 1}):
         with pytest.raises(IntegrityError), transaction.atomic():
             Evaluation.objects.filter(pk=claimed.pk).update(**changes)

@@ -10,9 +10,10 @@ import pytest
 from django.core.files.storage import default_storage
 from django.db import connections, transaction
 
+from core import wakeup
+from core.jobs.kinds import SweepReport
 from evaluation import selectors, services
 from evaluation.models import Evaluation, Result, State
-from evaluation.services import bell as ringing
 from evaluation.services.results import file_names, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
@@ -40,13 +41,11 @@ def submit(oval, bell, now):
 
 
 def claim(now, after=60):
-    return services.claim_next_evaluation(worker="w", now=now + timedelta(seconds=after))
+    return services.EVALUATIONS.claim(worker="w", now=now + timedelta(seconds=after))
 
 
 def finish(evaluation, now):
-    return services.finish_evaluation(
-        evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now
-    )
+    return services.finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
 
 
 def run_order(now):
@@ -94,7 +93,7 @@ class TestOrder:
         submit(bob, 1)
         evaluation = claim(now)
         assert evaluation == first
-        services.release_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, now=now)
+        services.EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
         assert claim(now) == first
 
     def test_the_position_shown_is_the_order_of_the_runs(self, alice, bob, charlie, submit, now):
@@ -105,17 +104,15 @@ class TestOrder:
         assert run_order(now) == [shown[place] for place in sorted(shown)]
 
     def test_what_is_stopped_in_the_moment_of_its_claim_is_not_run(self, alice, bob, submit, now, monkeypatch):
-        from evaluation.services import leases
-
         stopped, following = submit(alice), submit(bob, 1)
-        held = leases._held
+        held = services.EVALUATIONS.held
 
-        def stop_meanwhile(evaluation_id, lease):
-            if evaluation_id == stopped.pk:
+        def stop_meanwhile(pk, lease):
+            if pk == stopped.pk:
                 services.stop_evaluation(evaluation=stopped, now=now)
-            return held(evaluation_id, lease)
+            return held(pk, lease)
 
-        monkeypatch.setattr(leases, "_held", stop_meanwhile)
+        monkeypatch.setattr(services.EVALUATIONS, "held", stop_meanwhile)
         assert claim(now) == following
         assert claim(now) is None
 
@@ -145,11 +142,11 @@ class TestLease:
     def test_a_result_under_an_old_lease_is_refused_and_its_trace_deleted(self, alice, submit, now):
         submit(alice)
         slow = claim(now)
-        services.sweep_queue(now=now + timedelta(seconds=120))
+        services.EVALUATIONS.sweep(now=now + timedelta(seconds=120))
         fast = claim(now, after=121)
         assert fast.pk == slow.pk and fast.lease != slow.lease and fast.attempt == 2
         assert not finish(slow, now)
-        assert not services.beat(evaluation_id=slow.pk, lease=slow.lease, progress=None, now=now)
+        assert not services.EVALUATIONS.beat(pk=slow.pk, lease=slow.lease, progress=None, now=now)
         assert finish(fast, now)
         result = Result.objects.get()
         assert result.lease == fast.lease
@@ -162,16 +159,16 @@ class TestLease:
     ):
         submit(alice)
         evaluation = claim(now)
-        from evaluation.services import leases
+        from evaluation.services import jobs
 
-        store = leases.store_files
+        store = jobs.store_files
 
         def stopped_meanwhile(*arguments):
             name = store(*arguments)
             services.stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
             return name
 
-        monkeypatch.setattr(leases, "store_files", stopped_meanwhile)
+        monkeypatch.setattr(jobs, "store_files", stopped_meanwhile)
         assert not finish(evaluation, now)
         assert not default_storage.exists(file_names(evaluation)[0])
         assert not Result.objects.exists()
@@ -187,11 +184,11 @@ class TestLease:
         submit(alice)
         evaluation = claim(now, after=0)
         later = now + timedelta(seconds=25)
-        assert services.beat(evaluation_id=evaluation.pk, lease=evaluation.lease, progress={"lap": 2}, now=later)
-        assert services.sweep_queue(now=now + timedelta(seconds=50)).requeued == 0
+        assert services.EVALUATIONS.beat(pk=evaluation.pk, lease=evaluation.lease, progress={"lap": 2}, now=later)
+        assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=50)).requeued == 0
         evaluation.refresh_from_db()
         assert evaluation.progress == {"lap": 2}
-        assert services.sweep_queue(now=now + timedelta(seconds=56)).requeued == 1
+        assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=56)).requeued == 1
 
     def test_another_lease_changes_nothing(self, alice, submit, now):
         submit(alice)
@@ -199,7 +196,7 @@ class TestLease:
         evaluation.lease = uuid.uuid4()
         fault = UserFault("stopped")
         assert not finish(evaluation, now)
-        assert not services.fail_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, fault=fault, now=now)
+        assert not services.EVALUATIONS.fail(pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now)
         assert Evaluation.objects.get().state == State.RUNNING
 
     def test_lost_workers_are_never_the_end_of_it(self, alice, submit, now):
@@ -208,7 +205,7 @@ class TestLease:
             now += timedelta(hours=2)
             evaluation = claim(now)
             assert evaluation.attempt == attempt
-            assert services.sweep_queue(now=now + timedelta(seconds=100)).requeued == 1
+            assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
         evaluation.refresh_from_db()
         assert evaluation.state == State.QUEUED
         assert evaluation.operator_detail.count("lease_expired") == 8
@@ -218,13 +215,13 @@ class TestLease:
         for _ in range(5):
             evaluation = claim(now)
             assert evaluation.attempt == 1
-            assert services.release_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, now=now)
+            assert services.EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
 
     def test_the_trace_of_a_worker_that_died_before_its_commit_is_swept_away(self, alice, submit, now):
         submit(alice)
         evaluation = claim(now)
         (name,) = store_files(evaluation, outcome_of()).traces
-        services.sweep_queue(now=now + timedelta(seconds=100))
+        services.EVALUATIONS.sweep(now=now + timedelta(seconds=100))
         assert not default_storage.exists(name)
 
 
@@ -252,7 +249,7 @@ class TestEnd:
         finished, failed = claim(now), claim(now)
         stopped = Evaluation.objects.get(state=State.QUEUED)
         finish(finished, now)
-        services.fail_evaluation(evaluation_id=failed.pk, lease=failed.lease, fault=UserFault("stopped"), now=now)
+        services.EVALUATIONS.fail(pk=failed.pk, lease=failed.lease, fault=UserFault("stopped"), now=now)
         services.stop_evaluation(evaluation=stopped, now=now)
         services.stop_evaluation(evaluation=stopped, now=now)
         assert [(e.pk, e.state, r is not None) for e, r in ended] == [
@@ -265,8 +262,8 @@ class TestEnd:
         submit(alice)
         evaluation = claim(now)
         fault = UserFault("policy_late", step=7, step_s=1, overage_s=10, total_s=60)
-        services.fail_evaluation(
-            evaluation_id=evaluation.pk, lease=evaluation.lease, fault=fault, now=now, detail="stderr of the policy"
+        services.EVALUATIONS.fail(
+            pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now, detail="stderr of the policy"
         )
         evaluation.refresh_from_db()
         assert (evaluation.state, evaluation.attempt) == (State.FAILED, 1)
@@ -332,21 +329,21 @@ class TestQueueing:
         with django_capture_on_commit_callbacks(execute=True):
             evaluation = submit(alice)
         assert Evaluation.objects.get() == evaluation
-        assert "the sweep will ring again" in caplog.text
+        assert "the sweep wakes workers again" in caplog.text
 
     def test_the_sweep_rings_for_what_waits(self, alice, submit, bell, now, django_capture_on_commit_callbacks):
         for _ in range(20):
             submit(alice)
         bell.clear()
         with django_capture_on_commit_callbacks(execute=True):
-            report = services.sweep_queue(now=now)
+            report = services.EVALUATIONS.sweep(now=now)
         assert report.waiting == 20
         assert len(bell) == 8
-        assert all(ring["expires"] == ringing.STALE_AFTER_S for ring in bell)
+        assert all(ring["expires"] == wakeup.STALE_AFTER_S for ring in bell)
 
     def test_the_sweep_of_an_empty_queue_is_silent(self, db, bell, now, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
-            assert services.sweep_queue(now=now) == services.SweepReport(0, 0)
+            assert services.EVALUATIONS.sweep(now=now) == SweepReport(0, 0)
         assert bell == []
 
     def test_a_platform_fault_rings_for_the_next_attempt(
@@ -356,8 +353,8 @@ class TestQueueing:
         evaluation = claim(now)
         bell.clear()
         with django_capture_on_commit_callbacks(execute=True):
-            services.fail_evaluation(
-                evaluation_id=evaluation.pk, lease=evaluation.lease, fault=PlatformFault("storage_failed"), now=now
+            services.EVALUATIONS.fail(
+                pk=evaluation.pk, lease=evaluation.lease, fault=PlatformFault("storage_failed"), now=now
             )
         assert len(bell) == 1
 

@@ -13,7 +13,7 @@ from django.db.models import ProtectedError
 
 from evaluation import selectors, services
 from evaluation.models import Evaluation, EvaluationRival, Result, RivalResult, State
-from evaluation.services import leases
+from evaluation.services import jobs
 from evaluation.services.results import file_names, read_course, read_trace, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
@@ -40,14 +40,12 @@ def duel(alice, bob, oval, bell, now):
 
 @pytest.fixture
 def claimed(duel, now):
-    return services.claim_next_evaluation(worker="w", now=now)
+    return services.EVALUATIONS.claim(worker="w", now=now)
 
 
 def finish(evaluation, now, **outcome):
     outcome.setdefault("rivals", [car_outcome(salt=7)])
-    return services.finish_evaluation(
-        evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(**outcome), now=now
-    )
+    return services.finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(**outcome), now=now)
 
 
 def stored(evaluation):
@@ -130,7 +128,7 @@ class TestQueueing:
             owner=bob, model=cars[bob], track=oval, rules=RaceRules(), now=now + timedelta(seconds=5)
         )
         order = []
-        while (evaluation := services.claim_next_evaluation(worker="w", now=now + timedelta(seconds=10))) is not None:
+        while (evaluation := services.EVALUATIONS.claim(worker="w", now=now + timedelta(seconds=10))) is not None:
             order.append(evaluation.owner.alias)
         assert order == ["alice", "bob", "alice"]  # to be a rival takes nobody's turn
 
@@ -239,7 +237,7 @@ class TestResult:
 
     def test_alone_a_car_has_won(self, alice, oval, bell, now):
         services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
-        evaluation = services.claim_next_evaluation(worker="w", now=now)
+        evaluation = services.EVALUATIONS.claim(worker="w", now=now)
         assert finish(evaluation, now, rivals=[])
         result = Result.objects.get()
         assert (result.order, result.retired, result.bots.name) == ([0], "", "")
@@ -300,12 +298,12 @@ class TestResult:
         course = {"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]}
         store_files(claimed, outcome_of(rivals=[car_outcome(), car_outcome(), car_outcome()], course=course))
         assert stored(claimed) == sorted(file_names(claimed))
-        assert services.sweep_queue(now=now + timedelta(seconds=100)).requeued == 1
+        assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
         assert stored(claimed) == []
 
     def test_a_late_worker_deletes_its_own_files_and_nobody_elses(self, claimed, now):
-        services.sweep_queue(now=now + timedelta(seconds=100))
-        fast = services.claim_next_evaluation(worker="x", now=now + timedelta(seconds=101))
+        services.EVALUATIONS.sweep(now=now + timedelta(seconds=100))
+        fast = services.EVALUATIONS.claim(worker="x", now=now + timedelta(seconds=101))
         assert finish(fast, now)
         assert not finish(claimed, now)
         assert stored(fast) == sorted(file_names(fast)[:2])
@@ -313,7 +311,7 @@ class TestResult:
     def test_a_commit_whose_answer_got_lost_keeps_the_files(self, claimed, now):
         assert finish(claimed, now, course={"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]})
         before = stored(claimed)
-        leases.delete_files(file_names(claimed))
+        jobs.delete_files(file_names(claimed))
         assert stored(claimed) == before and len(before) == 3
 
     def test_a_stopped_duel_has_no_result(self, claimed, now):

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from evaluation import stopping
-from evaluation.stopping import shutdown_flag
+from core.jobs import stopping
+from core.jobs.stopping import shutdown_flag
 
 
 @pytest.fixture

@@ -33,8 +33,8 @@ def submit(oval, bell, now):
 
 def run_next(now):
     """Run what is next; whose it was."""
-    evaluation = services.claim_next_evaluation(worker="w", now=now)
-    services.finish_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
+    evaluation = services.EVALUATIONS.claim(worker="w", now=now)
+    services.finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
     return evaluation.owner.alias
 
 
@@ -80,7 +80,7 @@ class TestTurns:
     def test_what_the_site_of_before_queues_during_an_upgrade_gets_its_turn(self, alice, bob, submit, now):
         fields = {"model": model_row(alice), "track": submit(bob).track, "spec": {}, "queued_at": now}
         old = [Evaluation.objects.create(owner=alice, **fields) for _ in range(2)]
-        services.sweep_queue(now=now)
+        services.EVALUATIONS.sweep(now=now)
         for one in old:
             one.refresh_from_db()
         assert old[0].turn is not None and old[1].turn == old[0].turn + 1
@@ -121,16 +121,16 @@ class TestHurry:
     def test_cars_that_wait_move_forward_when_their_race_comes_to_its_last_hour(self, alice, bob, submit, now):
         submit(alice)
         waiting = submit(bob, 10, closes_at=now + 2 * HOUR)
-        services.sweep_queue(now=now + HOUR - timedelta(seconds=1))
+        services.EVALUATIONS.sweep(now=now + HOUR - timedelta(seconds=1))
         assert selectors.queue_position(waiting) == 2
-        services.sweep_queue(now=now + HOUR)
+        services.EVALUATIONS.sweep(now=now + HOUR)
         assert selectors.queue_position(waiting) == 1
 
     def test_racers_take_turns_among_what_hurries_too(self, alice, bob, submit, now):
         for second in range(3):
             submit(alice, second, closes_at=now + 2 * HOUR)
         submit(bob, 20, closes_at=now + 2 * HOUR)
-        services.sweep_queue(now=now + HOUR)
+        services.EVALUATIONS.sweep(now=now + HOUR)
         submit(bob, 3600, closes_at=now + 2 * HOUR)
         later = now + HOUR
         assert [run_next(later) for _ in range(5)] == ["alice", "bob", "alice", "bob", "alice"]
@@ -143,7 +143,7 @@ class TestHurry:
     def test_what_is_driven_again_and_house_cars_never_hurry(self, alice, submit, now):
         done = submit(alice, closes_at=now + HOUR)
         (copy,) = services.queue_copies(evaluations=[done], priority=line.BACKGROUND, now=now)
-        services.sweep_queue(now=now + 3 * HOUR)
+        services.EVALUATIONS.sweep(now=now + 3 * HOUR)
         copy.refresh_from_db()
         assert (copy.priority, copy.urgent_from, done.priority) == (line.BACKGROUND, None, URGENT)
 

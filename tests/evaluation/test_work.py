@@ -11,10 +11,10 @@ import pytest
 from django.db import DatabaseError
 from django.utils import timezone
 
+from core.jobs import heartbeat
 from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
 from evaluation.sandbox import probe as probing
-from evaluation.services import heart, work
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
@@ -39,7 +39,7 @@ def plays(monkeypatch):
 
 @pytest.fixture
 def quick_heart(monkeypatch, settings):
-    monkeypatch.setattr(work, "PROGRESS_EVERY_S", 0.01)
+    monkeypatch.setattr(services.EVALUATIONS, "beat_s", 0.01)
     settings.LEASE_SECONDS = 1
 
 
@@ -197,7 +197,7 @@ class TestTheHeart:
             assert not should_stop()
             return outcome_of()
 
-        monkeypatch.setattr(work, "beat", failing_twice)
+        monkeypatch.setattr(services.EVALUATIONS, "beat", failing_twice)
         plays(play)
         run()
         queued.refresh_from_db()
@@ -217,7 +217,7 @@ class TestTheHeart:
             noticed.append(True)
             raise UserFault("stopped")
 
-        monkeypatch.setattr(work, "beat", failing)
+        monkeypatch.setattr(services.EVALUATIONS, "beat", failing)
         plays(play)
         run()
         assert noticed
@@ -227,8 +227,8 @@ class TestTheHeart:
         assert not Result.objects.exists()
 
     def test_writes_at_most_once_a_second_and_six_times_a_lease(self, settings):
-        assert work.PROGRESS_EVERY_S >= 1.0
-        assert settings.LEASE_SECONDS / heart.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
+        assert services.EVALUATIONS.beat_s >= 1.0
+        assert settings.LEASE_SECONDS / heartbeat.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
 
 
 class TestTheTask:
@@ -248,11 +248,11 @@ class TestTheTask:
         bell.clear()
         assert tasks.work.apply().get() == 1
         assert len(bell) == 1
-        assert services.sweep_queue(now=timezone.now(), ring=False).waiting == 1
+        assert services.EVALUATIONS.sweep(now=timezone.now(), wake=False).waiting == 1
 
     def test_looks_after_lost_workers_itself(self, queued, plays):
         plays(finishes)
-        services.claim_next_evaluation(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+        services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
         assert tasks.work.apply().get() == 1
         queued.refresh_from_db()
         assert (queued.state, queued.attempt) == (State.FINISHED, 2)
@@ -293,7 +293,7 @@ class TestTheTask:
         assert list(Evaluation.objects.values_list("state", "attempt")) == [(State.QUEUED, 0)] * 2
 
     def test_the_sweep_reports_what_it_found(self, queued, bell):
-        services.claim_next_evaluation(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+        services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
         assert tasks.sweep.apply().get() == {"requeued": 1, "waiting": 1}
 
 

@@ -23,8 +23,9 @@ from django.utils import timezone  # noqa: E402
 from onnx import numpy_helper  # noqa: E402
 
 from accounts.tokens import create_token  # noqa: E402
+from core import wakeup  # noqa: E402
 from evaluation.models import Evaluation, Result, State  # noqa: E402
-from evaluation.services import bell, upload_model  # noqa: E402
+from evaluation.services import upload_model  # noqa: E402
 from paddock.packages.read import UploadPart  # noqa: E402
 from races.models import Entry, Submission  # noqa: E402
 from tests.factories import a_race, a_racer  # noqa: E402
@@ -38,7 +39,7 @@ def prepare(racers: int, races: int) -> dict[str, Any]:
     """So many racers with a car each, no two alike, and so many races of one lap on one track: a car has one result in
     all of them."""
     now = timezone.now()
-    bell._ring = lambda times: None
+    wakeup.send = lambda *_, **__: None
     track = Track.objects.get(slug="oval")
     rules = {"laps": 1, "minimum_laps": 1, "shared_cars": True, "closes_at": now + timedelta(days=30)}
     open_races = [a_race(now, track=track, slug=f"storm-{number}", **rules) for number in range(races)]

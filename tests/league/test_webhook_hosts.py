@@ -49,7 +49,7 @@ def drips(alice, net) -> Webhook:
 def told(hook: Webhook, now, many: int = 1) -> list[WebhookDelivery]:
     return [
         WebhookDelivery.objects.create(
-            webhook=hook, event="run.finished", about=f"{hook.pk}-{number}", at=now, next_at=now, body="{}"
+            webhook=hook, event="run.finished", about=f"{hook.pk}-{number}", at=now, not_before=now, body="{}"
         )
         for number in range(many)
     ]
@@ -69,7 +69,7 @@ def test_of_ten_deliveries_to_a_host_that_drips_one_is_tried_and_another_host_is
     told(add_webhook(owner=bob, url="https://well.example/"), now, 10)
     assert deliver_due(now=now) == 11
     assert net.met.count("drips.example") == 1 and net.met.count("well.example") == 10
-    assert set(WebhookDelivery.objects.filter(webhook=drips).values_list("tries", flat=True)) == {0, 1}
+    assert set(WebhookDelivery.objects.filter(webhook=drips).values_list("attempt", flat=True)) == {0, 1}
 
 
 def test_a_hosts_pause_grows_and_what_waits_for_it_loses_no_tries(drips, net, now):
@@ -130,7 +130,7 @@ def test_one_at_a_time_goes_to_a_host(drips, net, now, monkeypatch):
 def test_what_waited_half_a_day_for_a_host_that_is_away_is_given_up_and_nothing_else(drips, bob, net, now):
     told(drips, now, 2)
     (late,) = told(add_webhook(owner=bob, url="https://well.example/"), now)
-    WebhookDelivery.objects.filter(pk=late.pk).update(next_at=now + GIVEN_UP_AFTER)  # we were away ourselves
+    WebhookDelivery.objects.filter(pk=late.pk).update(not_before=now + GIVEN_UP_AFTER)  # we were away ourselves
     deliver_due(now=now)
     deliver_due(now=now + GIVEN_UP_AFTER + MINUTE)
     rows = WebhookDelivery.objects.filter(webhook=drips)
@@ -151,8 +151,8 @@ def test_a_test_waits_for_no_pause_and_ends_it_when_the_host_is_back(drips, net,
 
 def test_as_many_senders_are_rung_for_as_hosts_are_due(drips, bob, net, monkeypatch, now):
     rings = []
-    monkeypatch.setattr(tasks, "send", lambda task, times: rings.append((task.name, times)))
-    monkeypatch.setattr(tasks.timezone, "now", lambda: now)
+    monkeypatch.setattr(tasks, "send", lambda task, times: rings.append((task, times)))
+    monkeypatch.setattr(tasks, "database_now", lambda: now)
     told(drips, now, 3)
     tasks.webhooks()
     assert rings == [], "one host, one sender"

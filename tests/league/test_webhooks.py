@@ -11,7 +11,7 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 from django.utils import timezone
 
-from league import tasks
+from core import wakeup
 from league.happenings import EVENTS
 from league.models import Stage, Webhook, WebhookDelivery
 from league.services import close_round
@@ -21,6 +21,7 @@ from paddock.errors import UserFault
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import queue_deliveries
 from tests.league.seasons import HOUR, a_round, a_season, after
+from tests.wakeups import heard
 
 pytestmark = pytest.mark.django_db
 
@@ -79,8 +80,8 @@ class TestDeliveries:
         queue_deliveries(now=now)
         moment, pauses = now, []
         while (delivery := WebhookDelivery.objects.get()).state == "due":
-            pauses.append((delivery.next_at - moment) // timedelta(minutes=1))
-            moment = delivery.next_at
+            pauses.append((delivery.not_before - moment) // timedelta(minutes=1))
+            moment = delivery.not_before
             assert deliver_due(now=moment - timedelta(seconds=1)) == 0
             assert deliver_due(now=moment) == 1
         assert pauses == [0, 1, 4, 16, 64, 256] and delivery.state == "failed" and delivery.status == status
@@ -95,7 +96,7 @@ class TestDeliveries:
         assert not listener.heard and delivery.state == "due" and delivery.error == "webhook_private"
 
     def test_the_database_holds_each_thing_once(self, hook, now):
-        same = {"webhook": hook, "event": "race.opened", "about": "x", "at": now, "next_at": now, "body": ""}
+        same = {"webhook": hook, "event": "race.opened", "about": "x", "at": now, "not_before": now, "body": ""}
         WebhookDelivery.objects.create(**same)
         with pytest.raises(IntegrityError), transaction.atomic():
             WebhookDelivery.objects.create(**same)
@@ -125,7 +126,7 @@ class TestATest:
         deliver_due(now=now)
         assert deliver_due(now=now + timedelta(days=1)) == 0 and len(listener.heard) == 1
         delivery.refresh_from_db()
-        assert (delivery.state, delivery.status, delivery.tries) == ("failed", 500, 1)
+        assert (delivery.state, delivery.status, delivery.attempt) == ("failed", 500, 1)
 
     def test_it_leads_home_no_more_than_any_other(self, hook, now, listener, settings):
         settings.WEBHOOKS_PRIVATE = False
@@ -135,8 +136,7 @@ class TestATest:
         assert (delivery.state, delivery.error) == ("failed", "webhook_private") and not listener.heard
 
     def test_the_task_is_rung_for_once_the_row_stands(self, hook, now, monkeypatch, django_capture_on_commit_callbacks):
-        rings = []
-        monkeypatch.setattr(tasks.webhooks, "apply_async", lambda **options: rings.append(options))
+        rings = heard(monkeypatch, "league.tasks.webhooks")
         with django_capture_on_commit_callbacks(execute=True):
             send_test(webhook=hook, now=now)
             assert not rings
@@ -145,10 +145,10 @@ class TestATest:
     def test_a_broker_that_is_away_leaves_it_to_the_periodic_task(
         self, hook, now, monkeypatch, listener, django_capture_on_commit_callbacks
     ):
-        def away(**options):
+        def away(task, **options):
             raise ConnectionError("no broker")
 
-        monkeypatch.setattr(tasks.webhooks, "apply_async", away)
+        monkeypatch.setattr(wakeup, "publish", away)
         with django_capture_on_commit_callbacks(execute=True):
             send_test(webhook=hook, now=now)
         assert not listener.heard

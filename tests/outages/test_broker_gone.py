@@ -17,8 +17,8 @@ from tests.outages.small_site import Answer, SmallSite, Somebody
 
 SWEEP = (
     "import django; django.setup()\n"
-    "from evaluation.services import sweep_queue; from core.clock import database_now\n"
-    "print(sweep_queue(now=database_now()).waiting)"
+    "from evaluation.services import EVALUATIONS; from core.clock import database_now\n"
+    "print(EVALUATIONS.sweep(now=database_now()).waiting)"
 )
 IN_ALL = "import django; django.setup(); from races.models import Submission; print(Submission.objects.count())"
 

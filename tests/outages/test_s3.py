@@ -13,8 +13,10 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client
 from django.utils import timezone
 
+from core.jobs import work as turns
+from core.jobs.models import Outage
 from evaluation import pipeline, services
-from evaluation.models import Damage, Evaluation, Outage, Result, State, StoredFile
+from evaluation.models import Damage, Evaluation, Result, State, StoredFile
 from evaluation.services import stored, work
 from paddock.errors import PlatformFault
 from paddock.rules.race import RaceRules
@@ -34,12 +36,13 @@ READS = [mood for mood in MOODS if mood != "full"]  # a full one is still read
 def turn(monkeypatch, now):
     """A worker's turn ``after`` seconds, as the pipeline's stub plays it; it sweeps before it looks."""
     monkeypatch.setattr(pipeline, "evaluate", finishes)
-    monkeypatch.setattr(work, "Heart", lambda *args, **kwargs: contextlib.nullcontext(Steady()))
+    monkeypatch.setattr(services.EVALUATIONS, "heartbeat", lambda job: contextlib.nullcontext(Steady()))
 
     def take(after):
         at = now + timedelta(seconds=after)
-        monkeypatch.setattr(work, "database_now", lambda: at)
-        services.sweep_queue(now=at, ring=False)
+        for part in (turns, work):
+            monkeypatch.setattr(part, "database_now", lambda: at)
+        services.EVALUATIONS.sweep(now=at, wake=False)
         return services.run_next_evaluation(worker="w")
 
     return take

@@ -10,7 +10,7 @@ from django.test import Client
 from django.utils import timezone
 
 from core.clock import database_now
-from evaluation.services import sweep_queue
+from evaluation.services import EVALUATIONS
 from races.models import Video, VideoState
 from races.services.videos import ask_for_video, run_next_video
 from tests.factories import a_race, a_racer, a_track
@@ -47,7 +47,7 @@ def test_a_film_that_cannot_be_kept_is_drawn_again(mood, s3, video):
     video.refresh_from_db()
     assert video.state == VideoState.WAITING
     s3.be("")
-    sweep_queue(now=database_now() + timedelta(minutes=2), ring=False)  # it looks whether the storage is back
+    EVALUATIONS.sweep(now=database_now() + timedelta(minutes=2), wake=False)  # it looks whether the storage is back
     assert run_next_video(worker="w")
     video.refresh_from_db()
     assert video.state == VideoState.READY

@@ -70,7 +70,7 @@ def finishes(evaluation: Evaluation, now: datetime) -> None:
     for number, lap in enumerate(driven.laps):
         lap["start_ms"] = LAP_MS * number
     driven = replace(driven, trace_csv=driven_trace(evaluation.track, 3, LAP_MS))
-    assert finish_evaluation(evaluation_id=evaluation.pk, lease=evaluation.lease, outcome=driven, now=now)
+    assert finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=driven, now=now)
 
 
 def said(page, words: str) -> None:

@@ -28,7 +28,7 @@ def run(racer, rules: RaceRules, *against: TrainedModel, **outcome) -> Evaluatio
         owner=racer, model=a_model(racer), rivals=against, track=a_track(), rules=rules, priority=99, now=now
     )
     start(queued, now)
-    finish_evaluation(evaluation_id=queued.pk, lease=queued.lease, outcome=outcome_of(**outcome), now=now)
+    finish_evaluation(pk=queued.pk, lease=queued.lease, outcome=outcome_of(**outcome), now=now)
     return Evaluation.objects.get(pk=queued.pk)
 
 

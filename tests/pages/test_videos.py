@@ -9,7 +9,7 @@ import pytest
 from django.utils import timezone
 
 from races.models import Video
-from races.services.videos import ask_for_video, claim_next_video, fail_video, run_next_video
+from races.services.videos import VIDEOS, ask_for_video, run_next_video
 from tests.duels import a_duel_race, driving, end, qualify
 from tests.films import a_driven_run
 from tests.pages.conftest import World
@@ -68,7 +68,7 @@ def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
     path = response["Location"].partition("#")[0]
     html = client.get(path).content.decode()
     assert "Next in line." in html and 'http-equiv="refresh"' in html
-    claim = claim_next_video(worker="w", now=timezone.now())
+    claim = VIDEOS.claim(worker="w", now=timezone.now())
     Video.objects.update(progress=40)
     html = client.get(path).content.decode()
     assert "Being drawn" in html and 'value="40"' in html and 'http-equiv="refresh"' in html
@@ -84,7 +84,7 @@ def test_with_scripts_the_card_follows_it(world, run):
     client = world.client("newcomer")
     address = re.search(r'hx-get="(/videos/\w+/live/\?seen=[^"]+)"', card)[1].replace("&amp;", "&")
     assert client.get(address).status_code == 204
-    claim = claim_next_video(worker="w", now=timezone.now())
+    claim = VIDEOS.claim(worker="w", now=timezone.now())
     Video.objects.update(progress=7)
     part = client.get(address)
     assert "7 %" in part.content.decode() and "no-store" in part["Cache-Control"]
@@ -123,9 +123,9 @@ def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
     from paddock.errors import UserFault
 
     ask(world, run)
-    claim = claim_next_video(worker="w", now=timezone.now())
+    claim = VIDEOS.claim(worker="w", now=timezone.now())
     fault = UserFault("video_no_steps")
-    fail_video(video_id=claim.pk, lease=claim.lease, fault=fault, now=timezone.now())
+    VIDEOS.fail(pk=claim.pk, lease=claim.lease, fault=fault, now=timezone.now())
     html = page_of(world, "newcomer", run, f"?video={claim.public_id}")
     assert 'data-code="video_no_steps"' in html and "Make it again" in html
     assert Video.objects.get(state="failed") == claim

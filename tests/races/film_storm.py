@@ -20,9 +20,10 @@ django.setup()
 from django.conf import settings  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
+from core import wakeup  # noqa: E402
 from races.models import UNDER_WAY, Video  # noqa: E402
 from races.services import videos  # noqa: E402
-from races.services.videos import bell, leases, work  # noqa: E402
+from races.services.videos import jobs, work  # noqa: E402
 from tests.films import a_film  # noqa: E402
 from tests.storms import ride_out  # noqa: E402
 from videos import film  # noqa: E402
@@ -45,7 +46,7 @@ def draw(scene, out, *, on_progress, is_stopped):
     return a_film(scene, out)
 
 
-def store(*args, real=leases.store):
+def store(*args, real=jobs.store):
     names = real(*args)
     perhaps_die("stored")
     return names
@@ -53,7 +54,7 @@ def store(*args, real=leases.store):
 
 def worker() -> None:
     while Video.objects.filter(state__in=UNDER_WAY).exists():
-        videos.sweep_videos(now=timezone.now(), ring=False)
+        videos.VIDEOS.sweep(now=timezone.now(), wake=False)
         if not videos.run_next_video(worker=f"w{os.getpid()}"):
             sleep(0.05)
 
@@ -62,7 +63,7 @@ def main(workers: int) -> None:
     settings.LEASE_SECONDS = LEASE_S
     settings.EVALUATION_MAX_ATTEMPTS = 1000
     film.film, film.poster = draw, lambda scene: b"a still"
-    leases.store, bell._ring = store, lambda: None
+    jobs.store, wakeup.send = store, lambda *_, **__: None
     work.encoder_problem = str  # each fork would load PyAV
     ride_out(workers, worker, luck)
 

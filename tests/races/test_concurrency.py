@@ -89,7 +89,7 @@ def test_the_last_submission_left_is_used_once(now):
     def send_and_finish(model):
         submission = submit_model(race=race, racer=racer, model=model, now=now)
         running = start(submission.evaluation, now)
-        finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=outcome(laps(9, 9, 9)), now=now)
+        finish_evaluation(pk=running.pk, lease=running.lease, outcome=outcome(laps(9, 9, 9)), now=now)
         return "sent"
 
     answers = at_once([lambda m=m: send_and_finish(m) for m in models])
@@ -145,7 +145,7 @@ def test_results_stops_and_withdrawals_at_once_neither_block_nor_lose_anything(n
     def end(racer, time_ms):
         running = runs[racer.pk]
         driven = outcome(laps(time_ms, time_ms, time_ms))
-        return finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=driven, now=now)
+        return finish_evaluation(pk=running.pk, lease=running.lease, outcome=driven, now=now)
 
     def leave_and_return(racer):
         withdraw(entry=Entry.objects.get(race=race, racer=racer), now=now)
@@ -179,7 +179,7 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 
     def end(running):
         driven = outcome(laps(9_000, 9_000, 9_000))
-        return finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=driven, now=now)
+        return finish_evaluation(pk=running.pk, lease=running.lease, outcome=driven, now=now)
 
     answers = at_once(
         [

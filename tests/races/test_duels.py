@@ -72,12 +72,12 @@ def test_the_heats_of_a_round_are_queued_together_and_the_next_round_follows(now
 
 
 def test_a_racer_who_waits_for_a_lap_time_comes_before_the_duels(now, alice):
-    from evaluation.services import claim_next_evaluation
+    from evaluation.services import EVALUATIONS
 
     drawn(now, 4)
     race = a_race(now)
     mine = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
-    assert claim_next_evaluation(worker="w", now=now) == mine.evaluation
+    assert EVALUATIONS.claim(worker="w", now=now) == mine.evaluation
 
 
 # --- a heat's result
@@ -124,7 +124,7 @@ def test_when_the_points_cannot_be_written_the_result_is_not_either(now, monkeyp
 
     monkeypatch.setattr(duel_services, "recount", broken)
     with pytest.raises(RuntimeError):
-        finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=duel_outcome([0, 1], {}, []), now=now)
+        finish_evaluation(pk=running.pk, lease=running.lease, outcome=duel_outcome([0, 1], {}, []), now=now)
     running.refresh_from_db()
     duel.refresh_from_db()
     assert (running.state, duel.state) == (State.RUNNING, DuelState.DRIVING), "it will be tried again"

@@ -19,7 +19,7 @@ def finishing(duel: Duel, now):
     """A call that ends a heat which is on track; the front car wins."""
     running = start(Evaluation.objects.get(duel=duel), now)
     result = duel_outcome(range(duel.cars.filter(forfeited=False).count()), {}, [])
-    return lambda: finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=result, now=now)
+    return lambda: finish_evaluation(pk=running.pk, lease=running.lease, outcome=result, now=now)
 
 
 def test_a_race_that_many_draw_at_once_is_drawn_once(now):

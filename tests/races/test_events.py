@@ -7,7 +7,7 @@ from django.contrib.auth.models import AnonymousUser
 
 from core.events import Event, can_see_event, events_visible_to
 from evaluation.models import Evaluation
-from evaluation.services import claim_next_evaluation, stop_evaluation
+from evaluation.services import EVALUATIONS, stop_evaluation
 from paddock.errors import PlatformFault, UserFault
 from races.models import Visibility
 from races.services import cancel_race, draw_duels, drive_on, enter_race, submit_model, withdraw
@@ -29,7 +29,7 @@ def happened(**which) -> list[tuple]:
 
 def test_a_worker_takes_a_run(alice, now):
     submission = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
-    assert claim_next_evaluation(worker="w", now=now) and claim_next_evaluation(worker="w", now=now) is None
+    assert EVALUATIONS.claim(worker="w", now=now) and EVALUATIONS.claim(worker="w", now=now) is None
     assert happened() == [("run.started", "alice", submission.evaluation.public_id)]
     assert Event.objects.get().data == {"attempt": 1}
 

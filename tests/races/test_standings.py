@@ -161,7 +161,7 @@ def test_an_evaluation_outside_any_race_is_none_of_the_races_business(alice, ova
     evaluation = queue_evaluation(owner=alice, model=a_model(alice), track=oval, rules=RaceRules(), now=now)
     running = start(evaluation, now)
     done = outcome(laps(9_000))
-    assert finish_evaluation(evaluation_id=running.pk, lease=running.lease, outcome=done, now=now)
+    assert finish_evaluation(pk=running.pk, lease=running.lease, outcome=done, now=now)
     assert not Entry.objects.exists()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from races.models import Video
-from races.services.videos import Asked, ask_for_video, claim_next_video, run_next_video, stop_video
+from races.services.videos import VIDEOS, Asked, ask_for_video, run_next_video, stop_video
 from tests.factories import a_race, a_racer, drive, laps
 from tests.races.test_concurrency import at_once
 
@@ -45,7 +45,7 @@ def test_no_racer_gets_past_a_limit_by_asking_at_once(run, bob, now, settings):
 def test_many_workers_share_the_queue(run, alice, bob, now):
     for racer, part in ((alice, "1"), (alice, "2"), (bob, "3")):
         asking(run, racer, now, part=part)()
-    claimed = at_once([lambda: claim_next_video(worker="w", now=now) for _ in range(5)])
+    claimed = at_once([lambda: VIDEOS.claim(worker="w", now=now) for _ in range(5)])
     assert sorted(video.part for video in claimed if video is not None) == [1, 2, 3]
 
 

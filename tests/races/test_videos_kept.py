@@ -13,9 +13,8 @@ from evaluation.models import Evaluation
 from evaluation.services import delete_model
 from races.models import Submission, Video, VideoState
 from races.services.videos import (
+    VIDEOS,
     ask_for_video,
-    claim_next_video,
-    fail_video,
     forget_lost_file,
     note_watched,
     purge_videos,
@@ -66,8 +65,8 @@ def test_one_that_failed_is_forgotten_after_so_long_and_one_that_waits_is_not(vi
 
     run = video.evaluation
     ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now)
-    failed = claim_next_video(worker="w", now=now)
-    fail_video(video_id=failed.pk, lease=failed.lease, fault=UserFault("video_no_steps"), now=now)
+    failed = VIDEOS.claim(worker="w", now=now)
+    VIDEOS.fail(pk=failed.pk, lease=failed.lease, fault=UserFault("video_no_steps"), now=now)
     waiting = ask_for_video(evaluation=run, by=alice, part="3", language="en", now=now).video
     purge_videos(now=now + timedelta(days=settings.VIDEO_DAYS, seconds=1))
     assert list(Video.objects.all()) == [waiting]

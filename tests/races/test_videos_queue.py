@@ -11,21 +11,17 @@ import pytest
 from django.core.files.storage import default_storage
 from django.db import IntegrityError, transaction
 
-from evaluation.models import Outage
+from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
 from races import tasks
 from races.models import Video, VideoState
 from races.services.videos import (
+    VIDEOS,
     DrawnVideo,
     ask_for_video,
-    beat_video,
-    claim_next_video,
-    fail_video,
     finish_video,
-    release_video,
     run_next_video,
     stop_video,
-    sweep_videos,
 )
 from tests.factories import a_race
 from tests.films import a_driven_run
@@ -48,11 +44,11 @@ def waiting(run, alice, now) -> Video:
 
 @pytest.fixture
 def claimed(waiting, now) -> Video:
-    return claim_next_video(worker="w1", now=now)
+    return VIDEOS.claim(worker="w1", now=now)
 
 
 def ident(video: Video) -> dict:
-    return {"video_id": video.pk, "lease": video.lease}
+    return {"pk": video.pk, "lease": video.lease}
 
 
 @pytest.fixture
@@ -82,25 +78,25 @@ class TestAClaim:
     def test_takes_the_one_that_waited_longest_once(self, run, alice, now):
         first = ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now - timedelta(minutes=1)).video
         second = ask_for_video(evaluation=run, by=alice, part="2", language="en", now=now).video
-        assert [claim_next_video(worker="w", now=now) for _ in range(3)] == [first, second, None]
+        assert [VIDEOS.claim(worker="w", now=now) for _ in range(3)] == [first, second, None]
 
     def test_is_a_lease(self, claimed, now):
         assert (claimed.state, claimed.attempt, claimed.worker) == (VideoState.DRAWING, 1, "w1")
         assert claimed.leased_until == now + LEASE
         later = now + timedelta(seconds=20)
-        assert beat_video(**ident(claimed), progress=40, now=later)
+        assert VIDEOS.beat(**ident(claimed), progress=40, now=later)
         claimed.refresh_from_db()
         assert (claimed.progress, claimed.leased_until) == (40, later + LEASE)
 
     def test_that_is_lost_writes_nothing(self, claimed, now, drawn):
-        assert sweep_videos(now=now + LEASE + timedelta(seconds=1)) == 1
-        other = claim_next_video(worker="w2", now=now + LEASE)
+        assert VIDEOS.sweep(now=now + LEASE + timedelta(seconds=1)).waiting == 1
+        other = VIDEOS.claim(worker="w2", now=now + LEASE)
         assert other.attempt == 2
         lost = ident(claimed)
-        assert not beat_video(**lost, progress=1, now=now)
+        assert not VIDEOS.beat(**lost, progress=1, now=now)
         assert not finish_video(**lost, drawn=drawn(), now=now)
-        assert not fail_video(**lost, fault=UserFault("video_no_steps"), now=now)
-        assert not release_video(**lost, now=now)
+        assert not VIDEOS.fail(**lost, fault=UserFault("video_no_steps"), now=now)
+        assert not VIDEOS.release(**lost, now=now)
         assert ours(claimed) == set()
         assert finish_video(**ident(other), drawn=drawn(), now=now)
         assert len(ours(claimed)) == 2
@@ -122,13 +118,13 @@ class TestAnEnd:
         settings.EVALUATION_MAX_ATTEMPTS = 2
         pauses, at = [], now
         for _ in range(8):
-            assert fail_video(**ident(claimed), fault=PlatformFault(code), now=at, detail="disk")
+            assert VIDEOS.fail(**ident(claimed), fault=PlatformFault(code), now=at, detail="disk")
             claimed.refresh_from_db()
             assert (claimed.state, claimed.kills) == (VideoState.WAITING, 0)
             pauses.append((claimed.not_before - at).total_seconds() if claimed.not_before else 0)
-            assert not pauses[-1] or claim_next_video(worker="w", now=at) is None
+            assert not pauses[-1] or VIDEOS.claim(worker="w", now=at) is None
             at = claimed.not_before or at
-            claimed = claim_next_video(worker="w", now=at)
+            claimed = VIDEOS.claim(worker="w", now=at)
         assert pauses == [0, 4, 16, 64, 256, 1024, 3600, 3600]
         assert claimed.operator_detail.startswith(f"Attempt 1: {code}. disk\n")
 
@@ -138,35 +134,35 @@ class TestAnEnd:
         settings.EVALUATION_MAX_ATTEMPTS = 2
         at = now + timedelta(seconds=1)
         ask_for_video(evaluation=run, by=alice, part="1", language="en", now=at)
-        assert finish_video(**ident(claim_next_video(worker="w2", now=at)), drawn=drawn(), now=at)
+        assert finish_video(**ident(VIDEOS.claim(worker="w2", now=at)), drawn=drawn(), now=at)
         for attempt in (1, 2):
             Video.objects.filter(state=VideoState.READY).update(ended_at=at)  # as if another had been drawn just now
-            assert fail_video(**ident(claimed), fault=PlatformFault("internal_error"), now=at)
+            assert VIDEOS.fail(**ident(claimed), fault=PlatformFault("internal_error"), now=at)
             claimed.refresh_from_db()
             assert claimed.kills == attempt
             at += timedelta(hours=2)
-            claimed = claim_next_video(worker="w", now=at) or claimed
+            claimed = VIDEOS.claim(worker="w", now=at) or claimed
         assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_gave_up")
         assert claimed.is_platform_fault
 
     def test_that_the_storage_is_out_for_counts_no_attempt(self, claimed, now):
         outage = Outage.objects.create(part="storage", since=now, look_at=now + timedelta(seconds=5))
         Video.objects.update(attempt=99)
-        assert fail_video(**ident(claimed), fault=PlatformFault("storage_failed"), now=now)
+        assert VIDEOS.fail(**ident(claimed), fault=PlatformFault("storage_failed"), now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.attempt) == (VideoState.WAITING, 98)
-        assert claim_next_video(worker="w", now=now) is None
+        assert VIDEOS.claim(worker="w", now=now) is None
         outage.delete()
-        assert claim_next_video(worker="w", now=now) == claimed
+        assert VIDEOS.claim(worker="w", now=now) == claimed
 
     def test_that_no_other_try_would_change_is_final_at_once(self, claimed, now):
         fault = UserFault("video_no_steps")
-        assert fail_video(**ident(claimed), fault=fault, now=now)
+        assert VIDEOS.fail(**ident(claimed), fault=fault, now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.reason_code, claimed.ended_at) == (VideoState.FAILED, fault.code, now)
 
     def test_of_a_worker_that_shuts_down_costs_no_attempt(self, claimed, now):
-        assert release_video(**ident(claimed), now=now)
+        assert VIDEOS.release(**ident(claimed), now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.attempt, claimed.progress) == (VideoState.WAITING, 0, 0)
 
@@ -174,10 +170,10 @@ class TestAnEnd:
         assert stop_video(video=claimed, now=now)
         assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_stopped")
         assert not stop_video(video=claimed, now=now)
-        assert claim_next_video(worker="w", now=now) is None
+        assert VIDEOS.claim(worker="w", now=now) is None
 
     def test_of_a_worker_between_storing_and_writing_leaves_no_file(self, claimed, now, monkeypatch, drawn):
-        from races.services.videos import leases
+        from races.services.videos import jobs
 
         class Killed(BaseException):
             pass
@@ -186,12 +182,12 @@ class TestAnEnd:
             real(*args)
             raise Killed
 
-        real = leases.store
-        monkeypatch.setattr(leases, "store", store_and_die)
+        real = jobs.store
+        monkeypatch.setattr(jobs, "store", store_and_die)
         with pytest.raises(Killed):
             finish_video(**ident(claimed), drawn=drawn(), now=now)
         assert len(ours(claimed)) == 2
-        sweep_videos(now=now + LEASE + timedelta(seconds=1))
+        VIDEOS.sweep(now=now + LEASE + timedelta(seconds=1))
         assert ours(claimed) == set()
 
     def test_where_the_storage_takes_the_film_only_keeps_neither(self, claimed, now, monkeypatch, drawn):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from paddock.errors import UserFault
-from training import tasks
+from tests.wakeups import heard
 from training.services import work
 from training.trainer.client import Ended, SavedState
 
@@ -14,10 +14,8 @@ from .jobs import an_iteration
 
 @pytest.fixture
 def training_bell(monkeypatch) -> list[dict]:
-    """Every ring for the trainers, instead of a broker."""
-    rings: list[dict] = []
-    monkeypatch.setattr(tasks.train, "apply_async", lambda **options: rings.append(options))
-    return rings
+    """Every wake-up of a trainer, instead of a broker."""
+    return heard(monkeypatch, "training.tasks.train")
 
 
 @pytest.fixture

@@ -12,13 +12,10 @@ from tests.races.test_concurrency import at_once
 from tests.training.jobs import a_training, an_iteration
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob, Vehicle
 from training.services import (
-    claim_next_training,
-    fail_training,
+    TRAININGS,
     keep_checkpoint,
     record_iteration,
-    release_training,
     stop_training,
-    sweep_trainings,
 )
 from training.vehicles import save_vehicle
 
@@ -59,7 +56,7 @@ def test_the_minutes_of_a_month_are_given_out_once(oval, now, settings):
 def test_six_workers_take_two_trainings_once_each(oval, now):
     for _ in range(2):
         a_training(a_racer(), oval, now)
-    answers = at_once([lambda n=n: claim_next_training(worker=f"w{n}", now=now) for n in range(TABS)])
+    answers = at_once([lambda n=n: TRAININGS.claim(worker=f"w{n}", now=now) for n in range(TABS)])
     taken = [answer.pk for answer in answers if isinstance(answer, TrainingJob)]
     assert len(taken) == len(set(taken)) == 2, answers
     assert answers.count(None) == TABS - 2, answers
@@ -69,7 +66,7 @@ def test_it_is_stopped_before_it_begins_or_told_to_stop_and_never_both(oval, now
     for _ in range(4):
         job = a_training(a_racer(), oval, now)
         stopped, claimed = at_once(
-            [lambda job=job: stop_training(job=job, now=now), lambda: claim_next_training(worker="w", now=now)]
+            [lambda job=job: stop_training(job=job, now=now), lambda: TRAININGS.claim(worker="w", now=now)]
         )
         job.refresh_from_db()
         assert stopped is True
@@ -82,15 +79,15 @@ def test_it_is_stopped_before_it_begins_or_told_to_stop_and_never_both(oval, now
 
 def test_one_end_is_written_of_all_that_come_at_once(oval, now):
     job = a_training(a_racer(), oval, now)
-    held = claim_next_training(worker="w", now=now)
+    held = TRAININGS.claim(worker="w", now=now)
     late = held.leased_until + timedelta(seconds=1)
     fault = UserFault("training_memory", limit_mb=1)
     mine = {"job_id": held.pk, "lease": held.lease, "now": now}
     ended, released, _ = at_once(
         [
-            lambda: fail_training(**mine, fault=fault),
-            lambda: release_training(**mine),
-            lambda: sweep_trainings(now=late),
+            lambda: TRAININGS.fail(**mine, fault=fault),
+            lambda: TRAININGS.release(**mine),
+            lambda: TRAININGS.sweep(now=late),
         ]
     )
     job.refresh_from_db()
@@ -101,9 +98,9 @@ def test_one_end_is_written_of_all_that_come_at_once(oval, now):
 
 def test_a_worker_that_lost_its_lease_writes_nothing_beside_the_next_one(oval, now):
     a_training(a_racer(), oval, now)
-    first = claim_next_training(worker="first", now=now)
-    sweep_trainings(now=first.leased_until + timedelta(seconds=1))
-    second = claim_next_training(worker="second", now=now)
+    first = TRAININGS.claim(worker="first", now=now)
+    TRAININGS.sweep(now=first.leased_until + timedelta(seconds=1))
+    second = TRAININGS.claim(worker="second", now=now)
 
     def write(job, worker):
         return [

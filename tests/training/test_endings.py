@@ -10,7 +10,7 @@ from paddock.errors import UserFault
 from tests.training.jobs import a_training
 from training.endings import how_it_ended
 from training.models import EndReason, JobState, TrainingJob
-from training.services import claim_next_training, fail_training, stop_training
+from training.services import TRAININGS, stop_training
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
 
@@ -43,7 +43,7 @@ def test_its_own_conditions_are_said_with_their_numbers(alice, oval, now, why, a
 def test_while_it_waits_or_runs_there_is_nothing_to_say(alice, oval, now):
     job = a_training(alice, oval, now)
     assert how_it_ended(job, alice) == ""
-    assert how_it_ended(claim_next_training(worker="w", now=now), alice) == ""
+    assert how_it_ended(TRAININGS.claim(worker="w", now=now), alice) == ""
 
 
 def test_who_stopped_it_is_said_to_whoever_reads(alice, bob, oval, now):
@@ -58,9 +58,9 @@ def test_who_stopped_it_is_said_to_whoever_reads(alice, bob, oval, now):
 
 def test_a_failure_is_said_with_its_reason_and_line(alice, oval, now):
     a_training(alice, oval, now)
-    job = claim_next_training(worker="w", now=now)
+    job = TRAININGS.claim(worker="w", now=now)
     fault = UserFault("reward_raised", line=2, error="ZeroDivisionError")
-    fail_training(job_id=job.pk, lease=job.lease, fault=fault, now=now)
+    TRAININGS.fail(pk=job.pk, lease=job.lease, fault=fault, now=now)
     job.refresh_from_db()
     assert job.ended_because == EndReason.FAILED
     assert how_it_ended(job, alice) == "Line 2 of the reward function failed: ZeroDivisionError."

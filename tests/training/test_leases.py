@@ -9,7 +9,7 @@ import pytest
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
-from evaluation.models import Outage
+from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training, an_iteration
 from training.line import place_of
@@ -22,15 +22,11 @@ from training.selectors import (
     visible_trainings,
 )
 from training.services import (
-    beat,
-    claim_next_training,
-    fail_training,
+    TRAININGS,
     keep_checkpoint,
     purge_trainings,
     record_iteration,
-    release_training,
     stop_training,
-    sweep_trainings,
 )
 from training.services.records import (
     CHECKPOINTS_KEPT,
@@ -50,7 +46,7 @@ pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
 @pytest.fixture
 def held(alice, oval, now) -> TrainingJob:
     a_training(alice, oval, now)
-    job = claim_next_training(worker="w", now=now)
+    job = TRAININGS.claim(worker="w", now=now)
     assert job is not None
     return job
 
@@ -63,44 +59,44 @@ def test_the_first_that_came_is_the_first_that_runs_and_nobody_runs_it_twice(ali
     second = a_training(bob, oval, now + timedelta(seconds=1))
     first = a_training(alice, oval, now)
     assert [place_of(job, now) for job in (first, second)] == [1, 2]
-    assert claim_next_training(worker="a", now=now) == first
-    assert claim_next_training(worker="b", now=now) == second
-    assert claim_next_training(worker="c", now=now) is None
+    assert TRAININGS.claim(worker="a", now=now) == first
+    assert TRAININGS.claim(worker="b", now=now) == second
+    assert TRAININGS.claim(worker="c", now=now) is None
 
 
 def test_a_heartbeat_prolongs_the_lease_and_hears_of_a_stop(held, now):
-    pulse = beat(
-        job_id=held.pk, lease=held.lease, progress={"steps": 5, "seconds": 2.0}, now=now + timedelta(seconds=9)
-    )
-    assert (pulse.held, pulse.stop_asked) == (True, False)
+    progress = {"steps": 5, "seconds": 2.0}
+    assert TRAININGS.beat(pk=held.pk, lease=held.lease, progress=progress, now=now + timedelta(seconds=9))
     before = held.leased_until
     held.refresh_from_db()
     assert held.leased_until == before + timedelta(seconds=9)
     assert held.seconds_done == 2.0
     assert stop_training(job=held, now=now)
     assert held.state == JobState.RUNNING, "it ends with its models, in its worker's hands"
-    assert beat(job_id=held.pk, lease=held.lease, progress=None, now=now).stop_asked
+    heartbeat = TRAININGS.heartbeat(held)
+    heartbeat.stop_asked = False
+    assert heartbeat.look(None) and heartbeat.stop_asked
 
 
 def test_a_storage_that_is_out_keeps_it_waiting_and_counts_no_attempt(held, now):
     outage = Outage.objects.create(part="storage", since=now, look_at=now + timedelta(seconds=5))
     TrainingJob.objects.update(attempt=99)
-    assert fail_training(job_id=held.pk, lease=held.lease, fault=PlatformFault("storage_failed"), now=now)
+    assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=PlatformFault("storage_failed"), now=now)
     held.refresh_from_db()
     assert (held.state, held.attempt, held.reason_code) == (JobState.QUEUED, 98, "")
-    assert claim_next_training(worker="w", now=now) is None
+    assert TRAININGS.claim(worker="w", now=now) is None
     outage.delete()
-    assert claim_next_training(worker="w", now=now) == held
+    assert TRAININGS.claim(worker="w", now=now) == held
 
 
 def test_whoever_lost_the_lease_changes_nothing(held, now):
     other = uuid.uuid4()
-    assert not beat(job_id=held.pk, lease=other, progress={"seconds": 99.0}, now=now).held
+    assert not TRAININGS.beat(pk=held.pk, lease=other, progress={"seconds": 99.0}, now=now)
     assert not record_iteration(job=held, lease=other, iteration=an_iteration(1), now=now)
     assert not keep_checkpoint(job=held, lease=other, saved=saved(1), networks=NETWORKS, now=now)
     assert not record_prints(job=held, lease=other, prints=Prints("late\n", "late\n", False), now=now)
-    assert not fail_training(job_id=held.pk, lease=other, fault=UserFault("training_name_taken"), now=now)
-    assert not release_training(job_id=held.pk, lease=other, now=now)
+    assert not TRAININGS.fail(pk=held.pk, lease=other, fault=UserFault("training_name_taken"), now=now)
+    assert not TRAININGS.release(pk=held.pk, lease=other, now=now)
     held.refresh_from_db()
     assert (held.state, held.seconds_done, held.printed, held.log) == (JobState.RUNNING, 0.0, "", "")
     assert not TrainingIteration.objects.exists() and not Checkpoint.objects.exists()
@@ -113,30 +109,30 @@ def test_whoever_lost_the_lease_changes_nothing(held, now):
 def test_a_lease_that_ran_out_goes_back_to_the_queue_for_as_long_as_it_takes(held, now, settings):
     """Hosts are killed, and that is nobody's fault who trains. It pauses ever longer, an hour at most."""
     settings.EVALUATION_MAX_ATTEMPTS = 2
-    assert sweep_trainings(now=held.leased_until) == 0
+    assert TRAININGS.sweep(now=held.leased_until).waiting == 0
     at, pauses = held.leased_until + timedelta(seconds=1), []
     for _ in range(9):
-        sweep_trainings(now=at)
+        TRAININGS.sweep(now=at)
         held.refresh_from_db()
         assert (held.state, held.reason_code, held.kills) == (JobState.QUEUED, "", 0)
         pauses.append((held.not_before - at).total_seconds() if held.not_before else 0)
         at = held.not_before or at
-        assert claim_next_training(worker="v", now=at - timedelta(seconds=1)) is None or not pauses[-1]
-        held = claim_next_training(worker="v", now=at) or TrainingJob.objects.get(pk=held.pk)
+        assert TRAININGS.claim(worker="v", now=at - timedelta(seconds=1)) is None or not pauses[-1]
+        held = TRAININGS.claim(worker="v", now=at) or TrainingJob.objects.get(pk=held.pk)
         at = held.leased_until + timedelta(seconds=1)
     assert pauses == [0, 4, 16, 64, 256, 1024, 3600, 3600, 3600]
 
 
 def test_a_racers_fault_is_final_at_once(held, now):
     fault = UserFault("reward_raised", line=2, error="ZeroDivisionError")
-    assert fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
+    assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now)
     held.refresh_from_db()
     assert (held.state, held.reason_params["line"]) == (JobState.FAILED, 2)
     assert "ZeroDivisionError" in held.reason
 
 
 def test_a_worker_that_is_told_to_end_hands_it_back_without_an_attempt(held, now):
-    assert release_training(job_id=held.pk, lease=held.lease, now=now)
+    assert TRAININGS.release(pk=held.pk, lease=held.lease, now=now)
     held.refresh_from_db()
     assert (held.state, held.attempt) == (JobState.QUEUED, 0)
 
@@ -150,14 +146,14 @@ class TestAFunctionThatBreaksTheTrainer:
     def test_is_the_racers_fault_in_the_end(self, held, now, settings):
         settings.EVALUATION_MAX_ATTEMPTS = 2
         minute = timedelta(minutes=1)
-        assert fail_training(job_id=held.pk, lease=held.lease, fault=self.FAULT, now=now + minute)
-        again = claim_next_training(worker="w", now=now + minute)
-        assert fail_training(job_id=again.pk, lease=again.lease, fault=self.FAULT, now=now + 2 * minute)
+        assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=self.FAULT, now=now + minute)
+        again = TRAININGS.claim(worker="w", now=now + minute)
+        assert TRAININGS.fail(pk=again.pk, lease=again.lease, fault=self.FAULT, now=now + 2 * minute)
         held.refresh_from_db()
         assert (held.state, held.reason_code, held.attempt) == (JobState.FAILED, "training_broke_down", 2)
         assert "example" in held.reason and "%(" not in held.reason
         assert minutes_used(held.owner, now) == 2.0, "or it would train for nothing"
-        assert claim_next_training(worker="w", now=now + 2 * minute) is None
+        assert TRAININGS.claim(worker="w", now=now + 2 * minute) is None
 
     def test_is_counted_anew_when_it_got_further(self, held, now, settings):
         """Attempts are counted by progress, not for life."""
@@ -165,11 +161,11 @@ class TestAFunctionThatBreaksTheTrainer:
         job = held
         for number in range(1, 7):
             keep_checkpoint(job=job, lease=job.lease, saved=saved(number), networks=NETWORKS, now=now)
-            fail_training(job_id=job.pk, lease=job.lease, fault=self.FAULT, now=now)
+            TRAININGS.fail(pk=job.pk, lease=job.lease, fault=self.FAULT, now=now)
             job.refresh_from_db()
             assert (job.state, job.kills, job.failures, job.got_to) == (JobState.QUEUED, 1, 1, number)
-            job = claim_next_training(worker="w", now=now)
-        fail_training(job_id=job.pk, lease=job.lease, fault=self.FAULT, now=now)
+            job = TRAININGS.claim(worker="w", now=now)
+        TRAININGS.fail(pk=job.pk, lease=job.lease, fault=self.FAULT, now=now)
         job.refresh_from_db()
         assert (job.attempt, job.reason_code) == (7, "training_broke_down")
         assert job.reason_params["attempts"] == 2
@@ -184,8 +180,8 @@ class TestAFunctionThatBreaksTheTrainer:
                 state=JobState.FINISHED, ended_because="time", ended_at=now, steps_done=1
             )
         a_training(alice, oval, now, reward_code=DEFAULT.code)
-        job = claim_next_training(worker="w", now=now)
-        fail_training(job_id=job.pk, lease=job.lease, fault=self.FAULT, now=now)
+        job = TRAININGS.claim(worker="w", now=now)
+        TRAININGS.fail(pk=job.pk, lease=job.lease, fault=self.FAULT, now=now)
         job.refresh_from_db()
         assert (job.state, job.reason_code) == (
             (JobState.FAILED, "training_gave_up") if others_pass else (JobState.QUEUED, "")
@@ -205,14 +201,14 @@ class TestAFunctionThatBreaksTheTrainer:
     )
     def test_is_not_to_blame_for_what_comes_from_outside(self, held, now, settings, fault):
         settings.EVALUATION_MAX_ATTEMPTS = 1
-        fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
+        TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now)
         held.refresh_from_db()
         assert (held.state, held.reason_code, held.kills, held.failures) == (JobState.QUEUED, "", 0, 1)
 
 
 def test_our_faults_are_written_down_for_operators_only(held, now):
     fault = PlatformFault("trainer_error", detail="x")
-    fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now, detail="Traceback")
+    TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now, detail="Traceback")
     held.refresh_from_db()
     assert held.state == JobState.QUEUED
     assert "Traceback" in held.operator_detail
@@ -226,11 +222,11 @@ def test_checkpoints_are_kept_in_bounds_with_their_files(held, now):
     assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2 * CHECKPOINTS_KEPT
     assert networks_of(Checkpoint.objects.first()) == NETWORKS
     fault = UserFault("reward_raised", line=2, error="KeyError")
-    fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=now)
+    TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now)
     held.refresh_from_db()
     assert (held.state, held.reason_code) == (JobState.QUEUED, "reward_raised"), "a worker makes models of them first"
-    again = claim_next_training(worker="v", now=now)
-    fail_training(job_id=again.pk, lease=again.lease, fault=UserFault("onnx_corrupt"), now=now)
+    again = TRAININGS.claim(worker="v", now=now)
+    TRAININGS.fail(pk=again.pk, lease=again.lease, fault=UserFault("onnx_corrupt"), now=now)
     held.refresh_from_db()
     assert (held.state, held.reason_code) == (JobState.FAILED, "reward_raised"), "they are no networks"
     assert not Checkpoint.objects.exists()
@@ -314,7 +310,7 @@ def test_sim_traces_of_trainings_of_long_ago_are_cleared_away(held, now):
 
 def test_one_that_waits_to_go_on_from_a_checkpoint_is_stopped_by_its_worker(held, now):
     keep_checkpoint(job=held, lease=held.lease, saved=saved(1), networks=NETWORKS, now=now)
-    release_training(job_id=held.pk, lease=held.lease, now=now)
+    TRAININGS.release(pk=held.pk, lease=held.lease, now=now)
     assert stop_training(job=held, now=now)
     assert (held.state, held.stop_asked_at) == (JobState.QUEUED, now)
 

@@ -25,7 +25,7 @@ from training.models import JobState, TrainingJob
 from training.quotas import bytes_of, files_of
 from training.selectors import can_delete_training, can_see_training, minutes_used, trainings_of, visible_trainings
 from training.services import (
-    claim_next_training,
+    TRAININGS,
     delete_training,
     forget_deleted,
     keep_checkpoint,
@@ -41,7 +41,7 @@ def over(alice, oval, now) -> TrainingJob:
     from tests.factories import a_model
 
     a_training(alice, oval, now)
-    job = claim_next_training(worker="w", now=now)
+    job = TRAININGS.claim(worker="w", now=now)
     record_iteration(job=job, lease=job.lease, iteration=an_iteration(1), now=now)
     TrainingJob.objects.filter(pk=job.pk).update(
         state=JobState.FINISHED,
@@ -62,7 +62,7 @@ def over(alice, oval, now) -> TrainingJob:
 class TestTheLedger:
     def test_counts_whatever_a_training_leaves(self, alice, bob, oval, now):
         a_training(alice, oval, now)
-        job = claim_next_training(worker="w", now=now)
+        job = TRAININGS.claim(worker="w", now=now)
         record_iteration(job=job, lease=job.lease, iteration=an_iteration(1), now=now)
         keep_checkpoint(job=job, lease=job.lease, saved=saved(1), networks=NETWORKS, now=now)
         names = files_of(job)
@@ -85,7 +85,7 @@ class TestTheLedger:
     def test_keeps_the_newest_sim_traces_of_a_training_within_a_weight(self, alice, oval, now, monkeypatch):
         monkeypatch.setattr("training.services.records.SIMTRACE_BYTES_KEPT", 5)
         a_training(alice, oval, now)
-        job = claim_next_training(worker="w", now=now)
+        job = TRAININGS.claim(worker="w", now=now)
         for number in range(1, 5):  # of two bytes each
             record_iteration(job=job, lease=job.lease, iteration=an_iteration(number), now=now)
         assert [bool(one.simtrace) for one in job.iterations.all()] == [False, False, True, True]
@@ -128,7 +128,7 @@ class TestADeletedTraining:
             with pytest.raises(UserFault) as refused:
                 delete_training(job=job, now=now)
             assert refused.value.code == "training_under_way"
-            claim_next_training(worker="w", now=now)
+            TRAININGS.claim(worker="w", now=now)
         job.refresh_from_db()
         assert (job.state, job.deleted_at) == (JobState.RUNNING, None)
 

@@ -34,7 +34,7 @@ from tests.training.jobs import REWARD, a_training
 from training.files import logs_zip, simtrace, training_metrics
 from training.hyperparameters import DEFAULT_BOUNDS
 from training.models import Checkpoint, JobState, TrainingJob, Vehicle
-from training.services import run_next_training, stop_training, sweep_trainings
+from training.services import TRAININGS, run_next_training, stop_training
 from training.trainer.network import Layout, from_onnx
 
 pytest.importorskip("torch", reason="training is not installed: make training")
@@ -210,7 +210,7 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
     assert (job.state, job.attempt, job.worker) == (JobState.RUNNING, 1, "to be killed")
     assert not run_next_training(worker="other"), "the lease is still good"
 
-    sweep_trainings(now=job.leased_until + timedelta(seconds=1))
+    TRAININGS.sweep(now=job.leased_until + timedelta(seconds=1))
     job.refresh_from_db()
     assert job.state == JobState.QUEUED
     TrainingJob.objects.filter(pk=job.pk).update(stop_steps=checkpoint.steps + 1500)
@@ -234,7 +234,7 @@ def test_one_that_is_stopped_while_it_waits_to_go_on_keeps_its_best_and_its_last
     """Its worker was killed, its owner has seen enough: nothing more is learned, and nothing that was is lost."""
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
     kill_the_worker_of(job)
-    sweep_trainings(now=job.leased_until + timedelta(seconds=1))
+    TRAININGS.sweep(now=job.leased_until + timedelta(seconds=1))
     assert stop_training(job=job, now=timezone.now())
     run(job)
     assert (job.state, job.attempt) == (JobState.STOPPED, 2), (job.reason, job.operator_detail)

@@ -15,7 +15,7 @@ from races.models import Race, Submission
 from tests.factories import a_race
 from tests.training.jobs import a_training, network
 from training.models import JobState
-from training.services import results, run_next_training, sweep_trainings
+from training.services import TRAININGS, results, run_next_training
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell", "bell")]
 
@@ -64,7 +64,7 @@ def test_a_worker_that_is_killed_between_the_end_and_the_submission_loses_neithe
         assert run_in_a_worker_that_dies() == signal.SIGKILL
 
     job.refresh_from_db()
-    sweep_trainings(now=(job.leased_until or now) + timedelta(seconds=1))
+    TRAININGS.sweep(now=(job.leased_until or now) + timedelta(seconds=1))
     run_next_training(worker="the next one")
     job.refresh_from_db()
     assert (job.state, job.submit_reason_code) == (JobState.FINISHED, "")

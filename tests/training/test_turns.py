@@ -12,13 +12,10 @@ from training.line import line_of, place_of
 from training.models import JobState, TrainingJob
 from training.selectors import minutes_used
 from training.services import (
-    claim_next_training,
-    fail_training,
+    TRAININGS,
     finish_training,
     keep_checkpoint,
-    release_training,
     stop_training,
-    sweep_trainings,
 )
 from training.trainer.client import Ended
 
@@ -49,7 +46,7 @@ class TestTheLine:
         for place, (racer, name) in enumerate([(alice, "a"), (bob, "b"), (charlie, "c")]):
             a_training(racer, oval, now + timedelta(seconds=place), name=name)
         assert order(now) == ["c", "b", "a"]
-        assert claim_next_training(worker="w", now=now).name == "c"
+        assert TRAININGS.claim(worker="w", now=now).name == "c"
 
     def test_lets_nobody_wait_behind_all_of_another_racer_s(self, alice, bob, oval, now, settings):
         settings.TRAININGS_AT_ONCE = 3
@@ -61,7 +58,7 @@ class TestTheLine:
 
     def test_counts_what_runs(self, alice, bob, oval, now, settings):
         a_training(alice, oval, now, name="running")
-        claim_next_training(worker="w", now=now)
+        TRAININGS.claim(worker="w", now=now)
         a_training(alice, oval, now, name="a")
         a_training(bob, oval, now + MINUTE, name="b")
         assert order(now + 2 * MINUTE) == ["b", "a"]
@@ -99,10 +96,10 @@ class TestTheCharge:
     @pytest.fixture
     def held(self, alice, oval, now) -> TrainingJob:
         a_training(alice, oval, now)
-        return claim_next_training(worker="w", now=now)
+        return TRAININGS.claim(worker="w", now=now)
 
     def ends(self, held, fault, at) -> TrainingJob:
-        assert fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=at)
+        assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=at)
         held.refresh_from_db()
         return held
 
@@ -122,7 +119,7 @@ class TestTheCharge:
 
     def test_is_of_every_attempt_that_its_own_process_ended(self, held, now):
         self.ends(held, PlatformFault("trainer_error", detail="x"), now + MINUTE)
-        again = claim_next_training(worker="w", now=now + 5 * MINUTE)
+        again = TRAININGS.claim(worker="w", now=now + 5 * MINUTE)
         assert self.ends(again, PlatformFault("trainer_error", detail="x"), now + 7 * MINUTE).charged_s == 180.0
 
     @pytest.mark.parametrize("how", ["trainer_died", "trainer_lost", "released"])
@@ -130,14 +127,14 @@ class TestTheCharge:
         keep_checkpoint(job=held, lease=held.lease, saved=saved(40), networks=NETWORKS, now=now)
         at = held.leased_until + 10 * MINUTE
         if how == "released":
-            assert release_training(job_id=held.pk, lease=held.lease, now=at)
+            assert TRAININGS.release(pk=held.pk, lease=held.lease, now=at)
         elif how == "trainer_lost":
-            sweep_trainings(now=at)
+            TRAININGS.sweep(now=at)
         else:
             self.ends(held, PlatformFault("trainer_died", how="signal 9"), at)
         held.refresh_from_db()
         assert (held.state, held.charged_s) == (JobState.QUEUED, 40.0)
-        again = claim_next_training(worker="w", now=at)
+        again = TRAININGS.claim(worker="w", now=at)
         assert self.ends(again, UserFault("training_diverged"), at + MINUTE).charged_s == 100.0
 
     def test_is_nothing_where_nothing_was_kept(self, held, now):
@@ -151,11 +148,11 @@ class TestTheCharge:
 
 def test_a_pause_ends_when_its_owner_stops_the_training(alice, oval, now):
     a_training(alice, oval, now)
-    job = claim_next_training(worker="w", now=now)
+    job = TRAININGS.claim(worker="w", now=now)
     keep_checkpoint(job=job, lease=job.lease, saved=saved(1), networks=NETWORKS, now=now)
     TrainingJob.objects.filter(pk=job.pk).update(failures=6, got_to=1)
     job.refresh_from_db()
-    fail_training(job_id=job.pk, lease=job.lease, fault=PlatformFault("trainer_died", how="signal 9"), now=now)
-    assert claim_next_training(worker="w", now=now + MINUTE) is None
+    TRAININGS.fail(pk=job.pk, lease=job.lease, fault=PlatformFault("trainer_died", how="signal 9"), now=now)
+    assert TRAININGS.claim(worker="w", now=now + MINUTE) is None
     stop_training(job=job, now=now)
-    assert claim_next_training(worker="w", now=now + MINUTE) == job
+    assert TRAININGS.claim(worker="w", now=now + MINUTE) == job

@@ -10,7 +10,7 @@ import pytest
 from django.core.files.storage import default_storage
 from django.utils import timezone
 
-from evaluation import stopping
+from core.jobs import stopping
 from evaluation.models import TrainedModel
 from paddock.errors import PlatformFault, UserFault
 from tests.rows import model_row
@@ -18,15 +18,13 @@ from tests.training.jobs import a_training, an_iteration, network
 from training import tasks
 from training.models import Checkpoint, JobState, TrainingJob
 from training.services import (
-    claim_next_training,
-    fail_training,
+    TRAININGS,
     keep_checkpoint,
     record_iteration,
     run_next_training,
     spec_of,
-    sweep_trainings,
 )
-from training.services.leases import KEEPINGS_TRIED
+from training.services.jobs import KEEPINGS_TRIED
 from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
 from training.trainer.network import Layout, to_onnx
@@ -208,7 +206,7 @@ class TestATrainingThatIsGivenUp:
         at = timezone.now() - timedelta(hours=9)
         TrainingJob.objects.update(created_at=at)
         for number in range(3):
-            held = claim_next_training(worker=f"w{number}", now=at)
+            held = TRAININGS.claim(worker=f"w{number}", now=at)
             assert held == job
             if with_checkpoint and not number:
                 record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=at)
@@ -216,7 +214,7 @@ class TestATrainingThatIsGivenUp:
                 state = SavedState(1, 100, 1.0, b"state")
                 keep_checkpoint(job=held, lease=held.lease, saved=state, networks=networks, now=at)
             fault = PlatformFault("trainer_error", detail="x")
-            fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=at)
+            TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=at)
             at += timedelta(hours=1)
         job.refresh_from_db()
 
@@ -244,11 +242,11 @@ class TestATrainingThatIsGivenUp:
         self.break_down(job)
         at = timezone.now() - timedelta(hours=5)
         for lost in range(6):
-            held = claim_next_training(worker="also lost", now=at)
+            held = TRAININGS.claim(worker="also lost", now=at)
             if not lost:
                 admit_networks(job=held, best=network(job, 1), last=network(job, 2), now=at)
             at += timedelta(minutes=30)
-            sweep_trainings(now=at)
+            TRAININGS.sweep(now=at)
             held.refresh_from_db()
             assert held.state == JobState.QUEUED
             TrainingJob.objects.update(not_before=None)
@@ -260,9 +258,9 @@ class TestATrainingThatIsGivenUp:
     def test_is_not_followed_by_our_own_mistakes_without_end(self, job, now):
         self.break_down(job)
         mistakes = 0
-        while (held := claim_next_training(worker="w", now=timezone.now() + timedelta(days=mistakes))) is not None:
+        while (held := TRAININGS.claim(worker="w", now=timezone.now() + timedelta(days=mistakes))) is not None:
             fault = PlatformFault("internal_error")
-            fail_training(job_id=held.pk, lease=held.lease, fault=fault, now=timezone.now())
+            TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=timezone.now())
             mistakes += 1
             assert mistakes < 20
         job.refresh_from_db()
@@ -270,13 +268,13 @@ class TestATrainingThatIsGivenUp:
         assert not Checkpoint.objects.exists()
 
     def test_cost_no_more_than_the_newest_checkpoint_when_it_cannot_be_read(self, job, trainer, now):
-        held = claim_next_training(worker="w", now=now)
+        held = TRAININGS.claim(worker="w", now=now)
         for number, networks in ((1, (1, 2)), (2, (3, 4))):
             state, made = SavedState(number, 100, 1.0, b"state"), tuple(network(job, seed) for seed in networks)
             keep_checkpoint(job=held, lease=held.lease, saved=state, networks=made, now=now)
         default_storage.delete(Checkpoint.objects.first().networks.name)
         default_storage.delete(Checkpoint.objects.first().file.name)
-        sweep_trainings(now=now + timedelta(hours=1))
+        TRAININGS.sweep(now=now + timedelta(hours=1))
         run_next_training(worker="w")
         job.refresh_from_db()
         assert (job.state, job.reason_code, trainer.starts) == (JobState.FINISHED, "", ["checkpoint"])

@@ -10,8 +10,8 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from core.ids import new_public_id
+from core.jobs.models import Job, lease_constraints, reason_sentence
 from evaluation.looks import DEFAULT_COLOUR, Shell
-from evaluation.models import reason_sentence
 from paddock.rules.race import MAX_BOTS, MAX_BOXES, RULES
 from paddock.rules.training import SETTINGS
 from races.models.rules import column, name_choices, within
@@ -21,11 +21,11 @@ from .choices import FINAL_STATES, Algorithm, BestMetric, EndReason, JobState, N
 name_choices("best_metric", BestMetric)
 
 
-class TrainingJob(models.Model):
+class TrainingJob(Job):
     """One training, frozen when it was made but for its state and what it measures.
 
-    A worker claims a row by a guarded UPDATE that writes its lease; every later write names that lease. ``driving`` is
-    the newest evaluation as ``[[x, y, yaw, speed], ...]``, one point a control step, in metres, radians and m/s.
+    ``driving`` is the newest evaluation as ``[[x, y, yaw, speed], ...]``, one point a control step, in metres, radians
+    and m/s. ``kills``: those of its ``failures`` that its own process told of.
     """
 
     public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
@@ -92,10 +92,6 @@ class TrainingJob(models.Model):
     )
 
     state = models.CharField(_("state"), max_length=8, choices=JobState.choices, default=JobState.QUEUED)
-    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0)
-    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
-    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
-    worker = models.CharField(_("worker"), max_length=128, blank=True)
     stop_asked_at = models.DateTimeField(_("asked to stop"), null=True, blank=True)
     stopped_by = models.ForeignKey(
         settings.AUTH_USER_MODEL,
@@ -120,14 +116,9 @@ class TrainingJob(models.Model):
     failures = models.PositiveSmallIntegerField(
         _("failures"), default=0, db_default=0, help_text=_("Faults of ours in a row, since it last got further.")
     )
-    kills = models.PositiveSmallIntegerField(
-        _("kills"), default=0, db_default=0, help_text=_("Those of them that its own process told of.")
-    )
     got_to = models.PositiveIntegerField(
         _("got to"), default=0, db_default=0, help_text=_("The iteration of its newest checkpoint when it last failed.")
     )
-    failed_at = models.DateTimeField(_("last failed"), null=True, blank=True)
-    not_before = models.DateTimeField(_("pauses until"), null=True, blank=True)
     best_model = models.ForeignKey(
         "evaluation.TrainedModel",
         models.SET_NULL,
@@ -158,13 +149,7 @@ class TrainingJob(models.Model):
     submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
     submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
     ended_because = models.CharField(_("why it ended"), max_length=10, choices=EndReason.choices, blank=True)
-    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
-    reason_params = models.JSONField(_("details"), default=dict, blank=True)
-    operator_detail = models.TextField(_("for operators"), blank=True)
-
     created_at = models.DateTimeField(_("made"), default=timezone.now)
-    started_at = models.DateTimeField(_("started"), null=True, blank=True)
-    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     deleted_at = models.DateTimeField(
         _("deleted"),
         null=True,
@@ -181,23 +166,15 @@ class TrainingJob(models.Model):
             models.Index(fields=["leased_until"], condition=Q(state="running"), name="training_leases"),
         ]
         constraints = [
+            *lease_constraints(
+                "training", waiting="queued", working="running", final=["finished", "failed", "stopped"]
+            ),
             models.UniqueConstraint(
                 fields=["owner", "name"],
                 condition=Q(state__in=["queued", "running"]),
                 name="training_name_unique_while_it_runs",
             ),
             models.CheckConstraint(condition=Q(name__regex=r"^[A-Za-z0-9-]{1,64}$"), name="training_name_form"),
-            models.CheckConstraint(condition=Q(state__in=JobState.values), name="training_state_known"),
-            models.CheckConstraint(
-                condition=Q(state="running", lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
-                | (~Q(state="running") & Q(lease__isnull=True, leased_until__isnull=True)),
-                name="training_lease_while_running",
-            ),
-            models.CheckConstraint(
-                condition=Q(state__in=["finished", "failed", "stopped"], ended_at__isnull=False)
-                | Q(state__in=["queued", "running"], ended_at__isnull=True),
-                name="training_ended_when_final",
-            ),
             models.CheckConstraint(
                 condition=Q(state__in=["queued", "running"], ended_because="")
                 | Q(state="finished", ended_because__in=["time", "steps", "clean_laps"])
@@ -237,9 +214,6 @@ class TrainingJob(models.Model):
             models.CheckConstraint(condition=~Q(reward_code=""), name="training_has_reward_function"),
             models.CheckConstraint(condition=Q(charged_s__gte=0), name="training_charged_seconds_positive"),
             models.CheckConstraint(
-                condition=Q(not_before__isnull=True) | Q(state="queued"), name="training_pauses_while_queued"
-            ),
-            models.CheckConstraint(
                 condition=Q(deleted_at__isnull=True)
                 | Q(state__in=["finished", "failed", "stopped"], best_model=None, last_model=None, sb3_zip="", log=""),
                 name="training_deleted_leaves_nothing",
@@ -256,11 +230,6 @@ class TrainingJob(models.Model):
     def is_final(self) -> bool:
         """Whether nothing will change any more."""
         return self.state in FINAL_STATES
-
-    @property
-    def reason(self) -> str:
-        """Why it ended, in the reader's language, or ``""``."""
-        return reason_sentence(self.reason_code, self.reason_params)
 
     @property
     def submit_reason(self) -> str:

@@ -1,17 +1,10 @@
 """Every write to training jobs and what they leave behind."""
 
 from .again import train_again
-from .bell import ring_training_bell
 from .create import clone_settings, create_training
 from .evaluate import evaluate_training
 from .first import begun_by, train_first_car
-from .leases import (
-    beat,
-    claim_next_training,
-    fail_training,
-    release_training,
-    sweep_trainings,
-)
+from .jobs import TRAININGS
 from .records import keep_checkpoint, purge_trainings, record_iteration
 from .remove import delete_training, forget_deleted
 from .results import finish_training
@@ -19,25 +12,20 @@ from .stop import stop_training
 from .work import run_next_training, spec_of
 
 __all__ = [
-    "beat",
+    "TRAININGS",
     "begun_by",
-    "claim_next_training",
     "clone_settings",
     "create_training",
     "delete_training",
     "evaluate_training",
-    "fail_training",
     "finish_training",
     "forget_deleted",
     "keep_checkpoint",
     "purge_trainings",
     "record_iteration",
-    "release_training",
-    "ring_training_bell",
     "run_next_training",
     "spec_of",
     "stop_training",
-    "sweep_trainings",
     "train_again",
     "train_first_car",
 ]

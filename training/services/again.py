@@ -7,7 +7,7 @@ from django.db import transaction
 from paddock.errors.reasons import platform_codes
 
 from ..models import JobState, TrainingJob
-from .bell import ring_training_bell
+from .jobs import TRAININGS
 from .records import delete_stored
 
 
@@ -19,29 +19,19 @@ def train_again(*, job: TrainingJob) -> bool:
     Raises IntegrityError when its owner has another training of that name under way.
     """
     failed = TrainingJob.objects.filter(pk=job.pk, state=JobState.FAILED, best_model=None, last_model=None)
-    again = failed.filter(deleted_at=None).update(
-        state=JobState.QUEUED,
-        attempt=0,
-        worker="",
-        progress={},
+    again = TRAININGS.begin_anew(
+        failed.filter(deleted_at=None),
         steps_done=0,
         seconds_done=0,
         charged_s=0.0 if job.reason_code in platform_codes() else job.charged_s,
         failures=0,
-        kills=0,
         got_to=0,
-        failed_at=None,
         stop_asked_at=None,
         stopped_by=None,
         ended_because="",
-        reason_code="",
-        reason_params={},
-        started_at=None,
-        ended_at=None,
     )
     if again:
         traces = [name for name in job.iterations.values_list("simtrace", flat=True) if name]
         job.iterations.all().delete()
         transaction.on_commit(lambda: delete_stored(traces), robust=True)
-        ring_training_bell()
-    return bool(again)
+    return again

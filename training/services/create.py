@@ -33,7 +33,7 @@ from ..models import JobState, NeuralNetwork, TrainingJob, Vehicle
 from ..models.vehicle import default_sensors
 from ..quotas import AT_ONCE, MINUTES
 from ..selectors import can_clone_model, minutes_left
-from .bell import ring_training_bell
+from .jobs import TRAININGS
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -114,7 +114,7 @@ def create_training(
             if "name" in str(error):
                 raise UserFault("training_name_taken", name=name) from None
             raise
-        ring_training_bell()
+        TRAININGS.wake()
     return job
 
 

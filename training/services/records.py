@@ -20,7 +20,7 @@ from evaluation.services.stored import delete, read, store
 
 from ..models import Checkpoint, TrainingIteration, TrainingJob
 from ..rewards.watch import KEPT_CHARACTERS
-from .leases import held
+from .jobs import TRAININGS
 
 if TYPE_CHECKING:
     from ..trainer.client import Iteration, SavedState
@@ -51,7 +51,7 @@ def record_iteration(*, job: TrainingJob, lease: uuid.UUID, iteration: Iteration
     old: list[str] = []
     try:
         with transaction.atomic():
-            mine = held(job.pk, lease).update(
+            mine = TRAININGS.held(job.pk, lease).update(
                 steps_done=values["steps"], seconds_done=values["seconds"], driving=iteration.driving
             )
             if mine:
@@ -96,7 +96,7 @@ def keep_checkpoint(
         names.append(store(f"{path}.checkpoint", saved.state))
         names.append(store(f"{path}.networks", _packed(networks)))
         with transaction.atomic():
-            mine = held(job.pk, lease).exists()
+            mine = TRAININGS.held(job.pk, lease).exists()
             if mine:
                 again = Checkpoint.objects.filter(job=job, iteration__gte=saved.iteration)
                 old += _files_of(again)
@@ -153,12 +153,12 @@ def record_prints(*, job: TrainingJob, lease: uuid.UUID, prints: Prints, now: da
     """Write what the reward function has printed: the newest lines for whoever looks on, and into the log, line by
     line, the first 16,000 characters of a training, however often its worker was another. False: the lease is gone."""
     with transaction.atomic():
-        mine = held(job.pk, lease).update(printed=prints.last)
-        log = held(job.pk, lease).values_list("log", flat=True).first() if mine else None
+        mine = TRAININGS.held(job.pk, lease).update(printed=prints.last)
+        log = TRAININGS.held(job.pk, lease).values_list("log", flat=True).first() if mine else None
         if log is not None:
             added = _printed_lines(log, prints, now)
             if added and len(log) < _LOG_LIMIT:
-                held(job.pk, lease).update(log=log + added)
+                TRAININGS.held(job.pk, lease).update(log=log + added)
     return bool(mine)
 
 

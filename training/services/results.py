@@ -10,11 +10,11 @@ from datetime import datetime
 
 from django.db import transaction
 
+from core.jobs.retried import detail_with
 from core.storage_faults import storage_at_work
 from evaluation.looks import Look
 from evaluation.models import TrainedModel
 from evaluation.services import upload_model
-from evaluation.services.leases import DETAIL_LIMIT, detail_with
 from evaluation.services.stored import store
 from paddock.errors import PaddockError, UserFault
 from paddock.packages.read import UploadPart
@@ -23,7 +23,7 @@ from races.services import submit_model
 from ..events import record_end
 from ..models import EndReason, JobState, TrainingJob
 from ..trainer.client import Ended
-from .leases import held
+from .jobs import TRAININGS
 from .records import append_log, delete_stored, drop_checkpoints
 from .tolls import charge
 
@@ -91,16 +91,15 @@ def finish_training(
         changes = {"state": JobState.FAILED, "ended_because": EndReason.FAILED}
         changes |= {"reason_code": fault.code, "reason_params": fault.params}
         if detail:
-            changes["operator_detail"] = detail_with(detail.strip()[-DETAIL_LIMIT:])
+            changes["operator_detail"] = detail_with(detail)
     elif ended is not None and ended.why == "stopped":
         changes = {"state": JobState.STOPPED, "ended_because": EndReason.STOPPED}
     if ended is not None:
         changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}
     changes["charged_s"] = charge(job, now)
     with transaction.atomic():
-        finished = held(job.pk, lease).update(
-            lease=None, leased_until=None, ended_at=now, best_model=best, last_model=last, sb3_zip=sb3_zip, **changes
-        )
+        mine = TRAININGS.held(job.pk, lease)
+        finished = TRAININGS.end(mine, now=now, best_model=best, last_model=last, sb3_zip=sb3_zip, **changes)
         if finished:
             record_end(job.pk, now)
             drop_checkpoints(job)
@@ -108,7 +107,7 @@ def finish_training(
                 _submit(job, best, now)
     if not finished:
         delete_stored([sb3_zip])
-    return bool(finished)
+    return finished
 
 
 def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:

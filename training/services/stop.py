@@ -9,7 +9,7 @@ from django.db import transaction
 
 from ..events import record_end
 from ..models import Checkpoint, EndReason, JobState, TrainingJob
-from .bell import ring_training_bell
+from .jobs import TRAININGS
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -23,17 +23,15 @@ def stop_training(*, job: TrainingJob, now: datetime, by: Racer | None = None) -
     from a checkpoint. One that has not begun ends at once. ``by``: who asked, its owner or an admin.
     """
     begun = Checkpoint.objects.filter(job=job).exists()
-    stopped = 0
-    if not begun:
-        stopped = TrainingJob.objects.filter(pk=job.pk, state=JobState.QUEUED).update(
-            state=JobState.STOPPED, ended_because=EndReason.STOPPED, ended_at=now, stop_asked_at=now, stopped_by=by
-        )
+    asked = {"stop_asked_at": now, "stopped_by": by}
+    queued = TrainingJob.objects.filter(pk=job.pk, state=JobState.QUEUED)
+    stopped: int = not begun and TRAININGS.end(
+        queued, state=JobState.STOPPED, now=now, ended_because=EndReason.STOPPED, **asked
+    )
     if stopped:
         record_end(job.pk, now)
     else:
-        stopped = TrainingJob.objects.filter(pk=job.pk, state__in=(JobState.QUEUED, JobState.RUNNING)).update(
-            stop_asked_at=now, stopped_by=by, not_before=None
-        )
-        ring_training_bell()
+        stopped = TRAININGS.under_way(job.pk).update(not_before=None, **asked)
+        TRAININGS.wake()
     job.refresh_from_db()
     return bool(stopped)

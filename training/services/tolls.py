@@ -15,8 +15,8 @@ from datetime import datetime, timedelta
 
 from django.conf import settings
 
-from evaluation.services.leases import pause_after
-from evaluation.services.outages import storage_is_out
+from core.jobs.outages import waits_for_storage
+from core.jobs.retried import pause_after
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
 from ..models import Checkpoint, JobState, TrainingJob
@@ -45,12 +45,6 @@ class Toll:
     def pause(self) -> timedelta:
         """How long it waits until it is tried again."""
         return pause_after(self.failures)
-
-
-def waits_for_storage(fault: PaddockError) -> bool:
-    """Whether all that stops it is that no file can be read or written: nothing is claimed meanwhile, and it costs no
-    attempt."""
-    return fault.code == "storage_failed" and storage_is_out()
 
 
 def toll_of(job: TrainingJob, fault: PlatformFault) -> Toll:

@@ -6,13 +6,13 @@ import logging
 import uuid
 from collections.abc import Callable
 from time import sleep
-from typing import Any
 
 from core.clock import database_now
+from core.jobs.heartbeat import Heartbeat
+from core.jobs.outages import note_fault
+from core.jobs.work import fault_of, never, run_next
 from evaluation.models import TrainedModel
-from evaluation.services.heart import Heart
 from evaluation.services.stored import read
-from evaluation.services.work import fault_of, see_what_is_out
 from paddock.errors import PaddockError, PlatformFault
 
 from ..cloning import build_of_model
@@ -22,30 +22,27 @@ from ..trainer.messages import Prints
 from ..trainer.network import OURS
 from ..trainer.spec import TrainerSpec
 from .create import course_of
-from .leases import beat, claim_next_training, fail_training, held, release_training, verdict
+from .jobs import TRAININGS, TrainingHeartbeat, verdict
 from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration, record_prints
 from .results import admit_networks, finish_training, keep_sb3
 from .tolls import last_word
 
 logger = logging.getLogger(__name__)
-BEAT_S = 1.0
 _ADMISSIONS_TRIED, _ADMISSION_WAIT_S = 5, 5.0
 
 
-def run_next_training(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
+def run_next_training(*, worker: str, interrupted: Callable[[], bool] = never) -> bool:
     """Run the training that has waited longest to its end. False: nothing waits.
 
     ``interrupted`` turns true when the worker is told to shut down: the training is then handed back, and goes on from
     its last checkpoint.
     """
-    job = claim_next_training(worker=worker, now=database_now())
-    if job is None:
-        return False
-    logger.info("Training %s attempt %s starts.", job.public_id, job.attempt)
-    with _Heart(job) as heart:
-        how = _Turn(job, heart, interrupted).take()
-    logger.info("Training %s %s.", job.public_id, how)
-    return True
+
+    def train_or_keep(job: TrainingJob, heartbeat: Heartbeat) -> bool:
+        assert isinstance(heartbeat, TrainingHeartbeat)
+        return _Turn(job, heartbeat, interrupted).take()
+
+    return run_next(TRAININGS, train_or_keep, worker=worker, interrupted=interrupted)
 
 
 def spec_of(job: TrainingJob, checkpoint: Checkpoint | None = None) -> TrainerSpec:
@@ -74,47 +71,51 @@ def spec_of(job: TrainingJob, checkpoint: Checkpoint | None = None) -> TrainerSp
 class _Turn(Listener):
     """One claimed training in this worker's hands."""
 
-    def __init__(self, job: TrainingJob, heart: _Heart, interrupted: Callable[[], bool]) -> None:
+    def __init__(self, job: TrainingJob, heart: TrainingHeartbeat, interrupted: Callable[[], bool]) -> None:
         self._job, self._heart, self._interrupted = job, heart, interrupted
         self._lease: uuid.UUID = job.lease
         self._best = self._last = b""
 
-    def take(self) -> str:
-        """Run it. How it ended, for our log."""
-        job, ended = self._job, None
-        final = verdict(job)
-        if final is not None:
-            return self._keep_models(final)
-        detail = sb3_zip = ""
+    def take(self) -> bool:
+        """Do it and write down how it ended. False: the lease is gone."""
+        try:
+            final = verdict(self._job)
+            return self._run() if final is None else self._keep_models(final)
+        except Exception as error:
+            if not self._heart.lost and not self._interrupted():
+                self._log(f"failed: {fault_of(error)[0]}")
+            raise
+
+    def _run(self) -> bool:
+        ended, final, detail, sb3_zip = None, None, "", ""
         try:
             ended = self._train()
         except Exception as error:
-            if self._heart.lost:
-                return "was given to somebody else"
-            if self._interrupted():
-                release_training(job_id=job.pk, lease=self._lease, now=database_now())
-                return "handed back"
+            if self._heart.lost or self._interrupted():
+                raise
             fault, detail = fault_of(error)
-            see_what_is_out(fault)
-            final = last_word(job, fault)
+            note_fault(fault, now=database_now())
+            final = last_word(self._job, fault)
             if final is None or not self._best:
-                return self._fail(fault, detail)
+                raise
+        done = False
         try:
             if ended is not None:  # before there are models: what cannot be kept is tried again, and makes them once
-                sb3_zip = keep_sb3(job=job, lease=self._lease, ended=ended)
-            return self._finish(ended, final, sb3_zip, detail)
-        except Exception as error:
-            delete_stored([sb3_zip])
-            return self._fail(*fault_of(error))
+                sb3_zip = keep_sb3(job=self._job, lease=self._lease, ended=ended)
+            done = self._finish(ended, final, sb3_zip, detail)
+        finally:
+            if not done:
+                delete_stored([sb3_zip])
+        return done
 
-    def _finish(self, ended: Ended | None, final: PaddockError | None, sb3_zip: str = "", detail: str = "") -> str:
+    def _finish(self, ended: Ended | None, final: PaddockError | None, sb3_zip: str = "", detail: str = "") -> bool:
         """Make models of the best and the last network, and end with them."""
         models = self._admitted()
         if final is not None:
             self._log(f"ended early: {final}")
         else:
             self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
-        done = finish_training(
+        return finish_training(
             job=self._job,
             lease=self._lease,
             ended=ended,
@@ -124,9 +125,8 @@ class _Turn(Listener):
             detail=detail,
             now=database_now(),
         )
-        return ("failed" if final else "finished") if done else "was given to somebody else"
 
-    def _keep_models(self, final: PaddockError) -> str:
+    def _keep_models(self, final: PaddockError) -> bool:
         """Nothing is trained any more: what the newest readable checkpoint holds becomes the models."""
         fault: Exception = PlatformFault("storage_failed")
         for checkpoint in Checkpoint.objects.filter(job=self._job).order_by("-iteration"):
@@ -136,7 +136,7 @@ class _Turn(Listener):
                     return self._finish(None, final)
             except Exception as error:  # a file that is gone or no archive, networks that the gate refuses
                 fault = error
-        return self._fail(*fault_of(fault))
+        raise fault
 
     def _newest_checkpoint(self) -> tuple[Checkpoint, bytes] | None:
         """The newest checkpoint that is as it was written, and its state; None where there is none."""
@@ -218,31 +218,6 @@ class _Turn(Listener):
                 sleep(_ADMISSION_WAIT_S)
         raise AssertionError("unreachable")
 
-    def _fail(self, fault: PaddockError, detail: str) -> str:
-        see_what_is_out(fault)
-        self._log(f"failed: {fault}")
-        ended = fail_training(job_id=self._job.pk, lease=self._lease, fault=fault, now=database_now(), detail=detail)
-        return f"failed: {fault.code}" if ended else "was given to somebody else"
-
     def _log(self, line: str) -> None:
-        if held(self._job.pk, self._lease).exists():
+        if TRAININGS.held(self._job.pk, self._lease).exists():
             append_log(job_id=self._job.pk, line=line, now=database_now())
-
-
-class _Heart(Heart):
-    """The heart of a training: it also hears of its owner's wish, ``stop_asked``. ``progress``: as it was told last."""
-
-    def __init__(self, job: TrainingJob) -> None:
-        super().__init__(f"training {job.public_id}", self._look, every_s=BEAT_S, always=True)
-        self._held: dict[str, Any] = {"job_id": job.pk, "lease": job.lease}
-        self.progress: dict[str, Any] = {}
-        self.stop_asked = job.stop_asked_at is not None
-
-    def tell(self, progress: dict[str, Any]) -> None:
-        self.progress = progress
-        super().tell(progress)
-
-    def _look(self, progress: dict[str, Any] | None) -> bool:
-        pulse = beat(**self._held, progress=progress, now=database_now())
-        self.stop_asked = self.stop_asked or pulse.stop_asked
-        return pulse.held

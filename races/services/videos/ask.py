@@ -16,10 +16,10 @@ from evaluation.quotas import STORAGE
 from paddock.errors import UserFault
 
 from ...filming import FilmedRun, check_language
-from ...models import UNDER_WAY, Video, VideoState
+from ...models import Video, VideoState
 from ...quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
-from .bell import ring_video_bell
 from .files import NO_FILE, delete_files_on_commit
+from .jobs import VIDEOS
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -68,9 +68,9 @@ def _ask(run: FilmedRun, of: dict, by: Racer, now: datetime) -> Asked:
     _refuse(run, of, by, now)
     if video is None:
         video = Video.objects.create(**of, asked_by_id=by.pk, asked_at=now)
+        VIDEOS.wake()
     elif not _ask_again(video, by, now):
         return Asked(Video.objects.get(**of), queued=False)  # somebody else did in this very moment
-    ring_video_bell()
     return Asked(video, queued=True)
 
 
@@ -92,63 +92,27 @@ def _refuse(run: FilmedRun, of: dict, by: Racer, now: datetime) -> None:
 def _ask_again(video: Video, by: Racer, now: datetime) -> bool:
     """Put a row whose video failed or is stale back into the queue; its old files go."""
     again = video.asked_by_id == by.pk and video.asked_at > now - A_DAY
-    changed = Video.objects.filter(pk=video.pk, state=video.state, ended_at=video.ended_at).update(
-        state=VideoState.WAITING,
-        attempt=0,
-        kills=0,
-        failed_at=None,
-        progress=0,
-        reason_code="",
-        reason_params={},
-        asked_by=by.pk,
-        asked_at=now,
-        asks=video.asks + 1 if again else 1,
-        started_at=None,
-        ended_at=None,
-        **NO_FILE,
-    )
+    as_seen = Video.objects.filter(pk=video.pk, state=video.state, ended_at=video.ended_at)
+    asks = video.asks + 1 if again else 1
+    changed = VIDEOS.begin_anew(as_seen, asked_by=by.pk, asked_at=now, asks=asks, **NO_FILE)
     if changed:
         delete_files_on_commit([video.file.name, video.poster.name])
         video.refresh_from_db()
-    return bool(changed)
+    return changed
 
 
-@transaction.atomic
 def draw_again(*, video: Video, now: datetime) -> bool:
     """Put a video that failed back into the queue for an admin; it counts for nobody's day. False when it is not failed
     any more."""
-    again = Video.objects.filter(pk=video.pk, state=VideoState.FAILED).update(
-        state=VideoState.WAITING,
-        attempt=0,
-        kills=0,
-        failed_at=None,
-        worker="",
-        progress=0,
-        reason_code="",
-        reason_params={},
-        asked_at=now,
-        started_at=None,
-        ended_at=None,
-        **NO_FILE,
-    )
-    if again:
-        ring_video_bell()
-    return bool(again)
+    failed = Video.objects.filter(pk=video.pk, state=VideoState.FAILED)
+    return VIDEOS.begin_anew(failed, asked_at=now, **NO_FILE)
 
 
-@transaction.atomic
 def stop_video(*, video: Video, now: datetime) -> bool:
     """Take a video that is not done out of the queue. False when it was done already.
 
     A worker that draws it finds its lease gone at the next beat, ends and keeps nothing.
     """
-    stopped = Video.objects.filter(pk=video.pk, state__in=UNDER_WAY).update(
-        state=VideoState.FAILED,
-        lease=None,
-        leased_until=None,
-        not_before=None,
-        ended_at=now,
-        reason_code="video_stopped",
-    )
+    stopped = VIDEOS.end(VIDEOS.under_way(video.pk), state=VideoState.FAILED, now=now, reason_code="video_stopped")
     video.refresh_from_db()
-    return bool(stopped)
+    return stopped

@@ -9,27 +9,25 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import time
-from typing import Any
 
 from django.conf import settings
 
 from core.clock import database_now
+from core.jobs.heartbeat import Heartbeat
+from core.jobs.work import never, run_next
 from evaluation.models import Evaluation
-from evaluation.services.heart import Heart
-from evaluation.services.work import fault_of, see_what_is_out
 from paddock.errors import PlatformFault
 
 from ...filming import FilmedRun
 from ...models import Video
-from .leases import DrawnVideo, beat_video, claim_next_video, fail_video, finish_video, release_video
+from .jobs import VIDEOS, DrawnVideo, finish_video
 
 logger = logging.getLogger(__name__)
-BEAT_S = 1.0
 _PREFIX, _ABANDONED_AFTER_S = "film-", 86_400.0  # longer than any film takes to draw
 ENCODER = "libx264"
 
 
-def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: False) -> bool:
+def run_next_video(*, worker: str, interrupted: Callable[[], bool] = never) -> bool:
     """Draw the video that has waited longest, to its end. False: nothing waits, or this machine cannot encode any: then
     they wait for one that can.
 
@@ -38,33 +36,15 @@ def run_next_video(*, worker: str, interrupted: Callable[[], bool] = lambda: Fal
     if problem := encoder_problem():
         logger.error("%s draws no videos: %s", worker, PlatformFault("video_encoder_missing", detail=problem))
         return False
-    video = claim_next_video(worker=worker, now=database_now())
-    if video is None:
-        return False
-    ident: dict[str, Any] = {"video_id": video.pk, "lease": video.lease}
 
-    def keep_beating(progress: int | None) -> bool:
-        return beat_video(**ident, progress=progress, now=database_now())
+    def draw(video: Video, heartbeat: Heartbeat) -> bool:
+        _remove_abandoned()
+        with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=settings.FILE_UPLOAD_TEMP_DIR) as folder:
+            stopped = lambda: heartbeat.lost or interrupted()  # noqa: E731
+            drawn = _draw(video, Path(folder) / "film.mp4", heartbeat.tell, stopped)
+            return finish_video(pk=video.pk, lease=video.lease, drawn=drawn, now=database_now())
 
-    _remove_abandoned()
-    with (
-        Heart(f"video {video}", keep_beating, every_s=BEAT_S) as heart,
-        tempfile.TemporaryDirectory(prefix=_PREFIX, dir=settings.FILE_UPLOAD_TEMP_DIR) as folder,
-    ):
-        try:
-            drawn = _draw(video, Path(folder) / "film.mp4", heart.tell, lambda: heart.lost or interrupted())
-            ended = finish_video(**ident, drawn=drawn, now=database_now())
-            how = "is ready"
-        except Exception as error:
-            if not heart.lost and interrupted():
-                ended, how = release_video(**ident, now=database_now()), "was handed back"
-            else:
-                fault, detail = fault_of(PlatformFault("lease_expired") if heart.lost else error)
-                see_what_is_out(fault)
-                ended = fail_video(**ident, fault=fault, now=database_now(), detail=detail)
-                how = f"failed: {fault.code}"
-    logger.info("Video %s %s.", video, how if ended else "was stopped or given to somebody else")
-    return True
+    return run_next(VIDEOS, draw, worker=worker, interrupted=interrupted)
 
 
 def encoder_problem() -> str:

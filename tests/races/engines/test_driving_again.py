@@ -11,7 +11,7 @@ from django.db import IntegrityError, transaction
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
 from evaluation.selectors import queue_length
-from evaluation.services import claim_next_evaluation
+from evaluation.services import EVALUATIONS
 from races.models import Entry, Race, Redrive, RedriveState, Retiming, Submission
 from races.selectors import can_see_evaluation, evaluations_visible_to
 from races.selectors.counting import DrivenAgain, driven_again
@@ -127,7 +127,7 @@ class TestDrivingAgain:
         mine = submit_model(race=upgraded, racer=ann, model=a_model(ann), now=now + MINUTE)
         other = submit_model(race=upgraded, racer=bob, model=a_model(bob), now=now + 2 * MINUTE)
         start(pending(upgraded)[0].evaluation, now + 3 * MINUTE)
-        order = [claim_next_evaluation(worker="w", now=now + 4 * MINUTE) for _ in range(3)]
+        order = [EVALUATIONS.claim(worker="w", now=now + 4 * MINUTE) for _ in range(3)]
         assert [order[0], order[1]] == [mine.evaluation, other.evaluation]
         assert order[2].priority == BACKGROUND
 

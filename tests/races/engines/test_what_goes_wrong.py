@@ -6,9 +6,9 @@ from datetime import timedelta
 
 import pytest
 
+from core.jobs.retried import pause_after
 from evaluation.models import Evaluation
 from evaluation.services import stop_evaluation
-from evaluation.services.leases import pause_after
 from evaluation.services.nodes import start_worker
 from races.models import Redrive, RedriveState, Retiming, Submission
 from races.selectors.counting import DrivenAgain, driven_again

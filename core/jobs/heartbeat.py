@@ -1,21 +1,21 @@
-"""A thread that holds a lease while the work goes on: of evaluations, trainings and videos."""
+"""A thread that holds a lease while the work goes on."""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections.abc import Callable
+from datetime import timedelta
 from time import monotonic
-from typing import Any
+from typing import Any, Self
 
-from django.conf import settings
 from django.db import DatabaseError, connections
 
 logger = logging.getLogger(__name__)
 BEATS_PER_LEASE = 6
 
 
-class Heart(threading.Thread):
+class Heartbeat(threading.Thread):
     """Keeps a lease alive within its block, and carries the progress to the database.
 
     ``beat`` gets the newest progress, or None when nothing new was told, prolongs the lease and answers whether it is
@@ -25,18 +25,25 @@ class Heart(threading.Thread):
     """
 
     def __init__(
-        self, name: str, beat: Callable[[Any | None], bool], *, every_s: float = 1.0, always: bool = False
+        self,
+        name: str,
+        beat: Callable[[Any | None], bool],
+        *,
+        lease: timedelta,
+        every_s: float = 1.0,
+        always: bool = False,
     ) -> None:
-        super().__init__(name=f"heart of {name}", daemon=True)
+        super().__init__(name=f"heartbeat of {name}", daemon=True)
         self._beat = beat
-        self._idle_s = settings.LEASE_SECONDS / BEATS_PER_LEASE
+        self._lease_s = lease.total_seconds()
+        self._idle_s = self._lease_s / BEATS_PER_LEASE
         self._every_s = min(every_s, self._idle_s)
         self._always = always
         self._ended = threading.Event()
         self._news: Any | None = None
         self.lost = False
 
-    def __enter__(self) -> Heart:
+    def __enter__(self) -> Self:
         self.start()
         return self
 
@@ -61,7 +68,7 @@ class Heart(threading.Thread):
                     trace = None if isinstance(error, DatabaseError) else error
                     logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
                     connections.close_all()
-                    self.lost = monotonic() - last > settings.LEASE_SECONDS
+                    self.lost = monotonic() - last > self._lease_s
                 else:
                     last = monotonic()
                     if self._news is news:

@@ -1,0 +1,245 @@
+"""A kind of job: what is its own, and how its jobs are claimed, held, put back and ended."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any, Generic, TypeVar
+
+from django.conf import settings
+from django.db import transaction
+from django.db.models import F, Q, QuerySet
+
+from ..clock import database_now
+from ..wakeup import wake
+from .heartbeat import Heartbeat
+from .models import Leased
+from .outages import STORAGE, is_out, look_after
+
+logger = logging.getLogger(__name__)
+CANDIDATES = 16  # looked at by one claim at once: as many workers may reach for the first
+COUNTED = 1000  # a sweep counts no more than so many that wait
+J = TypeVar("J", bound=Leased)
+Row = TypeVar("Row", bound="Kind[Any]")
+_KINDS: dict[str, Kind[Any]] = {}
+
+
+@dataclass(frozen=True)
+class SweepReport:
+    """What a sweep found: leases that had run out, and how many jobs wait now and could be done (of more than
+    :data:`COUNTED`, that many)."""
+
+    requeued: int = 0
+    waiting: int = 0
+
+
+class Kind(Generic[J]):
+    """One kind of job. Attributes say what is its own, methods that a kind overrides what it does differently.
+
+    ``name``: in the log and of the registry; ``task``: what is called to wake a worker; ``queue``: the broker's queue
+    that its workers listen to; ``order``: of those that wait; ``related``: what is read along with a claimed one;
+    ``blank``: columns of an attempt that a new one begins with; ``wakes``: workers that one sweep wakes at the most;
+    ``needs``: what must not be out (:mod:`core.jobs.outages`); ``beat_s``: seconds between two heartbeats that have
+    something to tell.
+    """
+
+    name: str
+    model: type[J]
+    task: str
+    queue: str
+    waiting: str = "queued"
+    working: str = "running"
+    finished: str = "finished"
+    failed: str = "failed"
+    order: Sequence[str] = ("pk",)
+    related: Sequence[str] = ()
+    blank: dict[str, Any] = {}
+    wakes = 1
+    needs: Sequence[str] = (STORAGE,)
+    beat_s = 1.0
+
+    @property
+    def lease(self) -> timedelta:
+        """How long a claim lasts without a heartbeat."""
+        return timedelta(seconds=settings.LEASE_SECONDS)
+
+    # --- which ones
+
+    def free(self, now: datetime) -> QuerySet[J]:
+        """Those that wait and do not pause, unordered: what a claim makes sure of."""
+        return self.model._default_manager.filter(
+            Q(not_before=None) | Q(not_before__lte=now), state=self.waiting
+        ).order_by()
+
+    def due(self, now: datetime) -> QuerySet[J]:
+        """Those of them that would be claimed now, unordered."""
+        return self.free(now)
+
+    def held(self, pk: int, lease: uuid.UUID | None) -> QuerySet[J]:
+        """The job while this lease is good: one row or none."""
+        return self.model._default_manager.filter(pk=pk, state=self.working, lease=lease)
+
+    def under_way(self, pk: int) -> QuerySet[J]:
+        """The job while it waits or is being done: one row or none."""
+        return self.model._default_manager.filter(pk=pk, state__in=(self.waiting, self.working))
+
+    def next_in_line(self, now: datetime) -> Sequence[tuple[int, int]]:
+        """``(id, attempt)`` of those that are claimed next, in their order: a few of them are enough."""
+        return list(self.due(now).order_by(*self.order).values_list("pk", "attempt")[:CANDIDATES])
+
+    # --- what each kind may do besides
+
+    def prepare(self, now: datetime) -> None:
+        """Before anybody looks for what is due."""
+
+    def tidy(self, now: datetime) -> None:
+        """A part of every sweep."""
+
+    def lost(self, mine: QuerySet[J], job: J, now: datetime) -> bool:
+        """The worker of ``mine`` (one row or none; ``job`` is how it was read) disappeared: what becomes of it.
+        Whether it still was its to change."""
+        return self.put_back(mine, now=now)
+
+    def began(self, job: J, now: datetime) -> None:
+        """In the transaction in which a job is claimed."""
+
+    def released(self, job: J, now: datetime) -> dict[str, Any]:
+        """More columns of a job that is handed back."""
+        return {}
+
+    # --- claim, heartbeat, end
+
+    def claim(self, *, worker: str, now: datetime) -> J | None:
+        """Take the job whose turn it is under a new lease. None when nothing waits, when all that waits pauses, and
+        while a part that it needs is out: every one would fail alike."""
+        if is_out(*self.needs):
+            return None
+        self.prepare(now)
+        for _ in range(CANDIDATES):  # a lost race means that somebody else won it: nobody loses so many
+            line = self.next_in_line(now)
+            for pk, attempt in line:
+                job = self.take(pk, attempt, worker=worker, now=now)
+                if job is not None:
+                    return job
+            if not line:
+                break
+        return None
+
+    @transaction.atomic
+    def take(self, pk: int, attempt: int, *, worker: str, now: datetime) -> J | None:
+        """Claim this one, unless somebody else has since it was seen to wait."""
+        lease = uuid.uuid4()
+        claimed = (
+            self.free(now)
+            .filter(pk=pk, attempt=attempt)
+            .update(
+                state=self.working,
+                lease=lease,
+                leased_until=now + self.lease,
+                worker=worker[:128],
+                attempt=F("attempt") + 1,
+                started_at=now,
+                not_before=None,
+                **self.blank,
+            )
+        )
+        # by its lease: if it was stopped or taken over in this very moment, it is not ours to do
+        job = self.held(pk, lease).select_related(*self.related).first() if claimed else None
+        if job is not None:
+            self.began(job, now)
+        return job
+
+    def beat(self, *, pk: int, lease: uuid.UUID, progress: Any | None = None, now: datetime) -> bool:
+        """Prolong a lease, and write the progress unless it is None. False: the lease is gone, stop at once."""
+        columns = {} if progress is None else self.progress_columns(progress)
+        return bool(self.held(pk, lease).update(leased_until=now + self.lease, **columns))
+
+    def progress_columns(self, progress: Any) -> dict[str, Any]:
+        """The columns that tell of a progress."""
+        return {"progress": progress}
+
+    def heartbeat(self, job: J) -> Heartbeat:
+        """What holds the lease of a claimed job."""
+
+        def beat(progress: Any | None) -> bool:
+            assert job.lease is not None
+            return self.beat(pk=job.pk, lease=job.lease, progress=progress, now=database_now())
+
+        return Heartbeat(f"{self.name} {job}", beat, lease=self.lease, every_s=self.beat_s)
+
+    def end(self, rows: QuerySet[J], *, state: str, now: datetime, **columns: Any) -> bool:
+        """Make those of ``rows`` final (one or none), with more columns. False: there was none."""
+        return bool(rows.update(state=state, lease=None, leased_until=None, not_before=None, ended_at=now, **columns))
+
+    def put_back(self, mine: QuerySet[J], *, now: datetime, pause: timedelta | None = None, **columns: Any) -> bool:
+        """Let ``mine`` (one row or none) wait again in its place, after a pause or at once. False: there was none."""
+        back = mine.update(
+            **{
+                "state": self.waiting,
+                "lease": None,
+                "leased_until": None,
+                "started_at": None,
+                "not_before": now + pause if pause else None,
+                **self.blank,
+                **columns,
+            }
+        )
+        if back and not pause:
+            self.wake()
+        return bool(back)
+
+    def release(self, *, pk: int, lease: uuid.UUID, now: datetime) -> bool:
+        """Hand a job back unfinished because its worker is shutting down. It keeps its place; no attempt counts."""
+        mine = self.held(pk, lease)
+        job = mine.first()
+        if job is None:
+            return False
+        return self.put_back(mine, now=now, attempt=F("attempt") - 1, **self.released(job, now))
+
+    # --- sweep and wake-up
+
+    def sweep(self, *, now: datetime, wake: bool = True) -> SweepReport:
+        """Put jobs whose worker disappeared back into the queue, see whether a part that was out is back, and wake
+        workers for whatever waits and does not pause.
+
+        One that cannot be put back (a receiver raises) does not keep the others waiting. ``wake=False`` is for a
+        caller that is about to look at the queue itself.
+        """
+        expired = self.model._default_manager.filter(state=self.working, leased_until__lt=now)
+        requeued = sum(self._take_back(job, now) for job in expired.order_by("leased_until"))
+        look_after(*self.needs, now=now)
+        self.prepare(now)
+        self.tidy(now)
+        waiting = 0 if is_out(*self.needs) else self.due(now)[:COUNTED].count()
+        if waiting and wake:
+            self.wake(times=min(waiting, self.wakes))
+        return SweepReport(requeued, waiting)
+
+    def _take_back(self, job: J, now: datetime) -> bool:
+        mine = self.held(job.pk, job.lease).filter(leased_until__lt=now)
+        try:
+            return self.lost(mine, job, now)
+        except Exception as error:  # of whatever hears of an end: the others wait for nobody
+            logger.error("%s %s cannot be ended.", self.name, job, exc_info=error)
+            return False
+
+    def wake(self, *, times: int = 1) -> None:
+        """Wake up to ``times`` workers once the current transaction is committed."""
+        wake(self.task, times=times, queue=self.queue)
+
+    def end_pauses(self, *, since: datetime) -> None:
+        """What has failed by us ``since`` then is due at once."""
+
+
+def register(kind: Row) -> Row:
+    """Note a kind: the breaker and the tests' contract reach all there are. Registering one twice changes nothing."""
+    _KINDS[kind.name] = kind
+    return kind
+
+
+def all_kinds() -> list[Kind[Any]]:
+    """Every kind of job, in the order of their names."""
+    return [_KINDS[name] for name in sorted(_KINDS)]

@@ -1,0 +1,118 @@
+"""The columns and constraints that all jobs have, and what is out while none is claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from django.db import models
+from django.db.models import Q
+from django.utils.translation import gettext as translated
+from django.utils.translation import gettext_lazy as _
+
+from paddock.errors.reasons import REASONS
+
+
+def reason_sentence(code: str, params: dict) -> str:
+    """A reason in the reader's language; ``""`` where there is none. ``params``: what its sentence names."""
+    if not code:
+        return ""
+    reason = REASONS[code]
+    return reason.render(params, translated(reason.sentence))
+
+
+class Leased(models.Model):
+    """A row that a worker claims by a guarded UPDATE that writes its lease; every later write names that lease.
+
+    ``attempt``: how often it was claimed; ``not_before``: until when it pauses; ``started_at``: when the attempt under
+    way, or the last one, began.
+    """
+
+    attempt = models.PositiveSmallIntegerField(_("attempt"), default=0, db_default=0)
+    lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
+    leased_until = models.DateTimeField(_("leased until"), null=True, blank=True)
+    worker = models.CharField(_("worker"), max_length=128, blank=True, default="", db_default="")
+    not_before = models.DateTimeField(_("pauses until"), null=True, blank=True)
+    started_at = models.DateTimeField(_("started"), null=True, blank=True)
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+
+    class Meta:
+        abstract = True
+
+
+class Job(Leased):
+    """One that fails by a fault: a racer's at once, ours only when it alone fails while others pass.
+
+    ``reason_code``, ``reason_params``: the fault that it ended with; ``kills``: how often it failed alone;
+    ``failed_at``: when a fault of ours last ended an attempt; ``operator_detail``: what operators read of them.
+    """
+
+    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
+    reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    operator_detail = models.TextField(_("for operators"), blank=True)
+    kills = models.PositiveSmallIntegerField(
+        _("kills"), default=0, db_default=0, help_text=_("How often it failed alone, while others passed.")
+    )
+    failed_at = models.DateTimeField(_("last failed by our fault"), null=True, blank=True)
+
+    class Meta:
+        abstract = True
+
+    @property
+    def reason(self) -> str:
+        """Why it ended, in the reader's language, or ``""``."""
+        return reason_sentence(self.reason_code, self.reason_params)
+
+    @property
+    def is_platform_fault(self) -> bool:
+        """Whether it failed through our fault, and so does not count."""
+        return self.state == "failed" and REASONS[self.reason_code].fault == "platform"
+
+
+def lease_constraints(prefix: str, *, waiting: str, working: str, final: Sequence[str]) -> list[models.BaseConstraint]:
+    """What holds for the states of every :class:`Leased` row: there is a lease while somebody works at it and at no
+    other time, it pauses only while it waits, and its end has a time. Names begin with ``prefix``."""
+    return [
+        models.CheckConstraint(condition=Q(state__in=[waiting, working, *final]), name=f"{prefix}_state_known"),
+        models.CheckConstraint(
+            condition=Q(state=working, lease__isnull=False, leased_until__isnull=False, started_at__isnull=False)
+            | (~Q(state=working) & Q(lease__isnull=True, leased_until__isnull=True)),
+            name=f"{prefix}_lease_while_{working}",
+        ),
+        models.CheckConstraint(
+            condition=Q(state__in=final, ended_at__isnull=False)
+            | Q(state__in=[waiting, working], ended_at__isnull=True),
+            name=f"{prefix}_ended_when_final",
+        ),
+        models.CheckConstraint(
+            condition=Q(not_before__isnull=True) | Q(state=waiting), name=f"{prefix}_pauses_while_{waiting}"
+        ),
+    ]
+
+
+class Outage(models.Model):
+    """A part that jobs need is out: while there is a row, none of them is claimed. Looked after by the sweeps.
+
+    ``looks``: how often it was looked at in vain; ``look_at``: when it is looked at next.
+    """
+
+    class Part(models.TextChoices):
+        """What can be out."""
+
+        STORAGE = "storage", _("storage of files")
+
+    part = models.CharField(_("part"), max_length=16, choices=Part.choices, unique=True)
+    since = models.DateTimeField(_("since"))
+    look_at = models.DateTimeField(_("looked at next"))
+    looks = models.PositiveIntegerField(_("looked at"), default=1)
+
+    class Meta:
+        verbose_name = _("outage")
+        verbose_name_plural = _("outages")
+        ordering = ["since"]
+        constraints = [
+            models.CheckConstraint(condition=Q(part__in=["storage"]), name="outage_part_known"),
+            models.CheckConstraint(condition=Q(look_at__gt=models.F("since")), name="outage_looked_at_later"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.part} since {self.since:%Y-%m-%d %H:%M}"

@@ -1,0 +1,156 @@
+"""Kinds whose jobs end by a fault: the racer's at once, ours tried again for as long as it lasts."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any, TypeVar
+
+from django.conf import settings
+from django.db import transaction
+from django.db.models import F, QuerySet, Value
+from django.db.models.functions import Concat, Right
+
+from paddock.errors import PaddockError, PlatformFault, UserFault
+
+from .kinds import Kind
+from .models import Job
+from .outages import waits_for_storage
+
+logger = logging.getLogger(__name__)
+DETAIL_LIMIT, DETAILS_LIMIT = 4000, 20_000
+FIRST_PAUSE, LONGEST_PAUSE = timedelta(seconds=4), timedelta(hours=1)
+R = TypeVar("R", bound=Job)
+
+
+def pause_after(attempts: int) -> timedelta:
+    """How long a job waits after so many attempts: none after the first, then 4, 16, 64 s and so on to an hour."""
+    return timedelta(0) if attempts < 2 else min(FIRST_PAUSE * 4 ** min(attempts - 2, 10), LONGEST_PAUSE)
+
+
+def detail_with(detail: str, head: str = "") -> Right:
+    """The column ``operator_detail`` with one more note, as an expression. The newest 20,000 characters are kept: what
+    is tried for as long as it takes has no end of them."""
+    note = f"{head} {detail.strip()[-DETAIL_LIMIT:]}".strip() + "\n"
+    return Right(Concat("operator_detail", Value(note)), DETAILS_LIMIT)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What becomes of a job after a fault: it ends with ``fault``, or (None) waits again for ``pause``. ``columns``:
+    what else is written."""
+
+    fault: PaddockError | None = None
+    pause: timedelta | None = None
+    columns: dict[str, Any] = field(default_factory=dict)
+
+
+class RetriedKind(Kind[R]):
+    """A kind whose jobs end by a fault.
+
+    ``lost_code``: the fault of a worker that disappeared; ``alone``: codes of faults that may be one job's own doing;
+    ``gave_up_code``: what ends one at which we failed by those ``EVALUATION_MAX_ATTEMPTS`` times while others passed;
+    ``storage_counts``: whether an attempt counts that the storage's outage ended.
+    """
+
+    lost_code = "lease_expired"
+    alone: frozenset[str] = frozenset()
+    gave_up_code: str
+    storage_counts = False
+
+    def fails_alone(self, job: R, fault: PaddockError) -> bool:
+        """Whether this fault may be the job's own doing."""
+        return fault.code in self.alone and self.others_passed(job)
+
+    def others_passed(self, job: R) -> bool:
+        """Whether another was done since this one was queued or last failed. Where none ever is, nothing is given
+        up."""
+        return False
+
+    def gave_up(self, job: R, now: datetime) -> None:
+        """In the transaction in which a job has ended by a fault. ``job``: how it was read before."""
+
+    def clean_up(self, job: R) -> None:
+        """After a lost worker's job was put back or ended: what it may have left behind."""
+
+    def after(self, job: R, fault: PaddockError, now: datetime) -> Verdict:
+        """What becomes of a job after this fault of its present attempt."""
+        if isinstance(fault, UserFault):
+            return Verdict(fault)
+        if not self.storage_counts and waits_for_storage(fault):
+            return Verdict(columns={"attempt": F("attempt") - 1})
+        kills = job.kills + self.fails_alone(job, fault)
+        if job.kills < kills >= settings.EVALUATION_MAX_ATTEMPTS:
+            return Verdict(PlatformFault(self.gave_up_code, attempts=kills), columns={"kills": kills})
+        return Verdict(pause=pause_after(job.attempt), columns={"kills": kills})
+
+    # --- what follows a fault
+
+    def fail(self, *, pk: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = "") -> bool:
+        """End an attempt that failed. False: the lease is gone.
+
+        What becomes of the job is :meth:`after`'s to say: a user's fault is final at once; after a platform's the job
+        goes back to its place in the queue, to be tried after pauses that grow (:func:`pause_after`) for as long as it
+        takes. ``detail`` is for operators.
+        """
+        mine = self.held(pk, lease)
+        job = mine.first()
+        return job is not None and self._fail(mine, job, fault, now, detail)
+
+    def lost(self, mine: QuerySet[R], job: R, now: datetime) -> bool:
+        """A worker that disappeared is a fault of ours."""
+        if not self._fail(mine, job, PlatformFault(self.lost_code), now, f"worker {job.worker}"):
+            return False
+        self.clean_up(job)
+        return True
+
+    @transaction.atomic
+    def _fail(self, mine: QuerySet[R], job: R, fault: PaddockError, now: datetime, detail: str) -> bool:
+        ours = isinstance(fault, PlatformFault)
+        verdict = self.after(job, fault, now)
+        columns = dict(verdict.columns)
+        if ours:
+            columns["failed_at"] = now
+            logger.warning("%s %s, attempt %s: %s. %s", self.name, job, job.attempt, fault.code, detail)
+        if ours or detail:
+            columns["operator_detail"] = detail_with(detail, f"Attempt {job.attempt}: {fault.code}.")
+        final = verdict.fault
+        if final is None:
+            return self.put_back(mine, now=now, pause=verdict.pause, **columns)
+        columns |= {"reason_code": final.code, "reason_params": final.params}
+        ended = self.end(mine, state=self.failed, now=now, **columns)
+        if ended:
+            self.gave_up(job, now)
+        return ended
+
+    # --- by hand
+
+    def begin_anew(self, rows: QuerySet[R], **columns: Any) -> bool:
+        """Put those of ``rows`` that ended (one or none) back into the queue as if they had never begun. False: there
+        was none."""
+        again = rows.update(
+            **{
+                "state": self.waiting,
+                "attempt": 0,
+                "kills": 0,
+                "failed_at": None,
+                "not_before": None,
+                "worker": "",
+                "reason_code": "",
+                "reason_params": {},
+                "started_at": None,
+                "ended_at": None,
+                **self.blank,
+                **columns,
+            }
+        )
+        if again:
+            self.wake()
+        return bool(again)
+
+    def end_pauses(self, *, since: datetime) -> None:
+        """What has failed by us ``since`` then is due at once."""
+        waiting = self.model._default_manager.filter(state=self.waiting)
+        waiting.filter(failed_at__gte=since, not_before__isnull=False).update(not_before=None)

@@ -1,0 +1,50 @@
+"""A waiting job of each kind, made by the services that queue it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from datetime import datetime
+from typing import Any
+
+import pytest
+
+from core.jobs.kinds import Kind
+from core.jobs.models import Leased
+from evaluation.services import EVALUATIONS, queue_evaluation
+from league.models import WebhookDelivery
+from league.services.deliveries import DELIVERIES
+from league.services.webhooks import add_webhook
+from paddock.rules.race import RaceRules
+from races.services.videos import VIDEOS, ask_for_video
+from tests.factories import a_race
+from tests.films import a_driven_run
+from tests.rows import model_row
+from tests.training.jobs import a_training
+from training.services import TRAININGS
+
+
+def an_evaluation(racer: Any, track: Any, now: datetime) -> Leased:
+    return queue_evaluation(owner=racer, model=model_row(racer), track=track, rules=RaceRules(), now=now)
+
+
+def a_video(racer: Any, track: Any, now: datetime) -> Leased:
+    run = a_driven_run(a_race(now), racer, now)
+    return ask_for_video(evaluation=run, by=racer, language="en", now=now).video
+
+
+def a_delivery(racer: Any, track: Any, now: datetime) -> Leased:
+    hook = add_webhook(owner=racer, url="https://example.org/hook")
+    return WebhookDelivery.objects.create(webhook=hook, event="run.finished", about="x", at=now, body="{}")
+
+
+MAKERS: dict[Kind[Any], Callable[..., Leased]] = {
+    EVALUATIONS: an_evaluation,
+    TRAININGS: a_training,
+    VIDEOS: a_video,
+    DELIVERIES: a_delivery,
+}
+
+
+def of_each(kinds: Iterable[Kind[Any]]) -> pytest.MarkDecorator:
+    """Tests of these kinds only."""
+    return pytest.mark.parametrize("kind", list(kinds), ids=lambda kind: kind.name, indirect=True)
