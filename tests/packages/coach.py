@@ -44,6 +44,7 @@ class CoachNetwork:
         padding: str = "VALID",
         modern: bool = False,
         switches: bool = True,
+        fused: str = "FusedBatchNorm",
         seed: int = 0,
     ) -> None:
         self.graph = GraphWriter(seed)
@@ -51,7 +52,7 @@ class CoachNetwork:
         self._middleware = middleware or _MIDDLEWARE[depth]
         self._activation, self._batch_norm, self._dropout = activation, batch_norm, dropout
         self._padding, self._add = padding, "AddV2" if modern else "Add"
-        self._modern, self._switches = modern, switches
+        self._modern, self._switches, self._fused = modern, switches, fused
         wrapper, network = ("policy", 0) if head == "sac" else ("main", 1)
         self._inputs = f"main_level/{agent}/{wrapper}/online/network_0"
         self._scope = f"main_level/{agent}/{wrapper}/online/network_{network}"
@@ -229,7 +230,7 @@ class CoachNetwork:
         mean, variance = (
             graph.weights(f"{name}/moving_mean", (channels,)), graph.positive(f"{name}/moving_variance", channels)
         )  # fmt: skip
-        kind = "FusedBatchNormV3" if self._modern else "FusedBatchNorm"
+        kind = "FusedBatchNormV3" if self._modern else self._fused
         common = {"epsilon": Attr.real(1e-3), "data_format": Attr.text("NHWC")}
         if not self._switches:
             return graph.op(name, kind, value, scale, offset, mean, variance, is_training=Attr.flag(False), **common)
@@ -260,6 +261,8 @@ class CoachNetwork:
             graph.weights(f"{name}/moving_mean", (width,)),
             graph.positive(f"{name}/moving_variance", width),
         )
+        if self._switches:
+            mean, variance = self._statistics(name, value, mean, variance)
         graph.const(f"{at}/add/y", 1e-3)
         graph.op(f"{at}/add", self._add, variance, f"{at}/add/y")
         graph.op(f"{at}/Rsqrt", "Rsqrt", f"{at}/add")
@@ -268,6 +271,30 @@ class CoachNetwork:
         graph.op(f"{at}/mul_2", "Mul", mean, f"{at}/mul")
         graph.op(f"{at}/sub", "Sub", offset, f"{at}/mul_2")
         return graph.op(f"{at}/add_1", self._add, f"{at}/mul_1", f"{at}/sub")
+
+    def _statistics(self, name: str, value: str, mean: str, variance: str) -> tuple[str, str]:
+        """Those of the batch in training and the stored ones otherwise. The batch's are worked out before the branch
+        (tf.nn.moments), so a car that drives has them in its graph too."""
+        graph, at, keep = self.graph, f"{name}/moments", Attr.flag(True)
+        graph.const(f"{at}/mean/reduction_indices", [0], "int32")
+        graph.op(f"{at}/mean", "Mean", value, f"{at}/mean/reduction_indices", keep_dims=keep, Tidx=Attr.dtype(INT32))
+        graph.op(f"{at}/StopGradient", "StopGradient", f"{at}/mean")
+        graph.op(f"{at}/SquaredDifference", "SquaredDifference", value, f"{at}/StopGradient")
+        graph.const(f"{at}/variance/reduction_indices", [0], "int32")
+        graph.op(
+            f"{at}/variance", "Mean", f"{at}/SquaredDifference", f"{at}/variance/reduction_indices",
+            keep_dims=keep, Tidx=Attr.dtype(INT32),
+        )  # fmt: skip
+        chosen = []
+        for suffix, what, stored in (("", "mean", mean), ("_1", "variance", variance)):
+            graph.op(f"{at}/Squeeze{suffix}", "Squeeze", f"{at}/{what}", squeeze_dims=Attr.integers([0]))
+            scope = f"{name}/{what}"
+            condition = self._branches(scope)
+            graph.op(f"{scope}/cond/Switch_1", "Switch", f"{at}/Squeeze{suffix}", condition)
+            graph.op(f"{scope}/cond/Switch_2", "Switch", stored, condition)
+            sources = (f"{scope}/cond/Switch_2", f"{scope}/cond/Switch_1:1")
+            chosen.append(graph.op(f"{scope}/cond/Merge", "Merge", *sources, N=Attr.integer(2)))
+        return chosen[0], chosen[1]
 
     def _dropped_out(self, name: str, value: str) -> str:
         """tf.layers.dropout: random in training, the identity otherwise."""
@@ -327,8 +354,8 @@ def coach_graph(
     """A frozen policy graph. ``head``: ``discrete``, ``continuous`` (both PPO) or ``sac``.
 
     Options: ``middleware`` (dense layers behind the embedders), ``agent`` (scope), ``activation``, ``batch_norm``,
-    ``dropout``, ``padding``, ``modern`` (TensorFlow 2's names of operations), ``seed``; ``switches=False`` leaves out
-    the branches that only training takes.
+    ``dropout``, ``padding``, ``modern`` (TensorFlow 2's names of operations), ``fused`` (what TensorFlow 1 calls batch
+    normalisation of a picture), ``seed``; ``switches=False`` leaves out the branches that only training takes.
     """
     return CoachNetwork(sensors or ["FRONT_FACING_CAMERA"], depth, head, actions, **options).build()
 

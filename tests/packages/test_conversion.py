@@ -39,11 +39,11 @@ CASES = {
     "another agent's scope": ({}, {"middleware": SMALL, "agent": "agent_0"}),
     "newer TensorFlow": ({}, {"middleware": SMALL, "modern": True}),
     "tanh": ({}, {"middleware": SMALL, "activation": "Tanh"}),
-    "elu": ({}, {"middleware": SMALL, "activation": "Elu"}),
     "padded convolutions": ({}, {"middleware": [16], "padding": "SAME"}),
 }
 TRAINING_PARTS = {
     "batch normalisation": {"batch_norm": True},
+    "batch normalisation, 1.13": {"batch_norm": True, "fused": "FusedBatchNormV2"},
     "batch normalisation, newer": {"batch_norm": True, "modern": True},
     "dropout": {"dropout": True},
     "both": {"batch_norm": True, "dropout": True},
@@ -157,7 +157,7 @@ def scaled_graph(*scales: tuple[str, float], read_twice: bool = False) -> bytes:
     [
         [("RealDiv", 255.0)],
         [("Mul", 1 / 255), ("Sub", 0.0)],
-        [("Sub", 0.0), ("Div", 127.5), ("Mul", -0.5)],
+        [("Sub", 0.0), ("RealDiv", 127.5), ("Mul", -0.5)],
     ],
 )
 def test_what_scales_the_picture_goes_into_the_first_convolution(scales: list, tmp_path: Path) -> None:

@@ -9,15 +9,8 @@ from .registry import Context, converts, known, require
 from .values import DEAD, Known, Value
 
 
-@converts("Identity", "StopGradient", "PreventGradient", "CheckNumerics", "Snapshot", "ReadVariableOp")
+@converts("Identity", "StopGradient")
 def _pass_on(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    return inputs
-
-
-@converts("PlaceholderWithDefault")
-def _default(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    """Training flags and keep probabilities: nobody feeds them when a car drives."""
     require(len(inputs) == 1)
     return inputs
 
@@ -36,6 +29,9 @@ def _switch(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     return [DEAD, inputs[0]] if condition.reshape(-1)[0] else [inputs[0], DEAD]
 
 
-@converts("Variable", "VariableV2", "VarHandleOp", "Assign", "AssignVariableOp")
+NOT_FROZEN = ("Variable", "VariableV2", "VarHandleOp", "Assign", "AssignVariableOp")
+
+
+@converts(*NOT_FROZEN)
 def _not_frozen(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     raise UserFault("graph_not_frozen", node=node.op)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import reduce
 
 import numpy as np
 
 from .graph import Node
-from .registry import Context, Unsupported, axes_of, converts, integers, require, tensor
+from .registry import Context, Unsupported, axes_of, converts, integers, known, require, tensor
 from .values import Known, Tensor, Value
 
 _BINARY: dict[str, tuple[str, Callable]] = {
@@ -18,28 +17,8 @@ _BINARY: dict[str, tuple[str, Callable]] = {
     "Sub": ("Sub", np.subtract),
     "Mul": ("Mul", np.multiply),
     "RealDiv": ("Div", np.true_divide),
-    "Div": ("Div", np.true_divide),
-    "Maximum": ("Max", np.maximum),
-    "Minimum": ("Min", np.minimum),
-    "Pow": ("Pow", np.power),
 }
-_UNARY: dict[str, tuple[str, Callable]] = {
-    "Neg": ("Neg", np.negative),
-    "Abs": ("Abs", np.abs),
-    "Exp": ("Exp", np.exp),
-    "Log": ("Log", np.log),
-    "Sqrt": ("Sqrt", np.sqrt),
-    "Reciprocal": ("Reciprocal", lambda x: 1 / x),
-    "Relu": ("Relu", lambda x: np.maximum(x, 0)),
-    "Tanh": ("Tanh", np.tanh),
-    "Sigmoid": ("Sigmoid", lambda x: 1 / (1 + np.exp(-x))),
-    "Softplus": ("Softplus", lambda x: np.logaddexp(x, 0)),
-    "Softsign": ("Softsign", lambda x: x / (1 + np.abs(x))),
-    "Selu": ("Selu", None),
-    "Elu": ("Elu", None),
-    "LeakyRelu": ("LeakyRelu", None),
-}
-_REDUCTIONS = {"Mean": ("ReduceMean", np.mean), "Max": ("ReduceMax", np.max), "Min": ("ReduceMin", np.min)}
+_UNARY: dict[str, Callable] = {"Relu": lambda x: np.maximum(x, 0), "Tanh": np.tanh}
 _FLOAT = np.dtype("<f4")
 # Numbers that may be multiplied into weights: none of the weights' digits is lost for their size.
 _LEAST_SCALE, _MOST_SCALE = 2.0**-24, 2.0**24
@@ -59,8 +38,6 @@ def binary(context: Context, op: str, left: Value, right: Value) -> Value:
     onnx_op, compute = _BINARY[op]
     if isinstance(left, Known) and isinstance(right, Known):
         require(math.prod(shape) <= context.limits.tensor_elements)
-        if op == "Div" and left.dtype.kind in "iu":
-            raise Unsupported
         with np.errstate(all="ignore"):
             return Known(np.asarray(compute(left.array, right.array)).astype(left.dtype))
     if left.dtype != _FLOAT:
@@ -164,29 +141,21 @@ def _bias_add(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     return [binary(context, "Add", *inputs)]
 
 
-@converts("AddN")
-def _add_n(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(bool(inputs))
-    return [reduce(lambda a, b: binary(context, "Add", a, b), inputs)]
-
-
 @converts(*_UNARY)
 def _unary(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
-    onnx_op, compute = _UNARY[node.op]
-    attributes = {"alpha": node.attributes.real("alpha", 0.2)} if node.op == "LeakyRelu" else {}
-    return [unary(context, onnx_op, compute, inputs[0], **attributes)]
+    return [unary(context, node.op, _UNARY[node.op], inputs[0])]
 
 
-def unary(context: Context, op: str, compute: Callable | None, value: Value, **attributes: object) -> Value:
+def unary(context: Context, op: str, compute: Callable, value: Value) -> Value:
     """An element-wise operation of one input."""
-    if isinstance(value, Known) and compute is not None:
+    if isinstance(value, Known):
         with np.errstate(all="ignore"):
             return Known(np.asarray(compute(value.array)).astype(value.dtype))
     source = tensor(value)
     if source.dtype != _FLOAT:
         raise Unsupported
-    return context.emit.node(op, [source], source.shape, planar=source.planar, **attributes)
+    return context.emit.node(op, [source], source.shape, planar=source.planar)
 
 
 @converts("Rsqrt")
@@ -196,12 +165,6 @@ def _rsqrt(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     return [unary(context, "Reciprocal", lambda x: 1 / x, root)]
 
 
-@converts("Square")
-def _square(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    return [binary(context, "Mul", inputs[0], inputs[0])]
-
-
 @converts("SquaredDifference")
 def _squared_difference(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
@@ -209,52 +172,37 @@ def _squared_difference(context: Context, node: Node, inputs: list[Value]) -> li
     return [binary(context, "Mul", difference, difference)]
 
 
-@converts("Relu6")
-def _relu6(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    low, high = (Known(np.array(bound, _FLOAT)) for bound in (0, 6))
-    return [binary(context, "Minimum", binary(context, "Maximum", inputs[0], low), high)]
-
-
-@converts("ClipByValue")
-def _clip(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 3)
-    return [binary(context, "Maximum", binary(context, "Minimum", inputs[0], inputs[2]), inputs[1])]
-
-
-@converts("Softmax", "LogSoftmax")
+@converts("Softmax")
 def _softmax(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     source = context.emit.interleaved(tensor(inputs[0]))
     require(len(source.shape) >= 1)
-    return [context.emit.node(node.op, [source], source.shape, axis=-1)]
+    return [context.emit.node("Softmax", [source], source.shape, axis=-1)]
 
 
-@converts(*_REDUCTIONS, "Sum", "Prod")
-def _reduce(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+@converts("Mean")
+def _mean(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    """Of what depends on the sensors: batch normalisation takes it while a network is trained."""
     require(len(inputs) == 2)
-    source, keep = inputs[0], node.attributes.flag("keep_dims")
+    source = tensor(inputs[0])
     axes = axes_of(integers(inputs[1]), len(source.shape))
-    if isinstance(source, Known):
-        compute = {**{op: f for op, (_, f) in _REDUCTIONS.items()}, "Sum": np.sum, "Prod": np.prod}[node.op]
-        require(node.op in ("Sum", "Prod") or source.array.size > 0)
-        result = compute(source.array, axis=tuple(axes), keepdims=keep)
-        return [Known(np.asarray(result).astype(source.dtype))]
-    source = tensor(source)
-    if source.dtype != _FLOAT or node.op == "Prod":
+    if source.dtype != _FLOAT:
         raise Unsupported
     if not axes:
         return [source]
     kept = tuple(1 if axis in axes else size for axis, size in enumerate(source.shape))
     stored = sorted(_PLANAR_AXES[axis] if source.planar else axis for axis in axes)
-    if node.op == "Sum":
-        reduced = context.emit.node(
-            "ReduceSum", [source, np.array(stored, np.int64)], kept, planar=source.planar, keepdims=1
-        )  # fmt: skip
-    else:
-        op = _REDUCTIONS[node.op][0]
-        reduced = context.emit.node(op, [source], kept, planar=source.planar, axes=stored, keepdims=1)
-    if keep:
+    reduced = context.emit.node("ReduceMean", [source], kept, planar=source.planar, axes=stored, keepdims=1)
+    if node.attributes.flag("keep_dims"):
         return [reduced]
     final = tuple(size for axis, size in enumerate(source.shape) if axis not in axes)
     return [context.emit.reshaped(reduced, final)]
+
+
+@converts("Prod")
+def _prod(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    """Of a known shape (tensordot)."""
+    require(len(inputs) == 2)
+    source, keep = known(inputs[0]), node.attributes.flag("keep_dims")
+    axes = axes_of(integers(inputs[1]), source.ndim)
+    return [Known(np.asarray(np.prod(source, axis=tuple(axes), keepdims=keep)).astype(source.dtype))]

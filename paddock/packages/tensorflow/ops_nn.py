@@ -1,4 +1,4 @@
-"""Layers: convolution, pooling, matrix products and batch normalisation."""
+"""Layers: convolution, matrix products and batch normalisation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from .graph import Node
 from .ops_math import unscaled
-from .registry import Context, Contradiction, Unsupported, converts, known, require, tensor
+from .registry import Context, Unsupported, converts, known, require, tensor
 from .values import Known, Tensor, Value
 
 _FLOAT = np.dtype("<f4")
@@ -22,29 +22,22 @@ def _spatial(node: Node, name: str, default: list[int]) -> tuple[int, int]:
 
 
 def _window(
-    node: Node, size: tuple[int, int], kernel: tuple[int, int], strides: tuple[int, int], dilations: tuple[int, int]
+    node: Node, size: tuple[int, int], kernel: tuple[int, int], strides: tuple[int, int]
 ) -> tuple[list[int], tuple[int, int]]:
     """ONNX pads and the output's height and width, by TensorFlow's padding rules (nn.convolution)."""
     padding = node.attributes.text("padding")
+    if padding not in ("SAME", "VALID"):
+        raise Unsupported
     before, after, out = [], [], []
-    explicit = node.attributes.integers("explicit_paddings")
     for axis in range(2):
-        reach = (kernel[axis] - 1) * dilations[axis] + 1
+        total = 0
         if padding == "SAME":
             steps = -(-size[axis] // strides[axis])
-            total = max((steps - 1) * strides[axis] + reach - size[axis], 0)
-            first, last = total // 2, total - total // 2
-        elif padding == "VALID":
-            first = last = 0
-        elif padding == "EXPLICIT":
-            require(len(explicit) == 8 and all(0 <= pad <= 4096 for pad in explicit))
-            first, last = explicit[2 + 2 * axis], explicit[3 + 2 * axis]
-        else:
-            raise Contradiction
-        covered = size[axis] + first + last - reach
+            total = max((steps - 1) * strides[axis] + kernel[axis] - size[axis], 0)
+        covered = size[axis] + total - kernel[axis]
         require(covered >= 0)
-        before.append(first)
-        after.append(last)
+        before.append(total // 2)
+        after.append(total - total // 2)
         out.append(covered // strides[axis] + 1)
     return before + after, (out[0], out[1])
 
@@ -57,13 +50,12 @@ def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     height, width, depth, filters = kernel.shape
     require(depth == source.shape[3] and min(kernel.shape) > 0)
     strides = _spatial(node, "strides", [])
-    dilations = _spatial(node, "dilations", [1, 1, 1, 1])
-    pads, out = _window(node, source.shape[1:3], (height, width), strides, dilations)
+    if _spatial(node, "dilations", [1, 1, 1, 1]) != (1, 1):
+        raise Unsupported
+    pads, out = _window(node, source.shape[1:3], (height, width), strides)
     attributes: dict[str, list[int]] = {"kernel_shape": [height, width], "strides": list(strides)}
     if any(pads):
         attributes["pads"] = pads
-    if dilations != (1, 1):
-        attributes["dilations"] = list(dilations)
     # Pictures come as 0 to 255 and are divided first: a division of every pixel for one of every weight, here.
     source, factor = unscaled(context, source)
     if factor != 1.0:
@@ -73,19 +65,6 @@ def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     picture = context.emit.planar(source)
     extra = (weight, attributes)
     return [context.emit.node("Conv", [picture, weight], shape, planar=True, extra=extra, **attributes)]
-
-
-@converts("MaxPool", "AvgPool")
-def _pool(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    source = tensor(inputs[0])
-    require(len(source.shape) == 4 and source.dtype == _FLOAT)
-    kernel, strides = _spatial(node, "ksize", []), _spatial(node, "strides", [])
-    pads, out = _window(node, source.shape[1:3], kernel, strides, (1, 1))
-    attributes = {"kernel_shape": list(kernel), "strides": list(strides), "pads": pads}
-    shape = (source.shape[0], *out, source.shape[3])
-    op = "MaxPool" if node.op == "MaxPool" else "AveragePool"
-    return [context.emit.node(op, [context.emit.planar(source)], shape, planar=True, **attributes)]
 
 
 @converts("MatMul")

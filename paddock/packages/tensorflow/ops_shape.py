@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from .graph import Node
-from .registry import Context, Unsupported, axes_of, converts, integers, known, require, tensor
+from .registry import Context, Contradiction, Unsupported, axes_of, converts, integers, known, require, tensor
 from .values import Known, Tensor, Value
 
 
@@ -16,13 +15,6 @@ from .values import Known, Tensor, Value
 def _shape(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     return [Known(np.array(inputs[0].shape, node.attributes.dtype("out_type") or np.int32))]
-
-
-@converts("Size", "Rank")
-def _size(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    shape = inputs[0].shape
-    return [Known(np.array(math.prod(shape) if node.op == "Size" else len(shape), np.int32))]
 
 
 @converts("Reshape")
@@ -42,14 +34,6 @@ def _reshaped(context: Context, value: Value, shape: tuple[int, ...]) -> Value:
     if isinstance(value, Known):
         return Known(value.array.reshape(shape))
     return context.emit.reshaped(tensor(value), shape)
-
-
-@converts("ExpandDims")
-def _expand_dims(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    shape = list(inputs[0].shape)
-    (axis,) = axes_of(integers(inputs[1]), len(shape) + 1)
-    return [_reshaped(context, inputs[0], (*shape[:axis], 1, *shape[axis:]))]
 
 
 @converts("Squeeze")
@@ -84,10 +68,10 @@ def _pack(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     return [_concatenate(context, [_reshaped(context, value, single) for value in inputs], axis)]
 
 
-@converts("ConcatV2", "Concat")
+@converts("ConcatV2")
 def _concat(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     require(len(inputs) >= 2)
-    values, axis = (inputs[:-1], inputs[-1]) if node.op == "ConcatV2" else (inputs[1:], inputs[0])
+    *values, axis = inputs
     (at,) = axes_of(integers(axis), len(values[0].shape))
     return [_concatenate(context, values, at)]
 
@@ -111,155 +95,48 @@ def _concatenate(context: Context, values: list[Value], axis: int) -> Value:
 
 @converts("StridedSlice")
 def _strided_slice(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+    """The first of the outermost axis, or a part of a known shape. Of what depends on the sensors nothing is cut off:
+    a batch is one."""
     require(len(inputs) == 4)
     source = inputs[0]
     index = _python_index(node, [integers(value) for value in inputs[1:]], len(source.shape))
-    if isinstance(source, Known):
-        return [Known(np.asarray(_checked(lambda: source.array[index])))]
-    # A view without memory has the same shapes as the real thing.
-    ghost = np.broadcast_to(np.zeros((), np.uint8), source.shape)
-    final = _checked(lambda: ghost[index]).shape
-    starts, ends, steps, cut = [], [], [], []
-    axis = 0
-    for item in _without_ellipsis(index, len(source.shape)):
-        if item is None:
-            continue
-        size = source.shape[axis]
-        if isinstance(item, int):
-            start = item + size if item < 0 else item
-            start, end, step = start, start + 1, 1
-        else:
-            start, end, step = item.indices(size)
-        if step < 0:
-            raise Unsupported
-        starts.append(start)
-        ends.append(max(start, end))
-        steps.append(step)
-        cut.append(len(range(start, end, step)))
-        axis += 1
-    sliced = source
-    if tuple(cut) != source.shape:
-        plain = context.emit.interleaved(source)
-        vectors = [np.array(v, np.int64) for v in (starts, ends, list(range(len(starts))), steps)]
-        sliced = context.emit.node("Slice", [plain, *vectors], tuple(cut), source.dtype)
-    return [_reshaped(context, sliced, tuple(final))]
+    try:
+        if isinstance(source, Known):
+            return [Known(np.asarray(source.array[index]))]
+        # A view without memory has the same shapes as the real thing.
+        final = np.broadcast_to(np.zeros((), np.uint8), source.shape)[index].shape
+    except IndexError as error:
+        raise Contradiction from error
+    if math.prod(final) != math.prod(source.shape):
+        raise Unsupported
+    return [_reshaped(context, source, final)]
 
 
-def _python_index(node: Node, vectors: list[list[int]], rank: int) -> tuple:
+def _python_index(node: Node, vectors: list[list[int]], rank: int) -> tuple[int | slice, ...]:
     """TensorFlow's begin, end, strides and masks as a Python index."""
     begin, end, strides = vectors
-    require(len(begin) == len(end) == len(strides) <= 8 and 0 not in strides)
-    masks = {
-        name: node.attributes.integer(f"{name}_mask")
-        for name in ("begin", "end", "ellipsis", "new_axis", "shrink_axis")
-    }
-    index: list = []
+    require(len(begin) == len(end) == len(strides) <= rank and 0 not in strides)
+    if node.attributes.integer("ellipsis_mask") or node.attributes.integer("new_axis_mask") or min(strides) < 0:
+        raise Unsupported
+    index: list[int | slice] = []
     for at, (first, last, step) in enumerate(zip(begin, end, strides, strict=True)):
-        bit = 1 << at
-        if masks["ellipsis"] & bit:
-            require(Ellipsis not in index)
-            index.append(Ellipsis)
-        elif masks["new_axis"] & bit:
-            index.append(None)
-        elif masks["shrink_axis"] & bit:
+        masked = {name: node.attributes.integer(f"{name}_mask") >> at & 1 for name in ("begin", "end", "shrink_axis")}
+        if masked["shrink_axis"]:
             index.append(first)
         else:
-            index.append(
-                slice(None if masks["begin"] & bit else first, None if masks["end"] & bit else last, step)
-            )  # fmt: skip
-    require(sum(item is not None and item is not Ellipsis for item in index) <= rank)
+            index.append(slice(None if masked["begin"] else first, None if masked["end"] else last, step))
     return tuple(index)
 
 
-def _without_ellipsis(index: tuple, rank: int) -> list:
-    """The index with one entry for each axis of the source (and None for each new one)."""
-    used = sum(item is not None and item is not Ellipsis for item in index)
-    filler = [slice(None)] * (rank - used)
-    if Ellipsis not in index:
-        return [*index, *filler]
-    at = index.index(Ellipsis)
-    return [*index[:at], *filler, *index[at + 1 :]]
-
-
-def _checked(take: Callable[[], np.ndarray]) -> np.ndarray:
-    try:
-        return take()
-    except IndexError:
-        require(False)
-        raise
-
-
-@converts("Slice")
-def _slice(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 3)
-    source, begin, size = inputs[0], integers(inputs[1]), integers(inputs[2])
-    require(len(begin) == len(size) == len(source.shape))
-    ends = [
-        full if wanted == -1 else first + wanted for first, wanted, full in zip(begin, size, source.shape, strict=True)
-    ]
-    require(all(0 <= a <= b <= full for a, b, full in zip(begin, ends, source.shape, strict=True)))
-    if isinstance(source, Known):
-        return [Known(source.array[tuple(slice(a, b) for a, b in zip(begin, ends, strict=True))])]
-    shape = tuple(b - a for a, b in zip(begin, ends, strict=True))
-    if shape == source.shape:
-        return [source]
-    vectors = [np.array(v, np.int64) for v in (begin, ends, list(range(len(begin))))]
-    return [context.emit.node("Slice", [context.emit.interleaved(source), *vectors], shape, source.dtype)]
-
-
-@converts("GatherV2", "Gather")
+@converts("GatherV2")
 def _gather(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     """Only of known values: TensorFlow gathers sizes out of shapes (tensordot)."""
-    require(len(inputs) in (2, 3))
+    require(len(inputs) == 3)
     source, indices = known(inputs[0]), known(inputs[1])
-    (axis,) = axes_of(integers(inputs[2]) if len(inputs) == 3 else [0], source.ndim)
+    (axis,) = axes_of(integers(inputs[2]), source.ndim)
     require(indices.dtype.kind in "iu" and indices.size <= 64 and source.size <= 64)
     require(bool(np.all((indices >= 0) & (indices < source.shape[axis]))))
     return [Known(np.take(source, indices, axis))]
-
-
-@converts("Fill")
-def _fill(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    shape, value = integers(inputs[0]), known(inputs[1])
-    require(value.size == 1 and all(size >= 0 for size in shape) and math.prod(shape) <= context.limits.tensor_elements)
-    return [Known(np.broadcast_to(value.reshape(()), shape))]
-
-
-@converts("Range")
-def _range(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 3)
-    start, limit, delta = (integers(value)[0] for value in inputs)
-    require(delta != 0 and len(range(start, limit, delta)) <= 64)
-    return [Known(np.arange(start, limit, delta, dtype=inputs[0].dtype))]
-
-
-@converts("Tile")
-def _tile(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    if any(times != 1 for times in integers(inputs[1])):
-        raise Unsupported
-    return [inputs[0]]
-
-
-@converts("ZerosLike", "OnesLike")
-def _like(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    value = inputs[0].dtype.type(node.op == "OnesLike")
-    return [Known(np.broadcast_to(value, inputs[0].shape))]
-
-
-@converts("Cast")
-def _cast(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    source, wanted = inputs[0], node.attributes.dtype("DstT")
-    if wanted is None:
-        raise Unsupported
-    if source.dtype == wanted:
-        return [source]
-    if isinstance(source, Known):
-        return [Known(source.array.astype(wanted))]
-    return [cast(context, tensor(source), wanted)]
 
 
 def cast(context: Context, source: Tensor, wanted: np.dtype) -> Tensor:
