@@ -6,13 +6,13 @@ import re
 
 import pytest
 
-from .pages import CHECKOUT, DOCS, PAGES, anchors
+from .pages import CHECKOUT, DECISIONS, DOCS, PAGES, anchors
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
-LINKING = [*PAGES, CHECKOUT / "README.md"]
+LINKING = [*PAGES, *DECISIONS, *(CHECKOUT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG"))]
 
 
-@pytest.mark.parametrize("page", [page for page in LINKING if page.exists()], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", LINKING, ids=lambda page: page.name)
 def test_relative_links_and_their_anchors_exist(page):
     for target in LINK.findall(page.read_text()):
         if re.match(r"[a-z]+:", target):
