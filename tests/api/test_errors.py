@@ -143,6 +143,6 @@ def test_a_wrong_method_is_named(alice, as_racer):
 
 
 def test_messages_follow_the_readers_language(monkeypatch):
-    monkeypatch.setattr("tracks.forms.gettext", lambda text: f"<{translation.get_language()}> {text}")
+    monkeypatch.setattr("core.forms.gettext", lambda text: f"<{translation.get_language()}> {text}")
     with translation.override("ko"):
         assert handle(UserFault("empty"), {}).data["message"].startswith("<ko> ")
