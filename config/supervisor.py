@@ -1,6 +1,6 @@
 """Several programs in the foreground as one: a common log, one that dies is started again, and all end together.
 
-Built on honcho's printer. Programs are started by ``subprocess`` and not by a fork of this process, which has threads.
+Programs are started by ``subprocess`` and not by a fork of this process, which has threads.
 """
 
 from __future__ import annotations
@@ -19,15 +19,13 @@ from datetime import datetime
 from itertools import cycle
 from time import monotonic
 
-from honcho.colour import get_colours
-from honcho.printer import Message, Printer
-
 GRACE_S = 10.0
 LONGEST_PAUSE_S = 60.0
 LIVES_AFTER_S = 30.0  # one that has run for so long is well: its next death is the first again
 TRIES_TO_LIVE = 5
 SICK = b"Could not start worker processes"  # what a worker says that lives on without its pool
 TURN_S = 0.1
+COLOURS = ("36", "33", "32", "35", "31", "34")  # of names on a terminal, as ECMA-48 numbers them: cyan, yellow, …
 _PR_SET_PDEATHSIG = 1
 # Ask the kernel to end this process with its parent, and become the program.
 _BOUND = (
@@ -97,9 +95,8 @@ class Supervisor:
 
     def __init__(self) -> None:
         self._programs: dict[str, _Program] = {}
-        self._lines: queue.Queue[Message] = queue.Queue()
-        self._printer = Printer(sys.stdout)
-        self._colours = cycle(get_colours())
+        self._lines: queue.Queue[tuple[str, str, str]] = queue.Queue()  # who says it, in which colour, what
+        self._colours = cycle(COLOURS)
         self._status: int | None = None  # not None: all are to end, and with what status
         self._culprit: str | None = None
 
@@ -118,11 +115,10 @@ class Supervisor:
         """
         colour = next(self._colours)
         self._programs[name] = _Program(name, command, environment, colour, needed_to_the_end, vital)
-        self._printer.width = max(map(len, (*self._programs, "paddock")))
 
     def say(self, text: str) -> None:
         """Print a line of our own; safe from any thread."""
-        self._lines.put(Message(type="line", data=text, time=datetime.now(), name="paddock", colour=None))
+        self._lines.put(("paddock", "", text))
 
     def run(self, beside: Callable[[], None]) -> tuple[str | None, int]:
         """Run to the end, with ``beside`` in a thread. Returns the vital program that could not live (None: we were
@@ -180,9 +176,7 @@ class Supervisor:
         """Pass on what a program prints, until it has ended."""
         with process.stdout as output:
             for line in output:
-                self._lines.put(
-                    Message(type="line", data=line, time=datetime.now(), name=program.name, colour=program.colour)
-                )
+                self._lines.put((program.name, program.colour, line.decode("utf-8", "replace")))
                 if SICK in line and program.process is process:
                     program.is_sick = True
 
@@ -197,9 +191,17 @@ class Supervisor:
     def _print_lines(self, wait_s: float) -> None:
         """Print what there is; wait for the first line for at most ``wait_s``."""
         with suppress(queue.Empty):
-            self._printer.write(self._lines.get(timeout=wait_s) if wait_s else self._lines.get_nowait())
+            self._print(*(self._lines.get(timeout=wait_s) if wait_s else self._lines.get_nowait()))
             while True:
-                self._printer.write(self._lines.get_nowait())
+                self._print(*self._lines.get_nowait())
+
+    def _print(self, name: str, colour: str, text: str) -> None:
+        width = max(map(len, (*self._programs, "paddock")))
+        before = f"{datetime.now():%H:%M:%S} {name:{width}} | "
+        if colour and sys.stdout.isatty():
+            before = f"\033[{colour}m{before}\033[0m"
+        for line in text.splitlines():
+            print(before + line, flush=True)
 
 
 def end_with_parent(parent: int, signum: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -31,7 +32,7 @@ while True:
 """
 SUPERVISOR = """
 import sys
-from league import supervisor
+from config import supervisor
 supervisor.LIVES_AFTER_S, supervisor.LONGEST_PAUSE_S = 30.0, 0.1
 s = supervisor.Supervisor()
 folder = sys.argv[1]
@@ -91,6 +92,7 @@ def test_a_program_that_is_killed_is_started_again_and_the_others_stay(programs)
     run.process.send_signal(signal.SIGTERM)
     assert run.process.wait(10) == 0
     assert "culprit None 143" in run.said
+    assert re.search(r"^\d\d:\d\d:\d\d paddock \| beside$", run.said, re.M), "who says it stands before each line"
     assert not any(is_running(pid) for pid in (web, broker, again))
 
 
