@@ -15,7 +15,7 @@ from waitress.channel import HTTPChannel
 from waitress.parser import HTTPRequestParser
 from waitress.utilities import Error, RequestEntityTooLarge
 
-from config.body_limit import FORM_MB, MEGABYTE, OVERHEAD_BYTES
+from config.body_limit import FORM_MB, MEGABYTE, OVERHEAD_BYTES, takes_models
 
 SMALL_BYTES = FORM_MB * MEGABYTE + OVERHEAD_BYTES
 # What all unfinished large requests of one process may come to, in the largest uploads: they lie on its disk
@@ -71,7 +71,7 @@ class Request(HTTPRequestParser):
         return max(self.content_length if self.content_length > SMALL_BYTES else 0, self.body_bytes_received)
 
     def _may_be_large(self) -> bool:
-        if not self.path.startswith("/api/") and self.path != "/models/upload/":
+        if not takes_models(self.path):
             return False
         return "AUTHORIZATION" in self.headers or f"{settings.SESSION_COOKIE_NAME}=" in self.headers.get("COOKIE", "")
 
