@@ -2,10 +2,13 @@
 
 from django.urls import path
 
-from . import views
+from .views import account, usage
 
 urlpatterns = [
-    path("join/<str:code>/", views.invitation, name="sign_up_invitation"),
-    path("settings/usage/", views.usage, name="usage"),
-    path("usage/", views.usage_of_all, name="usage_of_all"),
+    path("settings/", account.settings_page, name="settings"),
+    path("settings/tokens/", account.api_tokens, name="api_tokens"),
+    path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
+    path("join/<str:code>/", usage.invitation, name="sign_up_invitation"),
+    path("settings/usage/", usage.usage, name="usage"),
+    path("usage/", usage.usage_of_all, name="usage_of_all"),
 ]

@@ -83,6 +83,7 @@ INSTALLED_APPS = [
     "allauth.account",
     "allauth.mfa",
     "csp",
+    "django_countries",
     "django_htmx",
     "rest_framework",
     "knox",
@@ -308,6 +309,7 @@ FILE_UPLOAD_TEMP_DIR.mkdir(mode=0o700, exist_ok=True)
 DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 
 # --- people --------------------------------------------------------------------------------------------------------
+COUNTRIES_OVERRIDE = {"XK": _("Kosovo")}  # no code of ISO 3166 yet, but one that its people use
 AUTH_USER_MODEL = "accounts.Racer"
 # The first has the last word; the others are named for the sessions that were begun with them
 AUTHENTICATION_BACKENDS = [

@@ -9,8 +9,8 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.generic import RedirectView
 from django.views.i18n import set_language
 
-from league.forms import LoginForm, SignUpForm
-from league.views import account
+from accounts.forms import LoginForm, SignUpForm
+from accounts.views import account
 
 from .views import site
 

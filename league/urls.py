@@ -2,7 +2,7 @@
 
 from django.urls import path, re_path
 
-from .views import account, home, notices, organising, racers, seasons, webhooks, workers
+from .views import home, notices, organising, racers, seasons, webhooks, workers
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -21,7 +21,6 @@ urlpatterns = [
     path("seasons/<slug:slug>/calendar.ics", seasons.calendar_file, name="season_calendar_file"),
     path("seasons/<slug:slug>/racers/<str:alias>/", seasons.season_racer, name="season_racer"),
     path("hall-of-fame/", seasons.hall, name="hall"),
-    path("settings/", account.settings_page, name="settings"),
     path("notices/", notices.notices, name="notices"),
     path("notices/read/", notices.notices_read, name="notices_read"),
     path("notices/stop/<str:token>/", notices.notices_stop, name="notices_stop"),
@@ -31,8 +30,6 @@ urlpatterns = [
     path("settings/webhooks/<int:pk>/remove/", webhooks.webhook_remove, name="webhook_remove"),
     path("settings/webhooks/<int:pk>/test/", webhooks.webhook_test, name="webhook_test"),
     path("settings/webhooks/<int:pk>/secret/", webhooks.webhook_secret, name="webhook_secret"),
-    path("settings/tokens/", account.api_tokens, name="api_tokens"),
-    path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
     path("workers/", workers.workers, name="workers"),
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
 ]

@@ -22,7 +22,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from accounts.countries import COUNTRIES
+from accounts.countries import country_choices
 from accounts.models import Racer
 from accounts.profile import change_profile
 from accounts.quotas import usage_of
@@ -132,7 +132,7 @@ class ProfileBody(Body):
     """What a racer may change about themselves; what is left out stays."""
 
     country = serializers.ChoiceField(
-        [("", ""), *COUNTRIES.items()], required=False, allow_blank=True, help_text="Two-letter code, or empty."
+        [("", ""), *country_choices()], required=False, allow_blank=True, help_text="Two-letter code, or empty."
     )
     team = serializers.CharField(required=False, allow_blank=True, max_length=64, help_text="Empty for none.")
 

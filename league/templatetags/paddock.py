@@ -17,7 +17,7 @@ from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
-from accounts.countries import COUNTRIES
+from accounts import countries
 from paddock.geometry.track import TrackGeometry
 from races import facts
 from races.replay import LAP_COLOURS
@@ -90,7 +90,7 @@ def seconds(milliseconds: int | None) -> str:
 @register.filter
 def country_name(code: str) -> str:
     """The country's name in the reader's language; the code itself when it is not known."""
-    return str(COUNTRIES.get(code, code))
+    return countries.country_name(code)
 
 
 @register.filter

@@ -180,7 +180,7 @@ def test_an_operator_lets_somebody_in_again_who_has_lost_it(with_app, capsys):
 def test_an_admin_sees_that_there_is_a_factor_and_never_its_secret(with_app, sam):
     client = Client()
     client.force_login(sam)
-    page = client.get(f"/admin/league/racer/{with_app.pk}/change/").content.decode()
+    page = client.get(f"/admin/accounts/racer/{with_app.pk}/change/").content.decode()
     assert "TOTP Authenticator" in page
     assert SECRET not in page
     assert client.get("/admin/mfa/authenticator/").status_code == 404

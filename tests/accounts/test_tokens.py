@@ -153,7 +153,7 @@ def test_however_the_password_is_changed_tokens_end(alice, how):
         client = Client()
         client.force_login(Racer.objects.create_superuser("sam", "sam@example.org", None))
         sent = {"password1": NEW, "password2": NEW, "usable_password": "true"}
-        assert client.post(f"/admin/league/racer/{alice.pk}/password/", sent).status_code == 302
+        assert client.post(f"/admin/accounts/racer/{alice.pk}/password/", sent).status_code == 302
     else:
         alice.set_unusable_password() if how == "unusable" else alice.set_password(NEW)
         alice.save()

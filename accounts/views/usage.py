@@ -12,10 +12,10 @@ from django.utils import timezone
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
-from .quotas import all_quotas, usage_of
-from .selectors import open_invitation, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
-from .sign_up import CODE, INVITATION
-from .storage import stored_by
+from ..quotas import all_quotas, usage_of
+from ..selectors import open_invitation, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
+from ..sign_up import CODE, INVITATION
+from ..storage import stored_by
 
 RACERS_PER_PAGE = 50
 

@@ -18,14 +18,13 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
-from accounts.forms import TokenForm
+from accounts.forms import ProfileForm, TokenForm
 from accounts.log_in import may_ask_for_challenge
 from accounts.profile import change_profile
 from accounts.receivers import begin_passing_session
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from core.addresses import origin_of
 from core.forms import add_fault, explain
-from league.forms import ProfileForm
 from paddock.errors import UserFault
 
 
@@ -62,7 +61,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
         change_profile(racer=request.user, **form.cleaned_data)
         messages.success(request, _("Saved."))
         return redirect("settings")
-    return render(request, "league/settings.html", {"form": form})
+    return render(request, "accounts/settings.html", {"form": form})
 
 
 @login_required
@@ -82,7 +81,7 @@ def api_tokens(request: HttpRequest) -> HttpResponse:
         form = TokenForm()
     context = {"tokens": tokens_of(request.user, now), "token": text, "form": form, "limit": TOKENS_PER_RACER}
     context["origin"] = origin_of(request)
-    return render(request, "league/tokens.html", context)
+    return render(request, "accounts/tokens.html", context)
 
 
 @login_required
