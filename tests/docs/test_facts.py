@@ -67,10 +67,14 @@ def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
 
 def test_the_snippet_for_the_environment_names_its_arguments():
     page = section(text("environments.md"), "## The three race types")
-    rules = {name for race_type in RACE_TYPES for name in rules_of_episodes(race_type)}
     arguments = set(signature(race_setting).parameters) - {"race_type", "rules", "theme", "physics"}
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
-    assert set(re.findall(r"`(\w+)`", rows)) == rules | arguments | {"render_mode"}
+    assert set(re.findall(r"`(\w+)`", rows)) == arguments | {"render_mode"}
+
+
+def test_every_rule_of_an_environment_has_its_default_in_the_table():
+    rows = dict(re.findall(r"^\| `(\w+)` \| .* \| (.+?) \|$", text("rules.md"), re.M))
+    assert {name for race_type in RACE_TYPES for name in rules_of_episodes(race_type)} <= set(rows)
 
 
 def test_every_sensor_and_the_lidars_beams():

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID, versions
 
 from .drive import Driven
@@ -49,8 +50,10 @@ def difference(row: Row | None, run: GoldenRun, driven: Driven) -> str | None:
     if row is None:
         return f"{run.name}: the table of {ENGINE_ID} has no such run"
     found = _row(run, driven)
+    # a rule that is newer than the table had its default then
+    was_run = {**row, "rules": json.loads(json.dumps(RaceRules.from_dict(row["rules"]).to_dict()))}
     for what in ("track", "fingerprint", "rules"):
-        if row[what] != found[what]:
+        if was_run[what] != found[what]:
             return f"{run.name}: not the run of the table, its {what} is {found[what]} and was {row[what]}"
     if len(row["cars"]) != len(found["cars"]):
         return f"{run.name}: {len(found['cars'])} cars drove where the table has {len(row['cars'])}"

@@ -1,18 +1,17 @@
-"""The tables of rules in the docs, written from the list of them.
+"""The table of rules in docs/rules.md, written from the list of them.
 
-``python -m tests.docs.rule_tables`` writes them anew after a rule was added or changed.
+``python -m tests.docs.rule_table`` writes it anew after a rule was added or changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from paddock.rules.race import BY_PLACE, RULES, RUN_RULES
 from paddock.rules.rule import Rule
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "rules.md"
 BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"
 
 
@@ -41,36 +40,24 @@ def _row(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def organisers() -> str:
-    """What an organiser sets."""
-    lines = [_row("rule", "meaning", "default", "range"), "|---|---|---|---|"]
-    for rule in (RULES[name] for name in BY_PLACE):
+def table() -> str:
+    """What an organiser sets, then what runs alone take; with the default of an environment."""
+    lines = [_row("rule", "meaning", "default", "range", "in an environment"), "|---|---|---|---|---|"]
+    for rule in (*(RULES[name] for name in BY_PLACE), *(one for one in RUN_RULES.values() if one.run_only)):
         bounds = [f"{one:,}".replace(",", " ") for one in (rule.least, rule.most) if one is not None]
-        shown = " to ".join(bounds) or ", ".join(f"`{one}`" for one in rule.choices)
-        lines.append(_row(f"`{rule.name}`", _meaning(rule), _value(rule, rule.default), shown))
+        shown = " to ".join(bounds) if rule.most is not None else ", ".join(f"`{one}`" for one in rule.choices)
+        taken = rule.name in RUN_RULES and rule.name not in ("race_type", "seed")
+        own = _value(rule, rule.proposed or rule.default_of_an_episode) if taken else ""
+        default = "" if rule.run_only else _value(rule, rule.default)
+        lines.append(_row(f"`{rule.name}`", _meaning(rule), default, shown, own))
     return "\n".join(lines)
 
 
-def environments() -> str:
-    """What an environment takes."""
-    lines = [_row("argument", "meaning", "default"), "|---|---|---|"]
-    asked: Iterable[Rule] = (rule for name, rule in RUN_RULES.items() if name not in ("race_type", "seed"))
-    for rule in asked:
-        default = rule.proposed or rule.default_of_an_episode
-        lines.append(_row(f"`{rule.name}`", _meaning(rule), f"{default!r}"))
-    return "\n".join(lines)
-
-
-PAGES = {"organisers.md": organisers, "environments.md": environments}
-
-
-def replaced(page: str, table: str) -> str:
+def replaced(page: str) -> str:
     """``page`` with the present table. Raises ValueError when it has no place for one."""
     before, after = page.index(BEGIN) + len(BEGIN), page.index(END)
-    return f"{page[:before]}\n{table}\n{page[after:]}"
+    return f"{page[:before]}\n{table()}\n{page[after:]}"
 
 
 if __name__ == "__main__":
-    for name, table in PAGES.items():
-        path = DOCS / name
-        path.write_text(replaced(path.read_text(), table()))
+    PAGE.write_text(replaced(PAGE.read_text()))
