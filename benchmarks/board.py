@@ -9,8 +9,6 @@ included, sizes take turns, and the least of all runs counts, so that a busy mac
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import shutil
 import sys
@@ -24,6 +22,7 @@ from typing import Any
 
 from . import load
 from .board_rows import counted_at_the_end, fill, make_race, make_racers
+from .report import command, report
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 CLOSED = 100_000  # entries of the month that is closed
@@ -270,8 +269,7 @@ def numbers(text: str) -> tuple[int, ...]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Set up a database, measure, print; 1 when a promise is not kept."""
-    parser = argparse.ArgumentParser("python -m benchmarks.board", description="What boards cost as they grow.")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser = command("board", "What boards cost as they grow.")
     parser.add_argument("--sizes", type=numbers, default=SIZES, help="entries, the fewest first")
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--closed", type=int, default=CLOSED, help="entries of the month that is closed")
@@ -283,10 +281,7 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(load.MISSING)
     with database(options.postgres):
         figures = measure(options.sizes, options.runs, options.closed, options.load, options.turns)
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    for miss in misses(figures):
-        print(f"missed: {miss}", file=sys.stderr)
-    return 1 if misses(figures) else 0
+    return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 
 if __name__ == "__main__":

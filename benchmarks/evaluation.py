@@ -7,8 +7,6 @@ machine the two factors are the same.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 from typing import Any
@@ -23,6 +21,7 @@ from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE
 from . import renderers, site, traffic, whole
 from .machine import measured_on
 from .models import CONSOLE, admitted, cars
+from .report import command, report
 
 cv2.setNumThreads(1)
 
@@ -142,8 +141,7 @@ def misses(figures: dict[str, Any]) -> list[str]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure and print. Returns 0 even where a target is missed: whoever reads the figures judges."""
-    parser = argparse.ArgumentParser("python -m benchmarks.evaluation", description="From upload to lap times.")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser = command("evaluation", "From upload to lap times.")
     parser.add_argument("--track", default="kuei-raceway", choices=[entry.slug for entry in CATALOGUE])
     parser.add_argument("--laps", type=int, default=3)
     parser.add_argument("--runs", type=int, default=3, help="how often each figure is measured (default 3)")
@@ -159,8 +157,7 @@ def main(arguments: list[str] | None = None) -> int:
         with_site=not options.no_site,
         names=options.models,
     )
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    return 0
+    return report(figures, as_json=options.json, table=table)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,6 @@ A car, or with ``--cars`` several, on the centre line of the oval at 2.5 m/s. Se
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import resource
 import sys
@@ -19,6 +17,7 @@ from tests.evaluation.film.runs import car, driven, lap, scene
 from videos.film import MAX_SECONDS, film
 
 from .machine import measured_on
+from .report import command, report
 
 MEMORY_MB = 400
 SHELLS = (("paddock", "#ff5d3b"), ("formula", "#2dd4bf"), ("van", "#a855f7"), ("kart", "#f8fafc"))
@@ -60,19 +59,15 @@ def table(figures: dict[str, Any]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure, print; 1 when it took more memory than is promised."""
-    parser = argparse.ArgumentParser("python -m benchmarks.film", description="What a video costs.")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a sentence")
+    parser = command("film", "What a video costs.")
     parser.add_argument("--seconds", type=float, default=30.0, help="of the run, 1 to 600; default: %(default)s")
     parser.add_argument("--cars", type=int, choices=range(1, len(SHELLS) + 1), default=1)
     options = parser.parse_args(arguments)
     if not 1.0 <= options.seconds <= MAX_SECONDS:
         parser.error(f"argument --seconds: {options.seconds} is not from 1 to {MAX_SECONDS}")
     figures = measure(options.seconds, options.cars)
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    if figures["peak_mb"] > MEMORY_MB:
-        print(f"missed: it took {figures['peak_mb']} MB", file=sys.stderr)
-        return 1
-    return 0
+    missed = [f"it took {figures['peak_mb']} MB"] if figures["peak_mb"] > MEMORY_MB else []
+    return report(figures, as_json=options.json, table=table, missed=missed)
 
 
 if __name__ == "__main__":

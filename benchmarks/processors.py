@@ -7,9 +7,7 @@ used, and how much longer a run takes than if the runtime's answer were taken as
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import json
 import os
 import sys
 from collections.abc import Sequence
@@ -27,6 +25,7 @@ from training.golden.runs import CONSOLE, GoldenRun
 
 from .machine import measured_on
 from .models import CONSOLE_CAR
+from .report import command, report
 
 HOUSE_CARS = ("brisk", "steady", "flyer")
 LAPS = 3
@@ -163,8 +162,7 @@ def table(figures: dict[str, Any]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; 1 when a promise is not kept, 2 where nothing can be measured."""
-    parser = argparse.ArgumentParser("python -m benchmarks.processors", description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true")
+    parser = command("processors", __doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one lap of the oval, as the first and last processor")
     parser.add_argument("--tracks", nargs="+", metavar="SLUG|FILE", help="instead of the six")
     parser.add_argument("--laps", type=int)
@@ -182,10 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ProcessorFailed as error:
         print(error, file=sys.stderr)
         return 2
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    for line in misses(figures):
-        print(f"missed: {line}", file=sys.stderr)
-    return 1 if misses(figures) else 0
+    return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 
 if __name__ == "__main__":

@@ -10,8 +10,6 @@ PostgreSQL server of its own.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import statistics
 import sys
@@ -21,6 +19,7 @@ from typing import Any
 
 from .board import database, numbers, oval, processor_clock
 from .board_rows import insert, make_racers, series
+from .report import command, report
 
 SIZES = (1_000, 100_000)
 LIMIT_MS, RATIO = 5.0, 3.0  # what is promised: of each look and claim, and of the longest queue by the shortest
@@ -143,18 +142,14 @@ def table(figures: dict[str, Any]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Set up a database, measure, print; 1 when a promise is not kept."""
-    parser = argparse.ArgumentParser("python -m benchmarks.queue", description="What the queue costs as it grows.")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser = command("queue", "What the queue costs as it grows.")
     parser.add_argument("--sizes", type=numbers, default=SIZES, help="evaluations that wait, the fewest first")
     parser.add_argument("--runs", type=int, default=25)
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server that is started for it")
     options = parser.parse_args(arguments)
     with database(options.postgres):
         figures = measure(options.sizes, options.runs)
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    for miss in misses(figures):
-        print(f"missed: {miss}", file=sys.stderr)
-    return 1 if misses(figures) else 0
+    return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 
 if __name__ == "__main__":

@@ -8,9 +8,7 @@ PostgreSQL server of its own.
 
 from __future__ import annotations
 
-import argparse
 import csv
-import json
 import os
 import random
 import sys
@@ -21,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from .board import database, numbers
+from .report import command, report
 
 RESULTS = (4_000, 12_000, 36_000)
 MONTHS = 9
@@ -139,18 +138,14 @@ def table(figures: dict[str, Any]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Set up a database, measure, print; 1 when a promise is not kept."""
-    parser = argparse.ArgumentParser("python -m benchmarks.season", description="What importing a season costs.")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser = command("season", "What importing a season costs.")
     parser.add_argument("--results", type=numbers, default=RESULTS, help="results of the seasons made up")
     parser.add_argument("--folder", type=Path, help="a recorded season of your own")
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server that is started for it")
     options = parser.parse_args(arguments)
     with database(options.postgres):
         figures = measure(options.results, options.folder)
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    for miss in misses(figures):
-        print(f"missed: {miss}", file=sys.stderr)
-    return 1 if misses(figures) else 0
+    return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 
 if __name__ == "__main__":

@@ -8,9 +8,7 @@ beside it, in the same run, the same web server with a view that does nothing.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import json
 import resource
 import socket
 import sys
@@ -24,6 +22,7 @@ from urllib.request import urlopen
 
 from .board import database
 from .load import server
+from .report import command, report
 
 KINDS = ("silent", "headers", "bodies", "readers")
 CONNECTIONS = 1000
@@ -266,25 +265,23 @@ def misses(figures: dict[str, Any]) -> list[str]:
     return found
 
 
-def main() -> None:
-    """Each kind in turn, as a table or as one JSON object; missed promises on standard error."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def table(figures: dict[str, Any]) -> str:
+    """The figures for reading."""
+    return "\n".join(
+        f"{kind}: {figures[kind]['site']}, page {figures[kind]['ratio']} times the bare view's" for kind in KINDS
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Each kind in turn, as a table or as one JSON object; 1 when a promise is not kept."""
+    parser = command("slow", "What a site answers while slow clients hold its connections.")
     parser.add_argument("--connections", type=int, default=CONNECTIONS)
     parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
+    options = parser.parse_args(arguments)
     with database(on_postgres=False):
-        figures = everything(given.connections, given.seconds)
-    if given.json:
-        print(json.dumps(figures, indent=1))
-    else:
-        for kind in KINDS:
-            print(f"{kind}: {figures[kind]['site']}, page {figures[kind]['ratio']} times the bare view's")
-    missed = misses(figures)
-    for line in missed:
-        print(f"missed: {line}", file=sys.stderr)
-    sys.exit(1 if missed else 0)
+        figures = everything(options.connections, options.seconds)
+    return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -8,9 +8,7 @@ cannot hide it. The site has a database and a folder of its own (``--postgres``:
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import json
 import os
 import sys
 import threading
@@ -23,6 +21,7 @@ from urllib.parse import urlsplit
 from .board import database, oval
 from .board_rows import counted_at_the_end, fill, make_race, make_racers
 from .load import BARE, server
+from .report import command, report
 
 RATE, SECONDS, READERS = 500, 6.0, 50
 RACERS_RATE = 50
@@ -171,23 +170,18 @@ def table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """All pages as a table or as one JSON object; missed promises on standard error."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def main(arguments: list[str] | None = None) -> int:
+    """All pages as a table or as one JSON object; 1 when a promise is not kept."""
+    parser = command("spectators", "What a site answers while many watch a race.")
     parser.add_argument("--rate", type=int, default=RATE, help="requests of guests a second")
     parser.add_argument("--seconds", type=float, default=SECONDS)
     parser.add_argument("--entries", type=int, default=ENTRIES, help="racers on the board")
     parser.add_argument("--postgres", action="store_true", help="on a PostgreSQL server of its own")
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
-    with database(given.postgres):
-        figures = measure(given.rate, given.seconds, given.entries)
-    print(json.dumps(figures, indent=1) if given.json else table(figures))
-    missed = misses(figures)
-    for line in missed:
-        print(f"missed: {line}", file=sys.stderr)
-    sys.exit(1 if missed else 0)
+    options = parser.parse_args(arguments)
+    with database(options.postgres):
+        figures = measure(options.rate, options.seconds, options.entries)
+    return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

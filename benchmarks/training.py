@@ -18,8 +18,6 @@ the keys of ``--json`` mean: docs/operators.md, "How fast trainings are".
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import statistics
 import sys
@@ -41,6 +39,7 @@ from . import racing_pace
 from .machine import measured_on
 from .processor import Clock
 from .racing_pace import LAPS, clean_laps, track_of
+from .report import command, report
 
 MOST_S = {"oval": 20.0, "kuei-raceway": 30.0}  # what the platform promises
 GIVE_UP_S = 600.0
@@ -285,8 +284,7 @@ def _line_table(figures: dict[str, Any], seeds: int) -> list[str]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure and print. Returns 0 even where a target is missed: whoever reads the figures judges."""
-    parser = argparse.ArgumentParser("python -m benchmarks.training", description="From nothing to three clean laps.")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser = command("training", "From nothing to three clean laps.")
     parser.add_argument(
         "--tracks", nargs="+", default=["oval", "kuei-raceway"], choices=[entry.slug for entry in CATALOGUE]
     )
@@ -303,8 +301,7 @@ def main(arguments: list[str] | None = None) -> int:
     figures = run(
         options.tracks, options.seeds, options.compared_steps, options.parts, options.shared, options.speed_limit
     )
-    print(json.dumps(figures, indent=2) if options.json else table(figures))
-    return 0
+    return report(figures, as_json=options.json, table=table)
 
 
 if __name__ == "__main__":
