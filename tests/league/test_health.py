@@ -19,13 +19,12 @@ from django.test import override_settings
 from django.utils import timezone
 from redis import ConnectionError as NobodyThere
 
-from config import health, pages
+from config import health, pages, tasks
 from config.backup.databases import damage
 from core.jobs.models import Outage
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, WorkerNode
 from evaluation.services.nodes import start_worker
-from league import tasks
 from tests.factories import a_model, a_racer, a_track
 
 pytestmark = pytest.mark.django_db

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-
 import pytest
-from django.apps import apps
 
 from races.honours import race_of_marks
 from races.models import Entry, Race
@@ -63,18 +60,3 @@ def test_a_house_car_that_is_faster_takes_no_purple_on_the_page_of_its_run(now):
     house = drive(race, a_racer("house", is_house=True), laps(8_000, 8_000, 8_000), now)
     assert race_of_marks(house.evaluation) is None
     assert board(fresh(race)).rows[0].has_fastest_lap is False
-
-
-def test_marks_of_before_are_worked_out_anew(now):
-    """What an older site wrote: marks of every run, classified or not."""
-    race, other = a_race(now), a_race(now)
-    racer, lost = a_racer("both"), a_racer("lost")
-    drive(race, racer, CLEAN, now)
-    drive(race, racer, FAST_BUT_LOST, now)
-    drive(race, lost, [lap(1, 4_000), lap(2, 9_000, complete=False, percentage=30)], now)
-    drive(other, a_racer(), laps(7_000, 7_000, 7_000), now)
-    right = list(Entry.objects.order_by("pk").values(*OWN)), list(Race.objects.order_by("pk").values())
-    Entry.objects.filter(racer=racer).update(**dict.fromkeys(OWN, 1_000))
-    Race.objects.filter(pk=race.pk).update(fastest_lap_ms=4_000, fastest_sector_1_ms=1)
-    importlib.import_module("races.migrations.0010_marks_of_classified_cars").mend_marks(apps, None)
-    assert (list(Entry.objects.order_by("pk").values(*OWN)), list(Race.objects.order_by("pk").values())) == right

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from datetime import timedelta
-from importlib import import_module
 
 import pytest
-from django.apps import apps
 from django.db import IntegrityError, transaction
 from django.test import Client
-from django.utils import timezone
 
 from evaluation.models import TrainedModel
 from evaluation.services import stop_evaluation
@@ -132,15 +129,6 @@ class TestSending:
         assert [race["name"] for _months, race in COMMUNITY_RACES if race.get("shared_cars")] == [
             "First laps on the oval"
         ]
-
-    def test_an_upgrade_leaves_what_is_over_and_the_houses_race_for_a_first_car_without_the_rule(self, alice, now):
-        house, later = a_racer(is_house=True), {"closes_at": timezone.now() + timedelta(days=1)}
-        over = a_race(now - timedelta(days=800))
-        first = a_race(now, slug="first-laps-on-the-oval", organiser=house, **later)
-        others = a_race(now, organiser=house, **later), a_race(now, organiser=alice, **later)
-        import_module("races.migrations.0012_cars_of_races").leave_what_is_over(apps, None)
-        assert set(Race.objects.filter(shared_cars=True)) == {over, first}
-        assert set(Race.objects.filter(shared_cars=False)) == set(others)
 
     def test_who_stops_the_car_or_leaves_the_race_gives_its_place_free(self, alice, bob, now):
         for leave in (

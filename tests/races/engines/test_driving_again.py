@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-
 import pytest
-from django.apps import apps
 from django.db import IntegrityError, transaction
 
 from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
 from evaluation.selectors import queue_length
 from evaluation.services import EVALUATIONS
-from races.models import Entry, Race, Redrive, RedriveState, Retiming, Submission
+from races.models import Entry, Redrive, RedriveState, Retiming, Submission
 from races.selectors import can_see_evaluation, evaluations_visible_to
 from races.selectors.counting import DrivenAgain, driven_again
 from races.services import (
@@ -40,12 +37,6 @@ class TestTheEngineOfARace:
         finish(submission, laps(9_000, 9_000, 9_000), now)
         assert (fresh(race).engine, fresh(race).next_engine) == (NEW, "")
         assert shown(race) == [("ann", 9_000)]
-
-    def test_races_of_before_have_that_of_their_results(self, race, now):
-        empty = a_race(now)
-        Race.objects.update(engine="")
-        importlib.import_module("races.migrations.0011_one_engine").name_engines(apps, None)
-        assert (fresh(race).engine, fresh(empty).engine) == (OLD, "")
 
     def test_on_a_site_with_the_same_engine_nothing_happens(self, race, now):
         before = everything(race)
