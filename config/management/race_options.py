@@ -40,7 +40,7 @@ def add_race_options(parser: ArgumentParser) -> None:
             shown = rule.default / 1000 if rule.unit == "ms" else rule.default
             parser.add_argument(
                 option,
-                type=float if rule.unit else int,
+                type=int if rule.type is int and rule.unit != "ms" else float,
                 default=None if rule.name == "bot_speed_mps" else shown,
                 metavar=_METAVARS.get(rule.unit, "N"),
                 help=f"{said}; default: {shown}",

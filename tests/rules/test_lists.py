@@ -1,0 +1,88 @@
+"""The lists themselves: what an entry refuses, and what is read out of them."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+
+import pytest
+
+from config.management.race_options import add_race_options, rules_of
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS
+from paddock.rules.race import RULES, RUN_RULES, RaceRules
+from paddock.rules.rule import Rule
+from paddock.rules.training import SETTINGS, TrainingSettings, taken_from
+
+SHARE = Rule("share", float, 1.0, least=0.5, most=1.0)
+COUNT = Rule("count", int, 3, least=1, most=9)
+OPTIONAL = Rule("count", int, None, least=1, most=9)
+
+
+@pytest.mark.parametrize(("rule", "value"), [(SHARE, 0.5), (SHARE, 1), (COUNT, 9), (OPTIONAL, None)])
+def test_a_value_at_a_bound_is_taken(rule, value):
+    rule.check(value)
+
+
+@pytest.mark.parametrize(
+    ("rule", "value"),
+    [
+        (SHARE, 0.49),
+        (SHARE, 1.01),
+        (SHARE, float("nan")),
+        (SHARE, True),
+        (COUNT, 0),
+        (COUNT, 10),
+        (COUNT, 2.0),
+        (COUNT, None),
+        (OPTIONAL, 0),
+        (Rule("flag", bool, False), 1),
+        (Rule("word", str, "a", choices=("a", "b")), "c"),
+    ],
+)
+def test_another_is_refused_by_the_name_of_the_rule(rule, value):
+    with pytest.raises(ValueError, match=rule.name):
+        rule.check(value)
+
+
+def test_a_run_takes_more_than_a_race_may_ask_where_that_makes_sense():
+    assert RaceRules(laps=1000, max_simulated_ms=1).laps > (RULES["laps"].most or 0)
+
+
+def test_an_episode_is_a_lap_until_the_first_fault():
+    rules = RaceRules.of_an_episode(direction="cw")
+    assert (rules.laps, rules.max_resets, rules.direction) == (1, 0, "cw")
+
+
+@pytest.mark.parametrize("name", [name for name in RULES if name in RUN_RULES and RULES[name].type is float])
+def test_an_option_of_a_command_takes_a_fraction(name):
+    parser = ArgumentParser()
+    add_race_options(parser)
+    option = f"--{RULES[name].option or name}"
+    boxes = ["--race-type", "object_avoidance", "--obstacles", "1"]
+    bots = ["--race-type", "head_to_head", "--bots", "1"]
+    type_ = {"object_avoidance": boxes, "head_to_head": bots}.get("".join(RULES[name].race_types[:1]), [])
+    assert getattr(rules_of(vars(parser.parse_args([*type_, option, "0.75"]))), name) == 0.75
+
+
+@pytest.mark.parametrize(
+    "one", [*RULES.values(), *SETTINGS.values(), *HYPERPARAMETERS.values()], ids=lambda one: one.name
+)
+def test_every_entry_can_be_told(one):
+    assert one.label
+    assert (one.least is None) == (one.most is None)
+    assert one.least is None or one.least <= one.most
+
+
+@pytest.mark.parametrize("algorithm", DEFAULTS)
+def test_usual_hyperparameters_fit(algorithm):
+    assert all(HYPERPARAMETERS[name].fits(value) for name, value in DEFAULTS[algorithm].items())
+
+
+def test_settings_are_told_from_the_rest():
+    settings, rest = taken_from({"action_space_type": "discrete", "action_space": [], "trials": 5, "name": "car"})
+    assert settings == TrainingSettings(action_space_type="discrete", action_space=[], trials=5)
+    assert rest == {"name": "car"}
+
+
+def test_a_training_needs_an_action_space():
+    with pytest.raises(TypeError, match="action_space"):
+        taken_from({"trials": 5})
