@@ -11,6 +11,7 @@ import pytest
 from django.core.files.storage import default_storage
 from django.db import IntegrityError, transaction
 
+from core.events import Event
 from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
 from races import tasks
@@ -100,6 +101,8 @@ class TestAClaim:
         assert ours(claimed) == set()
         assert finish_video(**ident(other), drawn=drawn(), now=now)
         assert len(ours(claimed)) == 2
+        ready = Event.objects.get(kind="video.ready")
+        assert (ready.subject, ready.data) == (claimed.evaluation.public_id, {"video": claimed.public_id})
 
 
 class TestAnEnd:

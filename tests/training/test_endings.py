@@ -6,6 +6,7 @@ import pytest
 from django.db import IntegrityError, transaction
 from django.utils import translation
 
+from core.events import Event
 from paddock.errors import UserFault
 from tests.training.jobs import a_training
 from training.endings import how_it_ended
@@ -51,6 +52,12 @@ def test_who_stopped_it_is_said_to_whoever_reads(alice, bob, oval, now):
     stop_training(job=job, by=alice, now=now)
     assert how_it_ended(job, alice) == "You stopped it before it began."
     assert how_it_ended(job, bob) == "Its owner stopped it before it began."
+    event = Event.objects.get(kind="training.ended")
+    assert (event.racer, event.subject, event.data) == (
+        alice,
+        job.public_id,
+        {"ended_because": "stopped", "reason": ""},
+    )
     job = ended(a_training(alice, oval, now, name="second"), EndReason.STOPPED, stopped_by=bob)
     assert how_it_ended(job, alice) == "An admin of this site stopped it."
     assert how_it_ended(ended(job, EndReason.STOPPED, stopped_by=None), alice) == "You stopped it."
