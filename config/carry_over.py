@@ -39,6 +39,7 @@ TABLES = {
     "accounts_racer_groups": "league_racer_groups",
     "accounts_racer_user_permissions": "league_racer_user_permissions",
     "core_outage": "evaluation_outage",
+    "league_mail": "league_notice",
 }
 # (new table, new column): old column
 COLUMNS: dict[tuple[str, str], str] = {("league_webhookdelivery", "attempt"): "tries"}
@@ -48,6 +49,11 @@ MADE: dict[tuple[str, str], tuple[tuple[str, ...], Callable[..., Any]]] = {
         ("bot_lane_changes",),
         lambda changes: json.dumps({"bot_lane_changes": bool(changes)}),
     ),
+    # a notice that never goes by mail has no row
+    ("league_mail", "notice_id"): (("id",), lambda notice: notice),
+    ("league_mail", "attempt"): (("mail_tries",), lambda tries: tries),
+    ("league_mail", "state"): (("mail_state",), lambda state: state or None),
+    ("league_mail", "ended_at"): (("mail_state", "at"), lambda state, at: at if state in ("sent", "failed") else None),
     ("league_webhookdelivery", "not_before"): (
         ("state", "next_at"),
         lambda state, next_at: next_at if state == "due" else None,
@@ -162,17 +168,15 @@ def _columns(connection: BaseDatabaseWrapper, table: str) -> list[str]:
 
 def _untold(old: BaseDatabaseWrapper, tables: Sequence[type[models.Model]]) -> list[str]:
     """Tables and columns of the old database that the new one has no place for."""
-    places = {TABLES.get(model._meta.db_table, model._meta.db_table): model for model in tables}
+    places: dict[str, set[str]] = {}
+    for model in tables:
+        taken = {was for field in model._meta.local_concrete_fields for was in _of(model, field)}
+        places.setdefault(TABLES.get(model._meta.db_table, model._meta.db_table), set()).update(taken)
     found = []
     for table in old.introspection.table_names():
         if table in MADE_ANEW:
             continue
-        model = places.get(table)
-        taken = (
-            set()
-            if model is None
-            else {was for field in model._meta.local_concrete_fields for was in _of(model, field)}
-        )
+        taken = places.get(table, set())
         found += [
             f"{table}.{column}"
             for column in _columns(old, table)

@@ -14,7 +14,8 @@ from core.wakeup import send
 from .services import close_due_rounds, enter_house_cars
 from .services.clock import tick
 from .services.deliveries import AT_ONCE, deliver_due, hosts_due
-from .services.notices import forget_old_notices, send_mails
+from .services.mails import send_mails
+from .services.notices import forget_old_notices
 from .services.webhooks import tidy_webhooks
 
 logger = logging.getLogger(__name__)
@@ -41,7 +42,7 @@ def close_rounds() -> int:
 @shared_task
 def notices() -> int:
     """Send the notices that are to go by mail. Returns how many went."""
-    now = timezone.now()
+    now = database_now()
     forget_old_notices(now=now)
     return send_mails(now=now)
 

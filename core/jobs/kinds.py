@@ -213,7 +213,7 @@ class Kind(Generic[J]):
         look_after(*self.needs, now=now)
         self.prepare(now)
         self.tidy(now)
-        waiting = 0 if is_out(*self.needs) else self.due(now)[:COUNTED].count()
+        waiting = 0 if is_out(*self.needs) else len(self.due(now).values_list("pk", flat=True)[:COUNTED])
         if waiting and wake:
             self.wake(times=min(waiting, self.wakes))
         return SweepReport(requeued, waiting)

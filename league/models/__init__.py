@@ -1,6 +1,6 @@
 """Seasons with their rounds, what came of the rounds, and what was recorded elsewhere."""
 
-from .notice import Lead, Notice, NoticeChoice, NoticeKind
+from .notice import Lead, Mail, Notice, NoticeChoice, NoticeKind
 from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
 from .rating import DuelRating
 from .record import RecordedRace, RecordedResult, RecordedSeason
@@ -13,6 +13,7 @@ __all__ = [
     "DuelRating",
     "FinalePlace",
     "Lead",
+    "Mail",
     "Membership",
     "Notice",
     "NoticeChoice",

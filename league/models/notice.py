@@ -8,6 +8,7 @@ from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models.racer import Racer
+from core.jobs.models import Leased, lease_constraints
 
 
 class NoticeKind(models.TextChoices):
@@ -35,7 +36,7 @@ NOT_MAILED = (NoticeKind.RESULT,)
 class Notice(models.Model):
     """One thing that a racer is told, once: ``about`` says what makes it the same thing.
 
-    ``mail_state``: "" for never by mail, ``due``, ``sent``, ``failed``. Its sentence is made of ``kind`` and ``params``
+    One that goes by mail has a :class:`Mail`. Its sentence is made of ``kind`` and ``params``
     when it is read, in the reader's language (league.notices).
     """
 
@@ -47,8 +48,6 @@ class Notice(models.Model):
     at = models.DateTimeField(_("at"))
     hidden = models.BooleanField(_("by mail only"), default=False)
     read_at = models.DateTimeField(_("read"), null=True, blank=True)
-    mail_state = models.CharField(_("mail"), max_length=6, blank=True)
-    mail_tries = models.PositiveSmallIntegerField(_("tries"), default=0)
 
     class Meta:
         verbose_name = _("notice")
@@ -56,17 +55,34 @@ class Notice(models.Model):
         ordering = ["-at", "-pk"]
         indexes = [
             models.Index(fields=["racer", "-at"], name="notice_by_racer"),
-            models.Index(fields=["at"], name="notice_mail_due", condition=Q(mail_state="due")),
             models.Index(fields=["at"], name="notice_by_time"),
         ]
         constraints = [
             models.UniqueConstraint(fields=["racer", "kind", "about"], name="notice_once"),
             models.CheckConstraint(condition=Q(kind__in=NoticeKind.values), name="notice_kind_known"),
-            models.CheckConstraint(condition=Q(mail_state__in=["", "due", "sent", "failed"]), name="notice_mail_state"),
         ]
 
     def __str__(self) -> str:
         return f"{self.racer}: {self.get_kind_display()}"
+
+
+class Mail(Leased):
+    """A notice that goes by mail, once at the most. ``state``: ``due``, ``sending``, ``sent``, ``failed``."""
+
+    notice = models.OneToOneField(Notice, models.CASCADE, related_name="mail", verbose_name=_("notice"))
+    state = models.CharField(_("state"), max_length=8, default="due")
+
+    class Meta:
+        verbose_name = _("mail")
+        verbose_name_plural = _("mails")
+        indexes = [
+            models.Index(fields=["id"], name="mail_due", condition=Q(state="due")),
+            models.Index(fields=["leased_until"], name="mail_leases", condition=Q(state="sending")),
+        ]
+        constraints = lease_constraints("mail", waiting="due", working="sending", final=["sent", "failed"])
+
+    def __str__(self) -> str:
+        return str(self.notice)
 
 
 class NoticeChoice(models.Model):

@@ -6,25 +6,18 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from datetime import datetime, timedelta
-from typing import Any
 
 from django.conf import settings
 from django.core import signing
-from django.core.mail import get_connection
-from django.core.mail.message import EmailMessage
 from django.db import transaction
-from django.db.models import F
-from django.urls import reverse
 from django.utils import translation
-from django.utils.translation import gettext as _
 
 from accounts.models import Racer
 from races.models import Race
 
-from ..models import Notice, NoticeChoice, NoticeKind
+from ..models import Mail, Notice, NoticeChoice, NoticeKind
 from ..models.notice import NOT_MAILED
-from ..notices import sentence
-from .telling import Told, concerned, tell, verified_addresses
+from .telling import Told, concerned, tell
 
 logger = logging.getLogger(__name__)
 KEPT = timedelta(days=180)
@@ -88,52 +81,9 @@ def stop_mails(*, racer: Racer, kind: NoticeKind) -> None:
     chosen = choice_of(racer)
     chosen.mail_off = sorted({*chosen.mail_off, kind.value})
     chosen.save()
-    Notice.objects.filter(racer=racer, kind=kind, mail_state="due").update(mail_state="")
-
-
-def send_mails(*, now: datetime) -> int:
-    """Send what is to go by mail: each at most once, three tries if the mail server refuses. Returns how many went."""
-    due = Notice.objects.filter(mail_state="due").order_by("at", "pk").values_list("pk", flat=True)
-    sent = 0
-    with get_connection() as server:
-        for pk in list(due[:MAILS_A_TIME]):
-            # claimed before it is sent: a second sender finds nothing, and a crash loses a mail rather than doubles it
-            if Notice.objects.filter(pk=pk, mail_state="due").update(mail_state="sent", mail_tries=F("mail_tries") + 1):
-                sent += _mail(Notice.objects.select_related("racer").get(pk=pk), server)
-    return sent
+    Mail.objects.filter(notice__racer=racer, notice__kind=kind, state="due").delete()
 
 
 def forget_old_notices(*, now: datetime) -> int:
     """Delete notices of more than half a year ago. Returns how many."""
     return Notice.objects.filter(at__lt=now - KEPT).delete()[0]
-
-
-def _mail(notice: Notice, server: Any) -> bool:
-    address = verified_addresses([notice.racer_id]).get(notice.racer_id)
-    if address is None:
-        return False
-    token = stopping_token(notice.racer_id, notice.kind)
-    stop = f"{settings.SITE_URL}{reverse('notices_stop', args=[token])}"
-    with translation.override(choice_of(notice.racer).language):
-        text = sentence(notice)
-        body = "\n\n".join(
-            [
-                _("Hello %(racer)s,") % {"racer": notice.racer.alias},
-                text,
-                f"{settings.SITE_URL}{notice.path}",
-                _("Which notices you get is up to you: %(address)s")
-                % {"address": f"{settings.SITE_URL}/settings/notices/"},
-                _("No more e-mails of this kind: %(address)s") % {"address": stop},
-            ]
-        )
-    try:
-        # RFC 2369 and 8058: mail programs show a button that posts to this address
-        headers = {"List-Unsubscribe": f"<{stop}>", "List-Unsubscribe-Post": "List-Unsubscribe=One-Click"}
-        EmailMessage(f"[Paddock] {text}", body + "\n", to=[address], connection=server, headers=headers).send()
-    except Exception as error:  # whatever the mail backend raises: it is tried again, then given up
-        state = "due" if notice.mail_tries < MAIL_TRIES else "failed"
-        Notice.objects.filter(pk=notice.pk).update(mail_state=state)
-        trace = None if isinstance(error, OSError) else error  # a mail server that is away or refuses says enough
-        logger.warning("A mail to a racer could not be sent (try %s): %s", notice.mail_tries, error, exc_info=trace)
-        return False
-    return True

@@ -8,13 +8,14 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from allauth.account.models import EmailAddress
+from django.db import transaction
 from django.db.models import Exists, OuterRef, Q
 
 from accounts.models import Racer
 from core.wakeup import wake
 from races.models import Division, Entry, Kind, Race
 
-from ..models import Membership, Notice, NoticeChoice, NoticeKind, Round
+from ..models import Mail, Membership, Notice, NoticeChoice, NoticeKind, Round
 from ..models.notice import NOT_MAILED
 from ..models.season import WITH_FIELD
 
@@ -37,19 +38,20 @@ def tell(told: Told, now: datetime) -> int:
     """Write notices to all who can read them and want them; those who were told already are left out. Returns how many
     were written; mails go once the transaction is committed."""
     ids = list(told.racers)
-    written, mails = 0, False
+    written, mails = 0, 0
     for start in range(0, len(ids), BATCH):
         readers = Racer.objects.filter(pk__in=ids[start : start + BATCH], is_active=True, is_house=False)
         known = Notice.objects.filter(kind=told.kind, about=told.about, racer=OuterRef("pk"))
         new = list(readers.exclude(Exists(known)).values_list("pk", flat=True))
         choices = NoticeChoice.objects.in_bulk(new)
         verified = verified_addresses(new)
-        rows = []
+        rows, by_mail = [], []
         for racer in new:
             chosen = choices.get(racer) or NoticeChoice(mail_off=list(NOT_MAILED))
             mailed = racer in verified and told.kind not in chosen.mail_off
             hidden = told.kind in chosen.site_off
-            mails = mails or mailed
+            if mailed:
+                by_mail.append(racer)
             # also who wants none has a row, so that nothing is told twice
             rows.append(
                 Notice(
@@ -60,11 +62,14 @@ def tell(told: Told, now: datetime) -> int:
                     params=dict(told.params),
                     at=now,
                     hidden=hidden,
-                    mail_state="due" if mailed else "",
                 )
             )
-        Notice.objects.bulk_create(rows, ignore_conflicts=True)
+        with transaction.atomic():
+            Notice.objects.bulk_create(rows, ignore_conflicts=True)
+            mine = Notice.objects.filter(kind=told.kind, about=told.about, racer__in=by_mail).order_by("pk")
+            Mail.objects.bulk_create([Mail(notice=notice) for notice in mine], ignore_conflicts=True)
         written += len(rows)
+        mails += len(by_mail)
     if mails:
         # a broker that is away is logged; the periodic task sends what is due within a minute all the same
         wake("league.tasks.notices")

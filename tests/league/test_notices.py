@@ -12,10 +12,11 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 
 from accounts.models import Racer
-from league.models import Notice, NoticeKind, Stage
+from league.models import Mail, Notice, NoticeKind, Stage
 from league.notices import sentence
 from league.services import close_due_rounds, disqualify, put_back
-from league.services.notices import choice_of, choose_notices, mark_read, send_mails, stopping_token
+from league.services.mails import LEASE, MAILS, send_mails
+from league.services.notices import choice_of, choose_notices, mark_read, stopping_token
 from paddock.errors import UserFault
 from races.services import cancel_race
 from races.services.gates import moment
@@ -300,10 +301,10 @@ class TestMail:
             about="x",
             params={"race": "Race\r\nBcc: everybody@example.org"},
             at=now,
-            mail_state="due",
         )
+        Mail.objects.create(notice=Notice.objects.get())
         assert send_mails(now=now) == 0 and not mail.outbox
-        assert Notice.objects.get().mail_state in ("due", "failed")
+        assert Mail.objects.get().state in ("due", "failed")
 
     def test_a_kind_that_is_turned_off_is_neither_shown_nor_mailed(self, now):
         race = a_race(now, opens_at=now)
@@ -329,17 +330,26 @@ class TestMail:
         def refuse(self: object) -> None:
             raise OSError("refused")
 
-        monkeypatch.setattr("league.services.notices.EmailMessage.send", refuse)
-        assert [send_mails(now=now) for _ in range(4)] == [0, 0, 0, 0]
-        notice = Notice.objects.get()
-        assert notice.mail_state == "failed" and notice.mail_tries == 3
+        monkeypatch.setattr("league.services.mails.EmailMessage.send", refuse)
+        assert [send_mails(now=now + minute * timedelta(minutes=1)) for minute in range(4)] == [0, 0, 0, 0]
+        mail_of_it = Mail.objects.get()
+        assert mail_of_it.state == "failed" and mail_of_it.attempt == 3
+
+    def test_a_mail_whose_sender_was_killed_is_not_sent_twice(self, now):
+        race = a_race(now, opens_at=now)
+        board(race, [confirmed(a_racer())])
+        tell_what_happened(now=now)
+        lost = MAILS.claim(worker="w", now=now)
+        assert send_mails(now=now) == 0 == send_mails(now=now + 2 * LEASE)
+        lost.refresh_from_db()
+        assert lost.state == "failed" and not mail.outbox
 
     def test_results_are_mailed_to_who_asks_for_it_only(self, now):
         racer = confirmed(a_racer())
         assert "result" in choice_of(racer).mail_off
         drive(a_race(now), racer, laps(9_000, 9_000, 9_000), now)
         tell_what_happened(now=now + HOUR)
-        assert Notice.objects.get(racer=racer, kind="result").mail_state == ""
+        assert not Mail.objects.filter(notice=Notice.objects.get(racer=racer, kind="result")).exists()
 
     def test_nonsense_is_refused(self, alice):
         for site, language in ((["nonsense"], "en"), ([], "xx")):

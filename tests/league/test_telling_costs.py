@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from league.services.deliveries import deliver_due
-from league.services.notices import send_mails
+from league.services.mails import send_mails
 from league.services.webhooks import add_webhook
 from races.services import cancel_race
 from tests.factories import a_race, drive, laps

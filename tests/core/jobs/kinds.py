@@ -11,8 +11,9 @@ import pytest
 from core.jobs.kinds import Kind
 from core.jobs.models import Leased
 from evaluation.services import EVALUATIONS, queue_evaluation
-from league.models import WebhookDelivery
+from league.models import Mail, Notice, NoticeKind, WebhookDelivery
 from league.services.deliveries import DELIVERIES
+from league.services.mails import MAILS
 from league.services.webhooks import add_webhook
 from paddock.rules.race import RaceRules
 from races.services.videos import VIDEOS, ask_for_video
@@ -37,11 +38,17 @@ def a_delivery(racer: Any, track: Any, now: datetime) -> Leased:
     return WebhookDelivery.objects.create(webhook=hook, event="run.finished", about="x", at=now, body="{}")
 
 
+def a_mail(racer: Any, track: Any, now: datetime) -> Leased:
+    notice = Notice.objects.create(racer=racer, kind=NoticeKind.OPENS, about="x", at=now)
+    return Mail.objects.create(notice=notice)
+
+
 MAKERS: dict[Kind[Any], Callable[..., Leased]] = {
     EVALUATIONS: an_evaluation,
     TRAININGS: a_training,
     VIDEOS: a_video,
     DELIVERIES: a_delivery,
+    MAILS: a_mail,
 }
 
 
