@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from .pages import CHECKOUT, section, text
+from .pages import CHECKOUT, PAGES, section, text
 
 PAGE = "architecture.md"
 WALKS = (
@@ -19,6 +19,7 @@ WALKS = (
     "### A result to a promotion",
     "### A frame to an action",
 )
+TOP = [CHECKOUT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")]
 NAME = re.compile(r"`([\w.]+)`")
 
 
@@ -98,9 +99,10 @@ def test_each_step_of_a_walk_names_a_function_of_its_file(walk: str):
         assert function.strip("`") in defined(CHECKOUT / file.strip("`")), f"{function} in {file}"
 
 
-def test_every_file_that_is_named_exists():
-    named = re.findall(rf"`((?:{'|'.join(ROOMS)})/[\w/]*(?:\.py)?)`", text(PAGE))
-    assert len(named) > 100
+@pytest.mark.parametrize("page", [*PAGES, *TOP], ids=lambda page: page.name)
+def test_every_file_that_a_page_names_exists(page: Path):
+    named = re.findall(rf"`((?:{'|'.join(ROOMS)}|tests|scripts|static|benchmarks)/[\w/.-]*)`", page.read_text())
+    assert page.name != PAGE or len(named) > 100
     assert [name for name in named if not (CHECKOUT / name).exists()] == []
 
 
