@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from django.contrib import admin, messages
@@ -21,12 +22,25 @@ def sentence(fault: PaddockError) -> str:
 class WithReason:
     """Actions that ask for a reason on a page of their own, which says what will follow."""
 
-    def ask(
-        self, request: HttpRequest, queryset: QuerySet, *, action: str, title: str, consequence: str
+    def with_reason(
+        self,
+        request: HttpRequest,
+        queryset: QuerySet,
+        call: Callable[[Any, str], object],
+        *,
+        action: str,
+        title: str,
+        consequence: str,
+        note: str,
+        done: Callable[[int], str],
     ) -> HttpResponse | None:
-        """The page that asks, or None once a reason was given (``request.POST["reason"]``)."""
+        """The page that asks; once it was answered, ``call`` every row with the reason, log it with the ``note`` before
+        the reason, and say in the words of ``done`` how many went through."""
         reason = request.POST.get("reason")
         if reason is not None and reason.strip():
+            self.message_user(
+                request, done(self.each(request, queryset, lambda row: call(row, reason), f"{note}: {reason}"))
+            )
             return None
         context = self.admin_site.each_context(request) | {
             "title": title,

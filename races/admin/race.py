@@ -216,27 +216,19 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
 
     @admin.action(description=gettext_lazy("Cancel with a reason"), permissions=["change"])
     def cancel(self, request: HttpRequest, queryset: QuerySet[Race]) -> HttpResponse | None:
-        page = self.ask(
+        return self.with_reason(
             request,
             queryset,
+            lambda race, reason: cancel_race(race=race, reason=reason, now=timezone.now()),
             action="cancel",
             title=_("Cancel races"),
             consequence=_(
                 "Cars that wait or drive in these races are stopped. Entries and results stay to be read. Everybody "
                 "reads the reason. This cannot be taken back."
             ),
+            note="Cancelled",
+            done=lambda count: ngettext("%d race was cancelled.", "%d races were cancelled.", count) % count,
         )
-        if page is not None:
-            return page
-        reason = request.POST["reason"]
-        done = self.each(
-            request,
-            queryset,
-            lambda race: cancel_race(race=race, reason=reason, now=timezone.now()),
-            f"Cancelled: {reason}",
-        )
-        self.message_user(request, ngettext("%d race was cancelled.", "%d races were cancelled.", done) % done)
-        return None
 
     @admin.action(description=gettext_lazy("Clone to the next month"), permissions=["add"])
     def clone(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:

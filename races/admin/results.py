@@ -73,27 +73,19 @@ class EntryAdmin(ReadOnly, WithReason, admin.ModelAdmin):
 
     @admin.action(description=gettext_lazy("Remove from the race with a reason"), permissions=["steward"])
     def remove(self, request: HttpRequest, queryset: QuerySet[Entry]) -> HttpResponse | None:
-        page = self.ask(
+        return self.with_reason(
             request,
             queryset,
+            lambda entry, reason: remove_entry(entry=entry, by=request.user, now=timezone.now(), reason=reason),
             action="remove",
             title=_("Remove racers from races"),
             consequence=_(
                 "These racers leave the board, their cars that wait or drive are stopped, and they cannot enter again. "
                 "What they drove is kept, and they can be restored."
             ),
+            note="Removed",
+            done=lambda count: ngettext("%d racer was removed.", "%d racers were removed.", count) % count,
         )
-        if page is not None:
-            return page
-        reason = request.POST["reason"]
-        done = self.each(
-            request,
-            queryset,
-            lambda entry: remove_entry(entry=entry, by=request.user, now=timezone.now(), reason=reason),
-            f"Removed: {reason}",
-        )
-        self.message_user(request, ngettext("%d racer was removed.", "%d racers were removed.", done) % done)
-        return None
 
     @admin.action(description=gettext_lazy("Restore to the race"), permissions=["steward"])
     def restore(self, request: HttpRequest, queryset: QuerySet[Entry]) -> None:
