@@ -17,6 +17,7 @@ from evaluation.sandbox.policy import PolicyProcess
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import BoxPlace, RaceRules
+from tests.evaluation.test_pipeline_faults import runner  # noqa: F401
 from tests.sandbox.conftest import PAYLOADS, level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, constant_network, small_network
 
@@ -308,21 +309,7 @@ class TestACarThatFails:
         assert outcome.retired is None and outcome.rivals[0].retired is None
 
 
-@pytest.fixture
-def runner(monkeypatch):
-    """Puts a payload in the place of the runner process."""
-    launch = crew_module.launch
-
-    def replace_with(kind):
-        def hostile(_module, *, arguments, **options):
-            return launch("runners", arguments=[kind, *arguments], python_path=[PAYLOADS], **options)
-
-        monkeypatch.setattr(crew_module, "launch", hostile)
-
-    return replace_with
-
-
-def test_the_runners_time_grows_with_the_cars(job, runner):
+def test_the_runners_time_grows_with_the_cars(job, runner):  # noqa: F811  it is the fixture
     runner("race:hang")
     with pytest.raises(PlatformFault) as caught:
         evaluate(job, wall_limit_s=1.5)

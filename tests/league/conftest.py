@@ -8,16 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from league.models import Webhook
+from league.models import Season, Webhook
 from league.services.webhooks import add_webhook
 from tests.league.histories import write_season
 from tests.league.records import FEW
+from tests.league.seasons import a_season
 from tests.listening import Listener, listening
 
 
 @pytest.fixture(autouse=True)
 def _no_broker(bell: list[dict]) -> None:
     """Submissions ring the bell; no test here needs a worker to hear it."""
+
+
+@pytest.fixture
+def season(db: None) -> Season:
+    return a_season()
 
 
 @pytest.fixture

@@ -21,31 +21,14 @@ from league.selectors import (
 )
 from league.services import close_due_rounds, close_round, put_in_division, set_stage_rules
 from league.tasks import close_rounds
-from paddock.errors import UserFault
 from races.models import Entry
 from races.services import cancel_race, enter_race, submit_model
 from tests.factories import a_model, a_racer, finish, laps
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers, stand
 from tests.races.test_concurrency import at_once
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
-
-
-@pytest.fixture(autouse=True)
-def silent(bell):
-    return bell
-
-
-@pytest.fixture
-def season(db):
-    return a_season()
-
-
-def refused(code: str, call, **kwargs) -> UserFault:
-    with pytest.raises(UserFault) as caught:
-        call(**kwargs)
-    assert caught.value.code == code
-    return caught.value
 
 
 def pros(season) -> list[str]:

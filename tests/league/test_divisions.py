@@ -10,10 +10,10 @@ from django.core.exceptions import ValidationError
 from league.models import Membership, Round, Season
 from league.selectors import division_of, season_of
 from league.services import create_season, put_in_division, schedule_round
-from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
 
@@ -33,12 +33,6 @@ def november(season, division, now, number=1, **fields):
         track=a_track(),
         **(times | {"name": f"November {division}"} | fields),
     ).race
-
-
-def refused(code: str, call, **kwargs) -> None:
-    with pytest.raises(UserFault) as caught:
-        call(**kwargs)
-    assert caught.value.code == code
 
 
 def test_everybody_starts_in_the_open_division(season, alice, now):

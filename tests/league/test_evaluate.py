@@ -46,6 +46,16 @@ def refuse(fault):
     return play
 
 
+def verify(evaluation) -> tuple[int, str]:
+    """The exit status of ``manage.py verify``, and what it says."""
+    out = StringIO()
+    try:
+        call_command("verify", evaluation.public_id, stdout=out, stderr=StringIO())
+    except CommandError as error:
+        return error.returncode, out.getvalue() + str(error)
+    return 0, out.getvalue()
+
+
 class TestEvaluate:
     @needs_shared
     def test_the_consoles_car_laps_the_same_on_every_run_in_a_process_without_site_or_database(self):
@@ -183,14 +193,6 @@ class TestVerify:
         assert evaluation.state == "finished", evaluation.operator_detail
         return evaluation
 
-    def verify(self, evaluation):
-        out = StringIO()
-        try:
-            call_command("verify", evaluation.public_id, stdout=out, stderr=StringIO())
-        except CommandError as error:
-            return error.returncode, out.getvalue() + str(error)
-        return 0, out.getvalue()
-
     def test_the_site_the_command_line_and_a_second_run_agree(self, evaluation):
         result = evaluation.result
         status, out, _ = evaluate(*CAR_FILES, "--track", "oval", "--laps", "2", "--json")
@@ -199,14 +201,14 @@ class TestVerify:
         assert json.loads(out)["metrics"] == result.metrics["metrics"]
         assert result.complete_laps == 2
         assert len(result.line) == 2
-        assert self.verify(evaluation) == (
+        assert verify(evaluation) == (
             0,
             f"Evaluation {evaluation.public_id} is the same: engine {result.engine}, trace {result.trace_sha256}\n",
         )
 
     def test_what_differs_is_named(self, evaluation):
         Result.objects.update(trace_sha256="0" * 64, cpu_model="another", versions={"numpy": "1"})
-        status, said = self.verify(evaluation)
+        status, said = verify(evaluation)
         assert status == 1
         assert f"both runs are of the engine {evaluation.result.engine}" in said
         assert f"trace_sha256: was {'0' * 64}, is " in said
@@ -218,21 +220,21 @@ class TestVerify:
     def test_a_result_of_another_engine_is_told_as_that_and_not_run(self, evaluation, monkeypatch):
         monkeypatch.setattr(verifying, "evaluate", refuse(AssertionError("it was run")))
         Result.objects.update(engine="paddock-v0")
-        status, said = self.verify(evaluation)
+        status, said = verify(evaluation)
         assert (status, "different" in said) == (3, False)
         assert f"is of the engine paddock-v0, and this site drives with {ENGINE_ID}" in said
 
     def test_a_run_that_now_ends_otherwise_is_different_and_our_fault_is_neither(self, evaluation, monkeypatch):
         monkeypatch.setattr(verifying, "evaluate", refuse(UserFault("policy_died", step=3, how="signal 11")))
-        status, said = self.verify(evaluation)
+        status, said = verify(evaluation)
         assert (status, "policy_died" in said) == (1, True)
         monkeypatch.setattr(verifying, "evaluate", refuse(PlatformFault("storage_failed")))
-        assert self.verify(evaluation)[0] == 3
+        assert verify(evaluation)[0] == 3
 
     def test_only_what_has_a_result_can_be_verified(self, evaluation):
         queued = Evaluation.objects.create(
             owner=evaluation.owner, model=evaluation.model, track=evaluation.track, spec=evaluation.spec
         )
-        assert self.verify(queued) == (3, f"Evaluation {queued.public_id} has no result: it is queued.")
+        assert verify(queued) == (3, f"Evaluation {queued.public_id} has no result: it is queued.")
         queued.public_id = "unknown"
-        assert self.verify(queued) == (3, "There is no evaluation unknown.")
+        assert verify(queued) == (3, "There is no evaluation unknown.")

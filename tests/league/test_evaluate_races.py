@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from io import BytesIO, StringIO
+from io import BytesIO
 
 import pytest
-from django.core.management import CommandError, call_command
+from django.core.management import CommandError
 from django.utils import timezone
 
 from config.management.commands import evaluate as command
@@ -17,7 +17,7 @@ from league.services import house_cars
 from paddock.packages.read import UploadPart
 from paddock.rules.race import BoxPlace, RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
-from tests.league.test_evaluate import CAR, CAR_FILES, evaluate
+from tests.league.test_evaluate import CAR, CAR_FILES, evaluate, verify
 from tests.rows import track_row
 
 OTHER = house_cars()[1]
@@ -189,14 +189,6 @@ class TestTheSite:
 
         return queue_and_run
 
-    def verify(self, evaluation):
-        out = StringIO()
-        try:
-            call_command("verify", evaluation.public_id, stdout=out, stderr=StringIO())
-        except CommandError as error:
-            return error.returncode, out.getvalue() + str(error)
-        return 0, out.getvalue()
-
     @pytest.mark.parametrize(
         ("rules", "options"),
         [
@@ -218,7 +210,7 @@ class TestTheSite:
         assert report["course"]["boxes"] == evaluation.result.course["boxes"]
         assert report["crashes"] == evaluation.result.crashes
         assert report["course"]["bots"] == len(read_course(evaluation.result)["bots"]) == rules.bots
-        assert self.verify(evaluation)[0] == 0
+        assert verify(evaluation)[0] == 0
 
     def test_agrees_on_a_duel_and_names_what_differs_in_any_car(self, run, models):
         evaluation = run(RaceRules(race_type="head_to_head", laps=1), rivals=models[1:])
@@ -228,11 +220,11 @@ class TestTheSite:
         assert report["rivals"][0]["trace_sha256"] == stored.trace_sha256
         assert report["rivals"][0]["best_lap_ms"] == stored.best_lap_ms
         assert report["order"] == evaluation.result.order
-        assert self.verify(evaluation)[0] == 0
+        assert verify(evaluation)[0] == 0
 
         RivalResult.objects.update(trace_sha256="0" * 64, end_reason="retired", retired_code="policy_died")
         Result.objects.update(order=[*reversed(report["order"])], course={"boxes": [BOX]})
-        status, said = self.verify(evaluation)
+        status, said = verify(evaluation)
         assert status == 1
         for part in (
             f"car 1: trace_sha256: was {'0' * 64}, is ",

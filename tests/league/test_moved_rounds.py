@@ -9,15 +9,10 @@ from django.core.exceptions import ValidationError
 
 from races.errors import RaceRefused
 from races.services import cancel_race, edit_race
-from tests.league.seasons import HOUR, JANUARY, MONTH, a_round, a_season
+from tests.league.seasons import HOUR, JANUARY, MONTH, a_round
 
 pytestmark = pytest.mark.django_db
 NOW = JANUARY - timedelta(days=1)
-
-
-@pytest.fixture
-def season():
-    return a_season()
 
 
 def refusal(round_, **changes) -> tuple[str, str]:

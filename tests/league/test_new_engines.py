@@ -27,11 +27,6 @@ OLD, NEW = "engine-of-before", "engine-of-now"
 MINUTE = timedelta(minutes=1)
 
 
-@pytest.fixture(autouse=True)
-def silent(bell):
-    return bell
-
-
 @pytest.fixture
 def site(monkeypatch):
     """``site(engine)``: from now on this site drives with it. Before that, with the old one."""

@@ -35,11 +35,6 @@ from tests.league.seasons import HOUR, JANUARY, MONTH, a_round, a_season, after,
 pytestmark = pytest.mark.django_db
 
 
-@pytest.fixture(autouse=True)
-def silent(bell):
-    return bell
-
-
 @pytest.fixture
 def steward():
     return Racer.objects.create_superuser("steward", "steward@example.org", None)

@@ -21,7 +21,7 @@ from races.models import Race
 from races.services import edit_race
 from races.services.races import edition_of
 from tests.factories import a_track
-from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
+from tests.league.seasons import HOUR, JANUARY, a_round, after, board, racers
 from tests.races.test_concurrency import at_once
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -37,16 +37,6 @@ ABOUT_THE_DATABASE = (
     "duels_recorded",
     "telling_costs",
 )
-
-
-@pytest.fixture(autouse=True)
-def silent(bell):
-    return bell
-
-
-@pytest.fixture
-def season():
-    return a_season()
 
 
 @pytest.fixture

@@ -11,35 +11,19 @@ from evaluation.models import Evaluation
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, StewardDecision
 from league.selectors import decisions_of, season_standings
 from league.services import close_due_rounds, close_round, disqualify, put_back, reopen_round
-from paddock.errors import PlatformFault, UserFault
+from paddock.errors import PlatformFault
 from races.models import Entry
 from races.services import enter_race, remove_entry, repeat_submission, submit_model
 from tests.factories import a_model, a_racer, fail, finish, laps
-from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
+from tests.league.seasons import HOUR, a_round, after, board, racers
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
-
-
-@pytest.fixture(autouse=True)
-def silent(bell):
-    return bell
-
-
-@pytest.fixture
-def season(db):
-    return a_season()
 
 
 @pytest.fixture
 def steward(db):
     return a_racer(is_staff=True)
-
-
-def refused(code: str, call, **kwargs) -> UserFault:
-    with pytest.raises(UserFault) as caught:
-        call(**kwargs)
-    assert caught.value.code == code
-    return caught.value
 
 
 def promoted(season) -> set[int]:

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from django.test import Client
-
-from tests.pages.test_browser import FLAGS
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext
 
     from accounts.models import Racer
 
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
+FLAGS += ["--disable-background-networking", "--disable-component-update"]
+# Every test in a real browser has these marks.
+IN_A_BROWSER = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
+]
 BACKEND = "django.contrib.auth.backends.ModelBackend"
 
 
@@ -24,7 +33,7 @@ def chromium() -> Iterator[Browser]:
     """A Chromium without a window."""
     playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
     with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
+        opened = driver.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
         try:
             yield opened
         finally:

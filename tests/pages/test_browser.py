@@ -9,22 +9,15 @@ from pathlib import Path
 import pytest
 
 from tests.hostile.parts import small_car, training_folder
+from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
 from tests.shared import CONSOLE_CAR, needs_shared
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
-FLAGS += ["--disable-background-networking", "--disable-component-update"]
 DRIVE_MS = 60_000
 PASSWORD = "a long enough passphrase"
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
-]
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture(scope="module")

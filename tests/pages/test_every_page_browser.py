@@ -9,18 +9,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.pages.test_browser import CHROMIUM, FLAGS, playwright
+from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
+from tests.pages.test_browser import playwright
 from tests.pages.walk import COOKIE, Site, make_site, names_of_pages, names_walked
 
 axe = pytest.importorskip("axe_playwright_python.base", reason="axe is not installed (make dev)")
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
-    pytest.mark.django_db(transaction=True),
-]
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 360, "height": 780}
 # A theme changes colours and nothing else, so that the second theme at a width is judged by the rules of colours.
 COLOURS = {"runOnly": ["color-contrast", "link-in-text-block"]}

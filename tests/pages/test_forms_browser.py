@@ -5,24 +5,17 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from pathlib import Path
 
 import pytest
 from django.test import Client
 
-from tests.pages.browsing import BACKEND, chromium, visitor
+from tests.pages.browsing import BACKEND, IN_A_BROWSER, chromium, visitor
 from tests.pages.conftest import make_world
 from tests.pages.form_cases import CASES, Case
 from tests.pages.form_world import Cast
 from tests.pages.forms import ANYWHERE, SHELL, Form, addresses, admin_addresses, button_of, forms_in, name_of, walk
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not Path("/usr/bin/chromium").exists(), reason="Chromium is not installed"),
-    pytest.mark.django_db(transaction=True),
-]
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 WAIT_MS = 30_000
 ELSEWHERE = "mfa_"  # what a second factor needs is done in tests/pages/test_second_factor_browser.py
 PRESSED = """button => {

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 from django.utils import timezone
 
 from races.models import Entry, Race, Visibility
 from tests.factories import a_race, a_racer
-from tests.pages.browsing import chromium, visitor
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 
 PASSWORD = "a long enough passphrase"
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not Path("/usr/bin/chromium").exists(), reason="Chromium is not installed"),
-    pytest.mark.django_db(transaction=True),
-]
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import datetime, timedelta
-from pathlib import Path
 
 import pytest
 from django.utils import timezone
@@ -19,17 +18,11 @@ from races.services import submit_model
 from races.services.videos import ask_for_video
 from tests.factories import a_model, a_race, a_racer, laps, outcome, start
 from tests.films import a_driven_run, driven_trace
-from tests.pages.browsing import chromium, visitor
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from training.models import TrainingJob
 from training.vehicles import save_vehicle
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not Path("/usr/bin/chromium").exists(), reason="Chromium is not installed"),
-    pytest.mark.django_db(transaction=True),
-]
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 # every message of the polite region and every start of the player, from the moment that the page is there
 RECORD = """addEventListener("DOMContentLoaded", () => {
   window.messages = []; window.plays = 0;

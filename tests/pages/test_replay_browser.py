@@ -7,17 +7,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.pages.test_browser import CHROMIUM, FLAGS
+from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
 from tests.shared import CHECKOUT
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
-]
+pytestmark = IN_A_BROWSER
 
 PAGE = """<div data-replay="/run.json" data-play="Play" data-pause="Pause">
 <svg viewBox="0 0 10 10" data-stage><polyline points="" data-tail/><g data-others></g>

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from pathlib import Path
 
 import pytest
 from django.core.cache import cache
 
 from accounts.models import Racer
 from tests.accounts.one_time_codes import code_of
-from tests.pages.browsing import chromium, visitor
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 
 PASSWORD = "a long enough passphrase"
 AUTHENTICATOR = {
@@ -22,13 +21,7 @@ AUTHENTICATOR = {
     "isUserVerified": True,
     "automaticPresenceSimulation": True,
 }
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not Path("/usr/bin/chromium").exists(), reason="Chromium is not installed"),
-    pytest.mark.django_db(transaction=True),
-]
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
 
 def test_a_racer_adds_a_passkey_and_an_app_and_comes_in_with_each_of_them(

@@ -7,19 +7,15 @@ from time import monotonic
 
 import pytest
 
-from tests.pages.test_browser import CHROMIUM, DRIVE_MS, browser, page, playwright, sign_up
+from tests.pages.browsing import IN_A_BROWSER
+from tests.pages.test_browser import DRIVE_MS, browser, page, playwright, sign_up
 
 pytest.importorskip("torch", reason="training is not installed (make training)")
 pytest.importorskip("stable_baselines3", reason="training is not installed (make training)")
 
 __all__ = ["browser", "page"]
 TRAIN_MS = 90_000
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
-]
+pytestmark = IN_A_BROWSER
 
 
 def write(page: playwright.Page, code: str) -> None:

@@ -7,15 +7,11 @@ from time import monotonic
 
 import pytest
 
-from tests.pages.test_browser import CHROMIUM, DRIVE_MS, browser, page, playwright, race_on_the_oval, sign_up  # noqa: F401
+from tests.pages.browsing import IN_A_BROWSER
+from tests.pages.test_browser import DRIVE_MS, browser, page, playwright, race_on_the_oval, sign_up  # noqa: F401
 from tests.shared import CHECKOUT
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
-]
+pytestmark = IN_A_BROWSER
 DRAW_MS = 120_000
 HOUSE_CARS = CHECKOUT / "training" / "house_cars"
 CARD_S = 2.5  # the figures at the end

@@ -7,20 +7,13 @@ from datetime import timedelta
 import pytest
 
 from evaluation.models import State
-from paddock.errors import UserFault
 from races.models import Entry, Visibility
 from races.selectors import board
 from races.services import accept_invitation, enter_race, remove_entry, restore_entry, submit_model, withdraw
 from tests.factories import a_model, a_race, a_racer, drive, laps
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
-
-
-def refused(code: str, call, **kwargs) -> None:
-    with pytest.raises(UserFault) as caught:
-        call(**kwargs)
-    assert caught.value.code == code
-    assert "?" not in str(caught.value)
 
 
 def aliases(race) -> list[str]:

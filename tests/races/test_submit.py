@@ -21,16 +21,9 @@ from races.services import (
     withdraw,
 )
 from tests.factories import a_model, a_race, a_racer, drive, fail, finish, laps, start
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
-
-
-def refused(code: str, call, **kwargs) -> UserFault:
-    with pytest.raises(UserFault) as caught:
-        call(**kwargs)
-    assert caught.value.code == code
-    assert "?" not in str(caught.value), "every placeholder of the sentence is filled"
-    return caught.value
 
 
 def test_a_submission_enters_the_racer_and_queues_the_race_s_rules(alice, now, bell):
