@@ -33,10 +33,11 @@ test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every test (PYTEST_
 soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## the tests that take minutes each, and that "make test" leaves out
 	$(BIN)/python -m pytest -m soak -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
-lint: system-test $(VENV)/.test ## style, layering, migrations, translations
+lint: system-test $(VENV)/.test ## style, layering, types, migrations, translations
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/mypy
 	$(BIN)/python manage.py makemigrations --check --dry-run
 	$(BIN)/python scripts/lint_migrations.py
 	$(BIN)/python manage.py check

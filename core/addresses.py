@@ -46,6 +46,6 @@ def origin_of(request: HttpRequest) -> str:
         return came_in
     name, port = split_domain_port(host)
     ours = urlsplit(settings.SITE_URL)
-    named = [allowed for allowed in settings.ALLOWED_HOSTS if allowed != "*"]
+    named = [allowed for allowed in settings.ALLOWED_HOSTS if allowed and allowed != "*"]
     same_port = port == str(ours.port or "") and request.scheme == ours.scheme
-    return came_in if validate_host(name, named) and (not port or same_port) else settings.SITE_URL
+    return came_in if name and validate_host(name, named) and (not port or same_port) else settings.SITE_URL

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from django.core.files.storage import Storage
 from django.db.models.fields.files import FieldFile
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, StreamingHttpResponse
 from django.utils.cache import get_conditional_response
@@ -39,7 +40,7 @@ def stored_file_response(
     Raises FileNotFoundError when the file is gone, before anything is sent, and OSError.
     """
     etag = quote_etag(digest)
-    response = get_conditional_response(request, etag=etag)
+    response: HttpResponseBase | None = get_conditional_response(request, etag=etag)
     if response is None:
         span = _asked(request, size, etag, most or size)
         if span is None:
@@ -61,8 +62,13 @@ class _Stored(StreamingHttpResponse):
     def __init__(self, pieces: Iterator[bytes], opened: Any, **kwargs: Any) -> None:
         self.file_to_stream = None if opened is None else _Handed(opened)
         super().__init__(pieces, **kwargs)
-        if opened is not None:
-            self._resource_closers.append(opened.close)
+        self._opened = opened
+
+    def close(self) -> None:
+        """Close the file with the answer."""
+        if self._opened is not None:
+            self._opened.close()
+        super().close()
 
 
 class _Handed:
@@ -73,13 +79,16 @@ class _Handed:
 
 
 def _answer(request: HttpRequest, file: FieldFile, size: int, span: Span, content_type: str) -> HttpResponseBase:
+    if not file.name:
+        raise FileNotFoundError("no file was stored")
     response: HttpResponseBase
     if request.method == "HEAD":
         if not file.storage.exists(file.name):
             raise FileNotFoundError(file.name)
         response = HttpResponse(content_type=content_type)
     else:
-        response = _Stored(*_pieces(file, span), status=206 if span.is_part else 200, content_type=content_type)
+        pieces, opened = _pieces(file.storage, file.name, span)
+        response = _Stored(pieces, opened, status=206 if span.is_part else 200, content_type=content_type)
         if span.is_part:
             response["Content-Range"] = f"bytes {span.start}-{span.stop - 1}/{size}"
     response["Content-Length"] = str(span.stop - span.start)
@@ -106,10 +115,10 @@ def _asked(request: HttpRequest, size: int, etag: str, most: int) -> Span | None
     return Span(int(first), min(int(last) + 1 if last else int(first) + most, size))
 
 
-def _pieces(file: FieldFile, span: Span) -> tuple[Iterator[bytes], Any]:
+def _pieces(storage: Storage, name: str, span: Span) -> tuple[Iterator[bytes], Any]:
     """The bytes of a span, and the file where it lies on this machine. Opens it at once, so that a missing one is known
     before the answer begins."""
-    opened: Any = file.storage.open(file.name, "rb")
+    opened: Any = storage.open(name, "rb")
     remote = getattr(opened, "obj", None)  # of django-storages: reading such a file would fetch all of it first
     if remote is not None:
         opened.close()

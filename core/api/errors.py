@@ -90,17 +90,17 @@ def handle(exc: Exception, context: dict[str, Any]) -> Response:
         if code == status.HTTP_503_SERVICE_UNAVAILABLE:
             headers["Retry-After"] = str(RETRY_AFTER_S)
         body = _body(exc.code, explain(exc), exc.fault, exc.params)
-        if isinstance(getattr(exc, "errors", None), DjangoValidationError):  # several problems, by field
-            body["fields"] = _fields(exceptions.ValidationError(_messages(exc.errors)).get_full_details())
+        if isinstance(errors := getattr(exc, "errors", None), DjangoValidationError):  # several problems, by field
+            body["fields"] = _fields(exceptions.ValidationError(_messages(errors)).get_full_details())
         return Response(body, status=code, headers=headers)
 
     error = _as_api_exception(exc, context)
     set_rollback()
     params: dict[str, Any] = dict(getattr(error, "params", {}))
-    if getattr(error, "auth_header", None):
-        headers["WWW-Authenticate"] = error.auth_header
-    if getattr(error, "wait", None):
-        params["wait_s"] = math.ceil(error.wait)
+    if scheme := getattr(error, "auth_header", None):
+        headers["WWW-Authenticate"] = scheme
+    if wait_s := getattr(error, "wait", None):
+        params["wait_s"] = math.ceil(wait_s)
         headers["Retry-After"] = str(params["wait_s"])
     elif isinstance(error, Unavailable):
         headers["Retry-After"] = str(RETRY_AFTER_S)
@@ -110,8 +110,8 @@ def handle(exc: Exception, context: dict[str, Any]) -> Response:
         fields = _fields(error.get_full_details())
         body = _body("invalid", _summary(fields), fault, params) | {"fields": fields}
     else:
-        code = error.get_codes()
-        body = _body(code if isinstance(code, str) else error.default_code, str(error.detail), fault, params)
+        name = error.get_codes()
+        body = _body(name if isinstance(name, str) else error.default_code, str(error.detail), fault, params)
     return Response(body, status=error.status_code, headers=headers)
 
 
@@ -120,7 +120,7 @@ def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.API
         case exceptions.NotAuthenticated():
             exc.detail = exceptions.ErrorDetail(
                 _("Say who you are: send the header Authorization: Token ... (make a token in your settings)."),
-                exc.get_codes(),
+                str(exc.get_codes()),
             )
             return exc
         case exceptions.APIException():

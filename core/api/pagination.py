@@ -28,6 +28,7 @@ class Pages(PageNumberPagination):
             raise serializers.ValidationError({self.page_size_query_param: refused.detail}) from None
 
     def get_paginated_response(self, data: list) -> Response:
+        assert self.page is not None, "there is no page yet"
         return Response(
             {
                 "count": self.page.paginator.count,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from django.core.exceptions import ImproperlyConfigured
 from rest_framework.permissions import SAFE_METHODS
 from rest_framework.request import Request
 from rest_framework.throttling import ScopedRateThrottle
@@ -24,6 +25,7 @@ class WriteThrottle(ScopedRateThrottle):
     """
 
     _refused: WriteThrottle | None = None
+    _spent: WriteThrottle | None = None  # the allowance of refused ones, when that is used up
 
     def allow_request(self, request: Request, view: APIView) -> bool:
         if request.method in SAFE_METHODS or not request.user.is_authenticated:
@@ -33,7 +35,7 @@ class WriteThrottle(ScopedRateThrottle):
         if scope in self.THROTTLE_RATES:  # else they count as all others
             self._refused = WriteThrottle()
             if not self._refused._look(request, view, scope):
-                self.wait = self._refused.wait
+                self._spent = self._refused
                 self._refused._tell(request)
                 return False
         if not self._look(request, view, getattr(view, "throttle_scope", "write")):
@@ -42,6 +44,10 @@ class WriteThrottle(ScopedRateThrottle):
         self.throttle_success()
         self._tell(request)
         return True
+
+    def wait(self) -> float | None:
+        """Seconds until there is something left of the allowance that is used up."""
+        return super().wait() if self._spent is None else self._spent.wait()
 
     def count_as_refused(self) -> None:
         """Take back what this request has used up, and count it in the wider allowance of refused ones."""
@@ -60,20 +66,23 @@ class WriteThrottle(ScopedRateThrottle):
         """Whether there is something left of this allowance; counts nothing."""
         self.scope = scope
         self.rate = self.get_rate()
-        self.num_requests, self.duration = self.parse_rate(self.rate)
+        self.num_requests, self.duration = limit, window_s = self.parse_rate(self.rate)
+        if limit is None or window_s is None:
+            raise ImproperlyConfigured(f"there is no rate for {scope}")
+        self._limit, self._window_s = limit, window_s
         self.key = self.get_cache_key(request, view)
         self.history = self.cache.get(self.key, [])
         self.now = self.timer()
-        while self.history and self.history[-1] <= self.now - self.duration:
+        while self.history and self.history[-1] <= self.now - self._window_s:
             self.history.pop()
-        return len(self.history) < self.num_requests
+        return len(self.history) < self._limit
 
     def _tell(self, request: Request) -> None:
         """Leave with the request what its answer's headers say (:class:`config.delivery.Fresh`): the fields that GitHub
         and others have, by the names of the IETF's draft; seconds until the oldest of what counts does so no more."""
         oldest = self.history[-1] if self.history else self.now
-        request._request.rate_limit = {
-            "RateLimit-Limit": str(self.num_requests),
-            "RateLimit-Remaining": str(max(0, self.num_requests - len(self.history))),
-            "RateLimit-Reset": str(max(0, math.ceil(oldest + self.duration - self.now))),
+        request._request.rate_limit = {  # type: ignore[attr-defined]
+            "RateLimit-Limit": str(self._limit),
+            "RateLimit-Remaining": str(max(0, self._limit - len(self.history))),
+            "RateLimit-Reset": str(max(0, math.ceil(oldest + self._window_s - self.now))),
         }

@@ -103,7 +103,7 @@ def _pass_unwanted(reader: Reader) -> int:
         # read before the events: up to here all of them can be seen
         last = EventCursor.objects.filter(pk=EventCursor.NUMBERED).values_list("position", flat=True).first() or 0
         ahead = _ahead(reader, cursor.position).filter(position__lte=last).first()
-        passed = last if ahead is None else ahead.position - 1
+        passed = last if ahead is None or ahead.position is None else ahead.position - 1
         if passed > cursor.position:
             EventCursor.objects.filter(pk=reader.name).update(position=passed)
     return max(passed, cursor.position)

@@ -66,4 +66,5 @@ def _known(rows: list[Event]) -> set[tuple[str, str]]:
     once = [row.once for row in rows if row.once]
     if not once:
         return set()
-    return set(Event.objects.filter(kind__in={row.kind for row in rows}, once__in=once).values_list("kind", "once"))
+    known = Event.objects.filter(kind__in={row.kind for row in rows}, once__in=once)
+    return {(kind, once) for kind, once in known.values_list("kind", "once") if once}

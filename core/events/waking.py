@@ -23,7 +23,7 @@ def interested(reader: str, kinds: set[str]) -> None:
 
 def wake_readers(kinds: Collection[str]) -> None:
     """Wake whoever reads events of these kinds, once, when the present transaction is committed."""
-    waiting = {call for _savepoints, call, _robust in connection.run_on_commit if isinstance(call, _WakeUp)}
+    waiting = {entry[1] for entry in connection.run_on_commit if isinstance(entry[1], _WakeUp)}
     for reader, wanted in _INTERESTED.items():
         call = _WakeUp(reader)
         if wanted.intersection(kinds) and call not in waiting:

@@ -74,8 +74,8 @@ class SandboxedProcess:
     ) -> None:
         self.limits = limits
         self.pid: int = popen.pid
-        self.stdin: int | None = stdin
-        self.stdout: int | None = stdout
+        self._stdin: int | None = stdin
+        self._stdout: int | None = stdout
         self.deadline = time.monotonic() + limits.wall_s
         self.cpu_s = 0.0  # at its end; the limit if it ran into that; 0.0 if bubblewrap keeps it to itself
         self._popen = popen
@@ -96,6 +96,16 @@ class SandboxedProcess:
     def __exit__(self, *_exc: object) -> None:
         self.close()
 
+    @property
+    def stdin(self) -> int:
+        """Our end of the pipe that it reads. Raises ValueError once that is closed."""
+        return _still_open(self._stdin)
+
+    @property
+    def stdout(self) -> int:
+        """Our end of the pipe that it writes. Raises ValueError once that is closed."""
+        return _still_open(self._stdout)
+
     def allow(self, wall_s: float) -> None:
         """Start its wall time now, with this limit: it may have waited for its work since the launch."""
         self.limits = replace(self.limits, wall_s=wall_s)
@@ -107,7 +117,7 @@ class SandboxedProcess:
 
         None while it does not exist yet, or no more.
         """
-        if self._inner is None and self._first_process() is not None:
+        if self._inner is None and self._first_process() is not None and self._first is not None:
             self._inner = _child_of(self._first)
         return self._inner
 
@@ -178,10 +188,10 @@ class SandboxedProcess:
 
     def close_pipes(self) -> None:
         """Close our ends of its stdin and stdout (another process has its own)."""
-        for fd in (self.stdin, self.stdout):
+        for fd in (self._stdin, self._stdout):
             if fd is not None:
                 os.close(fd)
-        self.stdin = self.stdout = None
+        self._stdin = self._stdout = None
 
     def stderr_text(self) -> str:
         """What it wrote to stderr so far, at most 64 kB (the first), for operators: a stranger may have written it."""
@@ -375,6 +385,12 @@ def widen_pipe(fd: int) -> None:
     """Let the pipe hold 1 MB (a 20 MB network then needs a hundredth of the wake-ups), if the host permits."""
     with contextlib.suppress(OSError):
         fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
+
+
+def _still_open(fd: int | None) -> int:
+    if fd is None:
+        raise ValueError("its pipes are closed")
+    return fd
 
 
 def _read_child_pid(info: int) -> int | None:

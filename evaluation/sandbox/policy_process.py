@@ -81,7 +81,8 @@ def fetch_memory(frames_in: int) -> None:
     first byte of a request, between two blocks."""
     poller = select.poll()
     poller.register(frames_in, select.POLLIN)
-    held, wait_ms = [], _IDLE_MS
+    held: list[bytes] = []
+    wait_ms = _IDLE_MS
     while len(held) < _BLOCKS and not poller.poll(wait_ms):
         held.append(b"\1" * _BLOCK)
         wait_ms = 0
@@ -190,7 +191,7 @@ class Policy:
             raise Refused(plain(f"its inputs are {sorted(inputs)} where the sensors are {sorted(observations)}"))
         for name, observation in observations.items():
             node = inputs[name]
-            feed = np.zeros(_static(node), _dtype(node))
+            feed: np.ndarray = np.zeros(_static(node), _dtype(node))
             self._feeds.append((feed, _layout(observation, feed.shape)))
             self._named[name] = feed
             self._binding.bind_input(node.name, "cpu", 0, feed.dtype.type, feed.shape, feed.ctypes.data)
@@ -200,7 +201,7 @@ class Policy:
         shape = _static(node)
         if others or math.prod(shape) != self._action.size:
             raise Refused(f"its output is not one row of {self._action.size} values")
-        output = np.zeros(shape, _dtype(node))
+        output: np.ndarray = np.zeros(shape, _dtype(node))
         self._binding.bind_output(node.name, "cpu", 0, output.dtype.type, output.shape, output.ctypes.data)
         self._output = output.reshape(-1)
 

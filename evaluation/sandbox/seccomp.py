@@ -12,6 +12,7 @@ import ctypes
 import errno
 import functools
 import os
+from typing import Any
 
 # What Python, numpy, OpenCV, Bullet and onnxruntime need to compute and to use pipes that are already open.
 _COMPUTE = (
@@ -83,11 +84,11 @@ def install(program: bytes) -> None:
         raise OSError(code, f"seccomp: {os.strerror(code)} ({result})")
 
 
-def _allow(scmp, rules, name: str, *arguments) -> None:
+def _allow(scmp: Any, rules: Any, name: str, *arguments: Any) -> None:
     _add(scmp, rules, scmp.ALLOW, name, *arguments)
 
 
-def _add(scmp, rules, action: int, name: str, *arguments) -> None:
+def _add(scmp: Any, rules: Any, action: int, name: str, *arguments: Any) -> None:
     try:
         rules.add_rule(action, name, *arguments)
     except OSError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+from collections.abc import Callable
 
 from .frames import write_message
 
@@ -23,7 +24,7 @@ def main(_frames_in: int, frames_out: int) -> None:
     )
 
 
-def _works(attempt) -> bool:
+def _works(attempt: Callable[[], object]) -> bool:
     try:
         attempt()
     except OSError:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from paddock.errors import UserFault
 
 Points = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.floating]  # of any precision
 
 DUPLICATE_M = 0.02  # deepracer-simapp drops a waypoint nearer than this to the one before (DIST_THRESHOLD)
 MIN_WAYPOINTS = 8

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .checks import Points, check_road, clean_rows, cross, inside, signed_area
+from .checks import Floats, Points, check_road, clean_rows, cross, inside, signed_area
 from .road import Road
 
 CCW = "ccw"
@@ -47,7 +47,7 @@ class Projection(NamedTuple):
     distance: float
     offset: float
     heading: float
-    index: int
+    index: int  # type: ignore[assignment]  # a tuple's own `index` finds values; of a projection nobody asks that
 
 
 class TrackGeometry:
@@ -68,6 +68,13 @@ class TrackGeometry:
     length: float
     direction: str
     bounds: tuple[float, float, float, float]
+    _left_m: list[float]
+    _right_m: list[float]
+    _starts: list[float]
+    _segments: list[_Segment]
+    _table: Points
+    _steps: Points
+    _road: Road
 
     def __init__(self, name: str, centre: Points, inner: Points, outer: Points) -> None:
         """Take rows that are already clean and checked; callers outside this module use :meth:`from_arrays`."""
@@ -94,7 +101,7 @@ class TrackGeometry:
         put["_right_m"] = _reach(self.centre, -normals, self.right).tolist()
         put["_starts"] = self.cumulative.tolist()
         put["_segments"] = list(_segments(self, tangents))
-        put["_table"] = _frozen(self._segments)
+        put["_table"] = _frozen(np.array(self._segments))
         put["_steps"] = _frozen(steps)
         put["_road"] = Road(self.inner, self.outer)
 
@@ -183,7 +190,7 @@ class TrackGeometry:
         scale = offset / math.sqrt(tx * tx + ty * ty)
         return ax + t * ex - ty * scale, ay + t * ey + tx * scale, math.atan2(ty, tx)
 
-    def points_at(self, distances: Points, offsets: Points | float = 0.0) -> Points:
+    def points_at(self, distances: Floats, offsets: Floats | float = 0.0) -> Points:
         """(N, 2): the points of :meth:`point_at` for many distances at once, to the last bit."""
         index, t = self._places(distances)
         ax, ay, ex, ey, tx, ty, ux, uy = self._table[index, :8].T
@@ -192,7 +199,7 @@ class TrackGeometry:
         scale = offsets / np.sqrt(tx * tx + ty * ty)
         return np.column_stack((ax + t * ex - ty * scale, ay + t * ey + tx * scale))
 
-    def half_widths_along(self, distances: Points) -> tuple[Points, Points]:
+    def half_widths_along(self, distances: Floats) -> tuple[Points, Points]:
         """:meth:`half_widths_at` for many distances at once, to the last bit."""
         index, t = self._places(distances)
         after = (index + 1) % len(self._starts)
@@ -275,7 +282,7 @@ class TrackGeometry:
         start, size = self._segments[index][10:12]
         return index, min((distance - start) / size, 1.0)
 
-    def _places(self, distances: Points) -> tuple[np.ndarray, Points]:
+    def _places(self, distances: Floats) -> tuple[np.ndarray, Points]:
         """:meth:`_place` for many distances."""
         distances = np.asarray(distances, np.float64) % self.length
         index = np.searchsorted(self.cumulative, distances, side="right") - 1

@@ -13,7 +13,11 @@ import numpy as np
 from .model import BOOL, DTYPES, FLOAT, FLOAT16, Node
 
 Function = Callable[..., np.ndarray | tuple[np.ndarray, ...]]
-_erf = np.frompyfunc(math.erf, 1, 1)
+_ERF = np.frompyfunc(math.erf, 1, 1)
+
+
+def _erf(x: np.ndarray) -> np.ndarray:
+    return np.asarray(_ERF(x), np.float64)
 
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
@@ -25,27 +29,27 @@ def _softplus(x: np.ndarray) -> np.ndarray:
 
 
 def _gelu(node: Node, x: np.ndarray) -> np.ndarray:
-    if node.attributes.get("approximate", "none") == "tanh":
+    if node.text("approximate", "none") == "tanh":
         return 0.5 * x * (1.0 + np.tanh(math.sqrt(2.0 / math.pi) * (x + 0.044715 * x * x * x)))
-    return 0.5 * x * (1.0 + _erf(x / math.sqrt(2.0)).astype(np.float64))
+    return 0.5 * x * (1.0 + _erf(x / math.sqrt(2.0)))
 
 
 def _elu(node: Node, x: np.ndarray) -> np.ndarray:
-    return np.where(x < 0, node.attributes.get("alpha", 1.0) * np.expm1(x), x)
+    return np.where(x < 0, node.real("alpha", 1.0) * np.expm1(x), x)
 
 
 def _celu(node: Node, x: np.ndarray) -> np.ndarray:
-    alpha = node.attributes.get("alpha", 1.0)
+    alpha = node.real("alpha", 1.0)
     return np.maximum(x, 0.0) + np.minimum(alpha * np.expm1(x / alpha), 0.0)
 
 
 def _selu(node: Node, x: np.ndarray) -> np.ndarray:
-    alpha = node.attributes.get("alpha", 1.67326319217681884765625)
-    return node.attributes.get("gamma", 1.05070102214813232421875) * np.where(x <= 0, alpha * np.expm1(x), x)
+    alpha = node.real("alpha", 1.67326319217681884765625)
+    return node.real("gamma", 1.05070102214813232421875) * np.where(x <= 0, alpha * np.expm1(x), x)
 
 
 def _hard_sigmoid(node: Node, x: np.ndarray) -> np.ndarray:
-    return np.clip(node.attributes.get("alpha", 0.2) * x + node.attributes.get("beta", 0.5), 0.0, 1.0)
+    return np.clip(node.real("alpha", 0.2) * x + node.real("beta", 0.5), 0.0, 1.0)
 
 
 def _clip(_node: Node, x: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None) -> np.ndarray:
@@ -65,7 +69,7 @@ def _pow(_node: Node, base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
 def cast(node: Node, x: np.ndarray) -> np.ndarray:
     """Floats stay float64, rounded to what the type can hold. Whole numbers out of a type's range become its ends: what
     a processor makes of them is its own affair."""
-    target = node.attributes["to"]
+    target = node.whole("to")
     if target == BOOL:
         return x != 0
     if target in (FLOAT, FLOAT16):
@@ -98,10 +102,10 @@ def _mean(_node: Node, *values: np.ndarray) -> np.ndarray:
 
 def _axes(node: Node, x: np.ndarray, given: np.ndarray | None) -> tuple[int, ...] | None:
     """Over which axes to reduce; None for none at all."""
-    axes = node.attributes.get("axes") if given is None else [int(axis) for axis in given.reshape(-1)]
+    axes = node.wholes("axes") if given is None else [int(axis) for axis in given.reshape(-1)]
     if axes:
         return tuple(axes)
-    return None if node.attributes.get("noop_with_empty_axes", 0) else tuple(range(x.ndim))
+    return None if node.whole("noop_with_empty_axes", 0) else tuple(range(x.ndim))
 
 
 def _reduce(function: Callable[..., np.ndarray]) -> Function:
@@ -109,7 +113,7 @@ def _reduce(function: Callable[..., np.ndarray]) -> Function:
 
     def over(node: Node, x: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
         axes = _axes(node, x, given)
-        return x if axes is None else function(x, axes, bool(node.attributes.get("keepdims", 1)))
+        return x if axes is None else function(x, axes, bool(node.whole("keepdims", 1)))
 
     return over
 
@@ -128,7 +132,7 @@ ARITHMETIC: dict[str, Function] = {
     "Reciprocal": lambda _, x: 1.0 / x,
     "Exp": lambda _, x: np.exp(x),
     "Log": lambda _, x: np.log(x),
-    "Erf": lambda _, x: _erf(x).astype(np.float64),
+    "Erf": lambda _, x: _erf(x),
     "Floor": lambda _, x: np.floor(x),
     "Ceil": lambda _, x: np.ceil(x),
     "Round": lambda _, x: np.rint(x),  # halves to the even one, as the standard says
@@ -141,11 +145,11 @@ ARITHMETIC: dict[str, Function] = {
     "HardSwish": lambda _, x: x * np.clip(x / 6.0 + 0.5, 0.0, 1.0),
     "Mish": lambda _, x: x * np.tanh(_softplus(x)),
     "PRelu": lambda _, x, slope: np.where(x < 0, slope * x, x),
-    "LeakyRelu": lambda node, x: np.where(x < 0, node.attributes.get("alpha", 0.01) * x, x),
+    "LeakyRelu": lambda node, x: np.where(x < 0, node.real("alpha", 0.01) * x, x),
     "Elu": _elu,
     "Celu": _celu,
     "Selu": _selu,
-    "ThresholdedRelu": lambda node, x: np.where(x > node.attributes.get("alpha", 1.0), x, 0.0),
+    "ThresholdedRelu": lambda node, x: np.where(x > node.real("alpha", 1.0), x, 0.0),
     "HardSigmoid": _hard_sigmoid,
     "Gelu": _gelu,
     "Clip": _clip,

@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
+from .arithmetic import Function
 from .model import Node
 
 
 def _reshape(node: Node, x: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    zero_is_zero = node.attributes.get("allowzero", 0)
+    zero_is_zero = node.whole("allowzero", 0)
     return x.reshape(
         [x.shape[place] if size == 0 and not zero_is_zero else size for place, size in enumerate(shape.tolist())]
     )
 
 
 def _flatten(node: Node, x: np.ndarray) -> np.ndarray:
-    axis = node.attributes.get("axis", 1)
+    axis = node.whole("axis", 1)
     axis += x.ndim if axis < 0 else 0
     return x.reshape(math.prod(x.shape[:axis]), -1)
 
 
 def _squeeze(node: Node, x: np.ndarray, axes: np.ndarray | None = None) -> np.ndarray:
-    given = node.attributes.get("axes") if axes is None else axes.tolist()
+    given = node.wholes("axes") if axes is None else axes.tolist()
     return np.squeeze(x, None if given is None else tuple(given))
 
 
 def _unsqueeze(node: Node, x: np.ndarray, axes: np.ndarray | None = None) -> np.ndarray:
-    return np.expand_dims(x, tuple(node.attributes["axes"] if axes is None else axes.tolist()))
+    return np.expand_dims(x, tuple((node.wholes("axes") or []) if axes is None else axes.tolist()))
 
 
 def _slice(
@@ -54,8 +56,8 @@ def _slice(
 
 
 def _split(node: Node, x: np.ndarray, sizes: np.ndarray | None = None) -> tuple[np.ndarray, ...]:
-    axis = node.attributes.get("axis", 0)
-    given = node.attributes.get("split") if sizes is None else sizes.tolist()
+    axis = node.whole("axis", 0)
+    given = node.wholes("split") if sizes is None else sizes.tolist()
     if not given:
         count = len(node.outputs)
         part = -(-x.shape[axis] // count)
@@ -64,11 +66,11 @@ def _split(node: Node, x: np.ndarray, sizes: np.ndarray | None = None) -> tuple[
 
 
 def _shape(node: Node, x: np.ndarray) -> np.ndarray:
-    return np.array(x.shape, np.int64)[node.attributes.get("start") : node.attributes.get("end")]
+    return np.array(x.shape, np.int64)[node.whole("start", 0) : node.whole("end", x.ndim)]
 
 
 def _constant_of_shape(node: Node, shape: np.ndarray) -> np.ndarray:
-    value = node.attributes.get("value", np.zeros(1, np.float32)).reshape(-1)[0]
+    value = node.array("value", np.zeros(1, np.float32)).reshape(-1)[0]
     return np.full(tuple(shape.tolist()), value, np.float64 if value.dtype.kind == "f" else value.dtype)
 
 
@@ -84,16 +86,19 @@ def _pad(
     cut = [slice(max(0, -low), size - max(0, -high)) for low, high, size in zip(before, after, x.shape, strict=True)]
     x = x[tuple(cut)]
     width = [(max(0, low), max(0, high)) for low, high in zip(before, after, strict=True)]
-    mode = node.attributes.get("mode", "constant")
+    mode = node.text("mode", "constant")
     if mode == "constant":
         return np.pad(x, width, constant_values=0 if value is None else value.reshape(-1)[0])
-    return np.pad(x, width, {"reflect": "reflect", "edge": "edge", "wrap": "wrap"}[mode])
+    return np.pad(x, width, _PADDING[mode])
+
+
+_PADDING: dict[str, Literal["reflect", "edge", "wrap"]] = {"reflect": "reflect", "edge": "edge", "wrap": "wrap"}
 
 
 def _depth_to_space(node: Node, x: np.ndarray) -> np.ndarray:
-    block = node.attributes["blocksize"]
+    block = node.whole("blocksize")
     count, depth, height, width = x.shape
-    if node.attributes.get("mode", "DCR") == "DCR":
+    if node.text("mode", "DCR") == "DCR":
         x = x.reshape(count, block, block, depth // block**2, height, width).transpose(0, 3, 4, 1, 5, 2)
     else:
         x = x.reshape(count, depth // block**2, block, block, height, width).transpose(0, 1, 4, 2, 5, 3)
@@ -101,27 +106,27 @@ def _depth_to_space(node: Node, x: np.ndarray) -> np.ndarray:
 
 
 def _space_to_depth(node: Node, x: np.ndarray) -> np.ndarray:
-    block = node.attributes["blocksize"]
+    block = node.whole("blocksize")
     count, depth, height, width = x.shape
     x = x.reshape(count, depth, height // block, block, width // block, block).transpose(0, 3, 5, 1, 2, 4)
     return x.reshape(count, depth * block**2, height // block, width // block)
 
 
 def _transpose(node: Node, x: np.ndarray) -> np.ndarray:
-    return np.transpose(x, node.attributes.get("perm"))
+    return np.transpose(x, node.wholes("perm"))
 
 
 def _gather(node: Node, x: np.ndarray, places: np.ndarray) -> np.ndarray:
-    return np.take(x, places, node.attributes.get("axis", 0))
+    return np.take(x, places, node.whole("axis", 0))
 
 
 def _expand(_node: Node, x: np.ndarray, shape: np.ndarray) -> np.ndarray:
     return np.broadcast_to(x, np.broadcast_shapes(x.shape, tuple(shape.tolist())))
 
 
-ARRANGEMENT = {
+ARRANGEMENT: dict[str, Function] = {
     "Identity": lambda _, x: x,
-    "Concat": lambda node, *parts: np.concatenate(parts, node.attributes["axis"]),
+    "Concat": lambda node, *parts: np.concatenate(parts, node.whole("axis")),
     "Flatten": _flatten,
     "Reshape": _reshape,
     "Squeeze": _squeeze,

@@ -11,18 +11,27 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from paddock.errors import UserFault
 
-from .model import FLOAT, Bounds, Model, Node, Port, read_model
+from .model import FLOAT, Model, Node, Port, read_model
 from .wire import printable
 from .written import model_bytes
 
 OUTPUT_NAME = "actions"
 IR_VERSION = 10
-_ANY = Bounds(wire_fields=1 << 30, nodes=1 << 30, tensor_elements=1 << 40, model_bytes=1 << 40)  # it was admitted
+
+
+class _Admitted(NamedTuple):
+    """Bounds of a file that was admitted: as good as none."""
+
+    wire_fields: int = 1 << 30
+    nodes: int = 1 << 30
+    tensor_elements: int = 1 << 40
+    model_bytes: int = 1 << 40
 
 
 @dataclass
@@ -39,7 +48,7 @@ class Network:
     def read(cls, onnx: bytes) -> Network:
         """What :func:`write_model` wrote, with its weights as views into the bytes. Raises UserFault for anything
         else."""
-        model = read_model(onnx, _ANY)
+        model = read_model(onnx, _Admitted())
         if len(model.outputs) != 1 or any(None in port.dims for port in (*model.inputs, *model.outputs)):
             raise UserFault("onnx_dynamic")
         return cls(model.opset, model.inputs, model.outputs[0], model.nodes, model.weights)

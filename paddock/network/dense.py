@@ -29,7 +29,8 @@ class Read(Shapes):
 
     def __init__(self, shapes: Shapes) -> None:
         super().__init__(shapes)
-        self._known, self._read = dict(shapes), set()
+        self._known = dict(shapes)
+        self._read: set[str] = set()
 
     def __getitem__(self, name: str) -> tuple[int, ...]:
         self._read.add(name)
@@ -68,7 +69,7 @@ def _layer(
     plain = all(node.attributes.get(scale, 1.0) == 1.0 for scale in ("alpha", "beta"))
     if weights is None or weights.ndim != 2 or weights.dtype != np.float32 or not plain or readers[name] > 1:
         return None
-    if not node.attributes.get("transB", 0):
+    if not node.whole("transB", 0):
         weights = weights.T
     outputs, inputs = weights.shape
     if weights.size < LEAST_WEIGHTS or outputs < LEAST_OUTPUTS or inputs % _LANES:
@@ -117,7 +118,7 @@ def _picture(network: Network, row: str, shapes: Shapes) -> tuple[str, bool] | N
         return None
     picture, turned = flat.inputs[0], False
     maker = makers.get(picture)
-    if maker is not None and maker.op == "Transpose" and maker.attributes.get("perm") == [0, 2, 3, 1]:
+    if maker is not None and maker.op == "Transpose" and maker.wholes("perm") == [0, 2, 3, 1]:
         picture, turned = maker.inputs[0], True
     shape = shapes[picture]
     if picture in network.weights or len(shape) != 4 or shape[1] % _LANES or math.prod(shape) != shapes[row][1]:

@@ -33,11 +33,10 @@ def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _gemm(node: Node, a: np.ndarray, b: np.ndarray, c: np.ndarray | None = None) -> np.ndarray:
-    at = node.attributes
-    a, b = (a.T if at.get("transA", 0) else a), (b.T if at.get("transB", 0) else b)
+    a, b = (a.T if node.whole("transA", 0) else a), (b.T if node.whole("transB", 0) else b)
     # of one row in the weights' own order, in which a part of them lies together
     result = _product(b.T, a.T).T if a.shape[0] == 1 else _product(a, b)
-    alpha, beta = at.get("alpha", 1.0), at.get("beta", 1.0)
+    alpha, beta = node.real("alpha", 1.0), node.real("beta", 1.0)
     result = result if alpha == 1.0 else alpha * result
     return result if c is None else result + (_wide(c) if beta == 1.0 else beta * _wide(c))
 
@@ -52,14 +51,14 @@ class Windows:
     """How a window goes over a picture: sizes, steps and edges along each axis of space."""
 
     def __init__(self, node: Node, space: tuple[int, ...], kernel: list[int]) -> None:
-        at, rank = node.attributes, len(space)
+        rank = len(space)
         self.kernel = kernel
-        self.strides = at.get("strides") or [1] * rank
-        self.dilations = at.get("dilations") or [1] * rank
-        pads = at.get("pads") or [0] * (2 * rank)
+        self.strides = node.wholes("strides") or [1] * rank
+        self.dilations = node.wholes("dilations") or [1] * rank
+        pads = node.wholes("pads") or [0] * (2 * rank)
         self.before, self.after = list(pads[:rank]), list(pads[rank:])
         reach = [dilation * (size - 1) + 1 for dilation, size in zip(self.dilations, kernel, strict=True)]
-        auto = at.get("auto_pad", "NOTSET")
+        auto = node.text("auto_pad", "NOTSET")
         if auto == "VALID":
             self.before, self.after = [0] * rank, [0] * rank
         elif auto.startswith("SAME"):
@@ -74,7 +73,7 @@ class Windows:
             stride = self.strides[axis]
             count = left // stride + 1
             # with ceil_mode one more may begin, but within the picture or its edge before it
-            if at.get("ceil_mode", 0) and left % stride and count * stride < size + self.before[axis]:
+            if node.whole("ceil_mode", 0) and left % stride and count * stride < size + self.before[axis]:
                 count += 1
             self.counts.append(count)
         # what the last windows reach beyond the picture and its edges
@@ -101,7 +100,7 @@ class Windows:
 
 def _conv(node: Node, x: np.ndarray, kernel: np.ndarray, bias: np.ndarray | None = None) -> np.ndarray:
     """As one matrix product over what the windows see (im2col)."""
-    groups = node.attributes.get("group", 1)
+    groups = node.whole("group", 1)
     windows = Windows(node, x.shape[2:], list(kernel.shape[2:]))
     seen = windows.of(x, 0.0)
     count, filters, rank = x.shape[0], len(kernel), len(windows.kernel)
@@ -122,15 +121,15 @@ def _channels(values: np.ndarray, ndim: int) -> np.ndarray:
 
 
 def _max_pool(node: Node, x: np.ndarray) -> np.ndarray:
-    windows = Windows(node, x.shape[2:], node.attributes["kernel_shape"])
+    windows = Windows(node, x.shape[2:], node.wholes("kernel_shape") or [])
     lowest = -np.inf if x.dtype.kind == "f" else np.iinfo(x.dtype).min
     return windows.of(x, lowest).max(axis=tuple(range(x.ndim, 2 * x.ndim - 2)))
 
 
 def _average_pool(node: Node, x: np.ndarray) -> np.ndarray:
-    windows = Windows(node, x.shape[2:], node.attributes["kernel_shape"])
+    windows = Windows(node, x.shape[2:], node.wholes("kernel_shape") or [])
     axes = tuple(range(x.ndim, 2 * x.ndim - 2))
-    counted = 1.0 if node.attributes.get("count_include_pad", 0) else 0.0
+    counted = 1.0 if node.whole("count_include_pad", 0) else 0.0
     total = windows.of(x, 0.0).sum(axis=axes)
     return total / windows.of(np.ones((1, 1, *x.shape[2:])), counted, 0.0).sum(axis=axes)
 
@@ -148,30 +147,30 @@ def _batch_norm(
     node: Node, x: np.ndarray, scale: np.ndarray, bias: np.ndarray, mean: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
     scale, bias, mean, variance = (_channels(values, x.ndim) for values in (scale, bias, mean, variance))
-    return (x - mean) / np.sqrt(variance + node.attributes.get("epsilon", 1e-5)) * scale + bias
+    return (x - mean) / np.sqrt(variance + node.real("epsilon", 1e-5)) * scale + bias
 
 
 def _instance_norm(node: Node, x: np.ndarray, scale: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    normal = _normal(x, tuple(range(2, x.ndim)), node.attributes.get("epsilon", 1e-5))
+    normal = _normal(x, tuple(range(2, x.ndim)), node.real("epsilon", 1e-5))
     return normal * _channels(scale, x.ndim) + _channels(bias, x.ndim)
 
 
 def _layer_norm(node: Node, x: np.ndarray, scale: np.ndarray, bias: np.ndarray | None = None) -> np.ndarray:
-    axis = node.attributes.get("axis", -1) % x.ndim
-    normal = _normal(x, tuple(range(axis, x.ndim)), node.attributes.get("epsilon", 1e-5)) * _wide(scale)
+    axis = node.whole("axis", -1) % x.ndim
+    normal = _normal(x, tuple(range(axis, x.ndim)), node.real("epsilon", 1e-5)) * _wide(scale)
     return normal if bias is None else normal + _wide(bias)
 
 
 def _group_norm(node: Node, x: np.ndarray, scale: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    groups, channels = node.attributes["num_groups"], x.shape[1]
+    groups, channels = node.whole("num_groups"), x.shape[1]
     grouped = x.reshape(x.shape[0], groups, -1)
-    normal = _normal(grouped, (2,), node.attributes.get("epsilon", 1e-5)).reshape(x.shape)
+    normal = _normal(grouped, (2,), node.real("epsilon", 1e-5)).reshape(x.shape)
     # one for each group until version 21, one for each channel since
     scale, bias = (np.repeat(_wide(v), channels // v.size) if v.size != channels else v for v in (scale, bias))
     return normal * _channels(scale, x.ndim) + _channels(bias, x.ndim)
 
 
-LAYERS = {
+LAYERS: dict[str, Callable[..., np.ndarray]] = {
     "Conv": _conv,
     "Gemm": _gemm,
     "MatMul": _matmul,

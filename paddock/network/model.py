@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -38,14 +39,17 @@ _MAX_NAME = 1000
 _MAX_RANK = 8
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """What a file may hold; :class:`paddock.packages.limits.PackageLimits` has the same names."""
+class Bounds(Protocol):
+    """What a file may hold; :class:`paddock.packages.limits.PackageLimits` says it for an upload."""
 
-    wire_fields: int
-    nodes: int
-    tensor_elements: int
-    model_bytes: int
+    @property
+    def wire_fields(self) -> int: ...
+    @property
+    def nodes(self) -> int: ...
+    @property
+    def tensor_elements(self) -> int: ...
+    @property
+    def model_bytes(self) -> int: ...
 
 
 class Rejected:
@@ -53,6 +57,7 @@ class Rejected:
 
 
 REJECTED = Rejected()
+T = TypeVar("T")
 Attribute = int | float | str | list[int] | list[float] | np.ndarray | Rejected
 
 
@@ -66,6 +71,37 @@ class Node:
     attributes: dict[str, Attribute]
     name: str = ""
 
+    def whole(self, name: str, default: int | None = None) -> int:
+        """A whole number. Raises KeyError for one that is missing without a default, TypeError for another type."""
+        return self._single(name, int, default)
+
+    def real(self, name: str, default: float) -> float:
+        """A float. Raises TypeError for another type."""
+        return self._single(name, float, default)
+
+    def text(self, name: str, default: str) -> str:
+        """A text. Raises TypeError for another type."""
+        return self._single(name, str, default)
+
+    def array(self, name: str, default: np.ndarray) -> np.ndarray:
+        """A tensor. Raises TypeError for another type."""
+        return self._single(name, np.ndarray, default)
+
+    def wholes(self, name: str) -> list[int] | None:
+        """A list of whole numbers, None without the attribute. Raises TypeError for another type."""
+        value = self.attributes.get(name)
+        if value is not None and not isinstance(value, list):
+            raise TypeError(name)
+        return None if value is None else [int(item) for item in value]
+
+    def _single(self, name: str, kind: type[T], default: T | None) -> T:
+        value = self.attributes.get(name, default)
+        if value is None:
+            raise KeyError(name)
+        if not isinstance(value, kind):
+            raise TypeError(name)
+        return value
+
 
 @dataclass
 class Port:
@@ -74,6 +110,14 @@ class Port:
     name: str
     dtype: int
     dims: list[int | None]
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The dims of a port whose sizes are all fixed. Raises ValueError for another."""
+        fixed = tuple(size for size in self.dims if size is not None)
+        if len(fixed) < len(self.dims):
+            raise ValueError(f"{self.name} has a size that is not fixed")
+        return fixed
 
 
 @dataclass
@@ -369,7 +413,7 @@ class _Reader:
         if sum((raw is not None, bool(floats), bool(whole))) > 1:
             raise UserFault("onnx_tensor")
         if floats or raw is not None:
-            content = b"".join(floats) if floats else raw
+            content = b"".join(floats) if floats or raw is None else raw
             if (floats and dtype != DTYPES[FLOAT]) or len(content) % dtype.itemsize:
                 raise UserFault("onnx_tensor")
             if dtype.kind == "b" and np.frombuffer(content, "u1").max(initial=0) > 1:

@@ -37,7 +37,7 @@ def _reading(dtype: str, shape: tuple[int, ...], top: int, frame: int) -> np.nda
     elif frame == 5:  # from dark to bright
         values = top * (places / max(1, places.size - 1))
     elif frame == 6:  # blocks
-        values = top * ((places // 8 + places // (8 * 160)) % 2)
+        values = top * ((places // 8 + places // (8 * 160)) % 2).astype(np.float64)
     else:  # a few bright lines on grey
         values = np.where(places % 37 < 3, top, top * 0.25)
     if np.dtype(dtype).kind == "u":

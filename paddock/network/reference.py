@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .arithmetic import ARITHMETIC
+from .arithmetic import ARITHMETIC, Function
 from .arrangement import ARRANGEMENT
 from .canonical import Network
 from .layers import LAYERS
@@ -25,8 +25,8 @@ _IN_PARTS = ("Conv", "Gemm", "MatMul")  # they widen large weights themselves, a
 
 def _softmax_axes(opset: int, node: Node, x: np.ndarray) -> tuple[int, ...]:
     if opset >= 13:
-        return (node.attributes.get("axis", -1),)
-    return tuple(range(node.attributes.get("axis", 1) % x.ndim, x.ndim))  # all behind it, as one row
+        return (node.whole("axis", -1),)
+    return tuple(range(node.whole("axis", 1) % x.ndim, x.ndim))  # all behind it, as one row
 
 
 class Reference:
@@ -40,7 +40,7 @@ class Reference:
         self._functions = [self._function(node.op) for node in network.nodes]
         self._last = {name: place for place, node in enumerate(network.nodes) for name in node.inputs}
 
-    def _function(self, op: str):
+    def _function(self, op: str) -> Function:
         opset = self._network.opset
         if op in ("Softmax", "LogSoftmax"):
             exponential = ARITHMETIC["ReduceLogSumExp"]
@@ -113,5 +113,5 @@ _STEPS = {
 def _is_step(node: Node, inputs: list[np.ndarray | None]) -> bool:
     floats = any(value is not None and value.dtype.kind == "f" for value in inputs)
     if node.op == "Cast":
-        return floats and node.attributes["to"] != FLOAT
+        return floats and node.whole("to") != FLOAT
     return floats and node.op in _STEPS

@@ -21,13 +21,12 @@ def resize(
     sizes: np.ndarray | None = None,
 ) -> np.ndarray:
     """The picture ``x`` in its new size."""
-    at = node.attributes
-    axes = [axis % x.ndim for axis in at.get("axes") or range(x.ndim)]
-    sides = _sides(x.shape, axes, scales, sizes, at.get("keep_aspect_ratio_policy", "stretch"))
+    axes = [axis % x.ndim for axis in node.wholes("axes") or range(x.ndim)]
+    sides = _sides(x.shape, axes, scales, sizes, node.text("keep_aspect_ratio_policy", "stretch"))
     starts = dict.fromkeys(axes, (_F(0), _F(1)))
     if roi is not None and roi.size == 2 * len(axes):
         starts = {axis: (_F(roi[place]), _F(roi[place + len(axes)])) for place, axis in enumerate(axes)}
-    cropped = at.get("coordinate_transformation_mode") == "tf_crop_and_resize"
+    cropped = node.text("coordinate_transformation_mode", "half_pixel") == "tf_crop_and_resize"
     result = x
     missed: dict[int, np.ndarray] = {}
     for axis, (length, scale) in sides.items():
@@ -40,7 +39,7 @@ def resize(
         result = _along(node, result, axis, places)
     for axis, away in missed.items():
         result = np.moveaxis(result, axis, 0).copy()
-        result[away] = at.get("extrapolation_value", 0.0)
+        result[away] = node.real("extrapolation_value", 0.0)
         result = np.moveaxis(result, 0, axis)
     return result
 
@@ -50,7 +49,7 @@ def _sides(
 ) -> dict[int, tuple[int, np.float32]]:
     """For each axis its new length and the scale."""
     if sizes is None or not sizes.size:
-        given = {axis: _F(scale) for axis, scale in zip(axes, scales.tolist(), strict=True)}
+        given = {axis: _F(scale) for axis, scale in zip(axes, [] if scales is None else scales.tolist(), strict=True)}
         return {axis: (int(np.floor(_F(shape[axis]) * scale)), scale) for axis, scale in given.items()}
     wanted = dict(zip(axes, sizes.tolist(), strict=True))
     if policy == "stretch":
@@ -62,7 +61,7 @@ def _sides(
 
 def _places(node: Node, before: int, after: int, scale: np.float32, crop: tuple[np.float32, np.float32]) -> np.ndarray:
     """Where in the old picture each new line lies, float32[after]."""
-    lines, mode = np.arange(after, dtype=_F), node.attributes.get("coordinate_transformation_mode", "half_pixel")
+    lines, mode = np.arange(after, dtype=_F), node.text("coordinate_transformation_mode", "half_pixel")
     if mode == "asymmetric":
         return lines / scale
     if mode == "align_corners":
@@ -83,7 +82,7 @@ def _places(node: Node, before: int, after: int, scale: np.float32, crop: tuple[
 
 def _along(node: Node, x: np.ndarray, axis: int, places: np.ndarray) -> np.ndarray:
     """One axis in its new size."""
-    mode, last = node.attributes.get("mode", NEAREST), x.shape[axis] - 1
+    mode, last = node.text("mode", NEAREST), x.shape[axis] - 1
     if mode == NEAREST:
         return np.take(x, np.clip(_nearest(node, places), 0, last), axis)
     if mode == LINEAR:
@@ -99,7 +98,7 @@ def _along(node: Node, x: np.ndarray, axis: int, places: np.ndarray) -> np.ndarr
 
 
 def _nearest(node: Node, places: np.ndarray) -> np.ndarray:
-    mode = node.attributes.get("nearest_mode", "round_prefer_floor")
+    mode = node.text("nearest_mode", "round_prefer_floor")
     if mode == "floor":
         return np.floor(places).astype(np.int64)
     if mode == "ceil":
@@ -111,7 +110,7 @@ def _nearest(node: Node, places: np.ndarray) -> np.ndarray:
 
 def _cubic(node: Node, places: np.ndarray, last: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Four taps of Keys' kernel."""
-    a = node.attributes.get("cubic_coeff_a", -0.75)
+    a = node.real("cubic_coeff_a", -0.75)
     places = places.astype(np.float64)
     first = np.floor(places)
     share = places - first
@@ -124,7 +123,7 @@ def _cubic(node: Node, places: np.ndarray, last: int) -> list[tuple[np.ndarray, 
         ]
     )
     lines = first.astype(np.int64) + np.arange(-1, 3)[:, None]
-    if node.attributes.get("exclude_outside", 0):
+    if node.whole("exclude_outside", 0):
         weights = np.where((lines < 0) | (lines > last), 0.0, weights)
         weights = weights / weights.sum(axis=0)
     lines = np.clip(lines, 0, last)

@@ -55,7 +55,7 @@ def load(onnx: bytes, facts: Facts | None = None) -> Loaded:
     except KeyError as error:
         raise Refused(plain(f"{error} is no operator of a car's network, or a value without a shape")) from None
     session, arrays = _session(fast)
-    inputs = tuple((port.name, DTYPES[port.dtype].name, tuple(port.dims)) for port in network.inputs)
+    inputs = tuple((port.name, DTYPES[port.dtype].name, port.sizes) for port in network.inputs)
     return Loaded(session, reference, inputs, facts, arrays)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Set as AbstractSet
 
 import numpy as np
 
-from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Node, Port
+from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Node, Port, Rejected
 
 NUMBERS = {"f4": FLOAT, "u1": UINT8, "i4": INT32, "i8": INT64, "b1": BOOL, "f2": FLOAT16}
 NAME = "car"
@@ -67,6 +67,8 @@ def _attribute(name: str, value: Attribute) -> bytes:
     if isinstance(value, np.ndarray):
         tensor = b"".join(_number(1, size) for size in value.shape) + _number(2, NUMBERS[value.dtype.str[1:]])
         return said + _field(5, tensor + _field(9, value.tobytes())) + _number(20, _ONE_TENSOR)
+    if isinstance(value, Rejected):
+        raise ValueError(f"{name} is no attribute that can be written")
     # the type of an empty list cannot be guessed; only whole numbers may be empty here
     if value and isinstance(value[0], float):
         return said + b"".join(_float(7, item) for item in value) + _number(20, _FLOATS)
@@ -79,13 +81,13 @@ def _initializer(name: str, array: np.ndarray, outside: bool) -> list[Part]:
     if outside:
         place = _field(13, _text(1, "location") + _text(2, name))
         return [_field(5, said + place + _number(14, _EXTERNAL))]
-    raw = memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8))
+    raw = np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
     said += _key(9, _BYTES) + _varint(len(raw))
     return [_key(5, _BYTES) + _varint(len(said) + len(raw)) + said, raw]
 
 
 def _value_info(port: Port) -> bytes:
-    shape = b"".join(_field(1, _number(1, size)) for size in port.dims)
+    shape = b"".join(_field(1, _number(1, size)) for size in port.sizes)
     tensor = _number(1, port.dtype) + _field(2, shape)
     return _text(1, port.name) + _field(2, _field(1, tensor))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from typing import BinaryIO, Protocol
+from typing import Protocol
 
 from paddock.errors import UserFault
 
@@ -113,7 +113,14 @@ class TarArchive:
         return {name: self._kept[name] for name in names}
 
 
-def plain_chunks(head: bytes, stream: BinaryIO, limits: PackageLimits) -> Iterator[bytes]:
+class Readable(Protocol):
+    """Something that gives its bytes in order."""
+
+    def read(self, size: int, /) -> bytes:
+        """At most ``size`` bytes, none at the end."""
+
+
+def plain_chunks(head: bytes, stream: Readable, limits: PackageLimits) -> Iterator[bytes]:
     """The bytes of an uncompressed tar: ``head`` (already read from it) and the rest of ``stream``."""
     total = len(head)
     yield head
@@ -124,7 +131,7 @@ def plain_chunks(head: bytes, stream: BinaryIO, limits: PackageLimits) -> Iterat
         yield chunk
 
 
-def gzip_chunks(head: bytes, stream: BinaryIO, limits: PackageLimits) -> Iterator[bytes]:
+def gzip_chunks(head: bytes, stream: Readable, limits: PackageLimits) -> Iterator[bytes]:
     """Unpack one gzip member piece by piece, within the limits of size and ratio. Zeros may follow it, nothing else."""
     engine = zlib.decompressobj(16 + zlib.MAX_WBITS)
     packed = unpacked = 0

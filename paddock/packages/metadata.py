@@ -13,6 +13,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from paddock.errors import UserFault
 from paddock.network.wire import printable
@@ -72,12 +73,13 @@ class ModelMetadata:
         """The part that belongs to a model's identity: action space and sensors, independent of layout and order."""
         return json.dumps(self._what_counts(), sort_keys=True, separators=(",", ":")).encode()
 
-    def _what_counts(self) -> dict:
-        data = {
+    def _what_counts(self) -> dict[str, Any]:
+        actions = self.actions
+        data: dict[str, Any] = {
             "action_space": (
-                [dict(action) for action in self.actions]
-                if self.action_space_type == DISCRETE
-                else {key: dict(bounds) for key, bounds in self.actions.items()}
+                {key: dict(bounds) for key, bounds in actions.items()}
+                if isinstance(actions, Mapping)
+                else [dict(action) for action in actions]
             ),
             "action_space_type": self.action_space_type,
             "sensor": sorted(self.sensors),
@@ -201,7 +203,7 @@ def _actions(raw: dict, kind: str) -> Actions:
         raise UserFault("metadata_action_space_missing")
     if not isinstance(space, list if kind == DISCRETE else dict):
         raise UserFault("metadata_action_space_type")
-    if kind == CONTINUOUS:
+    if isinstance(space, dict):
         return {key: _bounds(space.get(key), key) for key in _KEYS}
     if not space:
         raise UserFault("metadata_action_space_empty")

@@ -9,7 +9,7 @@ import hashlib
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from paddock.errors import UserFault
 
@@ -235,15 +235,16 @@ def _joint_digest(*digests: bytes) -> str:
 
 
 def _package(
-    model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", **rest: object
+    model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", **rest: Any
 ) -> RawPackage:
     if kind == SB3:
         if metadata is None:
             raise UserFault("sb3_metadata_missing")
     elif model is not None:
-        kind = network_kind(model)
-        if kind is None:
+        found = network_kind(model)
+        if found is None:
             raise UserFault("not_a_model") if model else UserFault("empty")
+        kind = found
         if rest["weights"] and kind != ONNX:
             raise UserFault("upload_parts")
     if metadata is None:

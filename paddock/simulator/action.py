@@ -25,7 +25,7 @@ class Action(NamedTuple):
 
     steering_deg: float  # positive is left
     speed_mps: float
-    index: int | None
+    index: int | None  # type: ignore[assignment]  # a tuple's own `index` finds values; of a command nobody asks that
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ def is_clear(values: Sequence[float], bound: float, ranges: Sequence[Sequence[fl
         return False
     if ranges is None:
         best = max(values)
-        place = values.index(best)
-        others = (*values[:place], *values[place + 1 :])
+        chosen = values.index(best)
+        others = (*values[:chosen], *values[chosen + 1 :])
         return not others or best - max(others) > 2 * bound
     for value, (low, high), finest in zip(values, ranges, _STEPS, strict=True):
         beyond = abs(value) - 1.0

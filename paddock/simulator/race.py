@@ -313,7 +313,7 @@ def progress_of(car: Contestant, stage: Stage) -> Progress:
     """The state of a running race for those who watch ``car``."""
     referee = car.referee
     lap = referee.lap
-    finished = [done for done in referee.laps if done.end_ms is not None]
+    finished = [done.end_ms - done.start_ms for done in referee.laps if done.end_ms is not None]
     x, y = referee.nose
     return Progress(
         lap=lap.number,
@@ -326,7 +326,7 @@ def progress_of(car: Contestant, stage: Stage) -> Progress:
         off_tracks=sum(done.off_tracks for done in referee.laps),
         crashes=referee.crashes,
         resets=referee.resets,
-        last_lap_ms=finished[-1].end_ms - finished[-1].start_ms if finished else None,
+        last_lap_ms=finished[-1] if finished else None,
         bots=[(round(pose.x, 3), round(pose.y, 3)) for pose in stage.bots.poses] if stage.bots else [],
         rivals=[_rival_progress(other) for other in stage.contestants if other is not car],
     )

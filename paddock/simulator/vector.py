@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space, create_empty_array
+from gymnasium.vector.utils import batch_space
 
 from paddock.exact import is_pinned
 
@@ -89,7 +89,9 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
         self._drives: list[Drive] = []
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._over = np.zeros(num_envs, np.bool_)  # cars whose episode is over and not yet begun anew
-        self._observations: Readings = create_empty_array(setting.sensor_space, num_envs)
+        self._observations: Readings = {
+            name: np.zeros((num_envs, *space.shape), space.dtype) for name, space in setting.boxes.items()
+        }
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -101,7 +103,7 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
         options = dict(options or {})
         mask = _mask(options.pop("reset_mask", None), self.num_envs)
         seeds = self._seeds(seed)
-        if not self._drives:
+        if self._world is None:
             self._world = new_world(self.setting.physics)
             self._drives = [Drive(setting, self._world) for setting in self._settings]
         infos: _Infos = {}
@@ -116,7 +118,7 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
 
         Raises ValueError for too many actions, too few, or one that is not in the action space; then no car has moved.
         """
-        if not self._drives or not all(drive.began for drive in self._drives):
+        if self._world is None or not all(drive.began for drive in self._drives):
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         waiting = self._over.copy()
         if waiting.any() and self.autoreset_mode is AutoresetMode.DISABLED:
@@ -172,7 +174,7 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
 
     def _decoded(self, actions: Any, waiting: np.ndarray) -> dict[int, Action]:
         """What each car that is not ``waiting`` is told to do."""
-        given = len(actions) if isinstance(actions, Sequence) or getattr(actions, "ndim", 0) else None
+        given = len(actions) if isinstance(actions, Sequence) or getattr(actions, "ndim", 0) > 0 else None
         if given != self.num_envs:
             found = "none" if given is None else given
             raise ValueError(f"{self.num_envs} cars need an array of as many actions, one for each, not {found}")
@@ -186,8 +188,9 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
         return decoded
 
     def _begin(self, number: int, options: dict[str, Any]) -> dict[str, Any]:
-        drive = self._drives[number]
-        info = drive.begin(self._rngs[number], options)
+        drive, rng = self._drives[number], self._rngs[number]
+        assert rng is not None, "reset() draws one for each car"
+        info = drive.begin(rng, options)
         self._over[number] = False
         self._put(number, drive.observe())
         return info

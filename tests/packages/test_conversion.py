@@ -212,6 +212,20 @@ def test_an_action_list_of_another_length_is_told() -> None:
     assert fault.value.params["expected"] == 6
 
 
+@pytest.mark.parametrize("output", ["whole numbers", "a branch that is not taken"])
+def test_a_sac_policy_that_is_no_row_of_floats_is_told(output: str) -> None:
+    writer = GraphWriter()
+    shape = Attr.shape((-1, 120, 160, 1))
+    value = writer.node("a/FRONT_FACING_CAMERA", "Placeholder", dtype=Attr.dtype(4), shape=shape)
+    if output == "a branch that is not taken":
+        writer.const("no", False, "bool")
+        value = writer.op("branch", "Switch", value, "no") + ":1"
+    writer.op("sac_policy_head_0/policy", "Identity", value)
+    with pytest.raises(UserFault) as fault:
+        admit(writer.build(), read({"head": "sac"}))
+    assert fault.value.code == "graph_output"
+
+
 def test_a_branch_taken_in_training_only_may_hold_anything() -> None:
     """Dropout's random numbers are no operation that a car may use, and are never looked at."""
     graph = coach_graph(middleware=[8], dropout=True)

@@ -106,7 +106,7 @@ def _detached(array: np.ndarray) -> np.ndarray:
 
 
 def _described(port: Port) -> tuple[str, str, tuple[int, ...]]:
-    return port.name, DTYPES[port.dtype].name, tuple(port.dims)
+    return port.name, DTYPES[port.dtype].name, port.sizes
 
 
 def _fix_inputs(network: Network, metadata: ModelMetadata) -> None:

@@ -110,9 +110,9 @@ def _macs(node: Node, values: dict[str, tuple[int, Shape]]) -> int:
     if node.op == "MatMul":
         return out * (shapes[0][-1] if shapes[0] else 1)
     if node.op == "Gemm":
-        return out * shapes[0][0 if node.attributes.get("transA") else 1]
+        return out * shapes[0][0 if node.whole("transA", 0) else 1]
     if node.op == "Resize":
-        return out * _TAPS.get(node.attributes.get("mode", "nearest"), 16)
+        return out * _TAPS.get(node.text("mode", "nearest"), 16)
     if node.op in ("MaxPool", "AveragePool"):
-        return out * math.prod(node.attributes.get("kernel_shape", [1]))
+        return out * math.prod(node.wholes("kernel_shape") or [1])
     return 0

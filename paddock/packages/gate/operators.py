@@ -18,11 +18,19 @@ from paddock.errors import UserFault
 from paddock.network.model import DTYPES, Attribute, Node
 from paddock.network.wire import printable
 
+Kind = type | str
 _I, _F, _S, _IS, _FS, _T = int, float, str, "ints", "floats", np.ndarray
-_POOL = {"auto_pad": _S, "ceil_mode": _I, "dilations": _IS, "kernel_shape": _IS, "pads": _IS, "strides": _IS}
-_REDUCE = {"axes": _IS, "keepdims": _I, "noop_with_empty_axes": _I}
+_POOL: dict[str, Kind] = {
+    "auto_pad": _S,
+    "ceil_mode": _I,
+    "dilations": _IS,
+    "kernel_shape": _IS,
+    "pads": _IS,
+    "strides": _IS,
+}
+_REDUCE: dict[str, Kind] = {"axes": _IS, "keepdims": _I, "noop_with_empty_axes": _I}
 
-OPERATORS: dict[str, dict[str, object]] = {
+OPERATORS: dict[str, dict[str, Kind]] = {
     # element by element
     **{op: {} for op in ("Abs", "Neg", "Sqrt", "Reciprocal", "Exp", "Log", "Erf", "Floor", "Ceil", "Round", "Sign")},
     **{op: {} for op in ("Sigmoid", "Tanh", "Relu", "Softplus", "Softsign", "HardSwish", "Mish", "PRelu", "Clip")},
@@ -140,8 +148,8 @@ def _layer(node: Node) -> str:
     return LAYERS.get(node.op, "see the list of operators")
 
 
-def _fits(value: Attribute, kind: object) -> bool:
-    if kind in (_IS, _FS):
+def _fits(value: Attribute, kind: Kind) -> bool:
+    if isinstance(kind, str):
         wanted = int if kind == _IS else float
         return isinstance(value, list) and len(value) <= _MAX_LIST and all(isinstance(item, wanted) for item in value)
     return isinstance(value, kind)

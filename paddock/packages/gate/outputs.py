@@ -54,7 +54,8 @@ def select(model: Model, metadata: ModelMetadata, check: Callable[[Port], Result
     if len(found) == 1:
         ((port, name),) = found
         return check(port), _told(model, name)
-    result, fits = None, []
+    result: Result | None = None
+    fits: list[str] = []
     first_fault: UserFault | None = None
     for port, name in _by_name(found):
         try:
@@ -65,8 +66,8 @@ def select(model: Model, metadata: ModelMetadata, check: Callable[[Port], Result
         fits.append(name)
         if name.lower() in _NAMES:
             break
-    if not fits:
-        raise first_fault
+    if result is None:
+        raise first_fault or UserFault("onnx_output", expected=metadata.output_size, found=described(model.outputs))
     if len(fits) > 1 and fits[-1].lower() not in _NAMES:
         names = ", ".join(printable(name, 40) for name in fits[:4])
         raise UserFault("onnx_outputs", found=names, expected=metadata.output_size)

@@ -51,7 +51,7 @@ def _computed(node: Node, weights: dict[str, np.ndarray]) -> np.ndarray | None:
 
 
 def _constant_of_shape(node: Node, shape: np.ndarray) -> np.ndarray:
-    value = node.attributes.get("value", np.zeros(1, np.float32))
+    value = node.array("value", np.zeros(1, np.float32))
     if shape.ndim != 1 or (shape < 0).any() or np.prod(shape.astype(float)) > _MOST:
         raise ValueError
     return np.full(tuple(shape), value.reshape(-1)[0], value.dtype)
@@ -73,12 +73,16 @@ def _reshape(_node: Node, data: np.ndarray, shape: np.ndarray) -> np.ndarray:
 
 
 def _unsqueeze(node: Node, data: np.ndarray, *axes: np.ndarray) -> np.ndarray:
-    return np.expand_dims(data, tuple(int(axis) for axis in (axes[0] if axes else node.attributes["axes"])))
+    return np.expand_dims(data, tuple(int(axis) for axis in (axes[0] if axes else node.wholes("axes") or ())))
 
 
 def _squeeze(node: Node, data: np.ndarray, *axes: np.ndarray) -> np.ndarray:
-    given = axes[0] if axes else node.attributes.get("axes")
+    given = axes[0] if axes else node.wholes("axes")
     return np.squeeze(data, None if given is None else tuple(int(axis) for axis in given))
+
+
+def _where(_node: Node, is_so: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.where(is_so, one, other)
 
 
 _FUNCTIONS: dict[str, Callable[..., np.ndarray]] = {
@@ -87,16 +91,14 @@ _FUNCTIONS: dict[str, Callable[..., np.ndarray]] = {
     "Reshape": _reshape,
     "Unsqueeze": _unsqueeze,
     "Squeeze": _squeeze,
-    "Concat": lambda node, *parts: np.concatenate(parts, node.attributes["axis"]),
-    "Gather": lambda node, data, places: np.take(data, places, node.attributes.get("axis", 0)),
-    "Transpose": lambda node, data: np.transpose(data, node.attributes.get("perm")),
-    "Cast": lambda node, data: data.astype(DTYPES[node.attributes["to"]]),
-    "Shape": lambda node, data: np.array(data.shape, np.int64)[
-        node.attributes.get("start") : node.attributes.get("end")
-    ],
+    "Concat": lambda node, *parts: np.concatenate(parts, node.whole("axis")),
+    "Gather": lambda node, data, places: np.take(data, places, node.whole("axis", 0)),
+    "Transpose": lambda node, data: np.transpose(data, node.wholes("perm")),
+    "Cast": lambda node, data: data.astype(DTYPES[node.whole("to")]),
+    "Shape": lambda node, data: np.array(data.shape, np.int64)[node.whole("start", 0) : node.whole("end", data.ndim)],
     "Add": lambda _node, one, other: one + other,
     "Sub": lambda _node, one, other: one - other,
     "Mul": lambda _node, one, other: one * other,
     "Equal": lambda _node, one, other: one == other,
-    "Where": lambda _node, is_so, one, other: np.where(is_so, one, other),
+    "Where": _where,
 }

@@ -23,7 +23,7 @@ from .heads import find_policy
 from .ops_math import unary
 from .ops_shape import cast
 from .registry import CONVERTERS, Context, Contradiction, Unsupported, require
-from .values import DEAD, Dead, Known, Tensor, Value
+from .values import DEAD, Dead, Flow, Known, Tensor, Value
 
 _FLOAT = np.dtype("<f4")
 _SOURCES = ("Const", "Placeholder")
@@ -39,7 +39,7 @@ def convert(graph_def: bytes, inputs: Sequence[InputSpec], limits: PackageLimits
     policy, squashed = find_policy(graph)
     conversion = _Conversion(graph, inputs, limits)
     output = conversion.evaluate(policy)
-    if squashed:
+    if squashed and isinstance(output, Tensor) and output.dtype == _FLOAT:
         output = unary(conversion.context, "Tanh", np.tanh, output)
     if not isinstance(output, Tensor) or output.dtype != _FLOAT:
         raise UserFault("graph_output")
@@ -53,10 +53,10 @@ class _Conversion:
         self._specs = {spec.sensor: spec for spec in inputs}
         self._read: dict[str, Tensor] = {}  # by sensor
         self._strangers: list[str] = []
-        self._done: dict[str, list[Value]] = {}
+        self._done: dict[str, Sequence[Flow]] = {}
         self.context = Context(Emitter(limits), limits)
 
-    def evaluate(self, policy: Node) -> Value:
+    def evaluate(self, policy: Node) -> Flow:
         """The first output of ``policy``. Works off a stack of its own: a graph may be deeper than Python's."""
         stack = [policy.name]
         underway: set[str] = set()
@@ -101,7 +101,7 @@ class _Conversion:
                     gates.append(name)
         return gates
 
-    def _convert(self, node: Node) -> list[Value]:
+    def _convert(self, node: Node) -> Sequence[Flow]:
         try:
             if any(self._done[gate][0] is DEAD for gate in self._gates(node)):
                 return [DEAD]
@@ -110,16 +110,16 @@ class _Conversion:
             if node.op == "Placeholder":
                 return [self._placeholder(node)]
             values = [self._output(name, index) for name, index in node.inputs]
+            alive = [value for value in values if not isinstance(value, Dead)]
             if node.op == "Merge":
-                alive = [value for value in values if not isinstance(value, Dead)]
                 require(len(alive) <= 1)
                 return [alive[0], Known(np.array(values.index(alive[0]), np.int32))] if alive else [DEAD, DEAD]
-            if any(isinstance(value, Dead) for value in values):
+            if len(alive) < len(values):
                 return [DEAD]
             converter = CONVERTERS.get(node.op)
             if converter is None:
                 raise Unsupported
-            return converter(self.context, node, values)
+            return converter(self.context, node, alive)
         except Unsupported as error:
             raise UserFault(
                 "graph_operation", operation=printable(node.op, 40), node=printable(node.name)
@@ -129,7 +129,7 @@ class _Conversion:
         except (Contradiction, WireError) as error:
             raise UserFault("graph_invalid", node=printable(node.name)) from error
 
-    def _output(self, name: str, index: int) -> Value:
+    def _output(self, name: str, index: int) -> Flow:
         outputs = self._done[name]
         if outputs[0] is DEAD and index >= len(outputs):
             return DEAD
@@ -154,7 +154,8 @@ class _Conversion:
             raise UserFault(
                 "onnx_input_shape", sensor=sensor, found=str(stored[:8]), expected=str(list(spec.channels_last))
             )  # fmt: skip
-        require(dtype in (_FLOAT, np.dtype("u1")))
+        if dtype not in (_FLOAT, np.dtype("u1")):
+            raise Contradiction
         if sensor not in self._read:
             stored_dtype = np.dtype("u1") if spec.is_picture else _FLOAT
             self._read[sensor] = self.context.emit.input(sensor, spec.channels_last, stored_dtype)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from paddock.errors import UserFault
 from paddock.network.model import FLOAT as FLOAT_NUMBER
-from paddock.network.model import Node, Port
+from paddock.network.model import Attribute, Node, Port
 from paddock.network.written import NUMBERS, model_bytes
 from paddock.packages.limits import PackageLimits
 
@@ -42,13 +43,13 @@ class Emitter:
     def node(
         self,
         op: str,
-        inputs: list[Tensor | Known | np.ndarray],
+        inputs: Sequence[Value | np.ndarray],
         shape: tuple[int, ...],
         dtype: np.dtype = FLOAT,
         *,
         planar: bool = False,
         extra: tuple = (),
-        **attributes: object,
+        **attributes: Attribute,
     ) -> Tensor:
         """Append one node with one output of TensorFlow's ``shape``. ``extra`` is remembered for :meth:`made_by`."""
         if math.prod(shape) > self._limits.elements:

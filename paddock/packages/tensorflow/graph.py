@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from paddock.network import wire
 from paddock.network.wire import Budget, WireError
 from paddock.packages.limits import PackageLimits
 
+Default = TypeVar("Default")
 # DataType values of types.proto that a policy network can hold, and the TensorProto field with their plain values.
 DTYPES: dict[int, np.dtype] = {
     1: np.dtype("<f4"),
@@ -37,10 +39,10 @@ class Attributes:
     raw: dict[str, memoryview]
     budget: Budget
 
-    def _find(self, name: str, wanted: int, default: object) -> object:
+    def _find(self, name: str, wanted: int, default: Default) -> int | memoryview | Default:
         if name not in self.raw:
             return default
-        found = default
+        found: int | memoryview | Default = default
         for number, _, value in wire.fields(self.raw[name], self.budget):
             if number == wanted:
                 found = value
@@ -237,7 +239,11 @@ def _plain_values(values: list[tuple[int, int, int | memoryview]], dtype: np.dty
                 raise WireError("a cut off list of numbers")
             parts.append(np.frombuffer(raw, f"<f{width}").astype(dtype))
             continue
-        numbers = [wire.signed(wire.number(value))] if kind == wire.VARINT else wire.packed_varints(value, budget)
+        numbers = (
+            [wire.signed(wire.number(value))]
+            if kind == wire.VARINT
+            else wire.packed_varints(wire.message(value), budget)
+        )
         if number == _HALF_VAL:
             parts.append(np.array([n & 0xFFFF for n in numbers], "<u2").view("<f2").astype(dtype))
         else:

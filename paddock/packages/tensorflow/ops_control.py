@@ -6,7 +6,7 @@ from paddock.errors import UserFault
 
 from .graph import Node
 from .registry import Context, converts, known, require
-from .values import DEAD, Known, Value
+from .values import DEAD, Flow, Known, Value
 
 
 @converts("Identity", "StopGradient")
@@ -21,7 +21,7 @@ def _constant(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("Switch")
-def _switch(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _switch(context: Context, node: Node, inputs: list[Value]) -> list[Flow]:
     """``Switch(data, condition)``: output 0 if false, output 1 if true. The condition (is_training) is frozen."""
     require(len(inputs) == 2)
     condition = known(inputs[1])

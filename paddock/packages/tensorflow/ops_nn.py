@@ -22,7 +22,7 @@ def _spatial(node: Node, name: str, default: list[int]) -> tuple[int, int]:
 
 
 def _window(
-    node: Node, size: tuple[int, int], kernel: tuple[int, int], strides: tuple[int, int]
+    node: Node, size: tuple[int, ...], kernel: tuple[int, int], strides: tuple[int, int]
 ) -> tuple[list[int], tuple[int, int]]:
     """ONNX pads and the output's height and width, by TensorFlow's padding rules (nn.convolution)."""
     padding = node.attributes.text("padding")
@@ -64,7 +64,7 @@ def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
     shape = (source.shape[0], *out, filters)
     picture = context.emit.planar(source)
     extra = (weight, attributes)
-    return [context.emit.node("Conv", [picture, weight], shape, planar=True, extra=extra, **attributes)]
+    return [context.emit.node("Conv", [picture, weight], shape, _FLOAT, planar=True, extra=extra, **attributes)]
 
 
 @converts("MatMul")

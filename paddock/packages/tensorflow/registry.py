@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from paddock.packages.limits import PackageLimits
 
 from .emit import Emitter
 from .graph import Node
-from .values import Known, Tensor, Value
+from .values import Flow, Known, Tensor, Value
 
 
 class Contradiction(Exception):
@@ -30,7 +30,7 @@ class Context:
     limits: PackageLimits
 
 
-Converter = Callable[[Context, Node, list[Value]], list[Value]]
+Converter = Callable[[Context, Node, list[Value]], Sequence[Flow]]
 CONVERTERS: dict[str, Converter] = {}
 
 

@@ -48,4 +48,5 @@ class Dead:
 
 
 DEAD = Dead()
-Value = Known | Tensor | Dead
+Value = Known | Tensor
+Flow = Value | Dead

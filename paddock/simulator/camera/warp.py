@@ -104,7 +104,8 @@ class CompiledWarp(Warp):
         super().__init__(strips, columns, wall)
         assert self.library is not None
         self._function = self.library.paddock_warp
-        self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64] * 3 + [ctypes.c_int64]
+        pair = (ctypes.c_void_p, ctypes.c_int64)
+        self._function.argtypes = (*pair, *pair, *pair, ctypes.c_int64)
         self._function.restype = None
         # struct strip of warp.c; the arrays stay where they are as long as this object has them
         self._table = np.array(

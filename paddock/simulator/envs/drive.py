@@ -51,10 +51,15 @@ class Drive:
         return self._car
 
     @property
+    def stage(self) -> Stage:
+        """What the car drives on."""
+        assert self._stage is not None, "no episode has begun"
+        return self._stage
+
+    @property
     def world(self) -> World:
         """The world that the car drives in."""
-        assert self._stage is not None, "no episode has begun"
-        return self._stage.world
+        return self.stage.world
 
     @property
     def began(self) -> bool:
@@ -70,7 +75,7 @@ class Drive:
         start_m = setting.start_m(rng, options or {})
         self._lay(rng)
         self._objects = Objects(setting.ground.track, setting.rules.bot_speed_mps)
-        self._car = self._stage.add(setting.sensors, start_m, setting.metadata.lidar_config)
+        self._car = self.stage.add(setting.sensors, start_m, setting.metadata.lidar_config)
         return self._info()
 
     def _lay(self, rng: np.random.Generator) -> None:
@@ -117,7 +122,7 @@ class Drive:
 
         Raises ValueError for a reward that is not finite.
         """
-        car, stage = self.car, self._stage
+        car, stage = self.car, self.stage
         stage.judge()
         reward = car.reward = self._reward()
         info = self._info()
@@ -138,7 +143,7 @@ class Drive:
         self._stage = self._car = None
 
     def _reward(self) -> float:
-        car, stage, track = self.car, self._stage, self._setting.ground.track
+        car, stage, track = self.car, self.stage, self._setting.ground.track
         place = car.referee.odometer.place
         objects = self._objects.params(car.referee.pose, place.distance, stage.solids(car))
         params = reward_params(car, self._waypoints, track.direction == "cw", objects)
@@ -176,7 +181,7 @@ def _pair(action: Any) -> np.ndarray:
     try:
         given = np.asarray(action, np.float32)
     except (TypeError, ValueError):
-        given = np.empty(0)
+        given = np.empty(0, np.float32)
     if given.size != 2:
         raise ValueError(f"an action must be two numbers in [-1, 1], for steering and speed, not {action!r}")
     return given

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -31,7 +31,7 @@ def make_sb3_env(race: str, num_envs: int = 16, *, seed: int | None = None, **op
     """``num_envs`` cars for a learner of stable-baselines3. ``race``: an id such as ``"Paddock/TimeTrial-v1"``;
     ``options``: the arguments of that environment. ``seed``: as the learner's own ``seed`` sets it."""
     env = gymnasium.make_vec(race, num_envs=num_envs, autoreset_mode="Disabled", copy=False, **options)
-    return SB3VecEnv(env, seed=seed)
+    return SB3VecEnv(cast(RacingVectorEnv, env), seed=seed)
 
 
 class SB3VecEnv(VecEnv):
@@ -90,6 +90,7 @@ class SB3VecEnv(VecEnv):
 
     def step_wait(self) -> tuple[Seen, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """One control step of every car; an episode that ends is followed by the next at once."""
+        assert self._actions is not None, "step_async() takes them first"
         readings, rewards, terminated, truncated, told = self.env.step(self._actions)
         self._earned += rewards
         self._steps += 1

@@ -72,20 +72,25 @@ class Setting:
         return tuple(sorted(self.metadata.sensors))
 
     @property
-    def sensor_space(self) -> spaces.Dict:
-        """One entry for each sensor: cameras uint8 (120, 160, channels), lidars a row of float32."""
+    def boxes(self) -> dict[str, spaces.Box]:
+        """One for each sensor: cameras uint8 (120, 160, channels), lidars a row of float32."""
         specs = (sensor_spec(name, self.metadata.lidar_config) for name in self.sensors)
-        return spaces.Dict(
-            {spec.name: spaces.Box(spec.low, spec.high, spec.shape, np.dtype(spec.dtype).type) for spec in specs}
-        )
+        return {spec.name: spaces.Box(spec.low, spec.high, spec.shape, np.dtype(spec.dtype).type) for spec in specs}
+
+    @property
+    def sensor_space(self) -> spaces.Dict:
+        """:attr:`boxes` as one space."""
+        return spaces.Dict(dict(self.boxes))
 
     @property
     def observation_space(self) -> spaces.Dict | spaces.Box:
         """What an agent is given: :attr:`sensor_space`, or the only sensor's own box (see :func:`race_setting`)."""
         if self.observation == DICT:
             return self.sensor_space
-        box = self.sensor_space[self.sensors[0]]
-        return box if self.observation == BOX else spaces.Box(0, 255, (*box.shape[:2], 3), np.uint8)
+        box = self.boxes[self.sensors[0]]
+        if self.observation == BOX:
+            return box
+        return spaces.Box(0, 255, (*box.shape[:2], 3), np.uint8)
 
     def present(self, readings: Readings) -> Readings | np.ndarray:
         """Readings of one car, or of many with the car first, in the form of :attr:`observation_space`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -17,7 +17,7 @@ from .setting import Readings, Setting, head_to_head, object_avoidance, time_tri
 RENDER_MODES = ("rgb_array",)
 
 
-class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
+class RacingEnv(gymnasium.Env[Any, Any]):
     """A car on a track. Not registered itself: its children are, one for each race type.
 
     Observation: a dict with one entry for each sensor of the metadata (a camera: uint8 (120, 160, 1), stereo cameras 2
@@ -27,7 +27,7 @@ class RacingEnv(gymnasium.Env[Readings | np.ndarray, Any]):
     truncated when the simulated time is up. After a fault with resets left, the penalty passes within one step.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": round(1000.0 / STEP_MS)}
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": round(1000.0 / STEP_MS)}
 
     def __init__(self, setting: Setting, render_mode: str | None = None) -> None:
         """Raises ValueError for an unknown render mode."""
