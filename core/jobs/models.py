@@ -46,6 +46,7 @@ class Job(Leased):
     ``failed_at``: when a fault of ours last ended an attempt; ``operator_detail``: what operators read of them.
     """
 
+    state: models.CharField  # of the kind's own states, "failed" among them
     reason_code = models.CharField(_("reason"), max_length=40, blank=True)
     reason_params = models.JSONField(_("details"), default=dict, blank=True)
     operator_detail = models.TextField(_("for operators"), blank=True)

@@ -230,7 +230,7 @@ def test_in_its_namespaces_a_process_sees_code_only_and_can_write_nowhere_even_b
     elsewhere = [path for path in found["visible"] if not _within(path, CHECKOUT) and not path.startswith(interpreter)]
     assert [path for path in elsewhere if path.startswith(outside)] == []
     ours = {path.removeprefix(f"{CHECKOUT}/").split("/")[0] for path in found["visible"] if _within(path, CHECKOUT)}
-    assert ours <= {"evaluation", "faults", "tracks", "training", "tests", ".venv"}
+    assert ours <= {"evaluation", "paddock", "training", "tests", ".venv"}
     tests = {path for path in found["visible"] if _within(path, CHECKOUT / "tests")}
     assert all(_within(path, PAYLOADS) for path in tests)
     assert [path for path in found["visible"] if path.startswith("/proc/")] == ["/proc/cpuinfo"]
