@@ -55,7 +55,7 @@ class RetriedKind(Kind[R]):
     ``storage_counts``: whether an attempt counts that the storage's outage ended.
     """
 
-    lost_code = "lease_expired"
+    lost_code: str
     alone: frozenset[str] = frozenset()
     gave_up_code: str
     storage_counts = False

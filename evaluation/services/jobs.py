@@ -37,7 +37,7 @@ class Evaluations(RetriedKind[Evaluation]):
     wakes = 8
     # the simulator's process ended under a car, and its worker lived to tell
     alone = frozenset(("runner_died", "runner_error", "runner_protocol", "runner_timeout"))
-    gave_up_code = "platform_gave_up"
+    gave_up_code, lost_code = "platform_gave_up", "lease_expired"
     storage_counts = True
 
     def due(self, now: datetime) -> QuerySet[Evaluation]:

@@ -41,7 +41,7 @@ def test_the_last_results_come_with_sweeps_and_a_new_car_and_all_count_once(race
     new = submit_model(race=race, racer=dan, model=a_model(dan), now=now)
     runs = [start(one, now) for one in (second.evaluation, third.evaluation, new.evaluation)]
     calls = [
-        partial(finish_evaluation, evaluation_id=run.pk, lease=run.lease, outcome=outcome(laps(*[time] * 3)), now=now)
+        partial(finish_evaluation, pk=run.pk, lease=run.lease, outcome=outcome(laps(*[time] * 3)), now=now)
         for run, time in zip(runs, (9_100, 9_200, 8_000), strict=True)
     ]
     answers = at_once([*calls, *[partial(drive_again, race=race, now=now)] * 2])

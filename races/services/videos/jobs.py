@@ -42,6 +42,7 @@ class Videos(RetriedKind[Video]):
     blank = {"progress": 0}
     # a mistake of ours that may be about this one video, where the host, the storage and the worker are fine
     alone, gave_up_code = frozenset(("internal_error",)), "video_gave_up"
+    lost_code = "lease_expired"
 
     def others_passed(self, job: Video) -> bool:
         passed = Video.objects.filter(state=VideoState.READY).exclude(pk=job.pk)
