@@ -113,8 +113,8 @@ def test_without_its_arguments(run, command):
 
 
 @pytest.mark.slow
-def test_with_an_empty_database(run, folder):
-    database = f"sqlite:///{folder / 'empty.sqlite3'}"
+def test_with_an_empty_database(run, folder, new_data):
+    database = f"sqlite:///{new_data(folder / 'empty') / 'paddock.sqlite3'}"
     assert run("migrate", "--verbosity", "0", DATABASE_URL=database).returncode == 0
     for command, sentence in {
         "verify": "There is no evaluation abcdefghijkl.",

@@ -27,8 +27,10 @@ ACTIONS = 5
 
 @pytest.fixture(
     scope="module",
-    params=[("FRONT_FACING_CAMERA", 28_744_741, 114_999_851), ("STEREO_CAMERAS", 57_624_549, 230_512_973)],
-    ids=["front camera", "stereo cameras"],
+    params=[
+        pytest.param(("FRONT_FACING_CAMERA", 28_744_741, 114_999_851), id="front camera"),
+        pytest.param(("STEREO_CAMERAS", 57_624_549, 230_512_973), id="stereo cameras", marks=pytest.mark.soak),
+    ],
 )
 def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
     """Sensor, the admitted car, the size of its graph, and the most that this process held meanwhile."""

@@ -1,11 +1,13 @@
-"""Every page in a real Chromium, wide and narrow, light and dark: axe finds nothing wrong in it, the browser complains
-of nothing, and nothing stands beyond the edge of a narrow screen."""
+"""Every page in a real Chromium: axe finds nothing wrong in it, the browser complains of nothing, and nothing stands
+beyond the edge of a narrow screen. Each page is looked at once, wide and light or narrow and dark; in `make soak` it is
+looked at both ways, and its colours in the other theme at each width."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Iterator
+from itertools import cycle
 
 import pytest
 
@@ -19,6 +21,7 @@ pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 360, "height": 780}
 # A theme changes colours and nothing else, so that the second theme at a width is judged by the rules of colours.
 COLOURS = {"runOnly": ["color-contrast", "link-in-text-block"]}
+LOOKS = ((WIDE, "light", {}), (NARROW, "dark", {}), (WIDE, "dark", COLOURS), (NARROW, "light", COLOURS))
 EXPECTED = ("/nothing/at/all/", "/accounts/confirm-email/none/")
 LOOK = """async ([theme, options]) => {
   document.documentElement.dataset.theme = theme;
@@ -52,17 +55,18 @@ def chromium() -> Iterator[playwright.Browser]:
         browser.close()
 
 
-def look_at(page: playwright.Page, width: dict, themes: tuple[str, str]) -> list[str]:
-    """What axe finds at this width: all rules in the first theme, those of colours in the other."""
+def look_at(page: playwright.Page, width: dict, theme: str, rules: dict) -> list[str]:
+    """What axe finds at this width in this theme."""
     page.set_viewport_size(width)
-    found = []
-    for theme, options in zip(themes, ({}, COLOURS), strict=True):
-        for impact, rule, nodes in page.evaluate(LOOK, [theme, options]):
-            found.append(f"{width['width']} px, {theme}: {rule} ({impact}) at {'; '.join(nodes[:4])}")
-    return found
+    return [
+        f"{width['width']} px, {theme}: {rule} ({impact}) at {'; '.join(nodes[:4])}"
+        for impact, rule, nodes in page.evaluate(LOOK, [theme, rules])
+    ]
 
 
-def test_every_page_is_readable_by_everybody_and_no_browser_complains(site, chromium, live_server):
+@pytest.mark.parametrize("looks", [(), pytest.param(LOOKS, marks=pytest.mark.soak)], ids=["in turn", "all"])
+def test_every_page_is_readable_by_everybody_and_no_browser_complains(looks, site, chromium, live_server):
+    turn = cycle(LOOKS[:2])
     assert not names_of_pages() - names_walked(site), "pages that are not in tests/pages/walk.py"
     wrong: dict[str, list[str]] = {}
     for viewer in site.paths:
@@ -78,7 +82,8 @@ def test_every_page_is_readable_by_everybody_and_no_browser_complains(site, chro
             page.set_viewport_size(WIDE)
             answer = page.goto(path)
             page.evaluate(axe.AXE_SCRIPT)
-            found = look_at(page, WIDE, ("light", "dark")) + look_at(page, NARROW, ("dark", "light"))
+            found = [each for look in (looks or [next(turn)]) for each in look_at(page, *look)]
+            page.set_viewport_size(NARROW)
             beyond = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             found += [f"a date in another style: {line}" for line in page.evaluate(OTHER_DATES)]
             if beyond > 0:

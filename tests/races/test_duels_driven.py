@@ -54,7 +54,14 @@ def decided(race: Race) -> Iterator[Duel]:
     return Duel.objects.filter(race=race, state=DuelState.DECIDED).select_related("evaluation__result").iterator()
 
 
-@pytest.mark.parametrize(("options", "heats"), [({}, 6), ({"duel_cars": 3}, 6), ({"duel_format": "bracket"}, 4)])
+@pytest.mark.parametrize(
+    ("options", "heats"),
+    [
+        ({}, 6),
+        pytest.param({"duel_cars": 3}, 6, marks=pytest.mark.soak),
+        pytest.param({"duel_format": "bracket"}, 4, marks=pytest.mark.soak),
+    ],
+)
 def test_three_cars_drive_their_duels_to_the_last(qualified, options, heats):
     race = qualified
     Race.objects.filter(pk=race.pk).update(**options)

@@ -51,12 +51,14 @@ def test_a_driver_who_leaves_the_road_at_every_bend_is_always_put_back_onto_it(t
 
 
 @both
+@pytest.mark.parametrize("apart", [0.65, pytest.param(0.13, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("track", [*OWN, *GIVEN])
-def test_every_place_where_a_car_is_put_is_on_the_road_and_keeps_its_progress(track, direction):
+def test_every_place_where_a_car_is_put_is_on_the_road_and_keeps_its_progress(track, apart, direction):
+    """``apart``: metres from one place to the next."""
     driven = loaded(track).in_direction(direction)
     rules = RaceRules(direction=direction)
     judge = Referee(driven, rules, PADDOCK_CAR, Reach(driven), 0.0, clear_distance(driven))
-    for metres in np.arange(0.3, driven.length - 0.5, 0.13).tolist():
+    for metres in np.arange(0.3, driven.length - 0.5, apart).tolist():
         for share in (-0.9, 0.0, 0.9):
             left, right = driven.half_widths_at(metres)
             pose = Pose(*driven.point_at(metres, share * (left if share > 0 else right)))

@@ -60,7 +60,7 @@ def tensors(sb3_zip: bytes, algorithm: str) -> dict[str, Any]:
     return (PPO if algorithm == "ppo" else SAC).load(io.BytesIO(sb3_zip)).policy.state_dict()
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", pytest.param("sac", marks=pytest.mark.soak)])
 def test_the_same_seed_makes_the_same_weights_to_the_last_bit(algorithm):
     first, first_end = trained(algorithm, seed=3)
     second, second_end = trained(algorithm, seed=3)
