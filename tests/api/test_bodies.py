@@ -11,7 +11,6 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
-from drf_spectacular.generators import SchemaGenerator
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
@@ -22,11 +21,11 @@ from league.services import create_season
 from league.services.webhooks import add_webhook
 from races.models import Race, Video, Visibility
 from races.services import accept_invitation
+from tests.api.schema import SCHEMA
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.training.jobs import a_training
 from training.vehicles import save_vehicle
 
-SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
 WRITES = sorted(
     (method, path)
     for path, operations in SCHEMA["paths"].items()

@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from deepracer.logs import AnalysisUtils, DeepRacerLog
-from deepracer.logs.misc import LogType
 from django.utils import timezone
 
 from evaluation.models import Result
@@ -20,6 +18,7 @@ from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import RaceResult, run_race
 from races.services import submit_model
+from tests.community import community
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_model, a_race, drive, laps, start
 from tests.simulator.tracks_for_tests import stadium
@@ -67,7 +66,7 @@ def test_deepracer_utils_reads_the_unpacked_zip_without_moving_a_file(
     by = as_racer(alice) if address.startswith("/api") else client
     response = by.get(address.format(evaluation.public_id))
     assert response["Content-Disposition"] == f'attachment; filename="{evaluation.public_id}-logs.zip"'
-    log = DeepRacerLog(str(unpacked(response, tmp_path)))
+    log = community().DeepRacerLog(str(unpacked(response, tmp_path)))
     log.load_evaluation_trace()
     stream = f"{evaluation.ended_at:%Y%m%d%H%M%S}-{evaluation.public_id}"
     frame = log.dataframe()
@@ -75,12 +74,12 @@ def test_deepracer_utils_reads_the_unpacked_zip_without_moving_a_file(
     assert log.agent_and_network()["sensor_list"] == evaluation.spec["metadata"]["sensor"]
     assert log.action_space() == evaluation.spec["metadata"]["action_space"]
     # the first cells of the community's notebook Evaluation_analysis
-    laps_of_it = AnalysisUtils.simulation_agg(frame, "stream", add_tstamp=True, is_eval=True)
+    laps_of_it = community().AnalysisUtils.simulation_agg(frame, "stream", add_tstamp=True, is_eval=True)
     assert laps_of_it["progress"].tolist() == [100.0, 100.0]
     assert laps_of_it["time"].tolist() == pytest.approx([lap.time_ms / 1000 for lap in driven.laps], abs=0.14)
-    AnalysisUtils.scatter_aggregates(laps_of_it, is_eval=True)
+    community().AnalysisUtils.scatter_aggregates(laps_of_it, is_eval=True)
     # and its other way, from the log
-    log.load_robomaker_logs(type=LogType.EVALUATION, force=True)
+    log.load_robomaker_logs(type=community().misc.LogType.EVALUATION, force=True)
     assert log.dataframe()[["x", "y", "yaw", "progress"]].equals(frame[["x", "y", "yaw", "progress"]])
     assert log.dataframe()["steps"].tolist() == frame["steps"].tolist()
     assert log.hyperparameters() == {}
@@ -95,7 +94,7 @@ def test_every_car_of_a_run_is_a_stream_and_only_the_first_ones_metadata_is_told
     folder = unpacked(client.get(f"/evaluations/{evaluation.public_id}/logs.zip"), tmp_path / "bob")
     assert not (folder / "model").exists(), "what a car can do is its owner's"
     assert "action space" not in "".join(path.read_text() for path in folder.glob("logs/**/*.log"))
-    log = DeepRacerLog(str(folder))
+    log = community().DeepRacerLog(str(folder))
     log.load_evaluation_trace()
     name = f"{evaluation.ended_at:%Y%m%d%H%M%S}-{evaluation.public_id}"
     assert set(log.dataframe()["stream"]) == {name, f"{name}-car1", f"{name}-car2"}

@@ -11,7 +11,6 @@ import pytest
 from django.core.signals import request_finished, request_started
 from django.db import close_old_connections, transaction
 from django.utils import timezone
-from drf_spectacular.generators import SchemaGenerator
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from knox.models import AuthToken
 from rest_framework.throttling import ScopedRateThrottle
@@ -24,11 +23,11 @@ from league.services.webhooks import add_webhook, send_test
 from races.models import Visibility
 from races.services import accept_invitation
 from races.services.videos import ask_for_video, run_next_video
+from tests.api.schema import SCHEMA
 from tests.factories import a_race, a_racer, drive, laps
 from tests.training.jobs import a_trained_one
 from training.vehicles import save_vehicle
 
-SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
 LABELS = [f"{method.upper()} {path}" for path, methods in SCHEMA["paths"].items() for method in methods]
 # more of them, and others, by hand: PADDOCK_FUZZ_EXAMPLES=200 PADDOCK_FUZZ_SEED=1
 EXAMPLES = int(os.environ.get("PADDOCK_FUZZ_EXAMPLES", "1"))

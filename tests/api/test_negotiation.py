@@ -6,15 +6,14 @@ import re
 
 import pytest
 from django.utils import timezone
-from drf_spectacular.generators import SchemaGenerator
 
 from races.services.videos import run_next_video
+from tests.api.schema import SCHEMA
 from tests.factories import a_model, a_race, a_track
 from tests.films import a_driven_run
 from tests.training.jobs import a_trained_one
 
 pytestmark = pytest.mark.django_db
-SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
 FILES = {
     path: kinds
     for path, methods in SCHEMA["paths"].items()

@@ -10,12 +10,11 @@ import zipfile
 from functools import partial
 
 import pytest
-from deepracer.logs import AnalysisUtils, DeepRacerLog
-from deepracer.logs.metrics import TrainingMetrics
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
 from core.archive import part_of, part_of_gzip, zipped
+from tests.community import community
 from tests.evaluation.stubs import trace_csv
 from tests.training.jobs import REWARD, a_training
 from training.files import logs_zip, metrics_json, training_metrics
@@ -117,7 +116,7 @@ class TestTheFilesOfATraining:
         monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
         path = tmp_path / "training-metrics.json"
         path.write_bytes(b"".join(metrics_json(job)))
-        table = TrainingMetrics("no-bucket", fname=str(path))
+        table = community().metrics.TrainingMetrics("no-bucket", fname=str(path))
         training = table.getTraining()
         assert list(training["reward"]) == [2, 2, 2] and list(training["completion"]) == [20, 20, 20]
         assert len(table.getEvaluation()) == 2
@@ -135,7 +134,7 @@ class TestTheFilesOfATraining:
         return tmp_path
 
     def test_the_communitys_reader_loads_the_unpacked_folder_as_the_consoles(self, job, unpacked):
-        log = DeepRacerLog(str(unpacked))
+        log = community().DeepRacerLog(str(unpacked))
         log.load()
         # the first cells of the community's notebook Training_analysis
         frame = log.dataframe()
@@ -149,12 +148,12 @@ class TestTheFilesOfATraining:
             "network": job.neural_network,
             "simapp_version": "5",
         }
-        table = AnalysisUtils.simulation_agg(frame)
+        table = community().AnalysisUtils.simulation_agg(frame)
         assert table["steps"].tolist() == [6] * 12
-        AnalysisUtils.analyze_training_progress(table, title="Training progress")
+        community().AnalysisUtils.analyze_training_progress(table, title="Training progress")
 
     def test_its_traces_alone_are_read_as_well(self, job, unpacked):
-        log = DeepRacerLog(str(unpacked))
+        log = community().DeepRacerLog(str(unpacked))
         log.load_training_trace()
         assert sorted(log.dataframe()["iteration"].unique()) == [0, 1, 2]
         assert log.hyperparameters() == job.hyperparameters
@@ -168,7 +167,7 @@ class TestTheFilesOfATraining:
         job.refresh_from_db()
         with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
             archive.extractall(tmp_path / "again")
-        log = DeepRacerLog(str(tmp_path / "again"))
+        log = community().DeepRacerLog(str(tmp_path / "again"))
         log.load()
         assert log.action_space() == ranges
         assert len(log.dataframe()) == 3 * 4 * 6

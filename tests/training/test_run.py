@@ -17,7 +17,6 @@ from time import monotonic, sleep
 import numpy as np
 import pandas
 import pytest
-from deepracer.logs import DeepRacerLog
 from django.core.files.storage import default_storage
 from django.db import connections
 from django.utils import timezone
@@ -27,6 +26,7 @@ from evaluation.models import TrainedModel
 from paddock.packages.read import UploadPart
 from paddock.simulator.trace import COLUMNS
 from races.models import Submission
+from tests.community import community
 from tests.evaluation.processes import environment
 from tests.factories import a_race
 from tests.shared import CHECKOUT
@@ -81,11 +81,11 @@ def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval,
         assert json.loads(archive.read("metrics/training/training-metrics.json")) == metrics
         assert archive.read("reward_function.py").decode() == REWARD
         archive.extractall(tmp_path)
-    traces = DeepRacerLog(str(tmp_path))  # the community's own reader
+    traces = community().DeepRacerLog(str(tmp_path))  # the community's own reader
     traces.load_training_trace()
     assert sorted(traces.df["iteration"].unique()) == list(range(job.iterations.count()))
     assert traces.df["episode"].nunique() > 10
-    whole = DeepRacerLog(str(tmp_path))
+    whole = community().DeepRacerLog(str(tmp_path))
     whole.load()
     assert len(whole.df) == len(traces.df)
     assert whole.hyperparameters() == job.hyperparameters
