@@ -67,7 +67,7 @@ REWARD_REASONS = register(
     },
 )
 
-REWARD_REASONS = register(
+register(
     "Reward functions",
     "platform",
     {
