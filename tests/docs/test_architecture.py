@@ -6,9 +6,12 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from core.jobs.kinds import all_kinds
 
 from .pages import CHECKOUT, PAGES, section, text
 
@@ -166,3 +169,14 @@ def test_every_registry_of_the_code_is_listed():
     listed = set(first_cells("## Registries"))
     assert {name for name in listed if "register" in name.rsplit(".", 1)[1]} == found
     assert "core.events.reading.register_reader" in found
+
+
+def test_every_kind_of_job_has_its_row():
+    for module in ("evaluation.services.jobs", "league.services.deliveries", "league.services.mails"):
+        import_module(module)
+    told = [
+        [kind.name, kind.model.__name__, f"{type(kind).__module__.replace('.', '/')}.py", kind.task, kind.queue]
+        for kind in all_kinds()
+        if type(kind).__module__.split(".")[0] in ROOMS
+    ]
+    assert [[cell.strip("`") for cell in row] for row in table("## Jobs")] == told and len(told) >= 5
