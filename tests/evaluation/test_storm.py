@@ -23,7 +23,7 @@ from tests.shared import CHECKOUT
 ROWS, WORKERS = 300, 4
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.xdist_group("workers")
 def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie, oval, bell, tmp_path):

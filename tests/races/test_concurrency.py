@@ -197,7 +197,7 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 @pytest.mark.django_db(transaction=False)
 def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
     files = (f"test_{name}.py" for name in ABOUT_THE_DATABASE)
-    again_on_postgresql(*(f"tests/races/{name}" for name in (*files, *DUELS)))
+    again_on_postgresql(*(f"tests/races/{name}" for name in (*files, *DUELS)), "-m", "not postgres")  # the storm, too
 
 
 def test_of_two_racers_who_send_the_same_car_at_once_one_has_its_place(now):

@@ -20,7 +20,7 @@ from tests.shared import CHECKOUT
 LAPS = 20
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.xdist_group("workers")
 def test_every_video_is_made_once_whatever_crashes(alice, films, bell, settings, tmp_path):

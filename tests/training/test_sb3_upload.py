@@ -28,6 +28,7 @@ from paddock.rules.hyperparameters import DEFAULTS
 from paddock.simulator.envs import DEFAULT_METADATA
 from paddock.simulator.envs.sb3 import make_sb3_env
 from paddock.simulator.rewards import follow_centre_line
+from tests.hostile.here import launch_here
 from training.sb3.facts import read_facts
 from training.sb3.rebuild import rebuild
 from training.trainer.cars import Cars
@@ -183,7 +184,8 @@ def test_it_is_admitted_behind_the_wall_and_this_process_never_reads_it(kind, mo
     ],
     ids=["no metadata", "other actions", "other camera", "one more sensor", "stacked", "own extractor", "sde"],
 )
-def test_what_would_not_drive_as_it_was_trained_is_refused_with_its_reason(build, code):
+def test_what_would_not_drive_as_it_was_trained_is_refused_with_its_reason(build, code, monkeypatch):
+    monkeypatch.setattr(admit_module, "launch", launch_here)
     zipped, metadata = build()
     fault = refused(zipped, metadata)
     assert (fault.code, fault.fault) == (code, "user")
