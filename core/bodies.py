@@ -56,6 +56,13 @@ class BodyExtension(OpenApiSerializerExtension):
         return {**schema, "additionalProperties": False} if direction == "request" else schema
 
 
+def read_as(kind: type[serializers.Serializer], sent: Any, **options: Any) -> dict[str, Any]:
+    """What was sent as ``kind`` reads it; ``options`` are the serializer's. Raises ValidationError."""
+    serializer = kind(data=sent, **options)
+    serializer.is_valid(raise_exception=True)
+    return serializer.validated_data
+
+
 def refuse_fields(request: Request) -> None:
     """For an operation without fields. Raises ValidationError with the code ``no_fields`` if any are sent.
 

@@ -17,7 +17,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from paddock.errors import UserFault
 from paddock.packages.kinds import is_weights_file
@@ -162,9 +162,8 @@ class ModelsView(generics.ListAPIView):
 
     def get_queryset(self) -> QuerySet[TrainedModel]:
         models = models_of(self.request.user)
-        asked = ListFilter(data=self.request.query_params)
-        asked.is_valid(raise_exception=True)
-        if (wanted := asked.validated_data.get("shared")) is None:
+        asked = read_as(ListFilter, self.request.query_params)
+        if (wanted := asked.get("shared")) is None:
             return models
         return models.filter(shared_at__isnull=not wanted)
 
@@ -178,9 +177,7 @@ class ModelsView(generics.ListAPIView):
         tags=["models"],
     )
     def post(self, request: Request) -> Response:
-        serializer = UploadSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        sent = serializer.validated_data
+        sent = read_as(UploadSerializer, request.data)
         uploaded = services.upload_model(
             owner=request.user,
             files=_parts(sent),
@@ -213,9 +210,8 @@ class SharedModelsView(generics.ListAPIView):
 
     def get_queryset(self) -> QuerySet[TrainedModel]:
         models = shared_models(self.request.user)
-        asked = ListFilter(data=self.request.query_params)
-        asked.is_valid(raise_exception=True)
-        alias = asked.validated_data.get("racer")
+        asked = read_as(ListFilter, self.request.query_params)
+        alias = asked.get("racer")
         return models.filter(owner__alias__iexact=alias) if alias else models
 
 
@@ -256,9 +252,7 @@ class ModelView(APIView):
     )
     def patch(self, request: Request, public_id: str) -> Response:
         model = self._model(public_id)
-        serializer = DescriptionSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        sent = serializer.validated_data
+        sent = read_as(DescriptionSerializer, request.data)
         with transaction.atomic():
             services.describe_model(
                 model=model,

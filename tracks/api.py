@@ -14,7 +14,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
-from core.bodies import Body
+from core.bodies import Body, read_as
 from paddock.geometry.npy import MAX_BYTES
 
 from . import services
@@ -97,9 +97,7 @@ class TracksView(generics.ListAPIView):
         tags=["tracks"],
     )
     def post(self, request: Request) -> Response:
-        serializer = ImportSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        sent = serializer.validated_data
+        sent = read_as(ImportSerializer, request.data)
         # one byte more than a track may have, so that a huge file is refused without being read whole
         data = sent.pop("file").read(MAX_BYTES + 1)
         track = services.import_track(data=data, owner=request.user, now=timezone.now(), **sent)

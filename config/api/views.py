@@ -29,7 +29,7 @@ from accounts.quotas import usage_of
 from accounts.scopes import ANY, EVERY, RACE, SCOPES
 from accounts.second_factor import factors_of, lacks_demanded_factor
 from accounts.tokens import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 
 from .auth import SecondFactorMissing
 
@@ -179,9 +179,7 @@ class TokenView(APIView):
         tags=["account"],
     )
     def post(self, request: Request) -> Response:
-        serializer = LoginSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        sent = serializer.validated_data
+        sent = read_as(LoginSerializer, request.data)
         racer = _authenticate(request, sent["login"], sent["password"])
         _show_second_factor(racer, sent.get("code", ""))
         wanted = {name: sent[name] for name in ("scopes", "days") if name in sent}
@@ -224,10 +222,8 @@ class MeView(APIView):
         tags=["account"],
     )
     def patch(self, request: Request) -> Response:
-        body = ProfileBody(data=request.data)
-        body.is_valid(raise_exception=True)
         racer = request.user
-        sent = {"country": racer.country, "team": racer.team} | body.validated_data
+        sent = {"country": racer.country, "team": racer.team} | read_as(ProfileBody, request.data)
         return Response(RacerSerializer(change_profile(racer=racer, **sent)).data)
 
 

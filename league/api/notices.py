@@ -15,7 +15,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from league.models import Notice, NoticeChoice, NoticeKind
 from league.notices import sentence
 from league.selectors.notices import notices_of
@@ -85,10 +85,9 @@ class NoticesView(generics.ListAPIView):
     serializer_class = NoticeSerializer
 
     def get_queryset(self) -> QuerySet[Notice]:
-        asked = NoticeFilter(data=self.request.query_params)
-        asked.is_valid(raise_exception=True)
+        asked = read_as(NoticeFilter, self.request.query_params)
         notices = notices_of(self.request.user)
-        unread = asked.validated_data["unread"]
+        unread = asked["unread"]
         return notices if unread is None else notices.filter(read_at__isnull=unread)
 
 
@@ -155,9 +154,8 @@ class NoticeSettingsView(APIView):
         tags=["notices"],
     )
     def patch(self, request: Request) -> Response:
-        body = ChoiceBody(data=request.data)
-        body.is_valid(raise_exception=True)
+        sent = read_as(ChoiceBody, request.data)
         before: NoticeChoice = choice_of(request.user)
         kept = {name: getattr(before, name) for name in ("site_off", "mail_off", "language")}
-        chosen = choose_notices(racer=request.user, **(kept | body.validated_data))
+        chosen = choose_notices(racer=request.user, **(kept | sent))
         return Response(ChoiceSerializer(chosen).data)

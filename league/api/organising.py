@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from django.contrib.admin.models import ADDITION, CHANGE
 from django.http import Http404
 from django.shortcuts import get_object_or_404
@@ -17,7 +15,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
-from core.bodies import Body
+from core.bodies import Body, read_as
 from league.models import Season, Stage
 from league.selectors import months_of
 from league.selectors.overview import month_races, seasons_listed
@@ -104,7 +102,7 @@ class SeasonsWrite(APIView):
     )
     def post(self, request: Request) -> Response:
         require(request, "league.add_season")
-        season = create_season(**_read(NewSeasonSerializer, request))
+        season = create_season(**read_as(NewSeasonSerializer, request.data))
         log(request.user, season, ADDITION, "Made through the API")
         return Response(SeasonDetailSerializer(season_shown(season.slug)).data, status=status.HTTP_201_CREATED)
 
@@ -125,7 +123,7 @@ class SeasonWrite(APIView):
     def patch(self, request: Request, slug: str) -> Response:
         season = season_shown(slug)
         require(request, "league.change_season")
-        season = edit_season(season=season, **_read(SeasonChangeSerializer, request))
+        season = edit_season(season=season, **read_as(SeasonChangeSerializer, request.data))
         log(request.user, season, CHANGE, "Changed through the API")
         return Response(SeasonDetailSerializer(season_shown(slug)).data)
 
@@ -149,7 +147,7 @@ class StageRulesView(APIView):
         require(request, "league.change_season")
         if stage not in Stage.values:
             raise Http404
-        rules = set_stage_rules(season=season, stage=stage, **_read(StageChangeSerializer, request))
+        rules = set_stage_rules(season=season, stage=stage, **read_as(StageChangeSerializer, request.data))
         log(request.user, season, CHANGE, f"Rules of {rules.stage} changed through the API")
         return Response(StageRulesSerializer(rules).data)
 
@@ -170,13 +168,7 @@ class RoundsWrite(APIView):
     def post(self, request: Request, slug: str) -> Response:
         season, now = season_shown(slug), timezone.now()
         require(request, "league.change_season", "races.add_race")
-        made = schedule_round(season=season, now=now, **_read(NewRoundSerializer, request))
+        made = schedule_round(season=season, now=now, **read_as(NewRoundSerializer, request.data))
         log(request.user, made.race, ADDITION, f"Round {made.number} of {season.name}, made through the API")
         shown = month_races(months_of(season), now)[made.pk]
         return Response(RoundSerializer(shown).data, status=status.HTTP_201_CREATED)
-
-
-def _read(kind: type[Body], request: Request) -> dict[str, Any]:
-    serializer = kind(data=request.data)
-    serializer.is_valid(raise_exception=True)
-    return dict(serializer.validated_data)

@@ -14,7 +14,7 @@ from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
 from accounts.tokens import scopes_of
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from league import chats
 from league.happenings import EVENTS
 from league.models import Webhook, WebhookDelivery
@@ -106,9 +106,7 @@ class WebhooksView(generics.ListAPIView):
         tags=["webhooks"],
     )
     def post(self, request: Request) -> Response:
-        body = WebhookBody(data=request.data)
-        body.is_valid(raise_exception=True)
-        sent = body.validated_data
+        sent = read_as(WebhookBody, request.data)
         slug = sent.get("race")
         race = None if slug is None else get_object_or_404(races_to_hear_of(request.user), slug=slug)
         hook = add_webhook(owner=request.user, url=sent["url"], race=race, events=sent.get("events", ()))

@@ -12,6 +12,8 @@ from rest_framework.response import Response
 from rest_framework.utils.urls import replace_query_param
 from rest_framework.views import APIView
 
+from core.bodies import read_as
+
 from ..exports import row_data
 from ..models import RankingMethod
 from ..selectors import PER_PAGE, Board, BoardRow, shared_board
@@ -118,8 +120,7 @@ class BoardView(APIView):
         tags=["races"],
     )
     def get(self, request: Request, slug: str) -> Response:
-        wanted = PageSerializer(data=request.query_params)
-        wanted.is_valid(raise_exception=True)
-        page, page_size = wanted.validated_data["page"], wanted.validated_data["page_size"]
+        asked = read_as(PageSerializer, request.query_params)
+        page, page_size = asked["page"], asked["page_size"]
         shown = shared_board(visible_race(request, slug), request.user, page=page, per_page=page_size)
         return Response(BoardSerializer(shown, context={"request": request}).data)

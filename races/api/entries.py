@@ -12,7 +12,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE, RACE
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from evaluation.models import State
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
@@ -162,9 +162,8 @@ class SubmissionsView(generics.ListAPIView):
     )
     def post(self, request: Request, slug: str) -> Response:
         race = visible_race(request, slug)
-        serializer = SubmitSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        model = models_of(request.user).filter(public_id=serializer.validated_data["model"]).first()
+        sent = read_as(SubmitSerializer, request.data)
+        model = models_of(request.user).filter(public_id=sent["model"]).first()
         if model is None:
             raise UserFault("model_not_yours")
         submission = services.submit_model(race=race, racer=request.user, model=model, now=timezone.now())
@@ -206,9 +205,7 @@ class RemovalView(APIView):
     )
     def post(self, request: Request, slug: str, alias: str) -> Response:
         entry = self._entry(request, slug, alias)
-        serializer = RemovalSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        reason = serializer.validated_data.get("reason", "")
+        reason = read_as(RemovalSerializer, request.data).get("reason", "")
         entry = services.remove_entry(entry=entry, by=request.user, reason=reason, now=timezone.now())
         return Response(EntrySerializer(entry).data)
 

@@ -13,7 +13,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.rules.race import RULES
 from tracks.models import Track
@@ -167,9 +167,7 @@ class RacesView(generics.ListAPIView):
     serializer_class = RaceSerializer
 
     def get_queryset(self) -> QuerySet[Race]:
-        filters = FilterSerializer(data=self.request.query_params)
-        filters.is_valid(raise_exception=True)
-        wanted, racer = filters.validated_data, self.request.user
+        wanted, racer = read_as(FilterSerializer, self.request.query_params), self.request.user
         races = races_visible_to(racer).defer("track__npy").order_by("-opens_at", "-pk")
         if "kind" in wanted:
             races = races.filter(kind=wanted["kind"])
@@ -192,9 +190,7 @@ class RacesView(generics.ListAPIView):
         tags=["races"],
     )
     def post(self, request: Request) -> Response:
-        serializer = NewRaceSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        wanted, now = serializer.validated_data, timezone.now()
+        wanted, now = read_as(NewRaceSerializer, request.data), timezone.now()
         if "division" not in wanted:
             race = services.create_community_race(organiser=request.user, now=now, **wanted)
         elif request.user.is_staff and request.user.has_perm("races.add_race"):
@@ -225,9 +221,8 @@ class RaceView(APIView):
     )
     def patch(self, request: Request, slug: str) -> Response:
         race = organised_race(request, slug)
-        serializer = RaceEditSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        return self._answer(services.edit_race(race=race, now=timezone.now(), **serializer.validated_data))
+        sent = read_as(RaceEditSerializer, request.data)
+        return self._answer(services.edit_race(race=race, now=timezone.now(), **sent))
 
     def _answer(self, race: Race) -> Response:
         return Response(RaceDetailSerializer(race, context={"request": self.request}).data)
@@ -248,9 +243,8 @@ class CancelView(APIView):
     )
     def post(self, request: Request, slug: str) -> Response:
         race = organised_race(request, slug)
-        serializer = CancelSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        race = services.cancel_race(race=race, now=timezone.now(), **serializer.validated_data)
+        sent = read_as(CancelSerializer, request.data)
+        race = services.cancel_race(race=race, now=timezone.now(), **sent)
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 
 

@@ -18,7 +18,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from evaluation.models import State
 
@@ -130,9 +130,7 @@ class VideosView(APIView):
     )
     def post(self, request: Request, public_id: str) -> Response:
         evaluation = visible_evaluation(request, public_id)
-        serializer = AskSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        wanted = {"language": page_language()} | serializer.validated_data
+        wanted = {"language": page_language()} | read_as(AskSerializer, request.data)
         asked = ask_for_video(evaluation=evaluation, by=request.user, now=timezone.now(), **wanted)
         asked.video.evaluation = evaluation
         answer = VideoSerializer(shown_video(asked.video)).data

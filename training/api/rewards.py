@@ -10,7 +10,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
-from core.bodies import Body
+from core.bodies import Body, read_as
 from core.forms import explain
 from paddock.errors import UserFault
 from races.models import RaceType
@@ -70,9 +70,7 @@ class RewardValidationView(APIView):
         # brings the physics along, which no other operation needs
         from training.rewards.validate import check_reward
 
-        body = RewardBody(data=request.data)
-        body.is_valid(raise_exception=True)
-        sent = body.validated_data
+        sent = read_as(RewardBody, request.data)
         with one_check(request.user):
             report = check_reward(sent["reward_code"].replace("\r\n", "\n"), race_type=sent["race_type"])
         problems = [

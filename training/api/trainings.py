@@ -23,7 +23,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.rules.training import DRIVEN_BY, SETTINGS, taken_from
 from races.api.evaluations import EvaluationSerializer
@@ -190,9 +190,7 @@ class TrainingsView(generics.ListAPIView):
         tags=["trainings"],
     )
     def post(self, request: Request) -> Response:
-        serializer = CreateSerializer(data=request.data)
-        serializer.is_valid(raise_exception=True)
-        asked, rest = taken_from(_checked(request, serializer.validated_data))
+        asked, rest = taken_from(_checked(request, read_as(CreateSerializer, request.data)))
         job = create_training(owner=request.user, settings=asked, now=timezone.now(), **rest)
         return Response(TrainingSerializer(job, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
@@ -271,9 +269,7 @@ class TrainingEvaluationsView(APIView):
     )
     def post(self, request: Request, public_id: str) -> Response:
         job = visible_training(request, public_id)
-        body = EvaluateBody(data=request.data)
-        body.is_valid(raise_exception=True)
-        which = body.validated_data["model"]
+        which = read_as(EvaluateBody, request.data)["model"]
         evaluation = evaluate_training(job=job, which=which, by=request.user, now=timezone.now())
         return Response(EvaluationSerializer(evaluation).data, status=status.HTTP_201_CREATED)
 

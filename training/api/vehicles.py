@@ -14,7 +14,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
-from core.bodies import Body, refuse_fields
+from core.bodies import Body, read_as, refuse_fields
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from paddock.errors import UserFault
 from training.forms.vehicle import CAMERAS_OFFERED, IN_STEPS, LIDAR_DEFAULTS, LIDARS, VehicleForm
@@ -149,9 +149,7 @@ def _values(request: Request, before: Vehicle, *, partial: bool) -> dict[str, An
 
     Raises ValidationError, UserFault("vehicle_sensors" | "vehicle_lidar").
     """
-    body = VehicleBody(data=request.data, partial=partial)
-    body.is_valid(raise_exception=True)
-    sent = body.validated_data
+    sent = read_as(VehicleBody, request.data, partial=partial)
     sensors = sent.get("sensors", before.sensors)
     lidar = sent.get("lidar_config", {})
     if IN_STEPS in sensors:
