@@ -1,4 +1,4 @@
-"""The checks of what a training is asked for: its hyperparameters and its action space. No Django."""
+"""The checks of what a training is asked for: its settings, its hyperparameters, its action space. No Django."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from paddock.errors import UserFault
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, SAC
+from paddock.rules.training import SETTINGS, TrainingSettings
 
 ACTION_COUNTS = (2, 30)
 STEERING_DEG = (-30.0, 30.0)
@@ -52,10 +53,32 @@ def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str,
         if one.fits(value):
             checked[one.name] = value if one.choices else one.type(value)
         elif one.choices:
-            raise UserFault(f"training_{one.name}")
+            raise UserFault("training_loss_type")
         else:
             raise UserFault("training_hyperparameter", name=one.name, low=f"{one.least:g}", high=f"{one.most:g}")
     return checked
+
+
+# Which reason a setting is refused with; those of a range say it.
+REFUSALS = {
+    "stop_minutes": "training_minutes",
+    "stop_steps": "training_steps",
+    "stop_clean_laps": "training_clean_laps",
+    "trials": "training_trials",
+    "seed": "training_seed",
+    "best_metric": "training_best_metric",
+}
+_RANGES = ("stop_minutes", "stop_clean_laps", "trials")
+
+
+def check_settings(settings: TrainingSettings) -> None:
+    """Raises UserFault with one of :data:`REFUSALS`."""
+    for name, code in REFUSALS.items():
+        rule = SETTINGS[name]
+        try:
+            rule.check(getattr(settings, name))
+        except ValueError:
+            raise UserFault(code, **({"low": rule.least, "high": rule.most} if name in _RANGES else {})) from None
 
 
 def check_action_space(algorithm: str, kind: str, given: Any) -> list[dict[str, float]] | dict[str, dict[str, float]]:

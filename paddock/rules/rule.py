@@ -34,8 +34,8 @@ class Rule:
 
     ``episode``: the default of an environment, where it is another; ``proposed``: what a form fills in where the
     default is none. ``place``: in the order of forms and pages. ``option``: what the command line calls it, where that
-    is not the name. ``context``: of the label for translators. ``refusal``: the code of the reason why a value is
-    refused, where there is one of its own. A default of None: it may be left out.
+    is not the name. ``context``: of the label for translators. A default of None: it
+    may be left out.
     """
 
     name: str
@@ -61,7 +61,6 @@ class Rule:
     place: int = 99
     option: str = ""
     context: str = ""
-    refusal: str = ""
 
     @property
     def default_of_an_episode(self) -> Any:

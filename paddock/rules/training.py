@@ -45,7 +45,6 @@ class TrainingSettings:
         least=1,
         most=1440,
         column=True,
-        refusal="training_minutes",
     )
     stop_clean_laps: int | None = rule(
         None,
@@ -54,7 +53,6 @@ class TrainingSettings:
         least=1,
         most=10,
         column=True,
-        refusal="training_clean_laps",
     )
     stop_steps: int | None = rule(
         None,
@@ -64,7 +62,6 @@ class TrainingSettings:
         least=1,
         most=_MOST,
         column=True,
-        refusal="training_steps",
     )
     trials: int = rule(
         3,
@@ -73,7 +70,6 @@ class TrainingSettings:
         least=1,
         most=10,
         column=True,
-        refusal="training_trials",
     )
     best_metric: str = rule(
         "progress",
@@ -81,9 +77,8 @@ class TrainingSettings:
         help=_("What makes one of these evaluations the best; its model is kept beside the last one."),
         choices=BEST_METRICS,
         column=True,
-        refusal="training_best_metric",
     )
-    seed: int | None = rule(None, label=_("Seed"), least=0, most=_MOST, column=True, refusal="training_seed")
+    seed: int | None = rule(None, label=_("Seed"), least=0, most=_MOST, column=True)
 
 
 # Those with bounds and words of their own.

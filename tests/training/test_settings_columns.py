@@ -8,6 +8,7 @@ from django.utils import timezone
 
 from paddock.rules.training import SETTINGS
 from tests.factories import a_racer, a_track
+from training.hyperparameters import REFUSALS
 from training.models import TrainingJob
 
 from .jobs import a_training
@@ -32,3 +33,7 @@ def test_a_row_holds_what_is_at_a_bound_and_nothing_below_or_above(name):
 def test_a_column_begins_with_the_default_of_the_list(name):
     default = TrainingJob._meta.get_field(name).get_default()
     assert default == (0 if name == "seed" else SETTINGS[name].default)
+
+
+def test_every_setting_has_its_reason():
+    assert set(REFUSALS) == set(SETTINGS)

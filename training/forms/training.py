@@ -29,7 +29,14 @@ from training.actions import (
     STEERING_GRANULARITIES,
     discrete_actions,
 )
-from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, SPEED_MPS, STEERING_DEG, check_action_space
+from training.hyperparameters import (
+    DEFAULT_ACTIONS,
+    DEFAULT_BOUNDS,
+    REFUSALS,
+    SPEED_MPS,
+    STEERING_DEG,
+    check_action_space,
+)
 from training.models import Algorithm, RewardSignature, Vehicle
 from training.vehicles import vehicles_of
 
@@ -294,7 +301,7 @@ PLACES = {
     "training_loss_type": "loss_type",
     "training_sac_continuous": "action_space_type",
     "training_action_count": "actions",
-    **{rule.refusal: rule.name for rule in SETTINGS.values()},
+    **{code: name for name, code in REFUSALS.items()},
     "training_minutes_left": "stop_minutes",
     "training_reward_missing": "reward_code",
     "sensors_not_offered": "submit_to_race",

@@ -19,7 +19,7 @@ from evaluation.services.garage import refuse_full_garage
 from paddock.errors import PlatformFault, UserFault
 from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
 from paddock.rules.race import RaceRules
-from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS, TrainingSettings
+from paddock.rules.training import DRIVEN_BY, ENDING, TrainingSettings
 from paddock.simulator.course import lay_course
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
@@ -28,7 +28,7 @@ from races.services.gates import require_open
 from tracks.models import Track
 
 from ..cloning import build_of_model
-from ..hyperparameters import check_action_space, check_hyperparameters
+from ..hyperparameters import check_action_space, check_hyperparameters, check_settings
 from ..models import JobState, NeuralNetwork, TrainingJob, Vehicle
 from ..models.vehicle import default_sensors
 from ..quotas import AT_ONCE, MINUTES
@@ -75,7 +75,7 @@ def create_training(
         raise UserFault("training_reward_missing")
     if vehicle is not None and vehicle.owner_id != owner.pk:
         raise UserFault("vehicle_not_yours")
-    _check_settings(settings)
+    check_settings(settings)
     job = TrainingJob(
         owner=owner,
         name=name,
@@ -225,15 +225,6 @@ def _check_clone(job: TrainingJob, model: TrainedModel) -> None:
 def _actions(metadata: Mapping[str, Any]) -> str:
     kind = metadata.get("action_space_type", "discrete")
     return f"{len(metadata['action_space'])} {kind}" if kind == "discrete" else kind
-
-
-def _check_settings(settings: TrainingSettings) -> None:
-    for rule in SETTINGS.values():
-        try:
-            rule.check(getattr(settings, rule.name))
-        except ValueError:
-            bounds = {} if rule.choices or rule.most == _GREATEST_SEED else {"low": rule.least, "high": rule.most}
-            raise UserFault(rule.refusal, **bounds) from None
 
 
 def _refuse_taken_name(owner: Racer, name: str) -> None:
