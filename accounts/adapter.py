@@ -9,7 +9,6 @@ from urllib.parse import urlsplit
 from allauth.account.adapter import DefaultAccountAdapter
 from django.conf import settings
 from django.contrib.auth.base_user import AbstractBaseUser
-from django.contrib.sites.requests import RequestSite
 from django.core.mail import EmailMessage
 from django.db import transaction
 from django.forms import BaseForm
@@ -58,7 +57,8 @@ class AccountAdapter(DefaultAccountAdapter):
         headers: dict[str, str] | None = None,
     ) -> EmailMessage:
         """A mail says where the site is by the settings, not by what a request was sent to."""
-        where = RequestSite(SimpleNamespace(get_host=lambda: urlsplit(settings.SITE_URL).netloc))
+        host = urlsplit(settings.SITE_URL).netloc
+        where = SimpleNamespace(domain=host, name=host)
         return super().render_mail(template_prefix, email, context | {"current_site": where}, headers)
 
     def pre_authenticate(self, request: HttpRequest, **credentials: Any) -> None:

@@ -22,6 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .models import Racer, RacerQuota, SignUpInvitation
+from .who import racer_of
 
 A_FORTNIGHT = timedelta(days=14)
 
@@ -128,7 +129,7 @@ class RacerAdmin(UserAdmin):
 
     @admin.action(description=_("Deactivate: they cannot log in, their results stay"), permissions=["change"])
     def deactivate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
-        self._set_active(request, queryset.exclude(pk=request.user.pk), False)
+        self._set_active(request, queryset.exclude(pk=racer_of(request).pk), False)
 
     @admin.action(description=_("Activate again"), permissions=["change"])
     def activate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
@@ -165,7 +166,7 @@ class SignUpInvitationAdmin(admin.ModelAdmin):
 
     def save_model(self, request: HttpRequest, obj: SignUpInvitation, form: ModelForm, change: bool) -> None:
         if not change:
-            obj.made_by, obj.made_at = request.user, timezone.now()
+            obj.made_by, obj.made_at = racer_of(request), timezone.now()
         super().save_model(request, obj, form, change)
 
     def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:

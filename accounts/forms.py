@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from allauth.account import forms as allauth_forms
 from allauth.account.models import EmailAddress
 from django import forms
@@ -16,10 +19,16 @@ from .scopes import LABELS, SCOPES
 DAYS = (1, 7, 30, 90, 366)
 
 
+def _choose(field: forms.Field, choices: Sequence[tuple[object, object]]) -> None:
+    """Let a field offer these."""
+    assert isinstance(field, forms.ChoiceField)
+    field.choices = choices
+
+
 class LoginForm(allauth_forms.LoginForm):
     """Log in with the alias or the e-mail address."""
 
-    def __init__(self, *args, **kwargs) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.fields["login"].label = _("Alias or e-mail address")
         for field in self.fields.values():
@@ -31,7 +40,7 @@ class SignUpForm(allauth_forms.SignupForm):
 
     field_order = ["username", "email", "password1", "password2"]
 
-    def __init__(self, *args, **kwargs) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         alias = self.fields["username"]
         alias.label = _("Alias")
@@ -54,9 +63,9 @@ class ProfileForm(forms.ModelForm):
         fields = ["country", "team"]
         help_texts = {"team": _("As it is to stand in the standings of teams: one spelling makes one team.")}
 
-    def __init__(self, *args, **kwargs) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.fields["country"].choices = [("", _("not shown")), *country_choices()]
+        _choose(self.fields["country"], [("", _("not shown")), *country_choices()])
 
 
 class ResetPasswordForm(allauth_forms.ResetPasswordForm):
@@ -67,7 +76,7 @@ class ResetPasswordForm(allauth_forms.ResetPasswordForm):
         email = super().clean_email()
         verified = EmailAddress.objects.filter(email=email.lower(), verified=True).values_list("user_id", flat=True)
         theirs = set(verified)
-        self.users = [racer for racer in self.users if racer.email == email.lower() or racer.pk in theirs]
+        self.users: list[Racer] = [racer for racer in self.users if racer.email == email.lower() or racer.pk in theirs]
         return email
 
 
@@ -79,8 +88,8 @@ class TokenForm(forms.Form):
     )
     days = forms.TypedChoiceField(label=_("It holds for"), coerce=int)
 
-    def __init__(self, *args, **kwargs) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         days = sorted({*DAYS, settings.TOKEN_DAYS})
-        self.fields["days"].choices = [(day, ngettext("%(n)s day", "%(n)s days", day) % {"n": day}) for day in days]
+        _choose(self.fields["days"], [(day, ngettext("%(n)s day", "%(n)s days", day) % {"n": day}) for day in days])
         self.fields["days"].initial = settings.TOKEN_DAYS

@@ -58,7 +58,7 @@ def racer_with(credentials: Mapping[str, Any]) -> Racer | None:
     email, alias = credentials.get("email"), credentials.get("username")
     found = filter_users_by_email(email, prefer_verified=True, for_login=True) if email else []
     # an address that somebody else is only about to change to is not theirs yet
-    own = next((racer for racer in found if racer.email == email.lower()), None)
+    own = next((racer for racer in found if racer.email == (email or "").lower()), None)
     return own or next(iter(found), None) or (get_user_by_username(alias) if alias else None)
 
 

@@ -10,10 +10,11 @@ from allauth.mfa.models import Authenticator
 from django.conf import settings
 from django.db.models import QuerySet
 
+from .models import Racer
+
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
-    from accounts.models import Racer
 
 FACTORS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)
 
@@ -39,7 +40,9 @@ def factors_of(racer: Racer) -> QuerySet[Authenticator]:
 
 def lacks_demanded_factor(racer: Racer | AnonymousUser) -> bool:
     """Whether this is an admin on a site that demands a second factor of admins, and there is none."""
-    return bool(settings.STAFF_SECOND_FACTOR and getattr(racer, "is_staff", False) and not factors_of(racer).exists())
+    if not isinstance(racer, Racer) or not racer.is_staff:
+        return False
+    return bool(settings.STAFF_SECOND_FACTOR and not factors_of(racer).exists())
 
 
 def forget_second_factor(*, racer: Racer) -> int:

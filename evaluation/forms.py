@@ -9,12 +9,13 @@ from django import forms
 from django.core.files.uploadedfile import UploadedFile
 from django.utils.translation import gettext_lazy as _
 
+from core.columns import length_of
 from paddock.packages.read import UploadPart
 
 from .looks import Look, Shell
 from .models import TrainedModel
 
-NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
+NAME_LIMIT = length_of(TrainedModel, "name")
 DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
 
 

@@ -7,13 +7,15 @@ from typing import Any
 
 from django import forms
 from django.contrib import admin
+from django.db.models import QuerySet
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.html import format_html
-from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from accounts.models import Racer
+from accounts.who import racer_of
 from paddock.errors import UserFault
 from paddock.geometry.npy import MAX_BYTES
 
@@ -26,6 +28,7 @@ class ImportForm(forms.ModelForm):
     """A new track, from its file. What is wrong with the file stands beside it."""
 
     file = forms.FileField(label=_("track file (.npy)"), allow_empty_file=True)
+    importer: Racer
     look = forms.ChoiceField(label=_("look"), choices=Look.choices, initial=Look.OFFICIAL, required=False)
 
     class Meta:
@@ -80,19 +83,21 @@ class TrackAdmin(admin.ModelAdmin):
         "created_at",
     )
 
-    def get_queryset(self, request: HttpRequest):
+    def get_queryset(self, request: HttpRequest) -> QuerySet[Track]:
         return super().get_queryset(request).defer("npy")
 
-    def get_fields(self, request: HttpRequest, obj: Track | None = None):
+    def get_fields(self, request: HttpRequest, obj: Track | None = None) -> tuple[str, ...]:
         return ("name", "slug", "file", "description", "look") if obj is None else ("name", "description", *self._facts)
 
-    def get_readonly_fields(self, request: HttpRequest, obj: Track | None = None):
+    def get_readonly_fields(self, request: HttpRequest, obj: Track | None = None) -> tuple[str, ...]:
         return () if obj is None else self._facts
 
-    def get_form(self, request: HttpRequest, obj: Track | None = None, change: bool = False, **kwargs: Any):
+    def get_form(
+        self, request: HttpRequest, obj: Track | None = None, change: bool = False, **kwargs: Any
+    ) -> type[forms.ModelForm]:
         if obj is not None:
             return super().get_form(request, obj, change, **kwargs)
-        return type("ImportForm", (ImportForm,), {"importer": request.user})
+        return type("ImportForm", (ImportForm,), {"importer": racer_of(request)})
 
     def save_model(self, request: HttpRequest, obj: Track, form: forms.ModelForm, change: bool) -> None:
         if change:  # a new one was saved by the service, in the transaction of this request
@@ -105,10 +110,10 @@ class TrackAdmin(admin.ModelAdmin):
         return allowed and not obj.is_catalogue and not obj.races.exists() and not obj.evaluations.exists()
 
     @admin.display(description=_("map"))
-    def map(self, track: Track) -> SafeString:
+    def map(self, track: Track) -> str:
         """The track as a picture."""
         if not track.has_shape:
-            return _("not known here")
+            return gettext("not known here")
         picture = draw_svg(track.geometry, width=480, standalone=True)
         data = base64.b64encode(picture.encode()).decode()
         return format_html('<img alt="" width="480" src="data:image/svg+xml;base64,{}">', data)

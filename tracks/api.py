@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
@@ -14,6 +15,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
+from accounts.who import racer_of
 from core.bodies import Body, read_as
 from paddock.geometry.npy import MAX_BYTES
 
@@ -35,7 +37,7 @@ class LineField(serializers.Field):
     def get_attribute(self, instance: Track) -> object:
         return super().get_attribute(instance) if instance.has_shape else None
 
-    def to_representation(self, points: object) -> list[list[float]]:
+    def to_representation(self, points: np.ndarray) -> list[list[float]]:
         return points.tolist()
 
 
@@ -100,7 +102,7 @@ class TracksView(generics.ListAPIView):
         sent = read_as(ImportSerializer, request.data)
         # one byte more than a track may have, so that a huge file is refused without being read whole
         data = sent.pop("file").read(MAX_BYTES + 1)
-        track = services.import_track(data=data, owner=request.user, now=timezone.now(), **sent)
+        track = services.import_track(data=data, owner=racer_of(request), now=timezone.now(), **sent)
         return Response(TrackDetailSerializer(track).data, status=status.HTTP_201_CREATED)
 
 

@@ -13,6 +13,7 @@ from django.utils import timezone
 from django.utils.text import slugify
 
 from accounts.quotas import limit_of, used_by
+from core.columns import length_of
 from core.locks import hold
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
@@ -25,8 +26,8 @@ from .quotas import TRACKS
 if TYPE_CHECKING:
     from accounts.models import Racer
 
-NAME_LIMIT = Track._meta.get_field("name").max_length
-SLUG_LIMIT = Track._meta.get_field("slug").max_length
+NAME_LIMIT = length_of(Track, "name")
+SLUG_LIMIT = length_of(Track, "slug")
 # Addresses that pages use for something else.
 RESERVED_SLUGS = frozenset({"import", "new"})
 _SLUG = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*\Z")

@@ -12,6 +12,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.quotas import limit_of
+from accounts.who import racer_of
 from core.forms import add_fault
 from paddock.errors import UserFault
 
@@ -48,7 +49,7 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
             made = import_track(
                 data=form.data_bytes(),
                 name=form.cleaned_data["name"],
-                owner=request.user,
+                owner=racer_of(request),
                 now=timezone.now(),
                 look=form.cleaned_data["look"],
             )
@@ -57,5 +58,5 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
         else:
             messages.success(request, _("The track is imported. Anybody can hold a race on it now."))
             return redirect(made)
-    context = {"form": form, "limit": limit_of(request.user, TRACKS.name)}
+    context = {"form": form, "limit": limit_of(racer_of(request), TRACKS.name)}
     return render(request, "tracks/import.html", context, status=422 if form.errors else 200)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.contrib.auth.models import AbstractBaseUser, BaseUserManager, PermissionsMixin
 from django.core.validators import RegexValidator
 from django.db import models, transaction
@@ -21,14 +23,14 @@ ALIAS_VALIDATORS = [
 class RacerManager(BaseUserManager["Racer"]):
     """Makes racers; e-mail addresses are stored in lower case, so that one address is one account."""
 
-    def create_user(self, alias: str, email: str, password: str | None = None, **fields) -> Racer:
+    def create_user(self, alias: str, email: str, password: str | None = None, **fields: Any) -> Racer:
         """A racer who may log in. Without ``password`` the account cannot be logged in to."""
         racer = self.model(alias=alias, email=email.lower(), **fields)
         racer.set_password(password)
         racer.save(using=self._db)
         return racer
 
-    def create_superuser(self, alias: str, email: str, password: str | None = None, **fields) -> Racer:
+    def create_superuser(self, alias: str, email: str, password: str | None = None, **fields: Any) -> Racer:
         """An admin with every permission."""
         return self.create_user(alias, email, password, is_staff=True, is_superuser=True, **fields)
 
@@ -83,10 +85,11 @@ class Racer(AbstractBaseUser, PermissionsMixin):
         super().set_unusable_password()
         self._closed = True
 
-    def save(self, *args, **kwargs) -> None:
+    def save(self, *args: Any, **kwargs: Any) -> None:
         """Whichever way a password is changed, what the old one let in ends with it. (One that is only hashed anew, by
         stronger means, is no change.)"""
-        changed = not self._state.adding and (self._password is not None or getattr(self, "_closed", False))
+        chosen = getattr(self, "_password", None) is not None  # Django's own mark of a new password
+        changed = not self._state.adding and (chosen or getattr(self, "_closed", False))
         with transaction.atomic():
             super().save(*args, **kwargs)
             if changed:

@@ -23,6 +23,7 @@ from accounts.log_in import may_ask_for_challenge
 from accounts.profile import change_profile
 from accounts.receivers import begin_passing_session
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
+from accounts.who import racer_of
 from core.addresses import origin_of
 from core.forms import add_fault, explain
 from paddock.errors import UserFault
@@ -58,7 +59,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
     """Country, and the way to e-mail, password and tokens."""
     form = ProfileForm(request.POST or None, instance=request.user)
     if request.method == "POST" and form.is_valid():
-        change_profile(racer=request.user, **form.cleaned_data)
+        change_profile(racer=racer_of(request), **form.cleaned_data)
         messages.success(request, _("Saved."))
         return redirect("settings")
     return render(request, "accounts/settings.html", {"form": form})
@@ -74,12 +75,12 @@ def api_tokens(request: HttpRequest) -> HttpResponse:
     form = TokenForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
         try:
-            text = create_token(racer=request.user, now=now, **form.cleaned_data)[1]
+            text = create_token(racer=racer_of(request), now=now, **form.cleaned_data)[1]
         except UserFault as fault:
             messages.error(request, explain(fault))
             return redirect("api_tokens")
         form = TokenForm()
-    context = {"tokens": tokens_of(request.user, now), "token": text, "form": form, "limit": TOKENS_PER_RACER}
+    context = {"tokens": tokens_of(racer_of(request), now), "token": text, "form": form, "limit": TOKENS_PER_RACER}
     context["origin"] = origin_of(request)
     return render(request, "accounts/tokens.html", context)
 
@@ -88,7 +89,7 @@ def api_tokens(request: HttpRequest) -> HttpResponse:
 @require_POST
 def api_token_revoke(request: HttpRequest, key: str) -> HttpResponse:
     """Revoke one of the racer's tokens."""
-    if not revoke_token(racer=request.user, key=key):
+    if not revoke_token(racer=racer_of(request), key=key):
         raise Http404
     messages.success(request, _("The token is revoked: programs that use it are locked out from now on."))
     return redirect("api_tokens")

@@ -16,6 +16,7 @@ from ..quotas import all_quotas, usage_of
 from ..selectors import open_invitation, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
 from ..sign_up import CODE, INVITATION
 from ..storage import stored_by
+from ..who import racer_of
 
 RACERS_PER_PAGE = 50
 
@@ -37,7 +38,7 @@ def invitation(request: HttpRequest, code: str) -> HttpResponse:
 @require_safe
 def usage(request: HttpRequest) -> HttpResponse:
     """How much of each quota the racer has used."""
-    context = {"usage": usage_of(request.user, timezone.now()), "stored": stored_by(request.user)}
+    context = {"usage": usage_of(racer_of(request), timezone.now()), "stored": stored_by(racer_of(request))}
     return render(request, "accounts/usage.html", context)
 
 

@@ -1,0 +1,13 @@
+"""What the database's columns hold."""
+
+from __future__ import annotations
+
+from django.db.models import Field, Model
+
+
+def length_of(model: type[Model], name: str) -> int:
+    """How many characters a column of text takes. Raises ValueError for a column that has no limit."""
+    field = model._meta.get_field(name)
+    if not isinstance(field, Field) or field.max_length is None:
+        raise ValueError(f"{name} takes any number of characters")
+    return field.max_length
