@@ -38,6 +38,7 @@ TABLES = {
     "accounts_racer": "league_racer",
     "accounts_racer_groups": "league_racer_groups",
     "accounts_racer_user_permissions": "league_racer_user_permissions",
+    "videos_video": "races_video",
     "core_outage": "evaluation_outage",
     "league_mail": "league_notice",
 }

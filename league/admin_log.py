@@ -8,7 +8,7 @@ from django.db.models import QuerySet
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
-from races.admin.actions import ReadOnly
+from core.admin import ReadOnly
 
 from .models import StewardDecision
 

@@ -15,8 +15,9 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
+from core.admin import ReadOnly
 from paddock.errors import PaddockError
-from races.admin.actions import ReadOnly, sentence
+from races.admin.actions import sentence
 
 from .models import Round
 from .selectors.stewarding import competitors_of

@@ -49,8 +49,6 @@ RACE_RETIMED = register(
 DUELS_DRAWN = register(Kind("duels.drawn", "the duels of a race are drawn", RACE, _OF_RACE, ("cars",)))
 DUEL_DECIDED = register(Kind("duel.decided", "a heat of a race is decided", RACE, _OF_RACE, ("round", "number")))
 DUELS_OVER = register(Kind("duels.over", "the last heat of a race is decided", RACE, _OF_RACE))
-# subject: the run that is shown
-VIDEO_READY = register(Kind("video.ready", "a video of a run is ready", RUN, ("subject",), ("video",)))
 
 
 def of_race(race: Race) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Evaluations and videos as the operators' page sees them."""
+"""Evaluations as the operators' page sees them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from evaluation.models import Evaluation, State
 from evaluation.queues import Queue, register_queue
 from evaluation.services import queue_again
 
-from .models import Submission, Video, VideoState
+from .models import Submission
 from .services import repeat_submission
-from .services.videos import draw_again
 
 
 def register() -> None:
-    """Register both."""
+    """Register them."""
     register_queue(
         Queue(
             *("evaluations", _("Evaluations"), "celery", Evaluation),
@@ -25,15 +24,6 @@ def register() -> None:
             related=("owner", "model", "track"),
             repeatable=_evaluations,
             run_again=_evaluate_again,
-        )
-    )
-    register_queue(
-        Queue(
-            *("videos", _("Videos"), "videos", Video),
-            *(VideoState.WAITING, VideoState.DRAWING, VideoState.FAILED, "asked_at"),
-            related=("asked_by", "evaluation__track"),
-            repeatable=lambda failed: failed,
-            run_again=lambda video, now: draw_again(video=video, now=now),
         )
     )
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from evaluation.models import Evaluation, Result, TrainedModel
+from evaluation.models import Evaluation, Result
 
 from .services import record_ended_duel, record_ended_evaluation
 from .services.redrives import drive_again_after_commit
-from .services.videos import remove_videos_of_model
 
 
 def take_ended_evaluation(
@@ -18,8 +17,3 @@ def take_ended_evaluation(
     record_ended_evaluation(evaluation=evaluation, result=result, now=now)
     record_ended_duel(evaluation=evaluation, result=result, now=now)
     drive_again_after_commit(evaluation, now)
-
-
-def take_deleted_model(sender: object, *, model: TrainedModel, **kwargs: object) -> None:
-    """Who deletes a model wants no more films of it."""
-    remove_videos_of_model(model=model)

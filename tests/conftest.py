@@ -213,7 +213,7 @@ def films(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
     from tests.wakeups import heard
     from videos import film
 
-    rings = heard(monkeypatch, "races.tasks.draw")
+    rings = heard(monkeypatch, "videos.tasks.draw")
     monkeypatch.setattr(film, "film", a_film)
     monkeypatch.setattr(film, "poster", lambda scene: b"a still")
     return rings

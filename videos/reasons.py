@@ -15,5 +15,41 @@ register(
         "video_too_long": _(
             "This run lasts %(seconds)s seconds; a video shows %(limit)s at most. Make a video of one of its laps."
         ),
+        "video_run_not_finished": _("This run has no result, so there is no video of it. Wait for its end."),
+        "video_part": _(
+            "“%(part)s” is no part of a run. Choose “whole”, “best” (the car's fastest lap) or the number of a lap."
+        ),
+        "video_no_best_lap": _("Car %(car)s completed no lap, so it has no best one. Choose the whole run."),
+        "video_language": _("Videos have their words in one of the languages %(known)s, not in “%(language)s”."),
+        "videos_off": _("No videos are made on this site at the moment: whoever operates it has switched them off."),
+        "videos_at_once": _(
+            "You have asked for %(limit)s videos that wait or are being drawn, as many as you may at once. Wait for "
+            "one, or stop one."
+        ),
+        "videos_a_day": _(
+            "You have asked for %(limit)s videos within a day, as many as you may. Ask for this one tomorrow."
+        ),
+        "video_stopped": _("The video was stopped before it was done. Ask for it again to have it."),
+    },
+)
+
+register(
+    "Several cars in a race",
+    "user",
+    {
+        "car_number": _("There is no car %(car)s in this evaluation. Ask for one of these numbers: %(known)s."),
+    },
+)
+
+register(
+    "Videos",
+    "platform",
+    {
+        "video_encoder_missing": _(
+            "The machine that draws videos cannot encode them (%(detail)s). Whoever operates this site sees with "
+            "“manage.py doctor” what is missing."
+        ),
+        "video_file_lost": _("The file of this video is not there any more. Ask for the video again."),
+        "video_gave_up": _("Paddock failed to make this video %(attempts)s times. Ask for it again later."),
     },
 )

@@ -21,18 +21,6 @@ class Migration(migrations.Migration):
 
     operations = [
         migrations.CreateModel(
-            name='Announcement',
-            fields=[
-                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('about', models.CharField(max_length=160, unique=True)),
-                ('at', models.DateTimeField(default=django.utils.timezone.now)),
-            ],
-            options={
-                'verbose_name': 'announcement',
-                'verbose_name_plural': 'announcements',
-            },
-        ),
-        migrations.CreateModel(
             name='NoticeChoice',
             fields=[
                 ('racer', models.OneToOneField(on_delete=django.db.models.deletion.CASCADE, primary_key=True, related_name='notice_choice', serialize=False, to=settings.AUTH_USER_MODEL)),
@@ -270,13 +258,18 @@ class Migration(migrations.Migration):
             name='WebhookDelivery',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('attempt', models.PositiveSmallIntegerField(db_default=0, default=0, verbose_name='attempt')),
+                ('lease', models.UUIDField(blank=True, editable=False, null=True, verbose_name='lease')),
+                ('leased_until', models.DateTimeField(blank=True, null=True, verbose_name='leased until')),
+                ('worker', models.CharField(blank=True, db_default='', default='', max_length=128, verbose_name='worker')),
+                ('not_before', models.DateTimeField(blank=True, null=True, verbose_name='pauses until')),
+                ('started_at', models.DateTimeField(blank=True, null=True, verbose_name='started')),
+                ('ended_at', models.DateTimeField(blank=True, null=True, verbose_name='ended')),
                 ('event', models.CharField(max_length=20, verbose_name='event')),
                 ('about', models.CharField(max_length=160, verbose_name='about')),
                 ('body', models.TextField(verbose_name='body')),
                 ('at', models.DateTimeField(verbose_name='at')),
-                ('state', models.CharField(default='due', max_length=6, verbose_name='state')),
-                ('tries', models.PositiveSmallIntegerField(default=0, verbose_name='tries')),
-                ('next_at', models.DateTimeField(verbose_name='next try')),
+                ('state', models.CharField(default='due', max_length=8, verbose_name='state')),
                 ('status', models.PositiveSmallIntegerField(blank=True, null=True, verbose_name='answer')),
                 ('error', models.CharField(blank=True, max_length=200, verbose_name='what went wrong')),
                 ('webhook', models.ForeignKey(db_index=False, on_delete=django.db.models.deletion.CASCADE, related_name='deliveries', to='league.webhook')),
@@ -441,11 +434,15 @@ class Migration(migrations.Migration):
         ),
         migrations.AddIndex(
             model_name='webhookdelivery',
-            index=models.Index(condition=models.Q(('state', 'due')), fields=['next_at'], name='delivery_due'),
+            index=models.Index(condition=models.Q(('state', 'due')), fields=['not_before'], name='delivery_due'),
         ),
         migrations.AddIndex(
             model_name='webhookdelivery',
             index=models.Index(fields=['at'], name='delivery_by_time'),
+        ),
+        migrations.AddIndex(
+            model_name='webhookdelivery',
+            index=models.Index(condition=models.Q(('state', 'sending')), fields=['leased_until'], name='delivery_leases'),
         ),
         migrations.AddConstraint(
             model_name='webhookdelivery',
@@ -453,6 +450,18 @@ class Migration(migrations.Migration):
         ),
         migrations.AddConstraint(
             model_name='webhookdelivery',
-            constraint=models.CheckConstraint(condition=models.Q(('state__in', ['due', 'sent', 'failed'])), name='delivery_state_known'),
+            constraint=models.CheckConstraint(condition=models.Q(('state__in', ['due', 'sending', 'sent', 'failed'])), name='delivery_state_known'),
+        ),
+        migrations.AddConstraint(
+            model_name='webhookdelivery',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('lease__isnull', False), ('leased_until__isnull', False), ('started_at__isnull', False), ('state', 'sending')), models.Q(models.Q(('state', 'sending'), _negated=True), ('lease__isnull', True), ('leased_until__isnull', True)), _connector='OR'), name='delivery_lease_while_sending'),
+        ),
+        migrations.AddConstraint(
+            model_name='webhookdelivery',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('ended_at__isnull', False), ('state__in', ['sent', 'failed'])), models.Q(('ended_at__isnull', True), ('state__in', ['due', 'sending'])), _connector='OR'), name='delivery_ended_when_final'),
+        ),
+        migrations.AddConstraint(
+            model_name='webhookdelivery',
+            constraint=models.CheckConstraint(condition=models.Q(('not_before__isnull', True), ('state', 'due'), _connector='OR'), name='delivery_pauses_while_due'),
         ),
     ]

@@ -3,6 +3,5 @@
 from .duels import DrawAdmin, DuelAdmin
 from .race import RaceAdmin
 from .results import EntryAdmin, SubmissionAdmin
-from .videos import VideoAdmin
 
-__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "RaceAdmin", "SubmissionAdmin", "VideoAdmin"]
+__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "RaceAdmin", "SubmissionAdmin"]

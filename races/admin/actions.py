@@ -67,25 +67,6 @@ class WithReason:
         return done
 
 
-class ReadOnly:
-    """Rows that come from racing and are looked at here. Actions ask for the change permission themselves."""
-
-    show_full_result_count = False
-
-    def has_add_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
-
-    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
-
-    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
-
-    def has_steward_permission(self, request: HttpRequest) -> bool:
-        """Whether the admin may act on these rows."""
-        return request.user.has_perm(f"races.change_{self.model._meta.model_name}")
-
-
 def seconds(time_ms: int | None) -> str:
     """``m:ss.mmm``, or a dash."""
     return "-" if time_ms is None else f"{time_ms // 60_000}:{time_ms // 1000 % 60:02}.{time_ms % 1000:03}"

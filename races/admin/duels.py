@@ -7,8 +7,10 @@ from django.db.models import QuerySet
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy
 
+from core.admin import ReadOnly
+
 from ..models import Draw, Duel, DuelCar
-from .actions import ReadOnly, seconds
+from .actions import seconds
 
 
 @admin.register(Draw)

@@ -9,6 +9,8 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
+from core.admin import ReadOnly
+
 from ..models import Entry, Race, Submission
 from ..selectors import rank_of
 from ..services import (
@@ -16,7 +18,7 @@ from ..services import (
     repeat_submission,
     restore_entry,
 )
-from .actions import ReadOnly, WithReason, seconds
+from .actions import WithReason, seconds
 
 
 class LeftFilter(admin.SimpleListFilter):

@@ -21,11 +21,11 @@ from accounts.scopes import RACE
 from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from evaluation.models import State
+from videos.responses import film_response, page_language, ready_video, visible_video
+from videos.run import FilmedRun
+from videos.selectors import ShownVideo, can_stop_video, shown_video, videos_of
+from videos.services import ask_for_video, stop_video
 
-from ..filming import FilmedRun
-from ..films import film_response, page_language, ready_video, visible_video
-from ..selectors.videos import ShownVideo, can_stop_video, shown_video, videos_of
-from ..services.videos import ask_for_video, stop_video
 from .evaluations import ReasonSerializer, reason_of
 from .lookup import visible_evaluation
 

@@ -9,11 +9,8 @@ from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
 from .rules import default_sensors
 from .submission import Submission
-from .video import UNDER_WAY, WHOLE, Video, VideoState
 
 __all__ = [
-    "UNDER_WAY",
-    "WHOLE",
     "BoardCount",
     "Division",
     "Draw",
@@ -35,8 +32,6 @@ __all__ = [
     "RefusedCar",
     "Retiming",
     "Submission",
-    "Video",
-    "VideoState",
     "Visibility",
     "car_of",
     "default_sensors",

@@ -13,12 +13,12 @@ from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
 from django.views.decorators.http import require_POST, require_safe
 
+from evaluation.cars import CarRow, LiveCar, car_rows, live_cars
 from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_course, read_trace
-from races.cars import CarRow, LiveCar, car_rows, live_cars
 from races.course import awaited_boxes, driven_boxes
 from races.honours import race_of_marks
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data

@@ -13,23 +13,16 @@ from django.views.decorators.http import require_POST, require_safe
 
 from evaluation.models import Evaluation
 from paddock.errors import PaddockError
-from races.filming import FilmedRun, best_lap
-from races.films import film_response, page_language, ready_video, visible_video
-from races.models import WHOLE, Video, VideoState
-from races.selectors.videos import (
-    ShownVideo,
-    best_shown,
-    can_ask_for_video,
-    can_stop_video,
-    shown_video,
-    videos_of,
-)
-from races.services.videos import ask_for_video, stop_video
+from videos.models import WHOLE, Video, VideoState
+from videos.responses import film_response, page_language, ready_video, visible_video
+from videos.run import FilmedRun, best_lap
+from videos.selectors import ShownVideo, best_shown, can_ask_for_video, can_stop_video, shown_video, videos_of
+from videos.services import ask_for_video, stop_video
 
 from .common import fault_text, tell_fault, visible_evaluation
 
 if TYPE_CHECKING:
-    from races.cars import CarRow
+    from evaluation.cars import CarRow
 
 
 @login_required

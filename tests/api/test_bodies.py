@@ -19,12 +19,13 @@ from core.bodies import MAX_NAME, MAX_NAMED
 from league.models import Notice, NoticeKind
 from league.services import create_season
 from league.services.webhooks import add_webhook
-from races.models import Race, Video, Visibility
+from races.models import Race, Visibility
 from races.services import accept_invitation
 from tests.api.schema import SCHEMA
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.training.jobs import a_training
 from training.vehicles import save_vehicle
+from videos.models import Video
 
 WRITES = sorted(
     (method, path)

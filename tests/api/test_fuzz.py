@@ -22,11 +22,11 @@ from league.services import create_season, schedule_round
 from league.services.webhooks import add_webhook, send_test
 from races.models import Visibility
 from races.services import accept_invitation
-from races.services.videos import ask_for_video, run_next_video
 from tests.api.schema import SCHEMA
 from tests.factories import a_race, a_racer, drive, laps
 from tests.training.jobs import a_trained_one
 from training.vehicles import save_vehicle
+from videos.services import ask_for_video, run_next_video
 
 LABELS = [f"{method.upper()} {path}" for path, methods in SCHEMA["paths"].items() for method in methods]
 # more of them, and others, by hand: PADDOCK_FUZZ_EXAMPLES=200 PADDOCK_FUZZ_SEED=1

@@ -7,11 +7,11 @@ import re
 import pytest
 from django.utils import timezone
 
-from races.services.videos import run_next_video
 from tests.api.schema import SCHEMA
 from tests.factories import a_model, a_race, a_track
 from tests.films import a_driven_run
 from tests.training.jobs import a_trained_one
+from videos.services import run_next_video
 
 pytestmark = pytest.mark.django_db
 FILES = {

@@ -5,11 +5,12 @@ from __future__ import annotations
 import pytest
 from django.utils import timezone
 
-from races.models import Video, Visibility
+from races.models import Visibility
 from races.services import accept_invitation
-from races.services.videos import VIDEOS, run_next_video
 from tests.factories import a_race
 from tests.films import a_driven_run
+from videos.models import Video
+from videos.services import VIDEOS, run_next_video
 
 pytestmark = pytest.mark.django_db
 

@@ -12,7 +12,6 @@ from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, State
 from paddock.rules.race import RaceRules
 from races import tasks as race_tasks
-from races.services.videos import VIDEOS, ask_for_video
 from tests.factories import a_race
 from tests.films import a_driven_run
 from tests.rows import model_row
@@ -20,6 +19,7 @@ from tests.training.jobs import a_training
 from tests.wakeups import heard
 from training import tasks as training_tasks
 from training.services import TRAININGS
+from videos.services import VIDEOS, ask_for_video
 
 pytestmark = pytest.mark.django_db(transaction=True)
 REAL = timezone.now

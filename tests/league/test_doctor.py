@@ -168,7 +168,7 @@ def test_a_database_and_a_broker_that_do_not_answer_are_named(tmp_path):
 
 
 def test_a_machine_without_an_encoder_for_videos_is_told_so_and_can_run_all_the_same(monkeypatch, settings):
-    from races.services.videos import work
+    from videos.services import work
 
     assert finding(examine()[1], "encoder")["status"] == "ok"
     monkeypatch.setattr(work, "ENCODER", "no-such-encoder")

@@ -11,11 +11,11 @@ from django.utils import timezone
 
 from core.clock import database_now
 from evaluation.services import EVALUATIONS
-from races.models import Video, VideoState
-from races.services.videos import ask_for_video, run_next_video
 from tests.factories import a_race, a_racer, a_track
 from tests.films import a_driven_run
 from tests.training.jobs import a_trained_one
+from videos.models import Video, VideoState
+from videos.services import ask_for_video, run_next_video
 
 pytestmark = pytest.mark.django_db
 AWAY = ["stopped", "slow"]

@@ -18,7 +18,6 @@ from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import Race
 from races.services import enter_race, remove_entry, withdraw
-from races.services.videos import ask_for_video, run_next_video
 from tests.duels import a_duel_race, qualify
 from tests.factories import a_model, a_race, a_racer
 from tests.films import a_driven_run
@@ -29,6 +28,7 @@ from tests.training.jobs import a_training
 from training.course import LESSONS
 from training.models import JobState, TrainingJob
 from training.vehicles import save_vehicle
+from videos.services import ask_for_video, run_next_video
 
 PASSWORD = "a long enough passphrase"
 

@@ -15,12 +15,12 @@ from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
 from races.models import Race
 from races.services import submit_model
-from races.services.videos import ask_for_video
 from tests.factories import a_model, a_race, a_racer, laps, outcome, start
 from tests.films import a_driven_run, driven_trace
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from training.models import TrainingJob
 from training.vehicles import save_vehicle
+from videos.services import ask_for_video
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 # every message of the polite region and every start of the player, from the moment that the page is there

@@ -8,11 +8,11 @@ from html.parser import HTMLParser
 import pytest
 from django.utils import timezone
 
-from races.models import Video
-from races.services.videos import VIDEOS, ask_for_video, run_next_video
 from tests.duels import a_duel_race, driving, end, qualify
 from tests.films import a_driven_run
 from tests.pages.conftest import World
+from videos.models import Video
+from videos.services import VIDEOS, ask_for_video, run_next_video
 
 HTMX = {"HTTP_HX_REQUEST": "true"}
 

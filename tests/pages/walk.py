@@ -15,7 +15,6 @@ from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
-from races.services.videos import ask_for_video, run_next_video
 from tests.duels import drawn, end_all
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.films import a_driven_run
@@ -26,6 +25,7 @@ from tests.training.jobs import a_training
 from training.course import LESSONS
 from training.models import TrainingJob
 from training.vehicles import save_vehicle
+from videos.services import ask_for_video, run_next_video
 
 # Addresses that show no page of their own: files, parts of pages, and what is only written to.
 NO_PAGES = {

@@ -21,12 +21,12 @@ from django.conf import settings  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
 from core import wakeup  # noqa: E402
-from races.models import UNDER_WAY, Video  # noqa: E402
-from races.services import videos  # noqa: E402
-from races.services.videos import jobs, work  # noqa: E402
 from tests.films import a_film  # noqa: E402
 from tests.storms import ride_out  # noqa: E402
 from videos import film  # noqa: E402
+from videos import services as videos  # noqa: E402
+from videos.models import UNDER_WAY, Video  # noqa: E402
+from videos.services import jobs, work  # noqa: E402
 
 LEASE_S = 0.5
 CRASH = 0.12

@@ -293,8 +293,8 @@ def test_a_change_of_what_somebody_else_has_changed_meanwhile_is_refused(boss, n
 
 
 def test_videos_are_read_stopped_and_deleted_with_their_files(boss, now, films, commits):
-    from races.models import Video
-    from races.services.videos import ask_for_video, run_next_video
+    from videos.models import Video
+    from videos.services import ask_for_video, run_next_video
 
     run = drive(a_race(now), a_racer(), laps(9_000, 9_100, 9_200), now).evaluation
     for part in ("1", "2"):
@@ -302,9 +302,9 @@ def test_videos_are_read_stopped_and_deleted_with_their_files(boss, now, films, 
         if part == "1":
             run_next_video(worker="w")
     ready, waiting = Video.objects.order_by("part")
-    page = boss.get(reverse("admin:races_video_change", args=[ready.pk])).content.decode()
+    page = boss.get(reverse("admin:videos_video_change", args=[ready.pk])).content.decode()
     assert ready.public_id in page and 'name="state"' not in page
-    assert boss.get(reverse("admin:races_video_add")).status_code == 403
+    assert boss.get(reverse("admin:videos_video_add")).status_code == 403
     assert "1 video was stopped." in act(boss, "video", "stop", ready, waiting).content.decode()
     waiting.refresh_from_db()
     assert (waiting.state, waiting.reason_code) == ("failed", "video_stopped")

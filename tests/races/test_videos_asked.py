@@ -12,10 +12,14 @@ from evaluation.looks import Look
 from evaluation.models import Evaluation
 from evaluation.services import describe_model
 from paddock.errors import UserFault
-from races.filming import FilmedRun
-from races.models import UNDER_WAY, Video, VideoState, Visibility
+from races.models import Visibility
 from races.selectors import evaluations_visible_to
-from races.selectors.videos import (
+from races.services import submit_model
+from tests.factories import a_model, a_race, a_racer, drive, laps, start
+from tests.films import a_driven_run
+from videos.models import UNDER_WAY, Video, VideoState
+from videos.run import FilmedRun
+from videos.selectors import (
     can_ask_for_video,
     can_see_video,
     can_stop_video,
@@ -24,10 +28,7 @@ from races.selectors.videos import (
     videos_to_stop,
     videos_visible_to,
 )
-from races.services import submit_model
-from races.services.videos import ask_for_video, run_next_video, stop_video
-from tests.factories import a_model, a_race, a_racer, drive, laps, start
-from tests.films import a_driven_run
+from videos.services import ask_for_video, run_next_video, stop_video
 
 pytestmark = pytest.mark.django_db
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from races.models import Video
-from races.services.videos import VIDEOS, Asked, ask_for_video, run_next_video, stop_video
 from tests.factories import a_race, a_racer, drive, laps
 from tests.races.test_concurrency import at_once
+from videos.models import Video
+from videos.services import VIDEOS, Asked, ask_for_video, run_next_video, stop_video
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

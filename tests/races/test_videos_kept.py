@@ -11,17 +11,11 @@ from django.core.files.storage import default_storage
 
 from evaluation.models import Evaluation
 from evaluation.services import delete_model
-from races.models import Submission, Video, VideoState
-from races.services.videos import (
-    VIDEOS,
-    ask_for_video,
-    forget_lost_file,
-    note_watched,
-    purge_videos,
-    run_next_video,
-)
+from races.models import Submission
 from tests.factories import a_race
 from tests.films import a_driven_run
+from videos.models import Video, VideoState
+from videos.services import VIDEOS, ask_for_video, forget_lost_file, note_watched, purge_videos, run_next_video
 
 pytestmark = pytest.mark.django_db
 

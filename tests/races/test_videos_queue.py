@@ -15,19 +15,12 @@ from core.events import Event
 from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
 from races import tasks
-from races.models import Video, VideoState
-from races.services.videos import (
-    VIDEOS,
-    DrawnVideo,
-    ask_for_video,
-    finish_video,
-    run_next_video,
-    stop_video,
-)
 from tests.factories import a_race
 from tests.films import a_driven_run
 from videos import film
 from videos.film import FilmFacts
+from videos.models import Video, VideoState
+from videos.services import VIDEOS, DrawnVideo, ask_for_video, finish_video, run_next_video, stop_video
 
 pytestmark = pytest.mark.django_db
 LEASE = timedelta(seconds=30)
@@ -176,7 +169,7 @@ class TestAnEnd:
         assert VIDEOS.claim(worker="w", now=now) is None
 
     def test_of_a_worker_between_storing_and_writing_leaves_no_file(self, claimed, now, monkeypatch, drawn):
-        from races.services.videos import jobs
+        from videos.services import jobs
 
         class Killed(BaseException):
             pass
@@ -300,7 +293,7 @@ class TestAWorker:
 
     def test_without_an_encoder_takes_none_and_says_so(self, waiting, monkeypatch, caplog):
         """Another machine may have one; until then it is nobody's fault who asked."""
-        from races.services.videos import work
+        from videos.services import work
 
         monkeypatch.setattr(work, "ENCODER", "no-such-encoder")
         assert not run_next_video(worker="w")

@@ -11,11 +11,11 @@ from django.core.files.storage import default_storage
 from django.db import connection
 from django.utils import timezone
 
-from races.models import Video, VideoState
-from races.services.videos import ask_for_video
 from tests.evaluation.processes import environment, kill_session
 from tests.factories import a_race, drive, laps
 from tests.shared import CHECKOUT
+from videos.models import Video, VideoState
+from videos.services import ask_for_video
 
 LAPS = 20
 

@@ -43,6 +43,18 @@ class Migration(migrations.Migration):
             name='TrainingJob',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('attempt', models.PositiveSmallIntegerField(db_default=0, default=0, verbose_name='attempt')),
+                ('lease', models.UUIDField(blank=True, editable=False, null=True, verbose_name='lease')),
+                ('leased_until', models.DateTimeField(blank=True, null=True, verbose_name='leased until')),
+                ('worker', models.CharField(blank=True, db_default='', default='', max_length=128, verbose_name='worker')),
+                ('not_before', models.DateTimeField(blank=True, null=True, verbose_name='pauses until')),
+                ('started_at', models.DateTimeField(blank=True, null=True, verbose_name='started')),
+                ('ended_at', models.DateTimeField(blank=True, null=True, verbose_name='ended')),
+                ('reason_code', models.CharField(blank=True, max_length=40, verbose_name='reason')),
+                ('reason_params', models.JSONField(blank=True, default=dict, verbose_name='details')),
+                ('operator_detail', models.TextField(blank=True, verbose_name='for operators')),
+                ('kills', models.PositiveSmallIntegerField(db_default=0, default=0, help_text='How often it failed alone, while others passed.', verbose_name='kills')),
+                ('failed_at', models.DateTimeField(blank=True, null=True, verbose_name='last failed by our fault')),
                 ('public_id', models.CharField(default=core.ids.new_public_id, editable=False, max_length=12, unique=True)),
                 ('name', models.CharField(max_length=64, verbose_name='name')),
                 ('description', models.CharField(blank=True, max_length=255, verbose_name='description')),
@@ -71,10 +83,6 @@ class Migration(migrations.Migration):
                 ('best_metric', models.CharField(choices=[('progress', 'progress'), ('reward', 'reward'), ('lap_time', 'lap time')], default='progress', help_text='What makes one of these evaluations the best; its model is kept beside the last one.', max_length=8, verbose_name='Best by')),
                 ('seed', models.PositiveIntegerField(default=0, verbose_name='seed')),
                 ('state', models.CharField(choices=[('queued', 'queued'), ('running', 'training'), ('finished', 'finished'), ('failed', 'failed'), ('stopped', 'stopped')], default='queued', max_length=8, verbose_name='state')),
-                ('attempt', models.PositiveSmallIntegerField(default=0, verbose_name='attempt')),
-                ('lease', models.UUIDField(blank=True, editable=False, null=True, verbose_name='lease')),
-                ('leased_until', models.DateTimeField(blank=True, null=True, verbose_name='leased until')),
-                ('worker', models.CharField(blank=True, max_length=128, verbose_name='worker')),
                 ('stop_asked_at', models.DateTimeField(blank=True, null=True, verbose_name='asked to stop')),
                 ('progress', models.JSONField(blank=True, default=dict, verbose_name='progress')),
                 ('driving', models.JSONField(blank=True, default=list, verbose_name='newest drive')),
@@ -82,22 +90,14 @@ class Migration(migrations.Migration):
                 ('seconds_done', models.FloatField(default=0.0, verbose_name='seconds of training')),
                 ('charged_s', models.FloatField(db_default=0.0, default=0.0, help_text="From each claim to its end, by the database's clock; of lost attempts what a checkpoint has kept.", verbose_name='seconds charged')),
                 ('failures', models.PositiveSmallIntegerField(db_default=0, default=0, help_text='Faults of ours in a row, since it last got further.', verbose_name='failures')),
-                ('kills', models.PositiveSmallIntegerField(db_default=0, default=0, help_text='Those of them that its own process told of.', verbose_name='kills')),
                 ('got_to', models.PositiveIntegerField(db_default=0, default=0, help_text='The iteration of its newest checkpoint when it last failed.', verbose_name='got to')),
-                ('failed_at', models.DateTimeField(blank=True, null=True, verbose_name='last failed')),
-                ('not_before', models.DateTimeField(blank=True, null=True, verbose_name='pauses until')),
                 ('sb3_zip', models.FileField(blank=True, upload_to='training/', verbose_name='stable-baselines3 model')),
                 ('log', models.TextField(blank=True, verbose_name='log')),
                 ('printed', models.TextField(blank=True, verbose_name='newest lines that the reward function printed')),
                 ('submit_reason_code', models.CharField(blank=True, max_length=40, verbose_name='not submitted because')),
                 ('submit_reason_params', models.JSONField(blank=True, default=dict, verbose_name='details')),
                 ('ended_because', models.CharField(blank=True, choices=[('time', 'its minutes were used up'), ('steps', 'it had driven its steps'), ('clean_laps', 'it lapped cleanly'), ('stopped', 'it was stopped'), ('failed', 'it failed')], max_length=10, verbose_name='why it ended')),
-                ('reason_code', models.CharField(blank=True, max_length=40, verbose_name='reason')),
-                ('reason_params', models.JSONField(blank=True, default=dict, verbose_name='details')),
-                ('operator_detail', models.TextField(blank=True, verbose_name='for operators')),
                 ('created_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name='made')),
-                ('started_at', models.DateTimeField(blank=True, null=True, verbose_name='started')),
-                ('ended_at', models.DateTimeField(blank=True, null=True, verbose_name='ended')),
                 ('deleted_at', models.DateTimeField(blank=True, help_text='Its row stays until its month is over, for its minutes count.', null=True, verbose_name='deleted')),
                 ('best_model', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='best_of_jobs', to='evaluation.trainedmodel', verbose_name='best model')),
                 ('cloned_from', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.PROTECT, related_name='clones', to='evaluation.trainedmodel', verbose_name='cloned from')),
@@ -198,14 +198,6 @@ class Migration(migrations.Migration):
         ),
         migrations.AddConstraint(
             model_name='trainingjob',
-            constraint=models.UniqueConstraint(condition=models.Q(('state__in', ['queued', 'running'])), fields=('owner', 'name'), name='training_name_unique_while_it_runs'),
-        ),
-        migrations.AddConstraint(
-            model_name='trainingjob',
-            constraint=models.CheckConstraint(condition=models.Q(('name__regex', '^[A-Za-z0-9-]{1,64}$')), name='training_name_form'),
-        ),
-        migrations.AddConstraint(
-            model_name='trainingjob',
             constraint=models.CheckConstraint(condition=models.Q(('state__in', ['queued', 'running', 'finished', 'failed', 'stopped'])), name='training_state_known'),
         ),
         migrations.AddConstraint(
@@ -215,6 +207,18 @@ class Migration(migrations.Migration):
         migrations.AddConstraint(
             model_name='trainingjob',
             constraint=models.CheckConstraint(condition=models.Q(models.Q(('ended_at__isnull', False), ('state__in', ['finished', 'failed', 'stopped'])), models.Q(('ended_at__isnull', True), ('state__in', ['queued', 'running'])), _connector='OR'), name='training_ended_when_final'),
+        ),
+        migrations.AddConstraint(
+            model_name='trainingjob',
+            constraint=models.CheckConstraint(condition=models.Q(('not_before__isnull', True), ('state', 'queued'), _connector='OR'), name='training_pauses_while_queued'),
+        ),
+        migrations.AddConstraint(
+            model_name='trainingjob',
+            constraint=models.UniqueConstraint(condition=models.Q(('state__in', ['queued', 'running'])), fields=('owner', 'name'), name='training_name_unique_while_it_runs'),
+        ),
+        migrations.AddConstraint(
+            model_name='trainingjob',
+            constraint=models.CheckConstraint(condition=models.Q(('name__regex', '^[A-Za-z0-9-]{1,64}$')), name='training_name_form'),
         ),
         migrations.AddConstraint(
             model_name='trainingjob',
@@ -267,10 +271,6 @@ class Migration(migrations.Migration):
         migrations.AddConstraint(
             model_name='trainingjob',
             constraint=models.CheckConstraint(condition=models.Q(('charged_s__gte', 0)), name='training_charged_seconds_positive'),
-        ),
-        migrations.AddConstraint(
-            model_name='trainingjob',
-            constraint=models.CheckConstraint(condition=models.Q(('not_before__isnull', True), ('state', 'queued'), _connector='OR'), name='training_pauses_while_queued'),
         ),
         migrations.AddConstraint(
             model_name='trainingjob',

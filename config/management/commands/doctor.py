@@ -35,8 +35,8 @@ from paddock.simulator.camera import compiled
 from paddock.simulator.engine import ENGINE_ID, cpu_model
 from races.engines import site_engine
 from races.selectors.counting import failing_redrives, races_driven_again
-from races.services.videos import encoder_problem
-from races.services.videos.work import ENCODER
+from videos.services import encoder_problem
+from videos.services.work import ENCODER
 
 OK, WARN, FAIL = "ok", "warn", "fail"
 NAMED = 5

@@ -16,12 +16,12 @@ from league.services.deliveries import DELIVERIES
 from league.services.mails import MAILS
 from league.services.webhooks import add_webhook
 from paddock.rules.race import RaceRules
-from races.services.videos import VIDEOS, ask_for_video
 from tests.factories import a_race
 from tests.films import a_driven_run
 from tests.rows import model_row
 from tests.training.jobs import a_training
 from training.services import TRAININGS
+from videos.services import VIDEOS, ask_for_video
 
 
 def an_evaluation(racer: Any, track: Any, now: datetime) -> Leased:

@@ -14,9 +14,10 @@ from core.ranges import stored_file_response
 from core.storage_faults import storage_at_work
 from evaluation.files import as_download
 
+from .hooks import runs
 from .models import WHOLE, Video, VideoState
-from .selectors.videos import shown_video, videos_visible_to
-from .services.videos import forget_lost_file, note_watched
+from .selectors import shown_video, videos_visible_to
+from .services import forget_lost_file, note_watched
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -25,12 +26,11 @@ if TYPE_CHECKING:
 
 PIECE = 1 << 20  # some seconds of a film
 _RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
-_RACE = ("evaluation__submission__entry__race", "evaluation__duel__race")
 
 
 def visible_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
     """The video with its run. Raises Http404 when there is none, or the racer may not see it."""
-    videos = videos_visible_to(racer).select_related(*_RUN, *_RACE, "asked_by")
+    videos = videos_visible_to(racer).select_related(*_RUN, *runs().related, "asked_by")
     return get_object_or_404(videos, public_id=public_id)
 
 

@@ -18,8 +18,8 @@ from core.jobs.work import never, run_next
 from evaluation.models import Evaluation
 from paddock.errors import PlatformFault
 
-from ...filming import FilmedRun
-from ...models import Video
+from ..models import Video
+from ..run import FilmedRun
 from .jobs import VIDEOS, DrawnVideo, finish_video
 
 logger = logging.getLogger(__name__)

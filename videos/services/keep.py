@@ -10,8 +10,8 @@ from django.utils import timezone
 
 from evaluation.models import TrainedModel
 
-from ...models import Video, VideoState
-from ...selectors.videos import videos_to_purge
+from ..models import Video, VideoState
+from ..selectors import videos_to_purge
 from .files import FOLDER, NO_FILE, delete_files, delete_files_on_commit, storage
 
 NOTED_EVERY = timedelta(hours=1)  # watching is written down no more often

@@ -16,7 +16,7 @@ from django.db.models import Q
 
 from core.storage_faults import storage_at_work
 
-from ...models import Video
+from ..models import Video
 
 logger = logging.getLogger(__name__)
 FOLDER = "videos"

@@ -9,9 +9,10 @@ from django.template.defaultfilters import filesizeformat
 from django.utils import timezone
 from django.utils.translation import gettext_lazy, ngettext
 
-from ..models import UNDER_WAY, Video
-from ..services.videos import stop_video
-from .actions import ReadOnly
+from core.admin import ReadOnly
+
+from .models import UNDER_WAY, Video
+from .services import stop_video
 
 
 @admin.register(Video)
@@ -28,7 +29,7 @@ class VideoAdmin(ReadOnly, admin.ModelAdmin):
     exclude = ("file", "poster")
 
     def has_delete_permission(self, request: HttpRequest, obj: Video | None = None) -> bool:
-        return request.user.has_perm("races.delete_video")
+        return request.user.has_perm("videos.delete_video")
 
     @admin.display(description=gettext_lazy("size"), ordering="size")
     def megabytes(self, video: Video) -> str:

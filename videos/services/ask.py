@@ -15,9 +15,9 @@ from evaluation.models import Evaluation
 from evaluation.quotas import STORAGE
 from paddock.errors import UserFault
 
-from ...filming import FilmedRun, check_language
-from ...models import Video, VideoState
-from ...quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
+from ..models import Video, VideoState
+from ..quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
+from ..run import FilmedRun, check_language
 from .files import NO_FILE, delete_files_on_commit
 from .jobs import VIDEOS
 

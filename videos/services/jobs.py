@@ -14,8 +14,8 @@ from core.events import record
 from core.jobs.kinds import register
 from core.jobs.retried import RetriedKind
 
-from ...events import VIDEO_READY
-from ...models import Video, VideoState
+from ..events import VIDEO_READY
+from ..models import Video, VideoState
 from .files import delete_files, digest_of, names_of, store
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Videos(RetriedKind[Video]):
     """First come, first drawn. One at which our own code fails again and again, while others are drawn in between,
     fails with ``video_gave_up``."""
 
-    name, model, task, queue = "Video", Video, "races.tasks.draw", "videos"
+    name, model, task, queue = "Video", Video, "videos.tasks.draw", "videos"
     waiting, working, finished = VideoState.WAITING, VideoState.DRAWING, VideoState.READY
     order = ("asked_at", "pk")
     blank = {"progress": 0}

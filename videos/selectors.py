@@ -12,9 +12,9 @@ from django.db.models import Q, QuerySet
 
 from evaluation.models import Evaluation, State
 
-from ..filming import FilmedRun
-from ..models import UNDER_WAY, Video, VideoState
-from .visibility import can_see_evaluation, evaluations_visible_to
+from .hooks import runs
+from .models import UNDER_WAY, Video, VideoState
+from .run import FilmedRun
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -27,12 +27,12 @@ A_DAY = timedelta(days=1)
 def can_see_video(racer: Racer | AnonymousUser | None, video: Video) -> bool:
     """Whether the racer may watch the video once it is ready: whoever may see the run. Twin of
     :func:`videos_visible_to`."""
-    return can_see_evaluation(racer, video.evaluation)
+    return runs().can_see(racer, video.evaluation)
 
 
 def videos_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Video]:
     """All videos of runs that the racer may see. Twin of :func:`can_see_video`."""
-    return Video.objects.filter(evaluation__in=evaluations_visible_to(racer).order_by())
+    return Video.objects.filter(evaluation__in=runs().visible_to(racer).order_by())
 
 
 def can_ask_for_video(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:
@@ -40,14 +40,14 @@ def can_ask_for_video(racer: Racer | AnonymousUser | None, evaluation: Evaluatio
     :func:`evaluations_to_film`."""
     if racer is None or not racer.is_authenticated or evaluation.state != State.FINISHED:
         return False
-    return can_see_evaluation(racer, evaluation)
+    return runs().can_see(racer, evaluation)
 
 
 def evaluations_to_film(racer: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
     """All runs that the racer may ask for videos of. Twin of :func:`can_ask_for_video`."""
     if racer is None or not racer.is_authenticated:
         return Evaluation.objects.none()
-    return evaluations_visible_to(racer).filter(state=State.FINISHED)
+    return runs().visible_to(racer).filter(state=State.FINISHED)
 
 
 def can_stop_video(racer: Racer | AnonymousUser | None, video: Video) -> bool:

@@ -1,0 +1,49 @@
+"""How many videos a racer may ask for, and what their files weigh."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from datetime import datetime, timedelta
+
+from django.conf import settings
+from django.db.models import Count, QuerySet, Sum
+from django.utils.translation import gettext_lazy as _
+
+from accounts.quotas import Quota
+from accounts.storage import Shelf
+
+from .models import UNDER_WAY, Video
+
+A_DAY = timedelta(days=1)
+
+
+def _videos_at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+    """Videos that wait or are being drawn, by who asked for them."""
+    waiting = _videos(racers).filter(state__in=UNDER_WAY)
+    return dict(waiting.order_by().values_list("asked_by").annotate(Count("pk")))
+
+
+def _videos_a_day(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+    """How often videos were asked for in the 24 hours before ``now``."""
+    asked = _videos(racers).filter(asked_at__gt=now - A_DAY)
+    return dict(asked.order_by().values_list("asked_by").annotate(Sum("asks")))
+
+
+def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
+    asked = Video.objects.exclude(asked_by=None)
+    return asked if racers is None else asked.filter(asked_by__in=racers)
+
+
+def _video_files(racers: Collection[int] | None) -> Mapping[int, float]:
+    """Films that are ready, by who asked for them."""
+    films = _videos(racers).filter(size__gt=0)
+    return dict(films.order_by().values_list("asked_by").annotate(Sum("size")))
+
+
+def _have_videos() -> bool:
+    return settings.VIDEOS
+
+
+VIDEOS_AT_ONCE = Quota(7, "videos_at_once", "VIDEOS_AT_ONCE", _("Videos under way"), _videos_at_once, _have_videos)
+VIDEOS_A_DAY = Quota(8, "videos_a_day", "VIDEOS_A_DAY", _("Videos in 24 hours"), _videos_a_day, _have_videos)
+VIDEO_FILES = Shelf(4, "videos", _("Videos"), _video_files)
