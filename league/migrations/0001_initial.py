@@ -57,6 +57,44 @@ class Migration(migrations.Migration):
             },
         ),
         migrations.CreateModel(
+            name='Notice',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('kind', models.CharField(choices=[('opens', 'a race opens'), ('closes', 'a race closes in a day'), ('result', 'a result is in'), ('lost_lead', 'the lead is lost'), ('promoted', 'promoted'), ('finale', 'in the finale'), ('qualified', 'qualified for the championship'), ('official', 'results are official'), ('message', 'a word from the organisers'), ('cancelled', 'a race is cancelled'), ('disqualified', 'disqualified by the stewards'), ('restored', 'put back by the stewards'), ('retimed', 'a new engine changed your time')], max_length=12, verbose_name='kind')),
+                ('about', models.CharField(max_length=160, verbose_name='about')),
+                ('params', models.JSONField(blank=True, default=dict, verbose_name='what it says')),
+                ('path', models.CharField(blank=True, max_length=200, verbose_name='leads to')),
+                ('at', models.DateTimeField(verbose_name='at')),
+                ('hidden', models.BooleanField(default=False, verbose_name='by mail only')),
+                ('read_at', models.DateTimeField(blank=True, null=True, verbose_name='read')),
+                ('racer', models.ForeignKey(db_index=False, on_delete=django.db.models.deletion.CASCADE, related_name='notices', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
+            ],
+            options={
+                'verbose_name': 'notice',
+                'verbose_name_plural': 'notices',
+                'ordering': ['-at', '-pk'],
+            },
+        ),
+        migrations.CreateModel(
+            name='Mail',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('attempt', models.PositiveSmallIntegerField(db_default=0, default=0, verbose_name='attempt')),
+                ('lease', models.UUIDField(blank=True, editable=False, null=True, verbose_name='lease')),
+                ('leased_until', models.DateTimeField(blank=True, null=True, verbose_name='leased until')),
+                ('worker', models.CharField(blank=True, db_default='', default='', max_length=128, verbose_name='worker')),
+                ('not_before', models.DateTimeField(blank=True, null=True, verbose_name='pauses until')),
+                ('started_at', models.DateTimeField(blank=True, null=True, verbose_name='started')),
+                ('ended_at', models.DateTimeField(blank=True, null=True, verbose_name='ended')),
+                ('state', models.CharField(default='due', max_length=8, verbose_name='state')),
+                ('notice', models.OneToOneField(on_delete=django.db.models.deletion.CASCADE, related_name='mail', to='league.notice', verbose_name='notice')),
+            ],
+            options={
+                'verbose_name': 'mail',
+                'verbose_name_plural': 'mails',
+            },
+        ),
+        migrations.CreateModel(
             name='RecordedRace',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
@@ -92,6 +130,55 @@ class Migration(migrations.Migration):
             },
         ),
         migrations.CreateModel(
+            name='Round',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('number', models.PositiveSmallIntegerField(verbose_name='number')),
+                ('stage', models.CharField(blank=True, choices=[('open-qualifier', 'open race'), ('pro-qualifier', 'pro race'), ('pro-finale', 'finale'), ('championship', 'championship'), ('single', 'race of its own')], help_text='Empty: the open or the pro race of the month, whichever division the race has.', max_length=16, verbose_name='stage')),
+                ('name', models.CharField(blank=True, help_text='The races of a month have the same one; a finale belongs to the qualifier of the same name.', max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name of the month')),
+                ('closed_at', models.DateTimeField(blank=True, editable=False, null=True, verbose_name='official since')),
+                ('held_at', models.DateTimeField(blank=True, editable=False, help_text='A steward took the results back: they become official again when an admin says so.', null=True, verbose_name='held back since')),
+                ('locked_at', models.DateTimeField(blank=True, editable=False, help_text='Final from then on, whatever the window says.', null=True, verbose_name='locked')),
+                ('race', models.OneToOneField(on_delete=django.db.models.deletion.PROTECT, related_name='round', to='races.race', verbose_name='race')),
+            ],
+            options={
+                'verbose_name': 'round',
+                'verbose_name_plural': 'rounds',
+                'ordering': ['season', 'number'],
+            },
+        ),
+        migrations.CreateModel(
+            name='FinalePlace',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('place', models.PositiveSmallIntegerField(verbose_name='place')),
+                ('racer', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='finale_places', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
+                ('round', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='finale_places', to='league.round', verbose_name='pro race')),
+            ],
+            options={
+                'verbose_name': 'place in a finale',
+                'verbose_name_plural': 'places in finales',
+                'ordering': ['round', 'place'],
+            },
+        ),
+        migrations.CreateModel(
+            name='RoundPoints',
+            fields=[
+                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
+                ('rank', models.PositiveSmallIntegerField(verbose_name='rank')),
+                ('points', models.PositiveSmallIntegerField(verbose_name='points')),
+                ('country', models.CharField(blank=True, max_length=2, verbose_name='country')),
+                ('team', models.CharField(blank=True, max_length=64, verbose_name='team')),
+                ('racer', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='round_points', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
+                ('round', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='points', to='league.round', verbose_name='round')),
+            ],
+            options={
+                'verbose_name': 'points of a round',
+                'verbose_name_plural': 'points of rounds',
+                'ordering': ['round', 'rank'],
+            },
+        ),
+        migrations.CreateModel(
             name='Season',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
@@ -114,24 +201,10 @@ class Migration(migrations.Migration):
                 'constraints': [models.CheckConstraint(condition=models.Q(('ends_on__gt', models.F('starts_on'))), name='season_ends_after_start', violation_error_message='The season ends before it starts. Choose a later last day.'), models.CheckConstraint(condition=models.Q(('promotion_percent__gt', 0), ('promotion_percent__lt', 100)), name='season_promotes_some_not_all'), models.CheckConstraint(condition=models.Q(('championship_places__gte', 1), ('championship_places__lte', models.F('finale_size'))), name='season_finale_holds_its_championship_places')],
             },
         ),
-        migrations.CreateModel(
-            name='Round',
-            fields=[
-                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('number', models.PositiveSmallIntegerField(verbose_name='number')),
-                ('stage', models.CharField(blank=True, choices=[('open-qualifier', 'open race'), ('pro-qualifier', 'pro race'), ('pro-finale', 'finale'), ('championship', 'championship'), ('single', 'race of its own')], help_text='Empty: the open or the pro race of the month, whichever division the race has.', max_length=16, verbose_name='stage')),
-                ('name', models.CharField(blank=True, help_text='The races of a month have the same one; a finale belongs to the qualifier of the same name.', max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name of the month')),
-                ('closed_at', models.DateTimeField(blank=True, editable=False, null=True, verbose_name='official since')),
-                ('held_at', models.DateTimeField(blank=True, editable=False, help_text='A steward took the results back: they become official again when an admin says so.', null=True, verbose_name='held back since')),
-                ('locked_at', models.DateTimeField(blank=True, editable=False, help_text='Final from then on, whatever the window says.', null=True, verbose_name='locked')),
-                ('race', models.OneToOneField(on_delete=django.db.models.deletion.PROTECT, related_name='round', to='races.race', verbose_name='race')),
-                ('season', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='rounds', to='league.season', verbose_name='season')),
-            ],
-            options={
-                'verbose_name': 'round',
-                'verbose_name_plural': 'rounds',
-                'ordering': ['season', 'number'],
-            },
+        migrations.AddField(
+            model_name='round',
+            name='season',
+            field=models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='rounds', to='league.season', verbose_name='season'),
         ),
         migrations.CreateModel(
             name='RecordedSeason',
@@ -280,61 +353,69 @@ class Migration(migrations.Migration):
                 'ordering': ['-at', '-pk'],
             },
         ),
-        migrations.CreateModel(
-            name='Notice',
-            fields=[
-                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('kind', models.CharField(choices=[('opens', 'a race opens'), ('closes', 'a race closes in a day'), ('result', 'a result is in'), ('lost_lead', 'the lead is lost'), ('promoted', 'promoted'), ('finale', 'in the finale'), ('qualified', 'qualified for the championship'), ('official', 'results are official'), ('message', 'a word from the organisers'), ('cancelled', 'a race is cancelled'), ('disqualified', 'disqualified by the stewards'), ('restored', 'put back by the stewards'), ('retimed', 'a new engine changed your time')], max_length=12, verbose_name='kind')),
-                ('about', models.CharField(max_length=160, verbose_name='about')),
-                ('params', models.JSONField(blank=True, default=dict, verbose_name='what it says')),
-                ('path', models.CharField(blank=True, max_length=200, verbose_name='leads to')),
-                ('at', models.DateTimeField(verbose_name='at')),
-                ('hidden', models.BooleanField(default=False, verbose_name='by mail only')),
-                ('read_at', models.DateTimeField(blank=True, null=True, verbose_name='read')),
-                ('mail_state', models.CharField(blank=True, max_length=6, verbose_name='mail')),
-                ('mail_tries', models.PositiveSmallIntegerField(default=0, verbose_name='tries')),
-                ('racer', models.ForeignKey(db_index=False, on_delete=django.db.models.deletion.CASCADE, related_name='notices', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
-            ],
-            options={
-                'verbose_name': 'notice',
-                'verbose_name_plural': 'notices',
-                'ordering': ['-at', '-pk'],
-                'indexes': [models.Index(fields=['racer', '-at'], name='notice_by_racer'), models.Index(condition=models.Q(('mail_state', 'due')), fields=['at'], name='notice_mail_due'), models.Index(fields=['at'], name='notice_by_time')],
-                'constraints': [models.UniqueConstraint(fields=('racer', 'kind', 'about'), name='notice_once'), models.CheckConstraint(condition=models.Q(('kind__in', ['opens', 'closes', 'result', 'lost_lead', 'promoted', 'finale', 'qualified', 'official', 'message', 'cancelled', 'disqualified', 'restored', 'retimed'])), name='notice_kind_known'), models.CheckConstraint(condition=models.Q(('mail_state__in', ['', 'due', 'sent', 'failed'])), name='notice_mail_state')],
-            },
+        migrations.AddIndex(
+            model_name='notice',
+            index=models.Index(fields=['racer', '-at'], name='notice_by_racer'),
         ),
-        migrations.CreateModel(
-            name='FinalePlace',
-            fields=[
-                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('place', models.PositiveSmallIntegerField(verbose_name='place')),
-                ('racer', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='finale_places', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
-                ('round', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='finale_places', to='league.round', verbose_name='pro race')),
-            ],
-            options={
-                'verbose_name': 'place in a finale',
-                'verbose_name_plural': 'places in finales',
-                'ordering': ['round', 'place'],
-                'constraints': [models.UniqueConstraint(fields=('round', 'racer'), name='finale_place_once_a_racer'), models.UniqueConstraint(fields=('round', 'place'), name='finale_place_once'), models.CheckConstraint(condition=models.Q(('place__gte', 1)), name='finale_place_from_one')],
-            },
+        migrations.AddIndex(
+            model_name='notice',
+            index=models.Index(fields=['at'], name='notice_by_time'),
         ),
-        migrations.CreateModel(
-            name='RoundPoints',
-            fields=[
-                ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('rank', models.PositiveSmallIntegerField(verbose_name='rank')),
-                ('points', models.PositiveSmallIntegerField(verbose_name='points')),
-                ('country', models.CharField(blank=True, max_length=2, verbose_name='country')),
-                ('team', models.CharField(blank=True, max_length=64, verbose_name='team')),
-                ('racer', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='round_points', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
-                ('round', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='points', to='league.round', verbose_name='round')),
-            ],
-            options={
-                'verbose_name': 'points of a round',
-                'verbose_name_plural': 'points of rounds',
-                'ordering': ['round', 'rank'],
-                'constraints': [models.UniqueConstraint(fields=('round', 'racer'), name='round_points_once_a_racer'), models.UniqueConstraint(fields=('round', 'rank'), name='round_points_once_a_rank'), models.CheckConstraint(condition=models.Q(('rank__gte', 1)), name='round_points_rank_from_one')],
-            },
+        migrations.AddConstraint(
+            model_name='notice',
+            constraint=models.UniqueConstraint(fields=('racer', 'kind', 'about'), name='notice_once'),
+        ),
+        migrations.AddConstraint(
+            model_name='notice',
+            constraint=models.CheckConstraint(condition=models.Q(('kind__in', ['opens', 'closes', 'result', 'lost_lead', 'promoted', 'finale', 'qualified', 'official', 'message', 'cancelled', 'disqualified', 'restored', 'retimed'])), name='notice_kind_known'),
+        ),
+        migrations.AddIndex(
+            model_name='mail',
+            index=models.Index(condition=models.Q(('state', 'due')), fields=['id'], name='mail_due'),
+        ),
+        migrations.AddIndex(
+            model_name='mail',
+            index=models.Index(condition=models.Q(('state', 'sending')), fields=['leased_until'], name='mail_leases'),
+        ),
+        migrations.AddConstraint(
+            model_name='mail',
+            constraint=models.CheckConstraint(condition=models.Q(('state__in', ['due', 'sending', 'sent', 'failed'])), name='mail_state_known'),
+        ),
+        migrations.AddConstraint(
+            model_name='mail',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('lease__isnull', False), ('leased_until__isnull', False), ('started_at__isnull', False), ('state', 'sending')), models.Q(models.Q(('state', 'sending'), _negated=True), ('lease__isnull', True), ('leased_until__isnull', True)), _connector='OR'), name='mail_lease_while_sending'),
+        ),
+        migrations.AddConstraint(
+            model_name='mail',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('ended_at__isnull', False), ('state__in', ['sent', 'failed'])), models.Q(('ended_at__isnull', True), ('state__in', ['due', 'sending'])), _connector='OR'), name='mail_ended_when_final'),
+        ),
+        migrations.AddConstraint(
+            model_name='mail',
+            constraint=models.CheckConstraint(condition=models.Q(('not_before__isnull', True), ('state', 'due'), _connector='OR'), name='mail_pauses_while_due'),
+        ),
+        migrations.AddConstraint(
+            model_name='finaleplace',
+            constraint=models.UniqueConstraint(fields=('round', 'racer'), name='finale_place_once_a_racer'),
+        ),
+        migrations.AddConstraint(
+            model_name='finaleplace',
+            constraint=models.UniqueConstraint(fields=('round', 'place'), name='finale_place_once'),
+        ),
+        migrations.AddConstraint(
+            model_name='finaleplace',
+            constraint=models.CheckConstraint(condition=models.Q(('place__gte', 1)), name='finale_place_from_one'),
+        ),
+        migrations.AddConstraint(
+            model_name='roundpoints',
+            constraint=models.UniqueConstraint(fields=('round', 'racer'), name='round_points_once_a_racer'),
+        ),
+        migrations.AddConstraint(
+            model_name='roundpoints',
+            constraint=models.UniqueConstraint(fields=('round', 'rank'), name='round_points_once_a_rank'),
+        ),
+        migrations.AddConstraint(
+            model_name='roundpoints',
+            constraint=models.CheckConstraint(condition=models.Q(('rank__gte', 1)), name='round_points_rank_from_one'),
         ),
         migrations.AddIndex(
             model_name='round',

@@ -11,7 +11,6 @@ from core.clock import database_now
 from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, State
 from paddock.rules.race import RaceRules
-from races import tasks as race_tasks
 from tests.factories import a_race
 from tests.films import a_driven_run
 from tests.rows import model_row
@@ -19,6 +18,7 @@ from tests.training.jobs import a_training
 from tests.wakeups import heard
 from training import tasks as training_tasks
 from training.services import TRAININGS
+from videos import tasks as video_tasks
 from videos.services import VIDEOS, ask_for_video
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -76,7 +76,7 @@ def test_one_that_is_31_s_ahead_takes_nobodys_lease(kind, alice, oval, bell, fil
         job, sweep = TRAININGS.claim(worker="steady", now=database_now()), training_tasks.sweep
     else:
         ask_for_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now)
-        job, sweep = VIDEOS.claim(worker="steady", now=database_now()), race_tasks.sweep
+        job, sweep = VIDEOS.claim(worker="steady", now=database_now()), video_tasks.sweep
     clock_ahead(seconds=31)
     sweep.apply().get()
     held = type(job).objects.get(pk=job.pk)

@@ -11,9 +11,9 @@ from django.core.management import CommandError, call_command
 from config.management import REFUSED, Refusal
 from config.management.commands import evaluate as command
 from config.management.run_video import name_of
-from tests.evaluation.film.runs import car, driven, lap
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.league.test_evaluate import CAR_FILES
+from tests.videos.film.runs import car, driven, lap
 from videos.film import MAX_SECONDS
 from videos.film.scene import CARD_MS
 

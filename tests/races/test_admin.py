@@ -86,7 +86,9 @@ def change(race: Race) -> str:
 
 def act(client, model: str, action: str, *rows, **data):
     selected = {"action": action, "_selected_action": [row.pk for row in rows]}
-    return client.post(reverse(f"admin:races_{model}_changelist"), selected | data, follow=True)
+    return client.post(
+        reverse(f"admin:{'videos' if model == 'video' else 'races'}_{model}_changelist"), selected | data, follow=True
+    )
 
 
 def test_an_admin_schedules_a_league_race(boss, now):

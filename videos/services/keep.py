@@ -36,14 +36,14 @@ def forget_lost_file(*, video: Video, now: datetime) -> bool:
 def remove_videos_of_model(*, model: TrainedModel) -> int:
     """Delete all videos in which a model drives, files included. How many."""
     _, counts = Video.objects.filter(Q(evaluation__model=model) | Q(evaluation__rivals__model=model)).delete()
-    return counts.get("races.Video", 0)
+    return counts.get("videos.Video", 0)
 
 
 def purge_videos(*, now: datetime) -> int:
     """Delete videos that nobody has watched for ``VIDEO_DAYS``, and files that no video refers to. How many videos."""
     _, counts = videos_to_purge(now).delete()
     _delete_orphans(now - ORPHANED_AFTER)
-    return counts.get("races.Video", 0)
+    return counts.get("videos.Video", 0)
 
 
 def take_files_along(sender: object, *, instance: Video, **kwargs: object) -> None:

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from evaluation.looks import DEFAULT_COLOUR, Shell
-from tests.evaluation.film.runs import OVAL
+from tests.videos.film.runs import OVAL
 from videos.film import lettering, shapes
 from videos.film.ground import Ground, rounded_off
 from videos.film.palette import bgr, speed_class

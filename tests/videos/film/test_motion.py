@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from paddock.simulator.trace import CRASHED
-from tests.evaluation.film.runs import OVAL, STEP_S, car, driven, with_reset
+from tests.videos.film.runs import OVAL, STEP_S, car, driven, with_reset
 from videos.film.motion import drive_of, follow, poses_at, read_steps
 from videos.film.timing import standings
 

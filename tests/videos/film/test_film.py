@@ -14,8 +14,8 @@ import pytest
 
 from evaluation.looks import DEFAULT_COLOUR
 from paddock.errors import UserFault
-from tests.evaluation.film.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
 from tests.shared import CHECKOUT
+from tests.videos.film.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
 from videos.film import FULL, Scene, Stopped, Words, film, poster
 from videos.film.scene import CARD_MS
 from videos.film.shoot import Painter, telling

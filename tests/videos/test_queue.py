@@ -14,10 +14,9 @@ from django.db import IntegrityError, transaction
 from core.events import Event
 from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
-from races import tasks
 from tests.factories import a_race
 from tests.films import a_driven_run
-from videos import film
+from videos import film, tasks
 from videos.film import FilmFacts
 from videos.models import Video, VideoState
 from videos.services import VIDEOS, DrawnVideo, ask_for_video, finish_video, run_next_video, stop_video
