@@ -7,7 +7,6 @@ register(
     "Paddock's own faults",
     "platform",
     {
-        "lease_expired": _("The worker that ran this evaluation disappeared. It will be tried again."),
         "storage_failed": _(
             "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
         ),

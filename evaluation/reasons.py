@@ -114,6 +114,7 @@ register(
             "A stored file is damaged. Nothing is wrong with your model; an operator is told, and it will be tried "
             "again."
         ),
+        "lease_expired": _("The worker that ran this evaluation disappeared. It will be tried again."),
         "platform_gave_up": _(
             "Paddock failed to run this model %(attempts)s times. Nothing is wrong with it and the attempt does not "
             "count: submit it again later."
