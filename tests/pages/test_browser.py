@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.hostile.parts import small_car, training_folder
-from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
+from tests.pages.browsing import IN_A_BROWSER, chromium
 from tests.shared import CONSOLE_CAR, needs_shared
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -22,10 +22,8 @@ pytestmark = IN_A_BROWSER
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[playwright.Browser]:
-    with playwright.sync_playwright() as player:
-        chromium = player.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
-        yield chromium
-        chromium.close()
+    with chromium() as opened:
+        yield opened
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from itertools import cycle
 
 import pytest
 
-from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
+from tests.pages.browsing import IN_A_BROWSER, chromium
 from tests.pages.test_browser import playwright
 from tests.pages.walk import COOKIE, Site, make_site, names_of_pages, names_walked
 
@@ -48,11 +48,9 @@ def site(live_server, bell, films, trainings_taken_on, monkeypatch: pytest.Monke
 
 
 @pytest.fixture
-def chromium() -> Iterator[playwright.Browser]:
-    with playwright.sync_playwright() as player:
-        browser = player.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
-        yield browser
-        browser.close()
+def browser() -> Iterator[playwright.Browser]:
+    with chromium() as opened:
+        yield opened
 
 
 def look_at(page: playwright.Page, width: dict, theme: str, rules: dict) -> list[str]:
@@ -65,12 +63,12 @@ def look_at(page: playwright.Page, width: dict, theme: str, rules: dict) -> list
 
 
 @pytest.mark.parametrize("looks", [(), pytest.param(LOOKS, marks=pytest.mark.soak)], ids=["in turn", "all"])
-def test_every_page_is_readable_by_everybody_and_no_browser_complains(looks, site, chromium, live_server):
+def test_every_page_is_readable_by_everybody_and_no_browser_complains(looks, site, browser, live_server):
     turn = cycle(LOOKS[:2])
     assert not names_of_pages() - names_walked(site), "pages that are not in tests/pages/walk.py"
     wrong: dict[str, list[str]] = {}
     for viewer in site.paths:
-        context = chromium.new_context(base_url=live_server.url, locale="en-GB", bypass_csp=False)
+        context = browser.new_context(base_url=live_server.url, locale="en-GB", bypass_csp=False)
         session = site.world.client(viewer).cookies.get(COOKIE)
         if session is not None:
             context.add_cookies([{"name": COOKIE, "value": session.value, "url": live_server.url}])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
+from tests.pages.browsing import IN_A_BROWSER, chromium
 from tests.shared import CHECKOUT
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -33,9 +33,8 @@ def page() -> Iterator[playwright.Page]:
     """A duel whose first car is done after a second and whose other car drives on for another two."""
     first = columns(0, 500, 1000) | {"v": [1.0] * 3, "steer": [0.0] * 3, "lap": [1] * 3}
     run = first | {"bots": [], "rivals": [columns(0, 1000, 2000, 3000) | {"number": 1}]}
-    with playwright.sync_playwright() as player:
-        chromium = player.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
-        opened = chromium.new_page()
+    with chromium() as browser:
+        opened = browser.new_page()
         errors: list[str] = []
         opened.on("pageerror", lambda error: errors.append(str(error)))
         opened.route("http://replay.test/", lambda route: route.fulfill(body=PAGE, content_type="text/html"))
@@ -44,7 +43,6 @@ def page() -> Iterator[playwright.Page]:
         opened.add_script_tag(path=CHECKOUT / "static" / "replay.js")
         opened.locator("[data-player]").wait_for()
         yield opened
-        chromium.close()
     assert not errors
 
 

@@ -17,7 +17,7 @@ from races.models import Entry, Race
 from tests.factories import a_racer, a_track
 from tests.happened import tell_what_happened
 from tests.league.seasons import HOUR, racers, stand
-from tests.pages.browsing import CHROMIUM, FLAGS, IN_A_BROWSER
+from tests.pages.browsing import IN_A_BROWSER, chromium
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -52,10 +52,8 @@ def clock(monkeypatch: pytest.MonkeyPatch, settings, bell: list[dict]) -> Clock:
 
 @pytest.fixture
 def browser() -> Iterator[object]:
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+    with chromium() as opened:
         yield opened
-        opened.close()
 
 
 def test_a_racer_is_promoted_qualifies_wins_a_finale_and_stands_in_the_hall_of_fame(clock, browser, live_server):
