@@ -186,16 +186,23 @@ def _untold(old: BaseDatabaseWrapper, tables: Sequence[type[models.Model]]) -> l
     return found
 
 
+def _place(model: type[models.Model], field: models.Field) -> tuple[str, str]:
+    """The table and the column of a field that has one."""
+    assert field.column is not None, "a concrete field"
+    return model._meta.db_table, field.column
+
+
 def _of(model: type[models.Model], field: models.Field) -> tuple[str, ...]:
     """The old columns that a new one is made of."""
-    place = (model._meta.db_table, field.column)
-    return MADE[place][0] if place in MADE else (COLUMNS.get(place, field.column),)
+    place = _place(model, field)
+    return MADE[place][0] if place in MADE else (COLUMNS.get(place, place[1]),)
 
 
 def _made(model: type[models.Model], field: models.Field, old: BaseDatabaseWrapper) -> Callable[..., Any]:
     """What makes a new column's value of the old ones'."""
-    if (model._meta.db_table, field.column) in MADE:
-        return MADE[model._meta.db_table, field.column][1]
+    place = _place(model, field)
+    if place in MADE:
+        return MADE[place][1]
     if field.is_relation and field.related_model in (ContentType, Permission):
         return _renumbered(field.related_model, old).get
     return lambda value: value
@@ -215,7 +222,7 @@ def _copy(old: BaseDatabaseWrapper, new: BaseDatabaseWrapper, model: type[models
     makers = [(len(_of(model, field)), _made(model, field, old), field.null) for field in copied]
     quote = new.ops.quote_name
     wanted = ", ".join(quote(was) for field in copied for was in _of(model, field))
-    names = ", ".join(quote(field.column) for field in (*copied, *added))
+    names = ", ".join(quote(_place(model, field)[1]) for field in (*copied, *added))
     places = ", ".join(["%s"] * len([*copied, *added]))
     count = 0
     with old.cursor() as source, new.cursor() as target:

@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Callable
 
 from django.conf import settings
-from django.http import FileResponse, HttpRequest, HttpResponse
+from django.http import FileResponse, HttpRequest, HttpResponse, HttpResponseBase
 from django.middleware.gzip import GZipMiddleware
 from django.middleware.http import ConditionalGetMiddleware
 from django.utils.cache import patch_vary_headers
@@ -58,7 +58,7 @@ class Fresh(ConditionalGetMiddleware):
     """Middleware: an ETag and a Cache-Control for every answer that is no page and has none, and 304 where the reader
     has it already. What was said to no one else is kept by no one else."""
 
-    def process_response(self, request: HttpRequest, response: HttpResponse) -> HttpResponse:
+    def process_response(self, request: HttpRequest, response: HttpResponseBase) -> HttpResponseBase:
         for name, value in getattr(request, "rate_limit", {}).items():
             response[name] = value
         if request.method not in READS or response.status_code != 200 or _is_page(response) or _lives(request):
@@ -76,7 +76,7 @@ class Fresh(ConditionalGetMiddleware):
 class Compressed(GZipMiddleware):
     """Middleware: gzip for text that holds no secret of a browser's."""
 
-    def process_response(self, request: HttpRequest, response: HttpResponse) -> HttpResponse:
+    def process_response(self, request: HttpRequest, response: HttpResponseBase) -> HttpResponseBase:
         kind = response.get("Content-Type", "").partition(";")[0].strip().lower()
         secret = settings.SESSION_COOKIE_NAME in request.COOKIES or response.cookies
         if kind not in COMPRESSED or secret or response.status_code != 200:
@@ -96,7 +96,7 @@ def _preflight(request: HttpRequest, asked: str) -> HttpResponse:
     return response
 
 
-def _is_page(response: HttpResponse) -> bool:
+def _is_page(response: HttpResponseBase) -> bool:
     return response.get("Content-Type", "text/html").startswith(("text/html", "text/event-stream"))
 
 

@@ -122,7 +122,7 @@ def env_database(name: str, default: str) -> dict:
     try:
         if urlsplit(value).scheme not in schemes:
             raise ValueError(value)
-        return dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True)
+        return dict(dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True))
     except ValueError:  # what dj_database_url raises is one, too
         raise ImproperlyConfigured(f"{name} must be an address such as {example}.") from None
 

@@ -53,7 +53,8 @@ class SharedPages:
 
     def process_view(self, request: HttpRequest, view: Any, args: Any, kwargs: Any) -> None:
         """Django calls it once it knows which view answers."""
-        request.shared_view = request.resolver_match.url_name  # type: ignore[attr-defined]
+        match = request.resolver_match
+        request.shared_view = match and match.url_name  # type: ignore[attr-defined]
 
     def _made(self, request: HttpRequest) -> tuple[_Page | HttpResponse, bool]:
         """The page, for all guests; the response itself, for this one, where it must not be kept."""
@@ -90,4 +91,4 @@ def _given(request: HttpRequest, page: _Page) -> HttpResponse:
     response["Cache-Control"] = "private, no-cache"
     response["ETag"] = quote_etag(hashlib.sha256(page.content).hexdigest()[:32])
     patch_vary_headers(response, ("Cookie", "Accept-Language", "HX-Request"))
-    return get_conditional_response(request, etag=response["ETag"], response=response)
+    return get_conditional_response(request, etag=response["ETag"], response=response) or response

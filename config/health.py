@@ -62,8 +62,9 @@ def readiness() -> Readiness:
     """What was found at most :data:`KEPT_S` seconds ago, or before the look that is being taken now: a part that does
     not answer keeps one request of this process waiting, and not every thread of it."""
     global _last
-    if not _looking.acquire(blocking=_last is None):
-        return _last[1]
+    before = _last
+    if not _looking.acquire(blocking=before is None) and before is not None:
+        return before[1]
     try:
         if _last is None or monotonic() - _last[0] > KEPT_S:
             found = look()

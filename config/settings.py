@@ -45,7 +45,7 @@ SECRET_KEY = env_str("PADDOCK_SECRET_KEY", "") or secret_from_file(DATA_DIR / "s
 # Where the site is reached. The host is allowed and trusted for forms; an https address makes cookies secure.
 _HTTP = ("http", "https")
 SITE_URL = env_url("PADDOCK_SITE_URL", "http://127.0.0.1:8000", _HTTP, "https://paddock.example.org").rstrip("/")
-_site_host = urlsplit(SITE_URL).hostname
+_site_host = urlsplit(SITE_URL).hostname or ""
 ALLOWED_HOSTS = [
     f"[{_site_host}]" if ":" in _site_host else _site_host,
     *env_hosts("PADDOCK_HOSTS", "localhost,127.0.0.1"),

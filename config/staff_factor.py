@@ -33,7 +33,8 @@ class SecondFactorOfStaff:
         """Django calls it once it knows which view answers."""
         if not settings.STAFF_SECOND_FACTOR or settings.SESSION_COOKIE_NAME not in request.COOKIES:
             return None
-        name = request.resolver_match.url_name or ""
+        match = request.resolver_match
+        name = (match and match.url_name) or ""
         if name in ANYWHERE or name.startswith(OWN_ACCOUNT) or not lacks_demanded_factor(request.user):
             return None
         if request.path.startswith("/api/"):

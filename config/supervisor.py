@@ -174,6 +174,7 @@ class Supervisor:
 
     def _listen(self, program: _Program, process: subprocess.Popen) -> None:
         """Pass on what a program prints, until it has ended."""
+        assert process.stdout is not None, "it was started with a pipe"
         with process.stdout as output:
             for line in output:
                 self._lines.put((program.name, program.colour, line.decode("utf-8", "replace")))

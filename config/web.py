@@ -17,6 +17,7 @@ import socket
 import sys
 import time
 from importlib import import_module
+from types import FrameType
 from typing import Any
 
 PROCESSES, THREADS = 2, 4
@@ -201,8 +202,13 @@ def _until_told(application: Any, listening: socket.socket, threads: int, stoppi
     )
     server.channel_class = Channel
     server.accept_connections()
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        stopping.append(number)
+        server.pull_trigger()
+
     for signum in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(signum, lambda number, frame: (stopping.append(number), server.pull_trigger()))
+        signal.signal(signum, stop)
     while not stopping:
         wasyncore.poll2(1.0, connections)
     server.accepting = False

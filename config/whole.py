@@ -37,6 +37,9 @@ class TooManyAtOnce(Error):
 class Request(HTTPRequestParser):
     """A request as it comes in."""
 
+    body_rcv: Any  # Waitress's own
+    content_length: int
+
     def __init__(self, adj: Any, server: Any = None) -> None:
         super().__init__(adj)
         self._server = server

@@ -62,7 +62,9 @@ class TokenAuthentication(KnoxAuthentication):
             if lacks_demanded_factor(racer):
                 raise SecondFactorMissing()
             grant = grant_of(token)
-            missing = in_order(set(needed(request.parser_context.get("view"), request.method)) - set(grant.scopes))
+            missing = in_order(
+                set(needed(request.parser_context.get("view"), request.method or "")) - set(grant.scopes)
+            )
             if missing:
                 raise ScopeMissing(missing)
             note_use(grant=grant, now=timezone.now())
@@ -93,7 +95,7 @@ class TokenAuthentication(KnoxAuthentication):
 class TokenScheme(KnoxTokenScheme):
     """How the schema describes it."""
 
-    target_class = TokenAuthentication
+    target_class = TokenAuthentication  # type: ignore[assignment]  # a name or a class, as its own words say
     name = ["token", "bearer"]  # type: ignore[assignment]
 
     def get_security_definition(self, auto_schema: AutoSchema) -> list[dict[str, Any]]:

@@ -69,7 +69,7 @@ def operations() -> tuple[tuple[str, tuple[Operation, ...]], ...]:
 
 
 def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[str, Any]) -> Operation:
-    body_type, body = next(iter(operation.get("requestBody", {}).get("content", {}).items()), ("", {}))
+    body_type, body = _first(operation.get("requestBody", {}).get("content", {}))
     parameters = sorted(operation.get("parameters", ()), key=lambda parameter: parameter["in"] != "path")
     return Operation(
         anchor=operation["operationId"],
@@ -121,9 +121,14 @@ def _kind(schema: dict[str, Any], described: dict[str, Any]) -> str:
     return str(described.get("format") or described.get("type") or "any")
 
 
+def _first(content: dict[str, dict[str, Any]]) -> tuple[str, dict[str, Any]]:
+    """The first media type and what is said of it, empty where there is none."""
+    return next(iter(content.items()), ("", {}))
+
+
 def _answer(response: dict[str, Any]) -> str:
     """What comes back: the name of a schema, a media type, or a description."""
-    media, content = next(iter(response.get("content", {}).items()), ("", {}))
+    media, content = _first(response.get("content", {}))
     answer = content.get("schema", {})
     if "$ref" in answer:
         return answer["$ref"].rsplit("/", 1)[-1]

@@ -65,7 +65,7 @@ DESCRIPTIONS = {
 class Schema(AutoSchema):
     """Describes an operation in its own words only: a view's docstring is about all of its operations."""
 
-    def get_description(self) -> str:
+    def get_description(self, *_args: object) -> str:
         return ""
 
     def get_operation(self, *args: Any, **kwargs: Any) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from django.urls import include, path, re_path
+from django.urls import URLPattern, URLResolver, include, path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
@@ -12,7 +12,7 @@ from tracks import api as tracks
 
 from . import reference, views
 
-version_1 = [
+version_1: list[URLPattern | URLResolver] = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
     path("auth/tokens/", views.TokensView.as_view(), name="api-tokens"),
     path("auth/tokens/<slug:key>/", views.TokenRevocationView.as_view(), name="api-token-revoke"),

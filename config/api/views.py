@@ -29,6 +29,7 @@ from accounts.quotas import usage_of
 from accounts.scopes import ANY, EVERY, RACE, SCOPES
 from accounts.second_factor import factors_of, lacks_demanded_factor
 from accounts.tokens import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 
 from .auth import SecondFactorMissing
@@ -122,7 +123,9 @@ class UsageSerializer(serializers.Serializer):
     """How much of one quota the racer has used."""
 
     name = serializers.CharField(help_text="Stable: models, storage_mb, tracks, races, trainings_at_once, ...")
-    label = serializers.CharField(source="quota.label", help_text="What is counted, in the reader's language.")
+    label = serializers.CharField(  # type: ignore[assignment]  # a field called label, of a field that has one
+        source="quota.label", help_text="What is counted, in the reader's language."
+    )
     used = serializers.FloatField(min_value=0)
     limit = serializers.IntegerField(min_value=0)
     own = serializers.BooleanField(help_text="An admin has set this limit for the racer alone.")
@@ -222,7 +225,7 @@ class MeView(APIView):
         tags=["account"],
     )
     def patch(self, request: Request) -> Response:
-        racer = request.user
+        racer = racer_of(request)
         sent = {"country": racer.country, "team": racer.team} | read_as(ProfileBody, request.data)
         return Response(RacerSerializer(change_profile(racer=racer, **sent)).data)
 
@@ -242,7 +245,7 @@ class TokensView(generics.ListAPIView):
     serializer_class = KnownTokenSerializer
 
     def get_queryset(self) -> QuerySet[AuthToken]:
-        return tokens_of(self.request.user, timezone.now())
+        return tokens_of(racer_of(self.request), timezone.now())
 
 
 class TokenRevocationView(APIView):
@@ -260,7 +263,7 @@ class TokenRevocationView(APIView):
     )
     def delete(self, request: Request, key: str) -> Response:
         refuse_fields(request)
-        if not revoke_token(racer=request.user, key=key):
+        if not revoke_token(racer=racer_of(request), key=key):
             raise NotFound()
         return Response(status=status.HTTP_204_NO_CONTENT)
 
@@ -277,7 +280,7 @@ class UsageView(APIView):
         tags=["account"],
     )
     def get(self, request: Request) -> Response:
-        return Response(UsageSerializer(usage_of(request.user, timezone.now()), many=True).data)
+        return Response(UsageSerializer(usage_of(racer_of(request), timezone.now()), many=True).data)
 
 
 @extend_schema(exclude=True)

@@ -151,7 +151,7 @@ def _postgres_from(path: Path) -> None:
 def _tool(name: str) -> str:
     """A program of PostgreSQL's that is no older than the server: an older one refuses to work with it."""
     connection.ensure_connection()
-    wanted = connection.pg_version // 10_000
+    wanted = connection.pg_version // 10_000  # type: ignore[attr-defined]  # PostgreSQL's own
     found = [shutil.which(name), *sorted(map(str, _DEBIAN.glob(f"*/bin/{name}")))]
     for program in filter(None, found):
         with suppress(OSError, subprocess.SubprocessError):

@@ -22,7 +22,7 @@ def file_columns() -> list[tuple[str, str]]:
             (field.model._meta.db_table, field.column)
             for model in apps.get_models(include_auto_created=True)
             for field in model._meta.concrete_fields
-            if isinstance(field, FileField)
+            if isinstance(field, FileField) and field.column
         }
     )
 

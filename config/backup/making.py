@@ -107,14 +107,14 @@ def _take(
     wanted = sorted(set(names) - taken)
     gone: set[str] = set()
     for number, name in enumerate(wanted, 1):
-        with tempfile.SpooledTemporaryFile(IN_MEMORY, dir=folder) as copy:
+        with tempfile.SpooledTemporaryFile(IN_MEMORY, dir=str(folder)) as copy:
             # a storage need not know a size, and a file may vanish half-way: the tar gets what was read to its end
             if not _copied(name, copy):
                 gone.add(name)
                 continue
             size = copy.tell()
             copy.seek(0)
-            sha256 = archive.add(FILES + name, copy, size)  # type: ignore[arg-type]
+            sha256 = archive.add(FILES + name, copy, size)
         taken.add(name)
         if StoredFile.objects.filter(name=name).exclude(sha256="").exclude(sha256=sha256).exists():
             damaged.add(name)

@@ -7,7 +7,7 @@ import json
 import re
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from typing import Any, NoReturn
@@ -58,14 +58,14 @@ class JsonCommand(BaseCommand):
 
     def create_parser(self, prog_name: str, subcommand: str, **kwargs: Any) -> CommandParser:
         parser = super().create_parser(prog_name, subcommand, **kwargs)
-        usual = parser.error
+        usual: Callable[[str], NoReturn] = parser.error
 
         def error(message: str) -> NoReturn:
-            if self._called_from_command_line and "--json" in sys.argv:
+            if getattr(self, "_called_from_command_line", False) and "--json" in sys.argv:
                 self.stdout.write(told(UserFault("command_line", problem=message)))
             usual(message)
 
-        parser.error = error
+        parser.error = error  # type: ignore[method-assign]
         return parser
 
 

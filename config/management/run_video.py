@@ -10,7 +10,7 @@ from django.core.management.base import CommandError
 
 from config.management import Refusal
 from evaluation.looks import Look, told_apart
-from evaluation.pipeline import EvaluationOutcome
+from evaluation.pipeline import CarOutcome, EvaluationOutcome
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
 from videos.film import FilmedCar, Scene, film
@@ -25,7 +25,7 @@ def write_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, fi
     interrupted (exit status 130), the path is as it was.
     """
     looks = told_apart([Look()] * len(files))
-    results = (outcome, *outcome.rivals)
+    results: list[EvaluationOutcome | CarOutcome] = [outcome, *outcome.rivals]
     cars = [
         FilmedCar(number, name_of(file), look.shell, look.colour, result.trace_csv, result.laps)
         for number, (file, look, result) in enumerate(zip(files, looks, results, strict=True))

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from django.core.validators import slug_re
-from django.db import Error, connection
+from django.db import DEFAULT_DB_ALIAS, Error, connections
+from django.db.backends.sqlite3.base import DatabaseWrapper
 
 from config.management import Refusal
 from paddock.errors import UserFault
@@ -67,6 +68,7 @@ def _imported(name: str) -> FoundTrack:
 
 def _has_database() -> bool:
     """Whether there is one to ask; an SQLite file that is not there would be made by asking."""
-    if connection.vendor != "sqlite" or connection.is_in_memory_db():
+    database = connections[DEFAULT_DB_ALIAS]
+    if not isinstance(database, DatabaseWrapper) or database.is_in_memory_db():
         return True
-    return Path(connection.settings_dict["NAME"]).exists()
+    return Path(database.settings_dict["NAME"]).exists()

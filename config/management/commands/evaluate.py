@@ -124,7 +124,8 @@ class Command(JsonCommand):
 
     def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
         self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")
-        for number, car in enumerate((outcome, *outcome.rivals)):
+        everyone: list[EvaluationOutcome | CarOutcome] = [outcome, *outcome.rivals]
+        for number, car in enumerate(everyone):
             if outcome.rivals:
                 self.stdout.write(f"\ncar {number}, place {outcome.order.index(number) + 1}")
             self._laps(car)

@@ -48,20 +48,21 @@ class Command(JsonCommand):
             sys.exit(REFUSED if isinstance(fault, UserFault) else OUR_FAULT)
         except KeyboardInterrupt:
             sys.exit(130)
+        on_track = round(share_on_track(drives, geometry), 3)
         report = {
             "trace": trace.name,
             "track": geometry.name,
             "engine": ENGINE_ID,
             "physics": {"name": PADDOCK_CAR.name, "version": PADDOCK_CAR.version},
-            "on_track": round(share_on_track(drives, geometry), 3),
+            "on_track": on_track,
             "drives": len(drives),
             "starts": comparison.starts,
             "replayed": comparison.replayed(),
             "horizons": comparison.to_dict(),
         }
-        if report["on_track"] < ANOTHER_TRACK:
+        if on_track < ANOTHER_TRACK:
             self.stderr.write(
-                f"Only {report['on_track']:.0%} of the recorded positions lie on {geometry.name}. The figures stand, "
+                f"Only {on_track:.0%} of the recorded positions lie on {geometry.name}. The figures stand, "
                 "for the ground is flat, but the trace was recorded on another track."
             )
         if as_json:
