@@ -96,7 +96,8 @@ def test_the_compiled_catalogue_belongs_to_its_source(tmp_path: Path) -> None:
 @pytest.mark.skipif(not shutil.which("xgettext"), reason="gettext's tools are not installed")
 def test_the_catalogue_has_every_message_of_the_code(tmp_path: Path) -> None:
     known = {msgid for _, msgid, _, _ in messages()}
-    for name in ("league", "training", "races", "evaluation", "tracks", "accounts", "faults", "templates"):
+    rooms = ("config", "league", "training", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
+    for name in (*rooms, "templates"):
         shutil.copytree(CHECKOUT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "locale").mkdir()
     program = "import django; from django.conf import settings; settings.configure(); django.setup(); " + (
