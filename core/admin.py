@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from django.db.models import Model
 from django.http import HttpRequest
 
 
 class ReadOnly:
     """Rows that come from racing and are looked at here. Actions ask for the change permission themselves."""
 
+    model: type[Model]  # of the admin page that this is mixed into
     show_full_result_count = False
 
     def has_add_permission(self, request: HttpRequest, obj: Any = None) -> bool:
