@@ -12,7 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
@@ -174,7 +174,9 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
     """The answer, if it has the form of an answer."""
     if header.get("state") == "refused":
         raise _refusal(header.get("error"))
-    parameters, macs, output = header.get("parameters"), header.get("macs"), header.get("output", "")
+    parameters: Any = header.get("parameters")
+    macs: Any = header.get("macs")
+    output: Any = header.get("output", "")
     sane = (
         header.get("state") == "admitted"
         and len(blobs) == 1
@@ -196,11 +198,12 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
 
 def _refusal(error: object) -> UserFault:
     """The fault that the process reports, if it is one; its parameters are a stranger's text."""
-    code = error.get("code") if isinstance(error, dict) else None
+    told = error if isinstance(error, dict) else {}
+    code = told.get("code")
     if not isinstance(code, str) or code not in REASONS or REASONS[code].fault != "user":
         return UserFault("conversion_crashed")
-    given = error.get("params")
-    params = {}
+    given = told.get("params")
+    params: dict[str, str | int | float] = {}
     for name, value in given.items() if isinstance(given, dict) else ():
         if isinstance(value, str):
             params[printable(name, 40)] = printable(value, 200)

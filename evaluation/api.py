@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.db import transaction
 from django.db.models import QuerySet
-from django.http import HttpResponse
+from django.http import HttpResponseBase
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
@@ -17,6 +17,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from paddock.errors import UserFault
@@ -179,7 +180,7 @@ class ModelsView(generics.ListAPIView):
     def post(self, request: Request) -> Response:
         sent = read_as(UploadSerializer, request.data)
         uploaded = services.upload_model(
-            owner=request.user,
+            owner=racer_of(request),
             files=_parts(sent),
             name=sent.get("name"),
             description=sent.get("description", ""),
@@ -227,7 +228,7 @@ class ModelPackageView(FileView):
         responses={(200, "application/zip"): OpenApiTypes.BINARY},
         tags=["models"],
     )
-    def get(self, request: Request, public_id: str) -> HttpResponse:
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
         return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
 
 

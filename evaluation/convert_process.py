@@ -73,7 +73,8 @@ class _Heard:
     """A reference that keeps what it answered, so that nothing is asked twice."""
 
     def __init__(self, reference: Reference) -> None:
-        self._reference, self.answers = reference, []
+        self._reference = reference
+        self.answers: list[np.ndarray] = []
         self.steps = reference.steps
 
     def run(self, feeds: dict[str, np.ndarray]) -> np.ndarray:

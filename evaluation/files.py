@@ -30,14 +30,14 @@ def package_of(model: TrainedModel) -> bytes:
     Raises PlatformFault ``storage_failed``, ``file_damaged``.
     """
     file = io.BytesIO()
-    onnx = read(model.network.onnx.name)
+    onnx = read(model.network.onnx.name or "")
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("model.onnx", onnx)
         archive.writestr("model_metadata.json", json.dumps(model.metadata, indent=2))
     return file.getvalue()
 
 
-def download_of(model: TrainedModel) -> HttpResponse:
+def download_of(model: TrainedModel) -> HttpResponseBase:
     """The package as a download that is named after the model."""
     return as_download(HttpResponse(package_of(model), content_type="application/zip"), f"{model.name}.zip")
 

@@ -39,7 +39,7 @@ class FilesField(forms.FileField):
 class UploadForm(forms.Form):
     """One archive, or a network together with its metadata (and its weights, where they are a file of their own)."""
 
-    files = FilesField(
+    files = FilesField(  # type: ignore[assignment]  # the files of a form are read by their fields here
         label=_("Files"),
         allow_empty_file=True,
         max_length=None,

@@ -6,8 +6,8 @@ No Django, and no physics: a site may draw one (some ten milliseconds, and OpenC
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import cv2
 import numpy as np
@@ -18,6 +18,9 @@ from paddock.simulator import lidar
 from paddock.simulator.camera.view import Scene
 from paddock.simulator.sensors import make_sensors
 from paddock.simulator.solids import Solid, box, car
+
+if TYPE_CHECKING:
+    from paddock.simulator.car import Car
 
 ZOOM = 2  # a pixel of a camera is so many here
 FAN_PX = 240  # side of a lidar's square, as high as a camera's frame
@@ -61,7 +64,7 @@ def sensor_picture(
     for view in views(track):
         panels = []
         for name in sorted(readings, key=lambda name: name not in CAMERAS):
-            reading = readings[name](_Looker(view), view.solids)
+            reading = readings[name](cast("Car", _Looker(view)), view.solids)
             panels += _frames(reading) if name in CAMERAS else [_fan(name, reading, view, config)]
         rows.append(_joined(panels, axis=1))
     written, png = cv2.imencode(".png", _joined(rows, axis=0), [cv2.IMWRITE_PNG_COMPRESSION, 9])
@@ -79,7 +82,7 @@ def views(track: TrackGeometry) -> tuple[View, ...]:
     ]
     straight, bend = steps[int(np.argmin(bends))], steps[int(np.argmax(bends))]
 
-    def lane(make, metres: float, side: str) -> Solid:
+    def lane(make: Callable[..., Solid], metres: float, side: str) -> Solid:
         return make(*track.lane_centre(metres, side))
 
     return (
@@ -112,10 +115,11 @@ class _Canvas:
 
     def _at(self, x: float, y: float) -> tuple[int, int]:
         middle = (FAN_PX - 1) / 2
-        return tuple(
+        across, down = (
             round(min(max(value, -1000.0), 1000.0) * (1 << _SHIFT))
             for value in (middle - y * self._scale, middle - x * self._scale)
         )
+        return across, down
 
     def line(self, start: tuple[float, float], end: tuple[float, float], grey: int) -> None:
         cv2.line(self.pixels, self._at(*start), self._at(*end), grey, 1, cv2.LINE_AA, _SHIFT)

@@ -239,7 +239,7 @@ class _Run:
         """Hand out the job and the networks, so that the next message starts the race. The version of onnxruntime."""
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
-        cars = (job, *job.rivals)
+        cars: list[RaceJob | RivalCar] = [job, *job.rivals]
         described = {**self._crew.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         try:
             write_message(

@@ -35,7 +35,7 @@ class Queue:
 
     def failed_runs(self) -> QuerySet:
         """What failed and can be run again, the newest first."""
-        return self.repeatable(self.model.objects.filter(state=self.failed)).order_by("-ended_at", "-pk")
+        return self.repeatable(self.model._default_manager.filter(state=self.failed)).order_by("-ended_at", "-pk")
 
 
 _QUEUES: dict[str, Queue] = {}

@@ -110,7 +110,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         ground=ground,
     )
     telling.finish()
-    cars = [result, *result.rivals]
+    cars: list[RaceResult | CarResult] = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
     course = json.dumps(result.course, allow_nan=False, separators=(",", ":")).encode()
     blobs = [course, *(car.trace.to_csv() for car in cars)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from celery import shared_task
+from celery import Task, shared_task
 from celery.signals import worker_process_init, worker_process_shutdown, worker_ready
 
 from core.clock import database_now
@@ -24,7 +24,7 @@ BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
 
 
 @shared_task(bind=True)
-def work(self) -> int:
+def work(self: Task) -> int:
     """Run evaluations until none waits or the time is up. Returns how many were run.
 
     Below the sandbox's minimum nothing runs, nor where golden runs differ: the evaluations wait for a better worker.
@@ -41,7 +41,7 @@ def work(self) -> int:
 
 
 @shared_task(bind=True)
-def sweep(self) -> dict[str, int]:
+def sweep(self: Task) -> dict[str, int]:
     """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
     fit = _fit(self.request.hostname or "local")
     report = EVALUATIONS.sweep(now=database_now())
@@ -63,7 +63,7 @@ def scrub() -> dict[str, int]:
 
 
 @worker_ready.connect
-def sweep_at_start(sender=None, **kwargs: object) -> None:
+def sweep_at_start(sender: object = None, **kwargs: object) -> None:
     """A worker that comes up does not wait for beat: what the last one left behind is put right at once."""
     try:
         sweep.apply_async(retry=False)

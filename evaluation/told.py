@@ -14,7 +14,7 @@ _NAMED = 12  # files that a sentence names
 
 def sentences(package: AdmittedPackage | None) -> list[str]:
     """In the reader's language; none for an upload that held the car and nothing else."""
-    said = []
+    said: list[str] = []
     if package is None:
         return said
     if package.reason == BEST:

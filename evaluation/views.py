@@ -9,13 +9,14 @@ from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.cache import cache
 from django.core.paginator import Paginator
-from django.http import Http404, HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.quotas import limit_of
+from accounts.who import racer_of
 from core.forms import add_fault, explain
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
@@ -38,7 +39,7 @@ PICTURE_KEPT_S = 30 * 86400
 def models(request: HttpRequest) -> HttpResponse:
     """My models, newest first."""
     page = Paginator(models_of(request.user), MODELS_PER_PAGE).get_page(request.GET.get("page"))
-    return render(request, "evaluation/models.html", {"page": page, "limit": limit_of(request.user, MODELS.name)})
+    return render(request, "evaluation/models.html", {"page": page, "limit": limit_of(racer_of(request), MODELS.name)})
 
 
 @login_required
@@ -52,7 +53,7 @@ def model_upload(request: HttpRequest) -> HttpResponse:
         if form.is_valid():
             try:
                 uploaded = services.upload_model(
-                    owner=request.user,
+                    owner=racer_of(request),
                     files=form.parts(),
                     name=form.cleaned_data["name"] or None,
                     description=form.cleaned_data["description"],
@@ -115,7 +116,7 @@ def _sensor_picture(sensors: tuple[str, ...], lidar_config: dict | None) -> byte
 
 @login_required
 @require_safe
-def model_package(request: HttpRequest, public_id: str) -> HttpResponse:
+def model_package(request: HttpRequest, public_id: str) -> HttpResponseBase:
     """A model of mine, or one that somebody shares, as a package: ONNX and model_metadata.json in a zip."""
     return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
 

@@ -19,7 +19,17 @@ from .services import stop_video
 class VideoAdmin(ReadOnly, admin.ModelAdmin):
     """Every video that was asked for. Deleting one deletes its file."""
 
-    list_display = ("public_id", "evaluation", "car", "part", "language", "state", "attempt", "asked_by", "asked_at")
+    list_display: tuple[str, ...] = (
+        "public_id",
+        "evaluation",
+        "car",
+        "part",
+        "language",
+        "state",
+        "attempt",
+        "asked_by",
+        "asked_at",
+    )
     list_display += ("megabytes", "watched_at", "reason_code")
     list_filter = ("state", "reason_code", "language", "asked_at")
     list_select_related = ("evaluation", "asked_by")

@@ -5,7 +5,7 @@ Videos have a queue and a worker of their own (``--queues videos``), so that an 
 
 from __future__ import annotations
 
-from celery import shared_task
+from celery import Task, shared_task
 from django.conf import settings
 
 from core.clock import database_now
@@ -16,7 +16,7 @@ from .services import VIDEOS, purge_videos, run_next_video
 
 
 @shared_task(bind=True)
-def draw(self) -> bool:
+def draw(self: Task) -> bool:
     """Draw one video; ring again if there was one. Where videos are switched off none is drawn."""
     if not settings.VIDEOS:
         return False

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.db import IntegrityError, transaction
-from django.db.models import ProtectedError
+from django.db.models import ProtectedError, QuerySet
 from django.utils import timezone
 
 from accounts.quotas import limit_of, used_by
+from core.columns import length_of
 from core.locks import hold
 from core.storage_faults import storage_at_work
 from paddock.errors import UserFault
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 KEEP_DELETED = timedelta(days=1)
-NAME_LIMIT = TrainedModel._meta.get_field("name").max_length
-DESCRIPTION_LIMIT = TrainedModel._meta.get_field("description").max_length
+NAME_LIMIT = length_of(TrainedModel, "name")
+DESCRIPTION_LIMIT = length_of(TrainedModel, "description")
 _ENDINGS = re.compile(r"(\.(tar|t?gz|tgz|zip|onnx|pb|json))+$", re.IGNORECASE)
 _COMPANION = re.compile(r"(\.json|\.data|_data|\.bin)$", re.IGNORECASE)
 _INVISIBLE = ("Cc", "Cf", "Cs", "Co", "Cn")  # control characters, text-direction overrides and the like
@@ -163,7 +164,7 @@ def purge_garages(*, now: datetime) -> int:
     for network in Network.objects.filter(created_at__lt=before, models=None):
         with suppress(ProtectedError, IntegrityError), transaction.atomic():  # somebody uploads it in this very moment
             network.delete()
-            transaction.on_commit(partial(delete, network.onnx.name), robust=True)
+            transaction.on_commit(partial(delete, network.onnx.name or ""), robust=True)
             removed += 1
     return removed
 
@@ -210,7 +211,7 @@ def _stored_network(admitted: AdmittedPackage, *, now: datetime) -> None:
         raise
 
 
-def _garage(owner: Racer):
+def _garage(owner: Racer) -> QuerySet[TrainedModel]:
     return TrainedModel.objects.filter(owner=owner, deleted_at=None)
 
 

@@ -142,7 +142,7 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
 
 def read_trace(result: CarResult) -> bytes:
     """A car's sim-trace as CSV. Raises PlatformFault("storage_failed"), ("file_damaged")."""
-    return read_gzip(result.trace.name)
+    return read_gzip(result.trace.name or "")
 
 
 def read_course(result: Result) -> dict[str, list]:
@@ -151,7 +151,7 @@ def read_course(result: Result) -> dict[str, list]:
     ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... for each row of car 0's trace], ...
     for each bot]}`` in metres and radians. Raises PlatformFault("storage_failed"), ("file_damaged").
     """
-    bots = json.loads(read_gzip(result.bots.name)) if result.bots else []
+    bots = json.loads(read_gzip(result.bots.name or "")) if result.bots else []
     return {"boxes": result.course.get("boxes", []), "bots": bots}
 
 

@@ -94,7 +94,7 @@ def heal_network(sha256: str, onnx: bytes) -> bool:
     network = Network.objects.filter(pk=sha256).first()
     if network is None:
         return False
-    old = network.onnx.name
+    old = network.onnx.name or ""
     try:
         if read(old) == onnx:
             return False

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from django.db import IntegrityError, transaction
+from django.db.models import QuerySet
 
 from ..line import URGENT, next_turns, queued
 from ..models import Evaluation
@@ -56,12 +57,12 @@ def hurry_from(closes_at: datetime) -> datetime:
     return closes_at - HURRY
 
 
-def reschedule(*, evaluations, closes_at: datetime) -> None:
+def reschedule(*, evaluations: QuerySet[Evaluation], closes_at: datetime) -> None:
     """Their race closes at another time: those that wait and do not hurry yet (a queryset) begin to by that."""
     evaluations.filter(pk__in=queued().filter(urgent_from__isnull=False)).update(urgent_from=hurry_from(closes_at))
 
 
-def _move(rows, unless_moved: dict, priority: int) -> None:
+def _move(rows: QuerySet[Evaluation], unless_moved: dict, priority: int) -> None:
     found = list(rows[:AT_ONCE])
     if not found:
         return

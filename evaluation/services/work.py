@@ -34,6 +34,7 @@ def run_next_evaluation(*, worker: str, interrupted: Callable[[], bool] = never,
 
     def run(evaluation: Evaluation, heartbeat: Heartbeat) -> bool:
         outcome = _run(evaluation, heartbeat, interrupted, spare)
+        assert evaluation.lease is not None, "it was claimed"
         return finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome, now=database_now())
 
     return run_next(EVALUATIONS, run, worker=worker, interrupted=interrupted)
@@ -68,7 +69,7 @@ def job_of(evaluation: Evaluation) -> RaceJob:
 
 
 def _network_of(model: TrainedModel) -> bytes:
-    return read(model.network.onnx.name)
+    return read(model.network.onnx.name or "")
 
 
 def _run(

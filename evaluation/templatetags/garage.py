@@ -78,6 +78,7 @@ def action_fan(metadata: dict) -> SafeString:
             (_point(angle, speed) for angle, speed in rays),
         )
     else:
+        space = space or {}
         angle, speed = space["steering_angle"], space["speed"]
         inside = format_html('<path class="fan-area" d="{}"/>', _ring(angle, speed))
     return format_html(

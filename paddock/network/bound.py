@@ -13,12 +13,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from .probes import Input, probes
-from .reference import Reference
 
 MARGIN = 8.0
 _FLOOR = 2.0**-20  # of the greatest answer: sixteen units in its last place, where the probes showed less
@@ -57,8 +56,16 @@ class Facts:
         return cls(None if bound is None else float(bound), shapes, answers)
 
 
+class Exact(Protocol):
+    """What answers exactly: a :class:`.reference.Reference`, or one that somebody listens to."""
+
+    @property
+    def steps(self) -> Callable[[dict[str, np.ndarray]], bool]: ...
+    def run(self, feeds: dict[str, np.ndarray], /) -> np.ndarray: ...
+
+
 def derive_bound(
-    answer: Callable[[dict[str, np.ndarray]], np.ndarray], reference: Reference, inputs: Sequence[Input]
+    answer: Callable[[dict[str, np.ndarray]], np.ndarray], reference: Exact, inputs: Sequence[Input]
 ) -> float | None:
     """The bound of a network; None where it has to go the exact way always. ``answer``: the runtime's, by its feeds."""
     worst = greatest = 0.0

@@ -28,7 +28,9 @@ def fill(picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour) ->
         cv2.fillPoly(picture, [fixed(outline) for outline in outlines], colour, cv2.LINE_AA, _SHIFT)
 
 
-def stroke(picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour, width: float, closed=True) -> None:
+def stroke(
+    picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour, width: float, closed: bool = True
+) -> None:
     """Draw lines through places in px."""
     if outlines:
         lines = [fixed(outline) for outline in outlines]

@@ -31,21 +31,23 @@ def result_card(take: Take, words: Words) -> Sticker:
     """The card as it is laid over the last picture."""
     unit = take.form.height / 720.0
     several = len(take.actors) > 1 and take.scene.lap is None
-    rows = _in_order(take) if several else _laps(take)
-    shown = rows[:_MOST_ROWS] if several else _fastest(rows)
-    high = _HEAD + _ROW * len(shown) + (_ROW if len(rows) > len(shown) else 0) + _FOOT
+    cars = _in_order(take) if several else []
+    laps = [] if several else _laps(take)
+    shown: list[Actor] | list[Lap] = cars[:_MOST_ROWS] if several else _fastest(laps)
+    missing = len(cars) + len(laps) - len(shown)
+    high = _HEAD + _ROW * len(shown) + (_ROW if missing else 0) + _FOOT
     card = Sticker.card(round(_WIDTH * unit), round(high * unit), 14 * unit, palette.SURFACE, palette.LINE_STRONG)
     pixels = card.pixels
     _head(pixels, take, unit)
     for number, row in enumerate(shown):
         y = (_HEAD + number * _ROW) * unit
-        if several:
+        if isinstance(row, Actor):
             _car_row(pixels, number + 1, row, y, unit, words)
-        else:
+        elif isinstance(row, Lap):
             _lap_row(pixels, row, take.hero, y, unit, words)
-    if len(rows) > len(shown):
+    if missing:
         y = (_HEAD + len(shown) * _ROW + 4) * unit
-        text = f"+ {len(rows) - len(shown)}"
+        text = f"+ {missing}"
         write(pixels, text, _PAD * unit, y, 16 * unit, palette.MUTED, palette.SURFACE)
     _foot(pixels, _figures(take, words), (high - _FOOT) * unit, unit)
     return card

@@ -51,7 +51,7 @@ class Encoder:
 
     def add(self, picture: np.ndarray) -> None:
         """One more picture, BGR (height, width, 3)."""
-        planes = cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420)
+        planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420), np.uint8)
         frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts, frame.time_base = self._number, Fraction(1, self._form.fps)
         if self._number % (KEY_S * self._form.fps) == 0:

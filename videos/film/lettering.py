@@ -20,7 +20,9 @@ _HEIGHT, _BASE = 1.4, 1.05  # of a line and of its baseline from above, in sizes
 
 @cache
 def _own(size: float) -> ImageFont.FreeTypeFont:
-    return ImageFont.load_default(size)
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont), "Pillow has FreeType"
+    return font
 
 
 @cache

@@ -14,7 +14,7 @@ from .lettering import figures, shortened, write
 from .palette import Colour, mixed
 from .scene import BAR, Words
 from .take import Take
-from .timing import SECTORS, Clock, standings, written
+from .timing import SECTORS, Clock, Lap, Timing, standings, written
 
 MARGIN = 20
 _STEER_DEG = 30.0
@@ -48,10 +48,10 @@ class Panel:
         moment = float(take.times[frame])
         hero = take.hero
         clock = hero.timing.at(moment, take.scene.lap)
-        self._update(clock, float(hero.drive.speed[frame]), math.degrees(float(hero.drive.steer[frame])))
+        self._update(clock, float(hero.way.speed[frame]), math.degrees(float(hero.way.steer[frame])))
         below = self.height
         picture[:below] = self._bar
-        self._progress(picture, below, float(hero.drive.done[frame]) - (clock.lap - 1))
+        self._progress(picture, below, float(hero.way.done[frame]) - (clock.lap - 1))
         if len(take.actors) > 1:
             self._rows(moment)
         self._title.put(picture, margin, below + margin)
@@ -211,6 +211,7 @@ class Panel:
     def _flash(self, picture: np.ndarray, clock: Clock, below: int) -> None:
         """The time of the lap that was just completed, for a moment."""
         lap, unit, timing = clock.flash, self._unit, self._take.hero.timing
+        assert lap is not None, "asked only while one is shown"
         key = ("flash", lap.number)
         if self._before.get("flash") != key:
             self._before["flash"] = key
@@ -223,7 +224,7 @@ class Panel:
         card.put(picture, left, below + round(MARGIN * unit) - rise, strength)
 
 
-def flash_card(words: Words, lap, timing, unit: float) -> Sticker:
+def flash_card(words: Words, lap: Lap, timing: Timing, unit: float) -> Sticker:
     """A completed lap: its number, its time, the gap to the best one before and its sectors."""
     before = timing.was_best(lap)
     better = before is None or lap.time_ms <= before
@@ -304,7 +305,8 @@ class SmallMap:
         take, unit = self._take, self._unit
         at = np.array((left, top))
         for bot in take.bots:
-            disc(picture, *(self._place(bot[frame, :2]) + at), 3.5 * unit, palette.BOT)
+            x, y = self._place(bot[frame, :2]) + at
+            disc(picture, x, y, 3.5 * unit, palette.BOT)
         for actor in sorted(take.actors, key=lambda actor: actor is take.hero):
             if actor.drive is None:
                 continue

@@ -119,4 +119,4 @@ def side(shell: str) -> Side:
     drawing = FROM_THE_SIDE.get(shell, FROM_THE_SIDE[Shell.PADDOCK])
     rear, front, radius = drawing.wheels
     wheels = [(x, GROUND - radius, radius) for x in (rear, front)]
-    return Side(*(polygons(path) for path in (drawing.body, drawing.glass, drawing.dark)), wheels)
+    return Side(polygons(drawing.body), polygons(drawing.glass), polygons(drawing.dark), wheels)

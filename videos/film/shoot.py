@@ -81,7 +81,7 @@ def poster(scene: Scene, *, form: Form = FULL) -> bytes:
 
 def telling(take: Take) -> int:
     """The frame nearest to the middle in which the followed car drives on the road, else in which it drives."""
-    drive, track, middle = take.hero.drive, take.scene.track, take.driven // 2
+    drive, track, middle = take.hero.way, take.scene.track, take.driven // 2
     driving = [k for k in range(take.driven) if not drive.standing[k] and not drive.gone[k]]
     driving.sort(key=lambda number: abs(number - middle))
     on_road = (k for k in driving if track.on_road(float(drive.x[k]), float(drive.y[k])))

@@ -25,6 +25,12 @@ class Actor:
     drive: Drive | None
     timing: Timing
 
+    @property
+    def way(self) -> Drive:
+        """The drive of a car that drove."""
+        assert self.drive is not None, "it never drove"
+        return self.drive
+
 
 @dataclass(frozen=True)
 class Take:

@@ -53,9 +53,9 @@ def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[Lap]:
     for one in dicts:
         try:
             sectors = tuple(int(time) for time in one.get("sector_ms") or () if time is not None)[:SECTORS]
-            times = (int(one[name]) for name in ("number", "start_ms", "time_ms"))
-            counts = (int(one.get(name) or 0) for name in ("off_tracks", "crashes", "resets"))
-            laps.append(Lap(*times, bool(one["complete"]), sectors, *counts))
+            number, start_ms, time_ms = (int(one[name]) for name in ("number", "start_ms", "time_ms"))
+            counts = [int(one.get(name) or 0) for name in ("off_tracks", "crashes", "resets")]
+            laps.append(Lap(number, start_ms, time_ms, bool(one["complete"]), sectors, *counts))
         except (KeyError, TypeError, ValueError):
             continue
     return laps

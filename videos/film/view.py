@@ -65,7 +65,7 @@ class View:
         actors = [actor for actor in self._take.actors if actor.drive is not None]
         actors.sort(key=lambda actor: actor is self._take.hero)
         for actor in actors:
-            self._tail(picture, actor.drive, frame)
+            self._tail(picture, actor.way, frame)
         for actor in actors:
             self._car(picture, actor, frame)
         for actor in actors:
@@ -109,7 +109,7 @@ class View:
         along, across = solid.half_length, solid.half_width
         corners = np.array([(along, across), (-along, across), (-along, -across), (along, -across)])
         outline = self._turned(corners, x, y, yaw)
-        dim(picture, [self._turned(corners, *(np.array((x, y)) + 2.5 * _SHADOW), yaw)], 0.55)
+        dim(picture, [self._turned(corners, x + 2.5 * _SHADOW[0], y + 2.5 * _SHADOW[1], yaw)], 0.55)
         fill(picture, [outline], palette.BOX)
         lid = np.array([(-along, 0.0), (along, 0.0)])
         tape = np.array([(-along, 0.022), (along, 0.022), (along, -0.022), (-along, -0.022)])
@@ -125,7 +125,7 @@ class View:
         fill(picture, [self._turned(_CHEVRON, x, y, yaw)], palette.BOT)
 
     def _car(self, picture: np.ndarray, actor: Actor, frame: int) -> None:
-        drive = actor.drive
+        drive = actor.way
         x, y, yaw = (float(column[frame]) for column in (drive.x, drive.y, drive.yaw))
         if not self._seen(x, y):
             return
@@ -220,7 +220,7 @@ class View:
 
     def _ring(self, picture: np.ndarray, x: float, y: float, actor: Actor, frame: int) -> None:
         """Around a car that stands after a reset: a ring that closes as its time runs out."""
-        drive, steps = actor.drive, actor.steps
+        drive, steps = actor.way, actor.steps
         px, py = self.place(np.array((x, y))).tolist()
         radius = _RING_M * self._scale
         disc(picture, px, py, radius, mixed(palette.ACCENT, palette.ROAD, 0.65), max(1, round(2 * self._unit)))
@@ -239,13 +239,13 @@ class View:
 
     def _tags(self, picture: np.ndarray, actor: Actor, frame: int) -> None:
         """The name of a car where there are several, and why it stands."""
-        drive = actor.drive
+        drive = actor.way
         x, y = float(drive.x[frame]), float(drive.y[frame])
         if not self._seen(x, y, 0.0):
             return
         px, py = self.place(np.array((x, y))).tolist()
         high = (_RING_M if drive.standing[frame] else 0.2) * self._scale
-        texts = []
+        texts: list[tuple[str, Colour | None, Colour]] = []
         if self._named:
             texts.append((actor.car.name, actor.colour, palette.TEXT))
         if drive.standing[frame]:

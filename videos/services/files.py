@@ -58,7 +58,7 @@ def digest_of(film: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def delete_files(names: Iterable[str]) -> None:
+def delete_files(names: Iterable[str | None]) -> None:
     """Delete those files that no video refers to. What cannot be deleted now is logged, and purged later."""
     for name in filter(None, names):
         try:
@@ -69,6 +69,6 @@ def delete_files(names: Iterable[str]) -> None:
             logger.exception("The unused file %s could not be deleted.", name)
 
 
-def delete_files_on_commit(names: Iterable[str]) -> None:
+def delete_files_on_commit(names: Iterable[str | None]) -> None:
     """:func:`delete_files` once the current transaction is committed."""
     transaction.on_commit(partial(delete_files, list(names)), robust=True)

@@ -42,6 +42,7 @@ def run_next_video(*, worker: str, interrupted: Callable[[], bool] = never) -> b
         with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=settings.FILE_UPLOAD_TEMP_DIR) as folder:
             stopped = lambda: heartbeat.lost or interrupted()  # noqa: E731
             drawn = _draw(video, Path(folder) / "film.mp4", heartbeat.tell, stopped)
+            assert video.lease is not None, "it was claimed"
             return finish_video(pk=video.pk, lease=video.lease, drawn=drawn, now=database_now())
 
     return run_next(VIDEOS, draw, worker=worker, interrupted=interrupted)
