@@ -7,6 +7,7 @@ register(
     "Paddock's own faults",
     "platform",
     {
+        "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
         "storage_failed": _(
             "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
         ),

@@ -109,7 +109,6 @@ register(
             "This site cannot read zips of stable-baselines3: PyTorch is not installed on it. Export the policy "
             "with torch.onnx.export() and upload the .onnx file, or ask the site's operator for training."
         ),
-        "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
         "file_damaged": _(
             "A stored file is damaged. Nothing is wrong with your model; an operator is told, and it will be tried "
             "again."
