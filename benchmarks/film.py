@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.evaluation.film.runs import car, driven, lap, scene
+from tests.videos.film.runs import car, driven, lap, scene
 from videos.film import MAX_SECONDS, film
 
 from .machine import measured_on

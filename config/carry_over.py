@@ -70,7 +70,11 @@ DROPPED: set[tuple[str, str]] = {
     *(("league_announcement", name) for name in ("id", "about", "at")),
 }
 # (app, model) of a content type: as it was
-MODELS = {("accounts", "racer"): ("league", "racer"), ("core", "outage"): ("evaluation", "outage")}
+MODELS = {
+    ("accounts", "racer"): ("league", "racer"),
+    ("core", "outage"): ("evaluation", "outage"),
+    ("videos", "video"): ("races", "video"),
+}
 # Made by the migrations themselves, or by triggers from the rows of other tables
 MADE_ANEW = {"django_content_type", "auth_permission", "races_boardcount", "django_migrations"}
 _MARK = "league_racer"  # a table that only a database from before has
@@ -86,6 +90,12 @@ def refuse_what_is_from_before(using: str = DEFAULT_DB_ALIAS, **kwargs: Any) -> 
     """Before ``migrate``. Raises UserFault("site_from_before"): the new migrations would take the old for their own."""
     if is_from_before(connections[using]):
         raise UserFault("site_from_before")
+
+
+def look_at(source: str) -> None:
+    """Refuse what :func:`carry_over` would refuse of the old database, before a new one is made."""
+    with _opened(source, connections[DEFAULT_DB_ALIAS].vendor) as old:
+        _check(source, old)
 
 
 def carry_over(source: str, *, tell: Callable[[str], None] = lambda line: None) -> dict[str, int]:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from django.db import connection
+from django.utils import translation
 
 from tests import database, emptied, kept, postgres
 
@@ -53,6 +54,10 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 50)
+
+
+def pytest_runtest_teardown(item: pytest.Item) -> None:
+    translation.deactivate()  # a test that reads Korean leaves the next one English
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -9,7 +9,8 @@ import pytest
 
 AT_ONCE = {
     "evaluation": ("states", "queue"),
-    "races": ("concurrency", "counting", "duels_concurrency", "redrives_concurrency", "videos_concurrency"),
+    "races": ("concurrency", "counting", "duels_concurrency", "redrives_concurrency"),
+    "videos": ("concurrency",),
     "training": ("concurrency", "leases"),
     "league": ("simultaneous",),
 }

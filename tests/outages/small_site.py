@@ -31,7 +31,7 @@ from django.core.management import call_command
 from django.utils import timezone
 from races.services import submit_model
 from tests.factories import a_model, a_race, a_track
-from league.models import Racer
+from accounts.models import Racer
 call_command("migrate", interactive=False, verbosity=0)
 call_command("collectstatic", interactive=False, verbosity=0)
 now = timezone.now()

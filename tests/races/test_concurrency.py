@@ -37,9 +37,6 @@ ABOUT_THE_DATABASE = (  # locks, constraints, triggers, plans and queries
     "standings",
     "submit",
     "visibility",
-    "videos_concurrency",
-    "videos_queue",
-    "videos_storm",
 )
 DUELS = (  # what follows from their results is worked out in Python: one race of each format shows that it is read back
     "test_duels.py::test_a_round_robin_goes_to_its_end_and_the_one_that_always_wins_leads[3-4-6]",
@@ -197,7 +194,11 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 @pytest.mark.django_db(transaction=False)
 def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
     files = (f"test_{name}.py" for name in ABOUT_THE_DATABASE)
-    again_on_postgresql(*(f"tests/races/{name}" for name in (*files, *DUELS)), "-m", "not postgres")  # the storm, too
+    # the storm, too
+    videos = ("tests/videos/test_concurrency.py", "tests/videos/test_queue.py", "tests/videos/test_storm.py")
+    again_on_postgresql(
+        *(f"tests/races/{name}" for name in (*files, *DUELS)), *videos, "-m", "not postgres"
+    )  # the storm, too
 
 
 def test_of_two_racers_who_send_the_same_car_at_once_one_has_its_place(now):

@@ -10,7 +10,7 @@ from django.conf import settings
 from django.core.management import call_command
 from django.core.management.base import BaseCommand
 
-from config.carry_over import carry_over
+from config.carry_over import carry_over, look_at
 from config.management import Refusal
 from config.management.data_lock import hold_data
 from paddock.errors import PaddockError
@@ -29,6 +29,7 @@ class Command(BaseCommand):
         os.umask(0o077)
         with hold_data(settings.DATA_DIR / "run.lock"):
             try:
+                look_at(source)
                 call_command("migrate", interactive=False, verbosity=0)
                 rows = carry_over(source, tell=self.stderr.write if verbosity > 1 else lambda line: None)
             except PaddockError as fault:

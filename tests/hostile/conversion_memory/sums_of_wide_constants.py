@@ -6,11 +6,11 @@ from tests.hostile.parts import Upload, graph_with
 
 
 def build() -> Upload:
-    steps = [("a", "Fill", ("size", "value")), ("s0", "Add", ("a", "a"))]
+    steps = [("a", "Add", ("column", "row")), ("s0", "Add", ("a", "a"))]
     steps += [(f"s{number}", "Add", (f"s{number - 1}", "a")) for number in range(1, 100)]
     return graph_with(
         *steps,
         ("ppo_head_0/policy", "Add", ("camera", "s99")),
-        size=np.array([10_000_000], np.int32),
-        value=np.float32(1),
+        column=np.ones((3200, 1), np.float32),
+        row=np.ones((1, 3200), np.float32),
     )
