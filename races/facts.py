@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
-from evaluation.templatetags.garage import SENSOR_NAMES
+from evaluation.templatetags.garage import SENSOR_WORDS
 from paddock.rules.race import BY_PLACE, RULES, RaceRules
 
 from .models import DuelFormat, Opponents, RankingMethod
@@ -48,7 +48,7 @@ def sensor_words(race: Race) -> list[str]:
     """The sensors that a race offers, one word for all of them."""
     if set(race.sensors) == set(OFFERABLE):
         return [_("all sensors")]
-    return [_(SENSOR_NAMES.get(name, name)) for name in race.sensors]
+    return [_(SENSOR_WORDS.get(name, name)) for name in race.sensors]
 
 
 def course_rules(race: Race) -> list[str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-# What the simulator can feed (paddock.simulator.sensors, which the site does not load: it brings the physics along).
-CAMERAS = ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS")
-OFFERABLE = (*CAMERAS, "LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")
+from paddock.packages import inputs
 
 # deepracer-simapp, sensors/sensors_rollout.py: "observation" is the name of the one camera in the oldest models.
 SAME_AS = {"observation": "FRONT_FACING_CAMERA"}
+CAMERAS = tuple(name for name in inputs.CAMERAS if name not in SAME_AS)
+OFFERABLE = (*CAMERAS, *inputs.LIDARS)
 
 
 def sensors_make_sense(sensors: object) -> bool:

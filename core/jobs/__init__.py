@@ -2,7 +2,7 @@
 
 A new kind of job
 -----------------
-One file, plus a task that Celery finds:
+One file of its own, a task that Celery finds, and what stands around them:
 
 1. A model that inherits :class:`core.jobs.models.Job` (or :class:`~core.jobs.models.Leased`, where jobs fail by no
    fault of a racer or of ours), with a ``state`` and ``*lease_constraints(...)`` among its constraints.
@@ -13,6 +13,11 @@ One file, plus a task that Celery finds:
    ``THINGS = register(Things())``.
 3. A task that calls :func:`core.jobs.work.work_off` with a turn: :func:`core.jobs.work.run_next` and what is done in
    it. A second one, which Beat sends, calls ``THINGS.sweep(now=database_now())``.
+
+4. Around it: the sweep in ``CELERY_BEAT_SCHEDULE``; for a queue of its own a worker that listens to it
+   (``config/management/commands/run.py``) and its row in docs/operators.md; a row of docs/architecture.md; a waiting
+   job in ``MAKERS`` of tests/core/jobs/kinds.py. Jobs that operators run again are registered with
+   :func:`evaluation.queues.register_queue`.
 
 Claim, heartbeat, failure, pauses, release, sweep, stop, wake-up and the breaker come with the kind, and the contract
 of tests/core/jobs holds for every kind that is registered.

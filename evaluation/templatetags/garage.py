@@ -19,7 +19,7 @@ register = template.Library()
 
 RADIUS = 100.0  # of the fan, in its own units
 TOP_SPEED_MPS = 4.0
-SENSOR_NAMES = {
+SENSOR_WORDS = {
     "FRONT_FACING_CAMERA": gettext_noop("front camera"),
     "observation": gettext_noop("front camera"),
     "LEFT_CAMERA": gettext_noop("left camera"),
@@ -33,7 +33,7 @@ SENSOR_NAMES = {
 @register.filter
 def sensor_name(sensor: str) -> str:
     """A sensor's name in the reader's language; the field's own name when there is none."""
-    return _(SENSOR_NAMES[sensor]) if sensor in SENSOR_NAMES else sensor
+    return _(SENSOR_WORDS[sensor]) if sensor in SENSOR_WORDS else sensor
 
 
 @register.filter

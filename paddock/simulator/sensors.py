@@ -59,6 +59,11 @@ def sensor_spec(name: str, lidar_config: Mapping[str, float] | None = None) -> S
     return SensorSpec(name, spec.shape, "float32", low, high)
 
 
+# LEFT_CAMERA is the front camera under another name (deepracer-simapp, sensors/sensors_rollout.py): only a car with a
+# stereo pair carries its left camera to the left.
+_CAMERAS = {name: FRONT_CAMERA for name in ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "observation")}
+
+
 def make_sensors(
     names: Sequence[str], scene: Callable[[], Scene], lidar_config: Mapping[str, float] | None = None
 ) -> dict[str, Reading]:
@@ -78,9 +83,7 @@ def make_sensors(
         elif name in ("LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR"):
             readings[name] = _lidar_reading(name, scene().walls, lidar_settings(lidar_config))
         else:
-            # LEFT_CAMERA too: it is the front camera under another name (deepracer-simapp, sensors/sensors_rollout.py);
-            # only a car with a stereo pair carries its left camera to the left.
-            readings[name] = _camera_reading(Camera(scene(), FRONT_CAMERA))
+            readings[name] = _camera_reading(Camera(scene(), _CAMERAS[name]))
     return readings
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.templatetags.garage import SENSOR_NAMES
+from evaluation.templatetags.garage import SENSOR_WORDS
 from paddock.rules.race import RULES
 from paddock.rules.rule import Rule
 
@@ -41,7 +41,7 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
     if rule.name == "boxes":
         return BoxesField(**said)
     if rule.name == "sensors":
-        names = [(name, _(SENSOR_NAMES[name])) for name in OFFERABLE]
+        names = [(name, _(SENSOR_WORDS[name])) for name in OFFERABLE]
         return forms.MultipleChoiceField(choices=names, widget=forms.CheckboxSelectMultiple, **said)
     if rule.choices:
         widget = {"widget": forms.RadioSelect} if rule.name in _RADIOS else {}

@@ -13,7 +13,7 @@ from accounts.models import Racer
 from accounts.tokens import create_token
 from evaluation.services import share_model
 from league.models import NoticeKind, Round, Stage
-from league.services import close_round
+from league.services import close_due_rounds, close_round
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import Race
@@ -130,6 +130,7 @@ class Cast:
             board(round_.race, [world.bob, *racers(4)])
             if name == "Official":
                 close_round(round=round_, now=world.now)
+        close_due_rounds(now=world.now)  # as the sweep does
 
     def examples(self, viewer: str) -> Mapping[str, list[dict[str, str]]]:
         """For the beginning of a route: what its parameters may be, as far as it concerns this viewer."""

@@ -8,7 +8,7 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 
 from evaluation.looks import DEFAULT_COLOUR, Shell
-from evaluation.templatetags.garage import SENSOR_NAMES
+from evaluation.templatetags.garage import SENSOR_WORDS
 from races.fields import PlainNumberField
 from races.sensors import CAMERAS
 from training.models import NeuralNetwork, Vehicle
@@ -26,13 +26,13 @@ class VehicleForm(forms.Form):
     name = forms.CharField(label=_("Name"), max_length=64)
     camera = forms.ChoiceField(
         label=_("Camera"),
-        choices=[(name, _(SENSOR_NAMES[name])) for name in CAMERAS_OFFERED],
+        choices=[(name, _(SENSOR_WORDS[name])) for name in CAMERAS_OFFERED],
         widget=forms.RadioSelect,
         help_text=_("One camera is enough to keep to the road. Two see how far away things are."),
     )
     lidar = forms.ChoiceField(
         label=_("Lidar"),
-        choices=[("", _("none")), *((name, _(SENSOR_NAMES[name])) for name in LIDARS)],
+        choices=[("", _("none")), *((name, _(SENSOR_WORDS[name])) for name in LIDARS)],
         widget=forms.RadioSelect,
         required=False,
         help_text=_("Sees boxes and cars around the vehicle. It does not see the road."),
