@@ -12,7 +12,6 @@ import pytest
 
 from paddock.rules.race import RaceRules
 from tests.shared import CHECKOUT
-from tests.soak import one_of_each
 from training.golden.processors import EMULATOR, NATIVE, PROCESSORS, Processor, ProcessorFailed, emulator, side_by_side
 from training.golden.runs import CONSOLE, RUNS, GoldenRun, runs_of
 
@@ -20,16 +19,14 @@ pytestmark = [
     pytest.mark.skipif(platform.machine() != "x86_64", reason="this is no x86-64 machine"),
     pytest.mark.skipif(emulator() is None, reason=f"{EMULATOR} is not installed (Debian: qemu-user)"),
 ]
-SIMULATED_MS, CONSOLE_MS = (
-    2000,
-    1000,
-)  # of each run: an emulated processor takes about as long, for a large network more
+# Of each run: an emulated processor takes about as long, for a large network more
+SIMULATED_MS, CONSOLE_MS = 2000, 1000
 CONSOLES = next(run.name for run in RUNS if CONSOLE in run.cars)
 SOAKED = 200
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processor", one_of_each(PROCESSORS, kind=lambda processor: "emulated"))
+@pytest.mark.parametrize("processor", PROCESSORS)
 def test_every_golden_run_is_the_same_on_another_processor(processor, paths):
     check([processor], [begun(run) for run in runs_of((), paths)])
 
