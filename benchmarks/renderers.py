@@ -28,7 +28,7 @@ from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.sensors import POSE, sensor_spec
 from paddock.simulator.solids import Solid, box
 from paddock.simulator.stage import Ground, Stage
-from tests.simulator.tiny_scene import OVERSAMPLING, TinyScene
+from tests.paddock.simulator.tiny_scene import OVERSAMPLING, TinyScene
 
 from .models import AdmittedCar
 

@@ -21,7 +21,7 @@ from races.services import submit_model
 from tests.community import community
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_model, a_race, drive, laps, start
-from tests.simulator.tracks_for_tests import stadium
+from tests.paddock.simulator.tracks_for_tests import stadium
 
 pytestmark = pytest.mark.django_db
 

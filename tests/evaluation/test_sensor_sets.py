@@ -22,7 +22,7 @@ from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.race import run_race
 from paddock.simulator.sensors import sensor_spec
-from tests.packages.coach import coach_graph, metadata_dict
+from tests.paddock.packages.coach import coach_graph, metadata_dict
 from tests.pinned import pinned_process
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 

@@ -14,8 +14,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from tests.packages.coach import coach_graph, metadata_dict
-from tests.packages.graphdef import FLOAT, Attr, GraphWriter, field, varint
+from tests.paddock.packages.coach import coach_graph, metadata_dict
+from tests.paddock.packages.graphdef import FLOAT, Attr, GraphWriter, field, varint
 
 Upload = list[tuple[str, bytes]]
 CAMERA = "FRONT_FACING_CAMERA"

@@ -33,7 +33,7 @@ from .parts import Upload, good_network, pair
 HERE = Path(__file__).parent
 CASES = sorted(path.relative_to(HERE).with_suffix("").as_posix() for path in HERE.glob("*/*.py"))
 UNREACHABLE = {
-    # no network within the limits takes so long or crashes the converter: see tests/packages/test_admit.py
+    # no network within the limits takes so long or crashes the converter: see tests/evaluation/test_admit.py
     "conversion_time",
     "conversion_crashed",
 }

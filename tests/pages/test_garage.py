@@ -23,7 +23,7 @@ from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.track import TrackGeometry
 from tests.factories import a_model, a_race
 from tests.hostile.parts import training_folder
-from tests.packages.coach import coach_graph
+from tests.paddock.packages.coach import coach_graph
 from tests.pages.conftest import World
 from tests.shared import SHARED, needs_shared
 from tracks.models import Track

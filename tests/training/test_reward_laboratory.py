@@ -14,7 +14,7 @@ from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.rewards import follow_centre_line
 from paddock.simulator.sensors import POSE
 from paddock.simulator.solids import box
-from tests.simulator.tracks_for_tests import stadium
+from tests.paddock.simulator.tracks_for_tests import stadium
 from training.rewards.examples import example
 from training.rewards.heat import (
     _DIVERGING,

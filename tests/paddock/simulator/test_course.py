@@ -165,7 +165,7 @@ def test_a_seed_is_one_course_and_seeds_differ():
 def test_a_seed_draws_the_same_boxes_in_every_process_and_version():
     expected = [(0.406151, "outer"), (0.620561, "outer"), (0.899156, "outer")]
     code = (
-        "from tests.simulator.test_course import TRACK, drawn, lay_course;"
+        "from tests.paddock.simulator.test_course import TRACK, drawn, lay_course;"
         "print([(box.fraction, box.lane) for box in lay_course(TRACK, drawn(3, seed=42)).boxes])"
     )
     for hash_seed in ("0", "1"):

@@ -100,7 +100,7 @@ def test_five_runs_in_one_process_give_one_hash(expected):
 
 
 def test_a_fresh_process_gives_the_same_hash(expected):
-    code = "from tests.simulator.test_determinism import race; print(race()[0])"
+    code = "from tests.paddock.simulator.test_determinism import race; print(race()[0])"
     for seed in ("0", "1"):
         done = subprocess.run(
             [sys.executable, "-c", code],
@@ -125,7 +125,10 @@ def test_five_races_of_each_type_give_one_hash(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", TYPES)
 def test_a_fresh_process_gives_the_same_race_of_each_type(kind):
-    code = f"import json; from tests.simulator.test_determinism import race_of; print(json.dumps(race_of({kind!r})[0]))"
+    code = (
+        "import json; from tests.paddock.simulator.test_determinism import race_of;"
+        f"print(json.dumps(race_of({kind!r})[0]))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=CHECKOUT,

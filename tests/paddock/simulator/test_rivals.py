@@ -16,7 +16,7 @@ from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, run_race
 from paddock.simulator.stage import Ground, Stage
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
-from tests.simulator.test_race import clients
+from tests.paddock.simulator.test_race import clients
 
 from .tracks_for_tests import stadium
 

@@ -19,7 +19,7 @@ from paddock.errors import UserFault
 from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from paddock.packages.read import UploadPart
 from tests.hostile.parts import regular
-from tests.packages.coach import MEDIUM, coach_graph, metadata_dict
+from tests.paddock.packages.coach import MEDIUM, coach_graph, metadata_dict
 
 pytestmark = pytest.mark.xdist_group("large networks")  # one after the other: they are large
 ACTIONS = 5

@@ -15,7 +15,7 @@ from evaluation.convert_process import admit_network
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import network
-from tests.packages.coach import DEEP, SHALLOW, coach_graph, metadata_dict
+from tests.paddock.packages.coach import DEEP, SHALLOW, coach_graph, metadata_dict
 
 CAMERA, STEREO = "FRONT_FACING_CAMERA", "STEREO_CAMERAS"
 COACH = {
