@@ -18,7 +18,7 @@ PASSWORD = "a long enough passphrase"
 NEW = {"username": "Speedy_1", "email": "Speedy@Example.org", "password1": PASSWORD, "password2": PASSWORD}
 
 
-def test_a_racer_signs_up_logs_out_and_logs_in_by_alias_or_address(client, db) -> None:
+def test_a_racer_signs_up_and_logs_in_by_alias_or_email(client, db) -> None:
     response = client.post("/accounts/signup/", NEW, follow=True)
     assert "Speedy_1" in response.content.decode()
     racer = Racer.objects.get(alias="Speedy_1")
@@ -32,7 +32,7 @@ def test_a_racer_signs_up_logs_out_and_logs_in_by_alias_or_address(client, db) -
         assert client.get("/settings/").status_code == 200, login
 
 
-def test_after_signing_up_the_racer_is_where_they_wanted_to_go(client, db) -> None:
+def test_signing_up_leads_to_the_page_the_racer_wanted(client, db) -> None:
     page = client.get("/accounts/signup/?next=/models/upload/").content.decode()
     assert 'name="next" value="/models/upload/"' in page
     assert client.post("/accounts/signup/", NEW | {"next": "/models/upload/"})["Location"] == "/models/upload/"
@@ -48,13 +48,13 @@ def test_after_signing_up_the_racer_is_where_they_wanted_to_go(client, db) -> No
         ({"password2": "another passphrase"}, "password2"),
     ],
 )
-def test_a_wrong_sign_up_says_what_is_wrong_beside_the_field(client, db, changes, field) -> None:
+def test_an_invalid_sign_up_shows_the_error_beside_the_field(client, db, changes, field) -> None:
     response = client.post("/accounts/signup/", NEW | changes)
     assert response.context["form"].errors[field]
     assert not Racer.objects.exists()
 
 
-def test_a_wrong_password_is_refused_without_saying_which_part_was_wrong(client, world: World) -> None:
+def test_a_failed_login_does_not_say_which_part_was_wrong(client, world: World) -> None:
     answers = {
         re.sub(
             r"csrfmiddlewaretoken[^>]*>|value=\"(alice|nobody)\"",
@@ -67,7 +67,7 @@ def test_a_wrong_password_is_refused_without_saying_which_part_was_wrong(client,
     assert 'role="alert"' in answers.pop()
 
 
-def test_a_forgotten_password_is_reset_by_mail(client, db) -> None:
+def test_a_forgotten_password_is_reset_by_email(client, db) -> None:
     client.post("/accounts/signup/", NEW)
     client.post("/accounts/logout/")
     assert (
@@ -85,14 +85,14 @@ def test_a_forgotten_password_is_reset_by_mail(client, db) -> None:
     assert "does not work any more" in client.get(link, follow=True).content.decode()
 
 
-def test_a_password_is_changed_with_the_old_one(client, db) -> None:
+def test_changing_the_password_needs_the_old_one(client, db) -> None:
     client.post("/accounts/signup/", NEW)
     data = {"oldpassword": "wrong", "password1": "another passphrase", "password2": "another passphrase"}
     assert client.post("/accounts/password/change/", data).status_code == 200
     assert client.post("/accounts/password/change/", data | {"oldpassword": PASSWORD}).status_code == 302
 
 
-def test_an_address_is_changed_once_it_is_confirmed(client, db) -> None:
+def test_a_new_email_address_takes_effect_once_confirmed(client, db) -> None:
     client.post("/accounts/signup/", NEW)
     asked = client.post("/accounts/email/", {"email": "other@example.org", "action_add": ""})
     assert "other@example.org" not in client.get("/accounts/email/").content.decode()
@@ -114,7 +114,7 @@ def test_the_country_is_shown_on_boards(world: World) -> None:
     assert 'title="뉴질랜드">NZ<' in client.get("/races/open-race/").content.decode()
 
 
-def test_a_token_is_shown_once_works_and_is_revoked(world: World) -> None:
+def test_a_token_is_shown_once_then_works_until_revoked(world: World) -> None:
     client = world.client("alice")
     page = client.post("/settings/tokens/", {"scopes": "read", "days": "30"})
     token = re.search(r'id="new-token" value="(\w+)"', page.content.decode())[1]
@@ -137,7 +137,7 @@ def test_a_racer_keeps_a_limited_number_of_tokens(world: World) -> None:
     assert AuthToken.objects.count() == TOKENS_PER_RACER
 
 
-def test_the_theme_is_kept_in_a_cookie_and_painted_by_the_server(client, db) -> None:
+def test_the_theme_is_kept_in_a_cookie_and_rendered_by_the_server(client, db) -> None:
     assert 'data-theme=""' in client.get("/about/").content.decode()
     assert client.post("/theme/", {"theme": "toggle", "next": "/about/"})["Location"] == "/about/"
     assert 'data-theme="dark"' in client.get("/about/").content.decode()
@@ -147,7 +147,7 @@ def test_the_theme_is_kept_in_a_cookie_and_painted_by_the_server(client, db) -> 
     assert 'data-theme=""' in client.get("/about/").content.decode()
 
 
-def test_the_language_is_chosen_by_the_form_and_before_that_by_the_browser(client, db) -> None:
+def test_the_form_chooses_the_language_and_the_browser_by_default(client, db) -> None:
     assert "이용 안내" in client.get("/about/", headers={"Accept-Language": "ko-KR,ko;q=0.9"}).content.decode()
     client.post("/i18n/setlang/", {"language": "ko", "next": "/about/"})
     html = client.get("/about/", headers={"Accept-Language": "en"}).content.decode()

@@ -71,7 +71,7 @@ def race_on_the_oval(page: playwright.Page, name: str) -> None:
 
 
 @needs_shared
-def test_a_newcomer_uploads_a_console_car_and_finds_it_ranked(page: playwright.Page) -> None:
+def test_a_newcomer_uploads_a_console_model_and_finds_it_ranked(page: playwright.Page) -> None:
     sign_up(page, "newcomer")
     upload_console_car(page)
 
@@ -104,7 +104,7 @@ def test_a_newcomer_uploads_a_console_car_and_finds_it_ranked(page: playwright.P
 
 
 @needs_shared
-def test_a_replay_is_driven_from_the_keyboard(page: playwright.Page) -> None:
+def test_a_replay_is_controlled_from_the_keyboard(page: playwright.Page) -> None:
     sign_up(page, "keyboarder")
     upload_console_car(page)
     race_on_the_oval(page, "Keyboard race")
@@ -123,7 +123,7 @@ def test_a_replay_is_driven_from_the_keyboard(page: playwright.Page) -> None:
     assert "translate(" in page.locator('[data-car="0"]').get_attribute("transform")
 
 
-def test_an_organiser_puts_two_boxes_on_a_track_and_sees_them_on_the_map(page: playwright.Page) -> None:
+def test_boxes_placed_by_an_organiser_appear_on_the_map(page: playwright.Page) -> None:
     sign_up(page, "boxer")
     page.goto("/races/new/?track=oval")
     page.get_by_label("Name").fill("Slalom")
@@ -169,7 +169,7 @@ def test_a_refused_file_is_explained_and_the_page_still_works(page: playwright.P
     playwright.expect(page.get_by_role("main").get_by_role("button", name="Upload")).to_be_enabled()
 
 
-def test_too_large_a_file_is_told_before_it_is_sent(page: playwright.Page, tmp_path: Path) -> None:
+def test_a_file_that_is_too_large_is_reported_before_it_is_sent(page: playwright.Page, tmp_path: Path) -> None:
     sign_up(page, "heavy")
     huge = tmp_path / "model.tar.gz"
     with huge.open("wb") as file:
@@ -182,9 +182,7 @@ def test_too_large_a_file_is_told_before_it_is_sent(page: playwright.Page, tmp_p
     assert page.url.endswith("/models/upload/")
 
 
-def test_a_trainings_folder_is_uploaded_and_one_of_its_checkpoints_chosen(
-    page: playwright.Page, tmp_path: Path
-) -> None:
+def test_a_training_folder_is_uploaded_and_a_checkpoint_chosen(page: playwright.Page, tmp_path: Path) -> None:
     [(name, folder)] = training_folder({4: small_car(), 9: small_car()}, lead="rl-deepracer/")
     (tmp_path / name).write_bytes(folder)
     sign_up(page, "trainee")
@@ -216,7 +214,7 @@ def test_the_skip_link_and_the_menu_work_from_the_keyboard(page: playwright.Page
     playwright.expect(menu).to_be_focused()
 
 
-def test_the_theme_is_kept_without_a_flash(page: playwright.Page) -> None:
+def test_the_theme_is_kept_without_a_flash_of_the_other(page: playwright.Page) -> None:
     page.emulate_media(color_scheme="light")
     page.goto("/about/")
     page.get_by_role("button", name="Dark or light").click()
@@ -226,7 +224,7 @@ def test_the_theme_is_kept_without_a_flash(page: playwright.Page) -> None:
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(12, 15, 20)"
 
 
-def test_times_are_shown_in_the_readers_time_zone(page: playwright.Page) -> None:
+def test_times_are_shown_in_the_visitors_time_zone(page: playwright.Page) -> None:
     page.goto("/races/")
     page.locator(".race-card :is(h2, h3) a").first.click()
     moment = page.locator(".race-side dl time").first
@@ -265,9 +263,7 @@ def test_no_page_is_wider_than_a_small_phone(page: playwright.Page) -> None:
     assert not wide
 
 
-def test_without_scripts_a_racer_signs_up_and_changes_language_and_theme(
-    browser: playwright.Browser, site: str
-) -> None:
+def test_sign_up_language_and_theme_work_without_scripts(browser: playwright.Browser, site: str) -> None:
     context = browser.new_context(base_url=site, java_script_enabled=False, locale="en-GB")
     page = context.new_page()
     sign_up(page, "scriptless")

@@ -41,20 +41,20 @@ def seeded(race, seed: int) -> Racer:
     return Entry.objects.get(race=race, seed=seed).racer
 
 
-def test_while_the_race_is_open_the_page_says_how_it_will_be(client, now):
+def test_the_page_of_an_open_race_explains_how_duels_will_run(client, now):
     race = a_duel_race(timezone.now())
     html = page(client, race)
     assert "that is the qualifying" in html and "Draw now" not in html
 
 
-def test_only_a_race_of_duels_has_the_page_and_its_tab(client, now):
+def test_only_a_race_with_duels_has_the_page_and_its_tab(client, now):
     race = a_race(now)
     assert client.get(f"/races/{race.slug}/duels/").status_code == 404
     assert "duels/" not in page(client, race, path="")
     assert "/duels/" in page(client, a_duel_race(now), path="")
 
 
-def test_the_cross_table_shows_who_was_ahead_and_leads_to_each_run(client, now):
+def test_the_cross_table_shows_who_was_ahead_and_links_each_run(client, now):
     race = drawn(now, 3)
     (duel,) = driving(race)
     end(duel, now)
@@ -67,7 +67,7 @@ def test_the_cross_table_shows_who_was_ahead_and_leads_to_each_run(client, now):
     assert "1 of 6 heats" in html
 
 
-def test_the_bracket_shows_rounds_byes_and_who_goes_on(client, now):
+def test_the_bracket_shows_rounds_byes_and_who_advances(client, now):
     race = drawn(now, 3, duel_format="bracket")
     html = page(client, race)
     assert "Semi-finals" in html and "Final" in html and "bye" in html
@@ -77,14 +77,14 @@ def test_the_bracket_shows_rounds_byes_and_who_goes_on(client, now):
     assert won == ["car-1", "car-3", "car-3"] and "all decided" in html
 
 
-def test_my_next_duel_says_where_i_start(client, now):
+def test_my_next_duel_shows_where_i_start(client, now):
     race = drawn(now, 2)
     html = page(client, race, seeded(race, 2))
     assert "My next duel" in html
     assert "My next duel" not in page(client, race, a_racer("stranger"))
 
 
-def test_a_walkover_is_said_and_leads_nowhere(client, now, alice):
+def test_a_walkover_is_named_and_has_no_link(client, now, alice):
     from races.services import remove_entry
 
     race = drawn(now, 2, organiser=alice)
@@ -93,7 +93,7 @@ def test_a_walkover_is_said_and_leads_nowhere(client, now, alice):
     assert html.count("walkover") >= 2 and "did not start" in html
 
 
-def test_who_left_the_race_is_named_below_the_cross_table_since_the_points_against_them_count(client, now, alice):
+def test_the_cross_table_names_racers_who_left(client, now, alice):
     from races.services import remove_entry
 
     race = drawn(now, 3, organiser=alice)
@@ -108,11 +108,11 @@ def test_who_left_the_race_is_named_below_the_cross_table_since_the_points_again
 
 
 @pytest.mark.parametrize("entrants", [0, 1])
-def test_a_race_with_nobody_to_meet_says_so(client, now, entrants):
+def test_a_race_with_too_few_cars_for_duels_says_so(client, now, entrants):
     assert "nobody to meet" in page(client, drawn(now, entrants))
 
 
-def test_the_board_ranks_by_points_once_drawn(client, now):
+def test_the_board_ranks_by_points_once_duels_are_drawn(client, now):
     race = drawn(now, 2)
     for duel in driving(race):
         end(duel, now, winners=[2, 1])
@@ -124,7 +124,7 @@ def test_the_board_ranks_by_points_once_drawn(client, now):
 # --- the organiser's button
 
 
-def test_the_organiser_draws_at_once(client, now, alice):
+def test_the_organiser_can_draw_immediately(client, now, alice):
     race = a_duel_race(now, organiser=alice)
     qualify(race, [a_racer(), a_racer()], now)
     assert "Draw now" in page(client, race, alice)
@@ -135,7 +135,7 @@ def test_the_organiser_draws_at_once(client, now, alice):
     assert Duel.objects.count() == 2, "pressing it twice changes nothing"
 
 
-def test_pressed_too_early_it_says_why_not(client, alice):
+def test_drawing_too_early_says_why_not(client, alice):
     race = a_duel_race(timezone.now(), organiser=alice)
     client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
     html = client.post(f"/races/{race.slug}/duels/draw/", follow=True).content.decode()
@@ -145,7 +145,7 @@ def test_pressed_too_early_it_says_why_not(client, alice):
 @pytest.mark.parametrize(
     ("who", "status"), [("alice", 302), ("admin", 302), ("bob", 404), ("charlie", 404), (None, 302)]
 )
-def test_who_may_draw(client, now, alice, bob, charlie, who, status):
+def test_only_the_organiser_and_admins_may_draw(client, now, alice, bob, charlie, who, status):
     people = {"alice": alice, "bob": bob, "charlie": charlie, "admin": a_racer("admin-anna", is_staff=True)}
     race = a_duel_race(now, organiser=alice)
     qualify(race, [bob, a_racer()], now)
@@ -155,7 +155,7 @@ def test_who_may_draw(client, now, alice, bob, charlie, who, status):
     assert Draw.objects.exists() == (who in ("alice", "admin"))
 
 
-def test_the_button_takes_no_get(client, now, alice):
+def test_drawing_by_get_is_refused(client, now, alice):
     race = a_duel_race(now, organiser=alice)
     client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
     assert client.get(f"/races/{race.slug}/duels/draw/").status_code == 405
@@ -167,7 +167,7 @@ def test_the_button_takes_no_get(client, now, alice):
 @pytest.mark.parametrize(
     ("who", "status"), [("alice", 200), ("admin", 200), ("bob", 200), ("charlie", 404), (None, 404)]
 )
-def test_the_duels_of_a_race_by_invitation_are_its_members_business(client, now, alice, bob, charlie, who, status):
+def test_only_members_see_the_duels_of_an_invitation_race(client, now, alice, bob, charlie, who, status):
     people = {"alice": alice, "bob": bob, "charlie": charlie, "admin": a_racer("admin-anna", is_staff=True)}
     race = a_duel_race(now, organiser=alice, visibility=Visibility.INVITATION)
     racers = [bob, a_racer()]
@@ -193,7 +193,7 @@ def test_everybody_may_watch_the_duels_of_a_public_race(client, now):
     assert race.name in html
 
 
-def test_no_racer_may_stop_a_duel(client, now):
+def test_a_racer_cannot_stop_a_duel(client, now):
     race = drawn(now, 2)
     (duel,) = driving(race)
     front = duel.evaluation.owner
@@ -224,7 +224,7 @@ def test_more_cars_need_no_more_queries(client, now, format_):
     assert len(queries(client, f"/races/{many.slug}/duels/")) <= before <= LIMIT
 
 
-def test_a_duel_stands_among_my_runs_under_its_race(client, now):
+def test_my_runs_list_a_duel_under_its_race(client, now):
     race = drawn(now, 2, name="Duel night")
     (duel,) = driving(race)
     front = duel.evaluation.owner

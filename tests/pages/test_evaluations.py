@@ -19,21 +19,21 @@ def page_of(world: World, name: str, viewer: str) -> str:
     return world.client(viewer).get(f"/evaluations/{getattr(world, name).evaluation.public_id}/").content.decode()
 
 
-def test_a_waiting_car_shows_its_place_in_the_queue(world: World) -> None:
+def test_a_waiting_run_shows_its_place_in_the_queue(world: World) -> None:
     html = page_of(world, "queued", "alice")
     assert "Next in line." in html
     assert 'http-equiv="refresh"' in html, "without scripts the page still renews itself"
     assert "Stop" in html
 
 
-def test_a_car_on_track_shows_lap_time_share_and_place_on_the_map(world: World) -> None:
+def test_a_car_on_track_shows_lap_time_progress_and_map_position(world: World) -> None:
     html = page_of(world, "running", "bob")
     assert "Lap 2 / 3" in html and "0:04.000" in html
     assert 'value="47"' in html  # one lap and 40 percent of three
     assert 'id="live-dot"' in html
 
 
-def test_the_fragment_comes_only_when_something_changed(world: World) -> None:
+def test_the_fragment_is_sent_only_when_something_changed(world: World) -> None:
     client = world.client("bob")
     address = polled(page_of(world, "running", "bob"))
     assert client.get(address).status_code == 204
@@ -67,7 +67,7 @@ def test_a_result_shows_laps_sectors_files_and_proof(world: World) -> None:
     assert 'class="track-line' in html
 
 
-def test_the_line_is_drawn_by_speed_or_by_lap_for_all_laps_or_one(world: World) -> None:
+def test_the_trajectory_is_coloured_by_speed_or_lap(world: World) -> None:
     path = f"/evaluations/{world.finished.evaluation.public_id}/"
     client = world.client("anonymous")
     by_speed = client.get(path).content.decode()
@@ -78,19 +78,19 @@ def test_the_line_is_drawn_by_speed_or_by_lap_for_all_laps_or_one(world: World) 
     assert 'class="track-line lap-0"' in one and 'class="track-line lap-1"' not in one
 
 
-def test_a_failure_says_why_with_its_code(world: World) -> None:
+def test_a_failure_says_why_and_shows_its_code(world: World) -> None:
     html = page_of(world, "failed", "alice")
     assert "NaN or infinity in step 7" in html and 'data-code="non_finite_action"' in html
     assert "our fault" not in html
 
 
-def test_our_own_failure_says_that_it_does_not_count(world: World) -> None:
+def test_a_failure_of_the_platform_says_that_it_does_not_count(world: World) -> None:
     html = page_of(world, "ours", "bob")
     assert 'data-code="platform_gave_up"' in html
     assert "It does not count as a submission" in html
 
 
-def test_the_owner_stops_a_car_and_a_second_stop_changes_nothing(world: World) -> None:
+def test_stopping_a_run_twice_changes_nothing(world: World) -> None:
     client = world.client("alice")
     path = f"/evaluations/{world.queued.evaluation.public_id}/"
     assert client.post(path + "stop/")["Location"] == path
@@ -99,7 +99,7 @@ def test_the_owner_stops_a_car_and_a_second_stop_changes_nothing(world: World) -
     assert "stopped before its end" in client.get(path).content.decode()
 
 
-def test_a_replay_is_the_trace_in_the_maps_coordinates(world: World) -> None:
+def test_a_replay_is_the_trace_in_map_coordinates(world: World) -> None:
     path = f"/evaluations/{world.finished.evaluation.public_id}/replay.json"
     response = world.client("anonymous").get(path)
     run = response.json()
@@ -113,7 +113,7 @@ def test_a_replay_is_the_trace_in_the_maps_coordinates(world: World) -> None:
     assert (again.status_code, again.content) == (304, b"")
 
 
-def test_files_come_as_downloads_in_the_fields_own_formats(world: World) -> None:
+def test_files_are_downloads_in_the_formats_of_the_field(world: World) -> None:
     path = f"/evaluations/{world.finished.evaluation.public_id}/"
     client = world.client("anonymous")
     trace = client.get(path + "trace.csv")
@@ -123,7 +123,7 @@ def test_files_come_as_downloads_in_the_fields_own_formats(world: World) -> None
     assert metrics["Content-Disposition"].startswith("attachment") and "metrics" in metrics.json()
 
 
-def test_a_run_that_does_not_count_is_its_owners_business(world: World) -> None:
+def test_only_the_owner_sees_a_run_that_does_not_count(world: World) -> None:
     path = f"/evaluations/{world.other.evaluation.public_id}/"
     assert world.client("alice").get(path).status_code == 200
     assert world.client("bob").get(path + "live/").status_code == 404

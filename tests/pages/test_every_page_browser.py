@@ -63,7 +63,7 @@ def look_at(page: playwright.Page, width: dict, theme: str, rules: dict) -> list
 
 
 @pytest.mark.parametrize("looks", [(), pytest.param(LOOKS, marks=pytest.mark.soak)], ids=["in turn", "all"])
-def test_every_page_is_readable_by_everybody_and_no_browser_complains(looks, site, browser, live_server):
+def test_every_page_is_accessible_and_logs_no_browser_errors(looks, site, browser, live_server):
     turn = cycle(LOOKS[:2])
     assert not names_of_pages() - names_walked(site), "pages that are not in tests/pages/walk.py"
     wrong: dict[str, list[str]] = {}

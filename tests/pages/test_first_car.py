@@ -66,7 +66,7 @@ def words(page: str) -> str:
     return " ".join(re.sub(r"<[^>]*>", " ", page).split())
 
 
-def test_one_click_trains_the_first_car_for_the_race_of_first_laps(beginners, now):
+def test_one_click_trains_a_first_car_for_the_beginners_race(beginners, now):
     alice = a_racer("alice")
     response = browser(alice).post("/train/first/", follow=True)
     job = TrainingJob.objects.get(owner=alice)
@@ -76,7 +76,7 @@ def test_one_click_trains_the_first_car_for_the_race_of_first_laps(beginners, no
     assert (job.name, job.stop_clean_laps, job.state) == ("first-car", 3, JobState.QUEUED)
 
 
-def test_a_second_click_makes_no_second_car_and_leads_to_the_first(beginners):
+def test_a_second_click_leads_to_the_first_car(beginners):
     alice = a_racer("alice")
     for _ in range(2):
         browser(alice).post("/train/first/")
@@ -84,26 +84,26 @@ def test_a_second_click_makes_no_second_car_and_leads_to_the_first(beginners):
     assert f'href="{job.get_absolute_url()}">Watch your first car being trained' in read(alice, "/")
 
 
-def test_a_later_first_car_takes_a_name_that_is_free(beginners, now):
+def test_a_later_first_car_takes_a_free_name(beginners, now):
     alice = a_racer("alice")
     a_model(alice, name="first-car")
     assert train_first_car(owner=alice, now=now).name == "first-car-2"
 
 
-def test_without_such_a_race_it_is_trained_all_the_same(now):
+def test_a_first_car_is_trained_even_without_a_beginners_race(now):
     alice = a_racer("alice")
     a_race(now, direction="cw")
     browser(alice).post("/train/first/")
     assert TrainingJob.objects.get(owner=alice).submit_to_race is None
 
 
-def test_a_race_that_its_racer_has_left_is_not_the_one(beginners, now):
+def test_a_race_the_racer_has_left_is_not_chosen(beginners, now):
     alice = a_racer("alice")
     withdraw(entry=drive(beginners, alice, laps(9_000, 9_000, 9_000), now).entry, now=now)
     assert train_first_car(owner=alice, now=now).submit_to_race.name == "Three laps"
 
 
-def test_where_nothing_can_be_trained_the_click_says_why_and_only_uploading_is_offered(beginners, settings, house_car):
+def test_without_training_only_uploading_is_offered(beginners, settings, house_car):
     settings.TRAINING_PAUSED = True
     alice = a_racer("alice")
     response = browser(alice).post("/train/first/", follow=True)
@@ -112,13 +112,13 @@ def test_where_nothing_can_be_trained_the_click_says_why_and_only_uploading_is_o
     assert "/train/first/" not in page and "?clone=" not in page and "/models/upload/" in page
 
 
-def test_who_must_log_in_first_comes_back_to_the_button(client):
+def test_logging_in_leads_back_to_the_button(client):
     assert client.post("/train/first/").status_code == 302
     assert browser(a_racer("alice")).get("/train/first/").url == "/train/"
 
 
 @pytest.mark.parametrize("path", ["/", "/models/", "/train/", "/races/{race}/"])
-def test_who_has_no_car_is_offered_three_ways_wherever_one_is_asked_for(beginners, house_car, path):
+def test_a_racer_without_a_car_is_offered_three_ways_everywhere(beginners, house_car, path):
     page = read(a_racer("alice"), path.format(race=beginners.slug))
     assert "/models/upload/" in page
     assert re.search(r'<form method="post" action="/train/first/">.*?Train my first car', page, re.S)
@@ -126,12 +126,12 @@ def test_who_has_no_car_is_offered_three_ways_wherever_one_is_asked_for(beginner
     assert re.search(rf'href="/train/new/\?clone={house_car.public_id}[^"]*">Steady</a>', page)
 
 
-def test_the_page_for_uploading_offers_the_two_other_ways(beginners, house_car):
+def test_the_upload_page_offers_the_two_other_ways(beginners, house_car):
     page = read(a_racer("alice"), "/models/upload/")
     assert "Train my first car" in page and f"?clone={house_car.public_id}" in page
 
 
-def test_a_race_asks_the_wizard_for_a_car_of_its_own_course(now, house_car):
+def test_a_race_passes_its_own_layout_to_the_training_wizard(now, house_car):
     boxes = a_race(now, direction="cw", race_type="object_avoidance", random_boxes=2)
     alice = a_racer("alice")
     page = read(alice, f"/races/{boxes.slug}/")
@@ -141,7 +141,7 @@ def test_a_race_asks_the_wizard_for_a_car_of_its_own_course(now, house_car):
     assert re.search(rf'<option value="{boxes.slug}"[^>]* selected', wizard)
 
 
-def test_who_has_sent_every_car_is_led_to_training_or_uploading_another(now, house_car):
+def test_a_racer_who_sent_every_car_may_train_or_upload_another(now, house_car):
     race, alice = a_race(now), a_racer("alice")
     drive(race, alice, laps(9_000, 9_000, 9_000), now)
     page = read(alice, f"/races/{race.slug}/")
@@ -152,14 +152,14 @@ def test_who_has_sent_every_car_is_led_to_training_or_uploading_another(now, hou
     )
 
 
-def test_a_car_that_waits_to_be_sent_is_what_the_button_offers_first(now):
+def test_the_button_first_offers_a_car_not_yet_sent(now):
     race, alice = a_race(now), a_racer("alice")
     a_model(alice)
     page = read(alice, f"/races/{race.slug}/")
     assert '<a class="button" href="#send">Submit a car</a>' in page and "Train one for this race" in page
 
 
-def test_the_steps_tick_themselves_off_and_go_away(now, beginners):
+def test_the_first_steps_tick_themselves_off_and_disappear(now, beginners):
     alice = a_racer("alice")
 
     def steps() -> tuple[str, list[bool]]:
@@ -186,7 +186,7 @@ def test_the_steps_tick_themselves_off_and_go_away(now, beginners):
     assert steps() == ("", [])
 
 
-def test_who_has_raced_for_long_has_no_steps_but_all_the_ways(now, beginners):
+def test_an_experienced_racer_sees_no_first_steps_but_all_ways(now, beginners):
     old = a_racer("old", joined_at=now - timedelta(days=200))
     page = read(old, "/")
     assert 'id="steps"' not in page and "Train my first car" in page

@@ -74,7 +74,7 @@ def words(path: str) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", response.content.decode().split("<main")[1])).split())
 
 
-def test_standings_of_the_first_month_are_of_the_open_race_and_say_so(season):
+def test_first_month_standings_say_that_they_are_provisional(season):
     ann, ben = a_racer("ann", country="KR", team="Reds"), a_racer("ben", country="KR", team="reds")
     board(race(season, 1, Stage.OPEN), [ann, ben])
     page = words(STANDINGS)
@@ -86,12 +86,12 @@ def test_standings_of_the_first_month_are_of_the_open_race_and_say_so(season):
     assert re.search(r"(?i)reds 43", words("/seasons/first/standings/?division=open&of=teams"))
 
 
-def test_files_hold_official_rounds_only(season):
+def test_downloads_hold_official_rounds_only(season):
     board(race(season, 1, Stage.OPEN), [a_racer("ann")])
     assert "ann" not in Client().get("/seasons/first/standings.csv").content.decode()
 
 
-def test_once_a_round_is_official_the_standings_are_and_as_it_stands_is_a_click_away(season, now):
+def test_official_standings_link_to_the_provisional_ones(season, now):
     ann, ben = a_racer("ann"), a_racer("ben")
     first = race(season, 1, Stage.OPEN)
     board(first, [ann, ben])
@@ -106,7 +106,7 @@ def test_once_a_round_is_official_the_standings_are_and_as_it_stands_is_a_click_
     assert re.search(r"1 .{0,10}ben 43 18 25", as_it_stands) and "2* (provisional)" in as_it_stands
 
 
-def test_the_overview_shows_who_leads_provisionally_until_a_round_is_official(season, now):
+def test_the_overview_shows_a_provisional_leader_at_first(season, now):
     months = months_of(season)
     assert leaders_shown(season, 5, months, now) == []
     ann = a_racer("ann")
@@ -116,7 +116,7 @@ def test_the_overview_shows_who_leads_provisionally_until_a_round_is_official(se
     assert re.search(r"Open division provisional .*ann 25", words("/seasons/first/"))
 
 
-def test_a_race_that_was_cancelled_or_has_not_opened_is_no_part_of_it(season, now):
+def test_cancelled_and_unopened_races_are_not_running_rounds(season, now):
     first = race(season, 1, Stage.OPEN)
     board(first, [a_racer("ann")])
     board(race(season, 2, Stage.OPEN), [a_racer("early")])
@@ -125,17 +125,17 @@ def test_a_race_that_was_cancelled_or_has_not_opened_is_no_part_of_it(season, no
     assert running_rounds(months_of(season), "open", now) == []
 
 
-def test_where_nobody_is_classified_yet_the_page_leads_to_the_race(season):
+def test_standings_without_results_link_to_the_race(season):
     assert "The first to be classified leads: Month 1 open-qualifier" in words(STANDINGS)
 
 
-def test_before_the_first_race_opens_the_page_says_when(season, now):
+def test_standings_say_when_the_first_race_opens(season, now):
     Race.objects.update(opens_at=now + timedelta(days=1), closes_at=now + timedelta(days=40))
     page = words(STANDINGS)
     assert "No round of this division is official yet. The next one opens" in page
 
 
-def test_the_finales_begin_with_the_next_one_and_nobody_is_listed_twelve_times(season):
+def test_finales_start_with_the_next_and_list_no_racer_repeatedly(season):
     ann = a_racer("ann")
     board(race(season, 1, Stage.PRO), [ann])
     page = words("/seasons/first/finales/")
@@ -148,11 +148,11 @@ def test_the_finales_begin_with_the_next_one_and_nobody_is_listed_twelve_times(s
     assert "Qualified for the championship Known from this race, which opens" in page
 
 
-def test_a_month_whose_pro_race_nobody_finished_says_that(season):
+def test_a_pro_race_nobody_finished_is_described_as_such(season):
     assert "Nobody is classified in this race yet. It closes" in words("/seasons/first/finales/")
 
 
-def test_finales_that_are_over_come_last_the_latest_first(season, now):
+def test_past_finales_come_last_with_the_latest_first(season, now):
     for number in (1, 2):
         for stage in (Stage.PRO, Stage.FINALE):
             one = race(season, number, stage)
@@ -167,7 +167,7 @@ def test_finales_that_are_over_come_last_the_latest_first(season, now):
     assert [one.month.number for one in found.coming] == list(range(4, MONTHS + 1))
 
 
-def test_provisional_standings_cost_the_same_however_many_race(season):
+def test_provisional_standings_need_no_more_queries_for_more_racers(season):
     client = Client()
     first = race(season, 1, Stage.OPEN)
     board(first, [a_racer() for _ in range(3)])

@@ -69,14 +69,14 @@ def test_a_refused_file_is_explained_beside_the_form_with_its_code(world: World,
 @pytest.mark.parametrize(
     "fault", [EndpointConnectionError(endpoint_url="http://bucket"), OSError(28, "full"), zlib.error("check")]
 )
-def test_a_storage_that_is_away_is_told_with_its_code(world: World, monkeypatch, fault: Exception) -> None:
+def test_an_unavailable_storage_is_reported_with_its_code(world: World, monkeypatch, fault: Exception) -> None:
     monkeypatch.setattr(FileSystemStorage, "_open", Mock(side_effect=fault))
     answer = world.client("alice").get(f"/models/{world.model.public_id}/package.zip")
     assert (answer.status_code, answer["Retry-After"]) == (503, "30")
     assert 'data-code="storage_failed"' in answer.content.decode()
 
 
-def test_nothing_chosen_is_told_beside_the_field(world: World) -> None:
+def test_a_missing_file_is_reported_beside_the_field(world: World) -> None:
     response = world.client("newcomer").post("/models/upload/", {"name": ""})
     assert response.status_code == 422
     assert "Choose the car" in response.content.decode()
@@ -98,7 +98,7 @@ def test_a_model_is_uploaded_and_shown(world: World, monkeypatch: pytest.MonkeyP
     assert "Bolt" in page
 
 
-def test_the_same_network_again_leads_to_the_model_that_is_there(world: World, monkeypatch) -> None:
+def test_uploading_the_same_network_leads_to_the_existing_model(world: World, monkeypatch) -> None:
     monkeypatch.setattr(services, "upload_model", lambda **_: UploadedModel(world.model, created=False))
     client = world.client("alice")
     response = upload(client, SimpleUploadedFile("a.onnx", b"net"))
@@ -109,7 +109,7 @@ def test_the_same_network_again_leads_to_the_model_that_is_there(world: World, m
 @pytest.mark.parametrize(
     ("fault", "status"), [(UserFault("garage_full", limit=100), 422), (PlatformFault("upload_busy"), 503)]
 )
-def test_a_full_garage_and_a_busy_site_are_told_apart(world: World, monkeypatch, fault, status: int) -> None:
+def test_a_full_garage_and_a_busy_site_have_different_messages(world: World, monkeypatch, fault, status: int) -> None:
     def refuse(**_):
         raise fault
 
@@ -119,7 +119,7 @@ def test_a_full_garage_and_a_busy_site_are_told_apart(world: World, monkeypatch,
     assert f'data-code="{fault.code}"' in response.content.decode()
 
 
-def test_a_model_page_shows_what_the_network_is_and_what_it_drove(world: World) -> None:
+def test_a_model_page_shows_its_network_and_its_runs(world: World) -> None:
     model = world.finished.evaluation.model
     html = world.client("alice").get(f"/models/{model.public_id}/").content.decode()
     assert model.network_id in html
@@ -155,7 +155,7 @@ def test_a_continuous_action_space_is_drawn_as_an_area(world: World) -> None:
     assert 'class="fan-area"' in html and "-20.0° … 25.0°" in html
 
 
-def test_a_model_is_offered_the_races_that_have_its_sensors(world: World) -> None:
+def test_a_model_is_offered_races_that_allow_its_sensors(world: World) -> None:
     a_race(world.now, name="Stereo only", slug="stereo", sensors=["STEREO_CAMERAS"])
     html = world.client("alice").get(f"/models/{world.model.public_id}/").content.decode()
     assert "Open race" in html and "Secret race" in html and "Stereo only" not in html
@@ -173,7 +173,7 @@ def test_a_model_is_renamed_and_a_taken_name_refused(world: World) -> None:
     assert response.status_code == 422 and 'data-code="model_name_taken"' in response.content.decode()
 
 
-def test_a_deleted_model_leaves_the_garage_and_its_results_stay(world: World) -> None:
+def test_deleting_a_model_keeps_its_results(world: World) -> None:
     client = world.client("alice")
     model = world.finished.evaluation.model
     path = f"/models/{model.public_id}/"
@@ -184,7 +184,7 @@ def test_a_deleted_model_leaves_the_garage_and_its_results_stay(world: World) ->
     assert "0:10.000" in client.get("/races/open-race/").content.decode()
 
 
-def test_the_garage_says_how_full_it_is_and_turns_pages(world: World) -> None:
+def test_the_garage_shows_how_full_it_is_and_is_paginated(world: World) -> None:
     for number in range(55):
         a_model(world.newcomer, name=f"Car number {number}")
     html = world.client("newcomer").get("/models/").content.decode()
@@ -215,7 +215,7 @@ def test_a_refused_track_is_explained_with_its_code(world: World, data: bytes, c
     assert f'data-code="{code}"' in response.content.decode()
 
 
-def test_the_details_of_a_refused_track_are_in_the_readers_language(world: World) -> None:
+def test_a_refused_track_is_explained_in_the_visitors_language(world: World) -> None:
     geometry = world.track.geometry
     swapped = TrackGeometry.from_arrays("x", geometry.centre, geometry.inner, geometry.outer)
     rows = np.hstack((swapped.centre, swapped.inner, swapped.outer))
@@ -230,7 +230,7 @@ def test_the_details_of_a_refused_track_are_in_the_readers_language(world: World
     assert "border" not in re.search(r'<p data-code="track_.*?</p>', html, re.S)[0]
 
 
-def test_a_track_page_lists_only_the_races_that_the_reader_may_see(world: World) -> None:
+def test_a_track_page_lists_only_races_visible_to_the_visitor(world: World) -> None:
     names = {
         viewer: set(
             re.findall(
@@ -243,13 +243,13 @@ def test_a_track_page_lists_only_the_races_that_the_reader_may_see(world: World)
     assert names["alice"] == {"Open race", "Old race", "Secret race"}
 
 
-def test_the_clock_of_a_page_is_the_sites(world: World) -> None:
+def test_times_in_the_page_source_are_in_the_sites_time_zone(world: World) -> None:
     html = world.client("anonymous").get("/races/open-race/").content.decode()
     moments = re.findall(r'<time datetime="([^"]+)" data-local>([^<]+)</time>', html)
     assert moments and all(shown.endswith(timezone.get_current_timezone_name()) for _, shown in moments)
 
 
-def test_of_a_trainings_folder_the_racer_chooses_the_checkpoint_and_is_told_what_was_ignored(world: World) -> None:
+def test_a_checkpoint_of_a_training_folder_may_be_chosen(world: World) -> None:
     first, other = (coach_graph(middleware=[8], seed=seed) for seed in (1, 2))
     best = b'{"best_checkpoint": {"name": "4_Step-90.ckpt"}}'
     [(name, folder)] = training_folder({4: first, 9: other}, best, lead="rl-deepracer/")

@@ -48,13 +48,13 @@ def won(racer, viewer=None) -> tuple[int, int, int]:
     return found.races, found.wins, found.podiums
 
 
-def test_a_win_is_of_a_race_that_has_closed_with_two_or_more_classified(now):
+def test_a_win_needs_a_closed_race_with_two_classified_racers(now):
     alice = a_racer("alice")
     closed_race(now, SLOW, racer=alice)
     assert won(alice) == (1, 1, 1)
 
 
-def test_the_lead_of_an_open_race_is_no_win(now):
+def test_leading_an_open_race_is_not_a_win(now):
     alice = a_racer("alice")
     race = a_race(now, closes_at=timezone.now() + timedelta(days=1))
     drive(race, alice, QUICK, now)
@@ -62,14 +62,14 @@ def test_the_lead_of_an_open_race_is_no_win(now):
     assert won(alice) == (1, 0, 0)
 
 
-def test_a_field_of_one_is_no_win_whoever_else_was_not_classified_or_of_the_house(now):
+def test_the_only_classified_racer_does_not_win(now):
     alice = a_racer("alice")
     race = closed_race(now, LOST, racer=alice)
     drive(race, a_racer("house", is_house=True), SLOW, now)
     assert won(alice) == (1, 0, 0)
 
 
-def test_a_race_whose_last_car_still_waits_is_not_won_yet(now):
+def test_a_race_with_a_waiting_car_is_not_yet_won(now):
     alice, bob = a_racer("alice"), a_racer("bob")
     race = a_race(now, closes_at=now + timedelta(hours=1))
     drive(race, alice, QUICK, now)
@@ -81,7 +81,7 @@ def test_a_race_whose_last_car_still_waits_is_not_won_yet(now):
     assert (won(alice), won(bob)) == ((1, 0, 1), (1, 1, 1))
 
 
-def test_a_cancelled_race_and_one_that_was_left_are_no_wins(now):
+def test_cancelled_and_withdrawn_races_are_not_wins(now):
     alice = a_racer("alice")
     cancelled = closed_race(now, SLOW, racer=alice)
     Race.objects.filter(pk=cancelled.pk).update(cancelled_at=now, cancel_reason="Rain.")
@@ -90,13 +90,13 @@ def test_a_cancelled_race_and_one_that_was_left_are_no_wins(now):
     assert won(alice) == (1, 0, 0)
 
 
-def test_a_race_that_the_reader_may_not_see_is_not_told(now):
+def test_a_win_in_a_hidden_race_is_not_shown_to_others(now):
     alice = a_racer("alice")
     Race.objects.filter(pk=closed_race(now, SLOW, racer=alice).pk).update(visibility=Visibility.INVITATION)
     assert (won(alice), won(alice, alice)) == ((0, 0, 0), (1, 1, 1))
 
 
-def test_duels_are_won_when_the_last_one_is_over(now):
+def test_a_race_of_duels_is_won_when_the_last_duel_is_over(now):
     race = drawn(now, 3)
     first = Entry.objects.get(race=race, seed=1).racer
     assert won(first) == (1, 0, 0), "the qualifying is no result"
@@ -113,7 +113,7 @@ def test_a_round_is_won_when_it_is_official(now):
     assert won(alice) == (1, 1, 1)
 
 
-def test_the_page_counts_all_races_and_not_only_those_that_it_lists(client, now, monkeypatch):
+def test_the_page_counts_all_races_not_only_those_listed(client, now, monkeypatch):
     monkeypatch.setattr(racer_history, "__defaults__", (None, 2))
     alice = a_racer("alice")
     for _ in range(3):
@@ -123,7 +123,7 @@ def test_the_page_counts_all_races_and_not_only_those_that_it_lists(client, now,
     assert "the last 2" in html
 
 
-def test_wins_cost_no_more_the_more_there_are(django_assert_num_queries, now):
+def test_more_wins_need_no_more_queries(django_assert_num_queries, now):
     alice = a_racer("alice")
     for _ in range(3):
         closed_race(now, SLOW, racer=alice)

@@ -23,7 +23,7 @@ LONG = "W" * 64
 
 
 @pytest.mark.parametrize("name", [SCRIPT, RIGHT_TO_LEFT, LONG, "{{ 7|add:7000000 }}{% now 'Y' %}", "&amp;&lt;b&gt;"])
-def test_a_hostile_name_is_only_text_wherever_it_is_shown(world: World, name: str) -> None:
+def test_a_hostile_name_is_plain_text_wherever_it_is_shown(world: World, name: str) -> None:
     Race.objects.filter(pk=world.race.pk).update(name=name, description=name)
     Race.objects.filter(pk=world.cancelled.pk).update(name=name, cancel_reason=name)
     world.track.name = name
@@ -61,7 +61,7 @@ def test_a_hostile_name_is_only_text_wherever_it_is_shown(world: World, name: st
         assert "7000007" not in html, path
 
 
-def test_metadata_from_a_stranger_is_only_text(world: World) -> None:
+def test_metadata_from_a_stranger_is_plain_text(world: World) -> None:
     TrainedModel.objects.filter(pk=world.model.pk).update(
         metadata={
             "sensor": [SCRIPT],
@@ -75,7 +75,7 @@ def test_metadata_from_a_stranger_is_only_text(world: World) -> None:
 
 
 @pytest.mark.parametrize("alias", ["<b>", "a b", "a/b", "é", "x" * 65, "x", "", "admin", "ALICE"])
-def test_an_alias_of_other_characters_or_of_somebody_else_cannot_sign_up(world: World, alias: str) -> None:
+def test_a_taken_or_malformed_alias_cannot_sign_up(world: World, alias: str) -> None:
     data = {
         "username": alias,
         "email": "new@example.org",
@@ -88,7 +88,7 @@ def test_an_alias_of_other_characters_or_of_somebody_else_cannot_sign_up(world: 
     assert not Racer.objects.filter(email="new@example.org").exists()
 
 
-def test_somebody_elses_model_can_be_neither_seen_nor_changed_nor_deleted_nor_raced(world: World) -> None:
+def test_somebody_elses_model_cannot_be_seen_changed_or_raced(world: World) -> None:
     bob = world.client("bob")
     path = f"/models/{world.model.public_id}/"
     for action in ("", "edit/", "delete/"):
@@ -103,14 +103,14 @@ def test_somebody_elses_model_can_be_neither_seen_nor_changed_nor_deleted_nor_ra
     assert world.model.name == "Lightning" and world.model.deleted_at is None
 
 
-def test_a_stranger_stops_nobodys_car(world: World) -> None:
+def test_a_stranger_cannot_stop_a_run(world: World) -> None:
     path = f"/evaluations/{world.queued.evaluation.public_id}/stop/"
     assert world.client("bob").post(path).status_code == 404
     assert world.client("anonymous").post(path).status_code == 302
     assert world.evaluation("queued").state == "queued"
 
 
-def test_a_stranger_organises_nobodys_race(world: World) -> None:
+def test_a_stranger_cannot_organise_somebody_elses_race(world: World) -> None:
     bob = world.client("bob")
     forged = {"name": "Mine now", "reason": "because", "cancel_reason": "because"}
     for action in ("edit/", "cancel/", "close/", "racers/alice/remove/", "racers/alice/restore/", "invitation/reset/"):
@@ -136,7 +136,7 @@ def test_a_form_cannot_set_what_it_does_not_show(world: World) -> None:
     assert world.race.kind == "community" and world.race.organiser == world.alice
 
 
-def test_a_theme_or_language_form_leads_to_no_other_site(world: World) -> None:
+def test_theme_and_language_forms_do_not_redirect_off_site(world: World) -> None:
     client = world.client("anonymous")
     for target in ("https://evil.example/", "//evil.example/", "javascript:alert(1)", "\\\\evil.example"):
         assert client.post("/theme/", {"theme": "dark", "next": target})["Location"] == "/"
@@ -208,14 +208,14 @@ def test_a_debug_page_is_never_shown(world: World) -> None:
     assert "secret detail" not in html and "Traceback" not in html
 
 
-def test_the_catalogue_and_a_strangers_copy_of_it_cannot_stand_side_by_side(world: World) -> None:
+def test_a_copy_of_a_catalogue_track_cannot_be_imported(world: World) -> None:
     copy = SimpleUploadedFile("oval.npy", write_npy(next(t for t in CATALOGUE if t.slug == "oval").geometry()))
     response = world.client("bob").post("/tracks/import/", {"name": "Mine", "file": copy})
     assert response.status_code == 422
     assert 'data-code="track_known"' in response.content.decode()
 
 
-def test_a_model_name_with_a_slash_or_a_dot_leads_nowhere_else(world: World) -> None:
+def test_a_model_name_cannot_traverse_paths(world: World) -> None:
     model = a_model(world.alice, name="../../etc/passwd")
     response = world.client("alice").get(f"/models/{model.public_id}/")
     assert response.status_code == 200

@@ -69,7 +69,7 @@ def test_everybody_who_opens_the_link_joins(race: Race, live_server) -> None:
         assert joined(race) == {"insider", "member", "fresh"}
 
 
-def test_the_invitation_shows_the_course_and_its_other_buttons_work_too(race: Race, live_server) -> None:
+def test_the_invitation_shows_the_layout_and_all_its_buttons_work(race: Race, live_server) -> None:
     with chromium() as browser:
         page = visitor(browser, live_server.url).new_page()
         page.goto(f"/races/join/{race.invitation}/")

@@ -70,7 +70,7 @@ def said(page, words: str) -> None:
     page.wait_for_function("words => window.messages.some((each) => each.includes(words))", arg=words)
 
 
-def test_the_live_card_keeps_the_focus_and_says_what_happens(browser, live_server, now) -> None:
+def test_the_live_card_keeps_the_focus_and_announces_changes(browser, live_server, now) -> None:
     race, alice = a_race(now, slug="watched", name="Watched"), a_racer("alice")
     evaluation = on_track(race, alice, now)
     page = visitor(browser, live_server.url, alice).new_page()
@@ -104,7 +104,7 @@ def test_the_live_card_keeps_the_focus_and_says_what_happens(browser, live_serve
     assert page.evaluate("window.messages") == ["two", "four"]
 
 
-def test_a_run_that_ends_is_played_by_itself_and_lands_on_its_result(browser, live_server, now) -> None:
+def test_a_finished_run_plays_by_itself_then_shows_its_result(browser, live_server, now) -> None:
     race, alice = a_race(now), a_racer("alice")
     for motion in ("no-preference", "reduce"):
         evaluation = on_track(race, alice, now)
@@ -128,7 +128,7 @@ def test_a_run_that_ends_is_played_by_itself_and_lands_on_its_result(browser, li
         assert page.evaluate("window.plays") == 0, "only for who has watched"
 
 
-def test_how_far_a_video_is_is_said_and_its_button_keeps_the_focus(browser, live_server, now) -> None:
+def test_video_progress_is_announced_and_its_button_keeps_focus(browser, live_server, now) -> None:
     alice = a_racer("alice")
     run = a_driven_run(a_race(now), alice, now)
     video = ask_for_video(evaluation=run, by=alice, car=0, part="best", language="en", now=now).video
@@ -148,9 +148,7 @@ def test_how_far_a_video_is_is_said_and_its_button_keeps_the_focus(browser, live
     page.wait_for_function("() => document.querySelector('#video').contains(document.activeElement)")
 
 
-def test_the_wizard_says_what_is_wrong_and_trains_the_original_car_unless_told_otherwise(
-    browser, live_server, now
-) -> None:
+def test_the_wizard_shows_errors_and_defaults_to_the_original_car(browser, live_server, now) -> None:
     from tests.factories import a_track
 
     a_track()

@@ -27,7 +27,7 @@ def cars_of(html: str) -> dict[str, tuple[str, str]]:
 
 
 @pytest.mark.django_db
-def test_a_run_is_replayed_in_the_shell_and_colour_of_its_model():
+def test_a_replay_shows_the_shell_and_colour_of_the_model():
     now = timezone.now()
     racer = a_racer("alice")
     evaluation = drive(a_race(now), racer, laps(11_000, 12_000, 13_000), now).evaluation
@@ -38,7 +38,7 @@ def test_a_run_is_replayed_in_the_shell_and_colour_of_its_model():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_the_cars_of_a_duel_are_told_apart_though_their_racers_chose_the_same(monkeypatch):
+def test_identical_looking_cars_of_a_duel_are_told_apart(monkeypatch):
     now = timezone.now()
     race = drawn(now - timedelta(hours=2), 2)
     (duel,) = driving(race)
@@ -51,7 +51,7 @@ def test_the_cars_of_a_duel_are_told_apart_though_their_racers_chose_the_same(mo
     assert set(samples) == {cars["0"][0], cars["1"][0]}, "table and legend show the same colours"
 
 
-def test_the_owner_gives_a_model_its_look_on_its_page_and_by_the_api(world: World):
+def test_the_owner_changes_a_models_look_by_page_and_api(world: World):
     model = TrainedModel.objects.filter(owner=world.alice, deleted_at=None).first()
     client = world.client("alice")
     path = f"/models/{model.public_id}/edit/"

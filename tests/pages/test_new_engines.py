@@ -59,7 +59,7 @@ def doctor() -> str:
     return out.getvalue()
 
 
-def test_the_races_page_says_how_far_it_is_and_reading_it_does_nothing(race):
+def test_the_race_page_shows_progress_and_viewing_changes_nothing(race):
     html = page(race.get_absolute_url())
     assert f"driven again with the engine {NEW}" in html and "1 of 2 runs done" in html
     assert "0:10.000" in html and "0:12.000" not in html
@@ -68,7 +68,7 @@ def test_the_races_page_says_how_far_it_is_and_reading_it_does_nothing(race):
     assert "driven-again" not in html and "0:12.000" in html
 
 
-def test_the_rules_and_the_api_have_the_engine(race):
+def test_the_rules_and_the_api_name_the_engine(race):
     rules = page(f"{race.get_absolute_url()}rules/")
     assert f"{OLD} (being driven again with {NEW})" in rules
     found = Client().get(f"/api/v1/races/{race.slug}/").json()
@@ -78,7 +78,7 @@ def test_the_rules_and_the_api_have_the_engine(race):
     assert (found["engine"], found["next_engine"]) == (NEW, "")
 
 
-def test_the_page_of_a_run_sent_meanwhile_says_when_it_counts(race):
+def test_a_run_sent_during_a_redrive_says_when_it_counts(race):
     sent = drive(race, a_racer("cat"), laps(9_000, 9_000, 9_000), timezone.now())
     html = page(sent.evaluation.get_absolute_url(), sent.evaluation.owner)
     assert "It counts as soon as the other runs of this race are driven again" in html
@@ -86,7 +86,7 @@ def test_the_page_of_a_run_sent_meanwhile_says_when_it_counts(race):
     assert "It counts as soon as the other runs of this race are driven again" in html
 
 
-def test_the_page_of_a_run_of_before_leads_to_the_one_that_counts(race):
+def test_a_run_of_the_old_engine_links_to_the_one_that_counts(race):
     old = race.entries.get(racer__alias="ann").best.evaluation
     switch(race)
     new = race.entries.get(racer__alias="ann").best.evaluation
@@ -100,7 +100,7 @@ def test_the_page_of_a_run_of_before_leads_to_the_one_that_counts(race):
     assert OLD in str(told.value) and f"{new.public_id} counts since, of {NEW}" in str(told.value)
 
 
-def test_operators_see_what_is_driven_again_and_what_stands_in_its_way(race):
+def test_the_doctor_shows_redrives_and_what_blocks_them(race):
     html = page("/workers/", a_racer("boss", is_staff=True, is_superuser=True))
     assert "driven-again" in html and "1 of 2" in html and f"{OLD} → {NEW}" in html
     assert f"driven again with {NEW}: 1 of 2 runs done" in doctor()
@@ -109,12 +109,12 @@ def test_operators_see_what_is_driven_again_and_what_stands_in_its_way(race):
     assert f"{failing.evaluation} has failed {settings.EVALUATION_MAX_ATTEMPTS} times" in doctor()
 
 
-def test_operators_see_that_a_worker_was_left_behind(race, monkeypatch):
+def test_the_doctor_names_workers_with_an_old_engine(race, monkeypatch):
     monkeypatch.setattr(SITE, OLD)
     start_worker(name="left behind", queues=["celery"], processes=1, now=timezone.now() - timedelta(seconds=5))
     monkeypatch.setattr(SITE, NEW)
     assert f"live workers still drive with {OLD}" in doctor()
 
 
-def test_without_one_there_is_nothing_to_say():
+def test_the_doctor_says_when_nothing_is_driven_again():
     assert "none is being driven again" in doctor()

@@ -143,7 +143,7 @@ def test_every_page_has_the_right_status_for_everybody(world: World, language: s
     assert not blocked
 
 
-def test_a_page_loads_only_its_own_files_and_says_so(world: World) -> None:
+def test_a_page_loads_only_files_of_this_site_and_says_so(world: World) -> None:
     response = world.client("alice").get(f"/evaluations/{world.finished.evaluation.public_id}/")
     policy = response["Content-Security-Policy"]
     assert "default-src 'none'" in policy
@@ -152,13 +152,13 @@ def test_a_page_loads_only_its_own_files_and_says_so(world: World) -> None:
     assert not loaded
 
 
-def test_pages_answer_to_get_alone_where_nothing_is_written(world: World) -> None:
+def test_pages_that_write_nothing_answer_only_get(world: World) -> None:
     client = world.client("alice")
     for path in ("/", "/about/", "/races/", "/races/open-race/", "/tracks/", "/racers/alice/", "/models/"):
         assert client.post(path).status_code == 405, path
 
 
-def test_writes_do_not_happen_on_get(world: World) -> None:
+def test_a_get_request_writes_nothing(world: World) -> None:
     client = world.client("bob")
     for path in (
         "/races/open-race/enter/",
@@ -201,20 +201,20 @@ def test_every_write_needs_the_csrf_token(world: World) -> None:
         assert "This form is out of date" in response.content.decode(), path
 
 
-def test_a_racer_of_another_case_is_sent_to_their_one_address(world: World) -> None:
+def test_a_racers_address_in_another_case_redirects(world: World) -> None:
     response = world.client("anonymous").get("/racers/ALICE/")
     assert response.status_code == 301
     assert response["Location"] == "/racers/alice/"
 
 
-def test_a_racer_who_is_switched_off_is_not_shown(world: World) -> None:
+def test_a_deactivated_racer_is_not_shown(world: World) -> None:
     world.bob.is_active = False
     world.bob.save()
     assert world.client("alice").get("/racers/bob/").status_code == 404
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_date_is_written_in_one_style_on_pages_and_in_the_admin(language: str) -> None:
+def test_pages_and_admin_write_dates_in_one_style(language: str) -> None:
     moment = datetime(2026, 3, 9, 8, 5, tzinfo=UTC)
     with translation.override(language):
         assert date_format(moment, "DATETIME_FORMAT") == "2026-03-09 08:05"

@@ -49,7 +49,7 @@ def test_a_page_needs_few_queries(world: World, path: str) -> None:
     assert len(sent) <= LIMIT, "\n".join(sent)
 
 
-def test_a_car_that_waits_costs_the_race_page_no_more(world: World) -> None:
+def test_a_waiting_car_costs_the_race_page_no_more_queries(world: World) -> None:
     """Its place in the queue comes with the first look of the box that follows it."""
     assert Evaluation.objects.filter(submission=world.queued, state="queued").exists()
     client = world.client("alice")
@@ -62,7 +62,7 @@ def test_a_car_that_waits_costs_the_race_page_no_more(world: World) -> None:
 @pytest.mark.parametrize(
     "path", ["/", "/races/", "/races/open-race/", "/models/", "/models/{model}/", "/racers/alice/", "/tracks/oval/"]
 )
-def test_more_to_show_needs_no_more_queries(world: World, path: str) -> None:
+def test_more_rows_need_no_more_queries(world: World, path: str) -> None:
     client = world.client("alice")
     address_ = address(world, path)
     before = len(queries(client, address_))

@@ -59,7 +59,7 @@ def _left(track, k: int, lane: str) -> float:
 
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 @pytest.mark.parametrize("lane", ["inner", "outer"])
-def test_a_lane_s_name_means_the_same_in_form_api_simulator_and_map(world: World, direction: str, lane: str) -> None:
+def test_a_lane_name_means_the_same_everywhere(world: World, direction: str, lane: str) -> None:
     client = world.client("alice")
     data = course_form(direction=direction, **{"boxes-1-lane": lane, "boxes-2-percent": ""})
     assert client.post("/races/new/", data).status_code == 302
@@ -100,7 +100,7 @@ def test_a_lane_s_name_means_the_same_in_form_api_simulator_and_map(world: World
         assert f"25 % of the lap, {lane} lane" in html
 
 
-def test_an_organiser_makes_a_race_with_boxes_and_changes_them(world: World) -> None:
+def test_an_organiser_makes_a_race_with_boxes_and_edits_them(world: World) -> None:
     client = world.client("newcomer")
     assert client.post("/races/new/", course_form()).status_code == 302
     race = Race.objects.get(name="Friday night")
@@ -129,7 +129,7 @@ def test_an_organiser_makes_a_race_with_boxes_and_changes_them(world: World) -> 
     )
 
 
-def test_what_belongs_to_another_type_is_dropped_even_when_it_is_wrong(world: World) -> None:
+def test_fields_of_another_race_type_are_dropped_even_if_invalid(world: World) -> None:
     """Without a script every section of the form is sent, whatever stands in it."""
     wrong = {"boxes-1-percent": "lots", "random_boxes": "99", "bots": "99", "bot_speed_mps": "fast", "duel_cars": "9"}
     assert world.client("newcomer").post("/races/new/", form(timezone.now(), **wrong)).status_code == 302
@@ -153,7 +153,7 @@ def test_what_belongs_to_another_type_is_dropped_even_when_it_is_wrong(world: Wo
         ({"race_type": "head_to_head"}, "race_needs_opponents"),
     ],
 )
-def test_a_wrong_course_is_told_by_form_and_preview_alike(world: World, changes: dict[str, str], code: str) -> None:
+def test_form_and_preview_report_the_same_layout_errors(world: World, changes: dict[str, str], code: str) -> None:
     client = world.client("newcomer")
     response = client.post("/races/new/", course_form(**changes))
     assert response.status_code == 422 and not Race.objects.filter(name="Friday night").exists()
@@ -172,9 +172,7 @@ NO_BOXES = {"boxes-1-percent": "", "boxes-2-percent": ""}
 
 
 @pytest.mark.parametrize("changes", [NO_BOXES, {"box_choice": "drawn", "random_boxes": ""}, {"box_choice": ""}])
-def test_boxes_that_are_still_to_be_placed_are_a_hint_until_the_form_is_sent(
-    world: World, changes: dict[str, str]
-) -> None:
+def test_missing_boxes_are_a_hint_until_the_form_is_sent(world: World, changes: dict[str, str]) -> None:
     client = world.client("newcomer")
     course = client.post("/races/course/", course_form(**(NO_BOXES | changes)))
     assert course.context["course"].problems == [] and 'class="bad"' not in course.content.decode()
@@ -185,19 +183,19 @@ def test_boxes_that_are_still_to_be_placed_are_a_hint_until_the_form_is_sent(
     assert "No boxes yet." not in sent.content.decode()
 
 
-def test_no_boxes_that_were_asked_for_are_a_problem_at_once(world: World) -> None:
+def test_asking_for_zero_drawn_boxes_is_an_error_immediately(world: World) -> None:
     course = world.client("newcomer").post("/races/course/", course_form(box_choice="drawn", random_boxes="0"))
     assert course.context["course"].problems and course.context["course"].hint == ""
 
 
-def test_a_wrong_box_beside_empty_rows_is_a_problem_at_once(world: World) -> None:
+def test_an_invalid_box_among_empty_rows_is_an_error_immediately(world: World) -> None:
     data = course_form(**{"boxes-1-percent": "2", "boxes-2-percent": ""})
     course = world.client("newcomer").post("/races/course/", data).context["course"]
     assert course.problems and course.hint == ""
 
 
 @pytest.mark.parametrize("step", ["table", "validate"])
-def test_the_wizard_of_trainings_says_it_the_same_way(world: World, step: str) -> None:
+def test_the_training_wizard_treats_missing_boxes_the_same_way(world: World, step: str) -> None:
     sent = {"do": step, "track": "oval", "race_type": "object_avoidance", "box_choice": "fixed"}
     page = world.client("alice").post("/train/new/", sent)
     assert page.status_code == 200 and page.context["course"].hint
@@ -219,7 +217,7 @@ def test_the_wizard_of_trainings_says_it_the_same_way(world: World, step: str) -
         ({"box_choice": "drawn", "random_boxes": "10", "box_distance_m": "9"}, [], []),
     ],
 )
-def test_the_preview_shows_the_good_boxes_and_marks_the_wrong_ones(world: World, changes, good, wrong) -> None:
+def test_the_preview_shows_valid_boxes_and_marks_invalid_ones(world: World, changes, good, wrong) -> None:
     preview = world.client("newcomer").post("/races/course/", course_form(**changes))
     html = preview.content.decode()
     shown = {
@@ -230,19 +228,19 @@ def test_the_preview_shows_the_good_boxes_and_marks_the_wrong_ones(world: World,
     assert preview.context["course"].problems
 
 
-def test_two_misplaced_boxes_are_both_told(world: World) -> None:
+def test_two_misplaced_boxes_are_both_reported(world: World) -> None:
     changes = {"boxes-1-percent": "4", "boxes-2-percent": "95"}
     told = world.client("newcomer").post("/races/course/", course_form(**changes)).context["course"].problems
     assert len(told) == 2 and "1" in told[0] and "2" in told[1]
 
 
-def test_the_preview_needs_a_track_and_a_reader_who_is_logged_in(world: World) -> None:
+def test_the_preview_needs_a_track_and_a_log_in(world: World) -> None:
     assert "Choose a track" in world.client("newcomer").post("/races/course/", {}).content.decode()
     assert world.client("anonymous").post("/races/course/", course_form()).status_code == 302
     assert world.client("newcomer").get("/races/course/").status_code == 405
 
 
-def test_the_form_of_a_race_with_cars_in_it_shows_its_course_and_takes_no_other(world: World) -> None:
+def test_the_layout_of_a_race_with_cars_is_shown_but_fixed(world: World) -> None:
     race = a_race(world.now, slug="boxed", organiser=world.alice, race_type="object_avoidance", boxes=BOXES)
     drive(race, world.bob, [lap(1, 12_000)], world.now)
     client = world.client("alice")
@@ -255,7 +253,7 @@ def test_the_form_of_a_race_with_cars_in_it_shows_its_course_and_takes_no_other(
     assert (race.name, race.race_type, race.boxes) == ("Boxed", "object_avoidance", BOXES)
 
 
-def test_cards_lists_rules_and_board_say_the_type_and_what_is_on_the_track(world: World) -> None:
+def test_every_view_of_a_race_names_its_type_and_layout(world: World) -> None:
     bots = {"race_type": "head_to_head", "opponents": "bots", "bots": 4}
     a_race(world.now, slug="traffic", name="Traffic", sensors=["STEREO_CAMERAS", "LIDAR"], **bots)
     race = a_race(world.now, slug="boxed", name="Boxed", race_type="object_avoidance", boxes=BOXES)

@@ -45,7 +45,7 @@ def row_of(html: str, alias: str) -> str:
     return next(row for row in re.findall(r"<tr class=\"linked.*?</tr>", html, re.S) if f">{alias}</a>" in row)
 
 
-def test_the_board_shows_ranks_times_gaps_and_marks_me(world: World) -> None:
+def test_the_board_shows_ranks_times_and_gaps_and_marks_my_row(world: World) -> None:
     html = world.client("bob").get("/races/open-race/").content.decode()
     leader, mine, house, slow = (row_of(html, alias) for alias in ("alice", "bob", "house-steady", "slowpoke"))
     assert ">1<" in leader and "0:10.100" in leader and "0:10.000" in leader and "leader" in leader
@@ -62,12 +62,12 @@ def test_the_board_shows_ranks_times_gaps_and_marks_me(world: World) -> None:
     assert "not classified" in html
 
 
-def test_a_reader_who_is_not_on_the_board_sees_nobody_marked(world: World) -> None:
+def test_a_visitor_who_is_not_on_the_board_sees_no_row_marked(world: World) -> None:
     html = world.client("newcomer").get("/races/open-race/").content.decode()
     assert ">you<" not in html
 
 
-def test_my_row_is_pinned_when_it_stands_on_another_page(world: World) -> None:
+def test_my_row_is_pinned_when_it_is_on_another_page(world: World) -> None:
     for number in range(55):
         drive(world.race, a_racer(), laps(8_000 + number, 8_000, 8_000), world.now)
     html = world.client("alice").get("/races/open-race/").content.decode()
@@ -78,7 +78,7 @@ def test_my_row_is_pinned_when_it_stands_on_another_page(world: World) -> None:
 
 
 @pytest.mark.parametrize("method", RankingMethod.values)
-def test_each_ranking_says_its_rule_and_marks_its_column(world: World, method: str) -> None:
+def test_each_ranking_method_explains_itself_and_marks_its_column(world: World, method: str) -> None:
     Race.objects.filter(pk=world.race.pk).update(ranking_method=method)
     html = world.client("anonymous").get("/races/open-race/").content.decode()
     assert "Ranked by the" in html
@@ -86,7 +86,7 @@ def test_each_ranking_says_its_rule_and_marks_its_column(world: World, method: s
     assert marked == [{"average": "Average", "best": "Best lap", "total": "Total"}[method]]
 
 
-def test_the_board_as_csv_and_json_says_what_the_page_says(world: World) -> None:
+def test_the_board_as_csv_and_json_matches_the_page(world: World) -> None:
     client = world.client("anonymous")
     response = client.get("/races/open-race/board.csv")
     rows = list(csv.DictReader(io.StringIO(b"".join(response).decode())))
@@ -101,7 +101,7 @@ def test_the_board_as_csv_and_json_says_what_the_page_says(world: World) -> None
     assert data["rows"][0]["sector_1_ms"] == int(rows[0]["sector_1_ms"])
 
 
-def test_enter_submit_and_withdraw(world: World) -> None:
+def test_a_racer_enters_submits_and_withdraws(world: World) -> None:
     client = world.client("newcomer")
     model = a_model(world.newcomer, name="First car")
     assert "First car" in client.get("/races/open-race/").content.decode()
@@ -121,14 +121,14 @@ def test_enter_submit_and_withdraw(world: World) -> None:
     assert submission.entry.withdrawn_at is None
 
 
-def test_a_car_that_was_sent_is_not_offered_again(world: World) -> None:
+def test_a_submitted_car_is_not_offered_again(world: World) -> None:
     html = world.client("bob").get("/races/open-race/").content.decode()
     offered = re.findall(r'<option value="(\w+)"', html)
     sent = Submission.objects.get(entry__race=world.race, entry__racer=world.bob).evaluation.model.public_id
     assert sent not in offered
 
 
-def test_a_fault_is_told_in_words_and_with_its_code(world: World) -> None:
+def test_an_error_is_shown_in_words_with_its_code(world: World) -> None:
     client = world.client("alice")
     response = client.post("/races/old-race/submit/", {"model": world.model.public_id}, follow=True)
     html = response.content.decode()
@@ -138,7 +138,7 @@ def test_a_fault_is_told_in_words_and_with_its_code(world: World) -> None:
     assert 'data-code="race_closed"' in korean and "마감되었습니다" in korean
 
 
-def test_from_the_models_page_a_fault_leads_back_to_it(world: World) -> None:
+def test_an_error_from_the_model_page_leads_back_to_it(world: World) -> None:
     client = world.client("alice")
     model = world.queued.evaluation.model
     data = {"model": model.public_id, "from": "model"}
@@ -146,7 +146,7 @@ def test_from_the_models_page_a_fault_leads_back_to_it(world: World) -> None:
     assert response["Location"] == f"/models/{model.public_id}/"
 
 
-def test_a_racer_makes_a_race_and_finds_it(world: World) -> None:
+def test_a_racer_creates_a_race_and_finds_it(world: World) -> None:
     client = world.client("newcomer")
     now = timezone.now().astimezone(UTC)
     response = client.post("/races/new/", form(now))
@@ -166,7 +166,7 @@ def test_a_racer_makes_a_race_and_finds_it(world: World) -> None:
     assert "Friday night" in client.get("/races/").content.decode()
 
 
-def test_editing_a_time_trial_keeps_the_collision_penalty_that_its_page_does_not_show(world: World) -> None:
+def test_editing_a_time_trial_keeps_its_hidden_collision_penalty(world: World) -> None:
     client, now = world.client("newcomer"), timezone.now().astimezone(UTC)
     client.post("/races/new/", form(now + timedelta(hours=1)))
     Race.objects.filter(name="Friday night").update(collision_penalty_ms=7000)
@@ -177,7 +177,7 @@ def test_editing_a_time_trial_keeps_the_collision_penalty_that_its_page_does_not
     assert (race.laps, race.collision_penalty_ms) == (5, 7000)
 
 
-def test_moments_are_read_in_the_time_zone_that_the_page_names(world: World) -> None:
+def test_times_are_read_in_the_time_zone_that_the_page_names(world: World) -> None:
     now = timezone.now().astimezone(UTC).replace(second=0, microsecond=0)
     seoul = now + timedelta(hours=9)
     world.client("newcomer").post("/races/new/", form(seoul, time_zone="Asia/Seoul"))
@@ -205,7 +205,7 @@ def test_moments_are_read_in_the_time_zone_that_the_page_names(world: World) -> 
         ({"time_zone": "../../etc/passwd", "laps": "x"}, "laps", "invalid"),
     ],
 )
-def test_a_wrong_race_form_says_what_is_wrong_beside_the_field(world: World, changes, field: str, code: str) -> None:
+def test_an_invalid_race_form_shows_errors_beside_the_fields(world: World, changes, field: str, code: str) -> None:
     now = timezone.now().astimezone(UTC)
     response = world.client("newcomer").post("/races/new/", form(now, **changes))
     assert response.status_code == 422
@@ -214,7 +214,7 @@ def test_a_wrong_race_form_says_what_is_wrong_beside_the_field(world: World, cha
     assert f'id="id_{field}_error"' in response.content.decode()
 
 
-def test_a_race_that_has_submissions_keeps_its_rules_and_still_changes_its_name(world: World) -> None:
+def test_a_race_with_submissions_can_be_renamed_but_keeps_its_rules(world: World) -> None:
     client = world.client("alice")
     page = client.get("/races/open-race/edit/").content.decode()
     assert re.search(r'name="off_track_penalty_ms"[^>]*disabled', page) and "so they no longer change" in page
@@ -239,7 +239,7 @@ def test_saving_a_race_untouched_changes_nothing(world: World) -> None:
         assert Race.objects.filter(pk=race.pk).values().get() == before
 
 
-def test_an_invitation_link_joins_and_a_new_one_switches_the_old_one_off(world: World) -> None:
+def test_a_new_invitation_link_replaces_the_old_one(world: World) -> None:
     bob = world.client("bob")
     path = f"/races/join/{world.secret.invitation}/"
     assert bob.get("/races/secret-race/").status_code == 404
@@ -253,18 +253,18 @@ def test_an_invitation_link_joins_and_a_new_one_switches_the_old_one_off(world: 
     assert bob.get("/races/secret-race/").status_code == 200
 
 
-def test_an_invitation_asks_who_is_not_logged_in_to_log_in_first(world: World) -> None:
+def test_an_invitation_asks_a_guest_to_log_in_first(world: World) -> None:
     path = f"/races/join/{world.secret.invitation}/"
     response = world.client("anonymous").post(path)
     assert response["Location"] == f"/accounts/login/?next={path}"
     assert not Entry.objects.filter(race=world.secret).exists()
 
 
-def test_the_link_of_a_race_that_became_public_is_no_invitation(world: World) -> None:
+def test_the_invitation_link_of_a_race_made_public_is_dead(world: World) -> None:
     assert world.client("bob").get(f"/races/join/{world.race.invitation}/").status_code == 404
 
 
-def test_an_organiser_removes_a_racer_with_a_reason_and_takes_them_back(world: World) -> None:
+def test_an_organiser_removes_a_racer_and_restores_them(world: World) -> None:
     alice = world.client("alice")
     assert alice.post("/races/open-race/racers/bob/remove/", {"reason": ""}).status_code == 422
     alice.post("/races/open-race/racers/bob/remove/", {"reason": "Two accounts"})
@@ -277,7 +277,7 @@ def test_an_organiser_removes_a_racer_with_a_reason_and_takes_them_back(world: W
     assert ">bob</a>" in world.client("anonymous").get("/races/open-race/").content.decode()
 
 
-def test_cancelling_asks_for_a_reason_that_everybody_reads(world: World) -> None:
+def test_cancelling_needs_a_reason_that_everybody_reads(world: World) -> None:
     alice = world.client("alice")
     assert alice.post("/races/open-race/cancel/", {"reason": " "}).status_code == 422
     alice.post("/races/open-race/cancel/", {"reason": "The track is flooded."})
@@ -285,7 +285,7 @@ def test_cancelling_asks_for_a_reason_that_everybody_reads(world: World) -> None
     assert "The track is flooded." in html and "cancelled" in html
 
 
-def test_an_organiser_closes_a_race_now_and_what_was_sent_in_time_counts(world: World) -> None:
+def test_closing_a_race_now_keeps_what_was_sent_in_time(world: World) -> None:
     alice, race = world.client("alice"), world.race
     page = alice.get("/races/open-race/")
     assert "/races/open-race/close/" in page.content.decode()
@@ -304,14 +304,14 @@ def test_an_organiser_closes_a_race_now_and_what_was_sent_in_time_counts(world: 
 
 
 @pytest.mark.parametrize("slug, code", [("next-race", "race_not_open_yet"), ("no-race", "race_cancelled")])
-def test_only_an_open_race_is_closed_now(world: World, slug: str, code: str) -> None:
+def test_only_an_open_race_can_be_closed_now(world: World, slug: str, code: str) -> None:
     race = Race.objects.get(slug=slug)
     assert code in world.client("admin").post(f"/races/{slug}/close/", follow=True).content.decode()
     assert Race.objects.get(slug=slug).closes_at == race.closes_at
     assert "The race is not open." in world.client("admin").get(f"/races/{slug}/close/").content.decode()
 
 
-def test_the_live_box_asks_again_only_while_there_is_something_to_see(world: World) -> None:
+def test_the_live_box_polls_only_while_something_happens(world: World) -> None:
     client = world.client("alice")
     page = client.get("/races/waiting-race/").content.decode()
     asked_first = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="load, every 1s"', page)
@@ -329,14 +329,14 @@ def test_the_live_box_asks_again_only_while_there_is_something_to_see(world: Wor
     assert "0:09.000" in html and "hx-get" not in html
 
 
-def test_board_and_figures_beside_it_come_anew_together(world: World) -> None:
+def test_the_board_and_the_facts_beside_it_refresh_together(world: World) -> None:
     html = world.client("alice").get("/races/open-race/").content.decode()
     assert re.search(r'id="board"[^>]* hx-select-oob="#race-facts"', html)
     beside = html[html.index('id="race-facts"') :]
     assert html.count('id="race-facts"') == 1 and "Classified" in beside and "Position" in beside
 
 
-def test_a_race_that_is_full_of_my_submissions_offers_no_form(world: World) -> None:
+def test_a_race_with_no_submissions_left_offers_no_form(world: World) -> None:
     race = a_race(world.now, slug="one-shot", max_submissions=1)
     drive(race, world.alice, laps(9_000, 9_000, 9_000), world.now)
     html = world.client("alice").get("/races/one-shot/").content.decode()
@@ -344,7 +344,7 @@ def test_a_race_that_is_full_of_my_submissions_offers_no_form(world: World) -> N
 
 
 @pytest.mark.parametrize("opens_in_days", [-1, 1])
-def test_a_race_of_the_other_division_says_so_and_offers_no_button(world: World, opens_in_days: int) -> None:
+def test_a_race_of_the_other_division_offers_no_button(world: World, opens_in_days: int) -> None:
     opens_at = world.now + timedelta(days=opens_in_days)
     pro = a_race(
         world.now, slug="pro-race", kind="league", division="pro", opens_at=opens_at, closes_at=opens_at + timedelta(9)
@@ -357,7 +357,7 @@ def test_a_race_of_the_other_division_says_so_and_offers_no_button(world: World,
     assert "open-race" in client.get(world.model.get_absolute_url()).content.decode()
 
 
-def test_who_saves_a_race_that_somebody_else_has_changed_meanwhile_is_told_and_undoes_nothing(world: World) -> None:
+def test_a_stale_race_form_does_not_undo_another_change(world: World) -> None:
     client = world.client("admin")
     path = f"/races/{world.upcoming.slug}/edit/"
     page = client.get(path).context["form"]
@@ -381,7 +381,7 @@ def resets_field(response) -> str:
     return value[1] if value else ""
 
 
-def test_no_limit_on_resets_is_an_empty_field_and_a_word(world: World) -> None:
+def test_unlimited_resets_are_an_empty_field_and_a_word(world: World) -> None:
     client = world.client("alice")
     assert resets_field(client.get("/races/new/")) == ""
     client.post("/races/new/", form(world.now, max_resets="", name="Without limit"))
@@ -393,7 +393,7 @@ def test_no_limit_on_resets_is_an_empty_field_and_a_word(world: World) -> None:
     assert resets_field(client.get(f"{Race.objects.get(name='With a limit').get_absolute_url()}edit/")) == "3"
 
 
-def test_a_form_says_what_is_wrong_in_a_sentence_without_its_code(world: World) -> None:
+def test_a_form_error_is_a_sentence_without_its_code(world: World) -> None:
     html = world.client("anonymous").post("/accounts/login/", {"login": "alice", "password": "wrong"}).content.decode()
     assert 'data-code="username_password_mismatch"' in html or "are not correct" in html
     assert ">username_password_mismatch<" not in html

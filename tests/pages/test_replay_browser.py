@@ -46,7 +46,7 @@ def page() -> Iterator[playwright.Page]:
     assert not errors
 
 
-def test_the_replay_of_a_duel_goes_on_until_the_last_car_is_done(page: playwright.Page) -> None:
+def test_a_duel_replay_runs_until_the_last_car_is_done(page: playwright.Page) -> None:
     assert page.locator("[data-seek]").get_attribute("max") == "3000"
     page.locator("[data-seek]").fill("2500")
     first, other = page.locator('[data-car="0"]'), page.locator('[data-car="1"]')

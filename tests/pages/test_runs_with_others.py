@@ -38,7 +38,7 @@ def boss(world: World):
     return world.client("admin")
 
 
-def test_the_boxes_of_a_run_are_on_its_map_where_they_stood_and_crashes_in_its_laps(world: World, boss) -> None:
+def test_a_run_shows_its_boxes_on_the_map_and_its_crashes(world: World, boss) -> None:
     course = lay_course(a_track().geometry.in_direction("ccw"), BOXES)
     shown = run(world.alice, BOXES, course=course.to_dict())
     html = boss.get(shown.get_absolute_url()).content.decode()
@@ -48,12 +48,12 @@ def test_the_boxes_of_a_run_are_on_its_map_where_they_stood_and_crashes_in_its_l
     assert "Box 2: 60 % of the lap, outer lane" in html
 
 
-def test_a_run_on_an_empty_track_has_no_column_for_crashes(world: World, boss) -> None:
+def test_a_run_on_an_empty_track_has_no_crash_column(world: World, boss) -> None:
     html = boss.get(run(world.alice, RaceRules()).get_absolute_url()).content.decode()
     assert 'title="Crashes"' not in html and "track-box" not in html
 
 
-def test_a_run_that_waits_shows_its_boxes_and_one_on_track_where_everybody_is(world: World, boss) -> None:
+def test_a_waiting_run_shows_boxes_and_a_live_one_every_position(world: World, boss) -> None:
     queued = queue_evaluation(
         owner=world.alice, model=a_model(world.alice), track=a_track(), rules=BOXES, now=timezone.now()
     )
@@ -95,7 +95,7 @@ BEHIND = {"lap": 1, "percent": 20.0, "total_ms": 9000, "x": 0.5, "y": 0.5, "off_
 AHEAD = {"lap": 2, "percent": 5.0, "total_ms": 9000, "x": -0.5, "y": 0.5, "off_tracks": 0, "crashes": 0}
 
 
-def test_a_duel_on_track_shows_every_car_in_its_own_colour_and_who_leads(world: World, boss) -> None:
+def test_a_live_duel_shows_each_car_in_its_colour_and_the_leader(world: World, boss) -> None:
     shown = driving_duel(world, rivals=[BEHIND | {"retired": False}, AHEAD | {"retired": False}])
     html = boss.get(shown.get_absolute_url()).content.decode()
     card = html[html.index('id="live"') :]
@@ -108,7 +108,7 @@ def test_a_duel_on_track_shows_every_car_in_its_own_colour_and_who_leads(world: 
     assert renewed.count('id="live-dot') == 3 and "charlie" in renewed
 
 
-def test_a_car_that_retired_is_last_and_off_the_map(world: World, boss) -> None:
+def test_a_retired_car_is_last_and_off_the_map(world: World, boss) -> None:
     shown = driving_duel(world, rivals=[BEHIND | {"retired": False}, AHEAD | {"retired": True}])
     html = boss.get(shown.get_absolute_url()).content.decode()
     card = html[html.index('id="live"') :]
@@ -116,7 +116,7 @@ def test_a_car_that_retired_is_last_and_off_the_map(world: World, boss) -> None:
     assert html.count('id="live-dot') == 2 and "retired" in card
 
 
-def test_a_duel_that_has_not_told_anything_yet_names_its_cars(world: World, boss) -> None:
+def test_a_duel_without_reports_yet_names_its_cars(world: World, boss) -> None:
     shown = driving_duel(world)
     Evaluation.objects.filter(pk=shown.pk).update(progress={})
     html = boss.get(shown.get_absolute_url()).content.decode()
@@ -131,7 +131,7 @@ def test_the_page_of_a_duel_is_headed_by_its_racers(world: World, boss) -> None:
     )
 
 
-def test_bots_drive_along_in_the_replay(world: World, boss) -> None:
+def test_bots_appear_in_the_replay(world: World, boss) -> None:
     rules = RaceRules(race_type="head_to_head", bots=2)
     bots = [[[1.0, 2.0, 0.5]] * 10, [[-1.0, 0.0, -0.25]] * 10]
     shown = run(world.alice, rules, course={"boxes": [], "bots": bots})
@@ -143,7 +143,7 @@ def test_bots_drive_along_in_the_replay(world: World, boss) -> None:
     assert (first["yaw"][0], second["yaw"][0]) == (-28.6, 14.3), "degrees, clockwise on the map"
 
 
-def test_a_duel_shows_its_cars_in_the_order_of_the_end_and_drives_them_all(world: World, boss) -> None:
+def test_a_duel_lists_cars_in_finishing_order_and_replays_all(world: World, boss) -> None:
     against = [a_model(world.bob), a_model(a_racer("charlie"))]
     others = [car_outcome(salt=1, laps=(7_000,), retired="policy_died"), car_outcome(salt=2, laps=(9_000, 9_000))]
     shown = run(world.alice, RaceRules(race_type="head_to_head"), *against, rivals=others, order=[2, 0, 1])
@@ -176,7 +176,7 @@ def test_the_page_of_a_duel_shows_the_laps_of_each_car(world: World, boss, decid
     assert RivalResult.objects.get().trace_sha256 in html and decided.result.trace_sha256 not in html
 
 
-def test_who_drove_in_a_duel_finds_their_own_laps_first(world: World, decided: Evaluation) -> None:
+def test_a_racer_finds_their_own_duel_laps_first(world: World, decided: Evaluation) -> None:
     page = decided.get_absolute_url()
     a_race_of_duels = a_race(
         world.now, slug="duels", race_type="head_to_head", opponents="models", duel_format="bracket"

@@ -57,7 +57,7 @@ def addresses(first: Round, alias: str) -> list[str]:
     return ["/", "/seasons/", "/hall-of-fame/", race, f"{race}rules/", season, *(season + page for page in pages)]
 
 
-def test_markup_in_names_reasons_teams_and_notices_is_text_on_every_page(first):
+def test_markup_in_user_text_is_escaped_on_every_page(first):
     leader = Racer.objects.get(round_points__rank=1)
     Notice.objects.create(
         racer=leader, kind=NoticeKind.MESSAGE, about="x", params={"race": MARK, "text": MARK}, at=first.closed_at
@@ -77,7 +77,7 @@ def test_markup_in_names_reasons_teams_and_notices_is_text_on_every_page(first):
     assert seen >= 12, "the marks are on the pages"
 
 
-def test_the_calendar_file_has_no_lines_that_a_name_or_a_reason_wrote(first):
+def test_a_name_or_reason_cannot_inject_calendar_lines(first):
     race = first.race
     reason = "Rain;, \\ \nEND:VEVENT\r\nBEGIN:VEVENT\nSUMMARY:forged"
     type(race).objects.filter(pk=race.pk).update(cancelled_at=after(first), cancel_reason=reason)
@@ -89,7 +89,7 @@ def test_the_calendar_file_has_no_lines_that_a_name_or_a_reason_wrote(first):
 
 
 class TestLookingChangesNothing:
-    def test_what_changes_something_is_posted(self, first, alice):
+    def test_every_change_needs_a_post(self, first, alice):
         notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="1", at=first.closed_at)
         hook = add_webhook(owner=alice, url="https://example.org/")
         client, race = logged_in(alice), first.race.get_absolute_url()
@@ -101,7 +101,7 @@ class TestLookingChangesNothing:
         notice.refresh_from_db()
         assert notice.read_at is None and Webhook.objects.exists()
 
-    def test_an_admin_who_follows_a_link_does_nothing(self, first):
+    def test_an_admin_who_follows_a_link_changes_nothing(self, first):
         boss = logged_in(a_racer("boss", is_staff=True, is_superuser=True))
         race = first.race.get_absolute_url()
         loser = first.race.entries.filter(withdrawn_at=None).first().racer
@@ -118,7 +118,7 @@ class TestLookingChangesNothing:
         assert first.race.entries.get(racer=loser).removed_at is None
         assert (LogEntry.objects.count(), Membership.objects.count()) == before and Season.objects.count() == 1
 
-    def test_a_form_of_another_site_is_refused(self, first):
+    def test_a_form_from_another_site_is_refused(self, first):
         boss = a_racer("boss", is_staff=True, is_superuser=True)
         hook = add_webhook(owner=boss, url="https://example.org/")
         race = first.race.get_absolute_url()
@@ -131,7 +131,7 @@ class TestLookingChangesNothing:
         assert Webhook.objects.exists()
 
 
-def test_strangers_and_members_reach_nothing_of_stewards_or_organisers(first, alice):
+def test_strangers_and_members_reach_no_steward_or_organiser_page(first, alice):
     race = first.race.get_absolute_url()
     other = first.race.entries.filter(withdrawn_at=None).first().racer
     paths = ["/seasons/new/", f"{race}edit/", f"{race}cancel/", f"{race}racers/", f"{race}racers/{other.alias}/remove/"]
@@ -152,7 +152,7 @@ def test_strangers_and_members_reach_nothing_of_stewards_or_organisers(first, al
 @pytest.mark.parametrize(
     "target", ["https://evil.example/", "//evil.example/", "/\\evil.example", "javascript:alert(1)"]
 )
-def test_nobody_is_led_to_another_site(first, alice, target):
+def test_no_form_redirects_to_another_site(first, alice, target):
     client = logged_in(alice)
     for path, data in (
         ("/theme/", {"theme": "dark", "next": target}),
@@ -167,7 +167,7 @@ def test_nobody_is_led_to_another_site(first, alice, target):
     assert answer.status_code == 302 and "evil" not in answer["Location"] and "script" not in answer["Location"]
 
 
-def test_a_window_that_is_over_cannot_be_opened_by_a_forged_form(first, monkeypatch):
+def test_a_forged_form_cannot_reopen_a_closed_window(first, monkeypatch):
     boss = logged_in(a_racer("boss", is_staff=True, is_superuser=True))
     late = first.closed_at + timedelta(days=9) + HOUR
     monkeypatch.setattr("django.utils.timezone.now", lambda: late)

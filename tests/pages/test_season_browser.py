@@ -56,7 +56,7 @@ def browser() -> Iterator[object]:
         yield opened
 
 
-def test_a_racer_is_promoted_qualifies_wins_a_finale_and_stands_in_the_hall_of_fame(clock, browser, live_server):
+def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_server):
     """The racer does everything on pages with a real car, which a worker really drives; so do admins. Rivals' times
     are written to be slower or faster than the car's own."""
     a_track()

@@ -88,7 +88,7 @@ def fields_of(season: Season, names: tuple[str, ...] = OF_A_RACE) -> dict[tuple[
     }
 
 
-def test_a_season_can_be_made_that_is_like_the_one_of_a_fresh_installation(client):
+def test_the_form_can_make_the_season_of_a_fresh_installation(client):
     demo = open_demo_season(now=NOW)
     rules = {"ranking_method": "average", "laps": "3", "minimum_laps": "3", "max_submissions": "50"}
     months = {
@@ -114,7 +114,7 @@ def test_a_season_can_be_made_that_is_like_the_one_of_a_fresh_installation(clien
         assert mine[key] == wanted[key], key
 
 
-def test_pro_races_alternate_as_the_pattern_says_and_their_finales_follow(client):
+def test_pro_races_and_finales_follow_the_pattern(client):
     a_track()
     data = short(
         pro_turn_1="object_avoidance", pro_turn_2="bots", pro_turn_3="models", pro_random_boxes="2", pro_bots="3"
@@ -141,11 +141,11 @@ def test_pro_races_alternate_as_the_pattern_says_and_their_finales_follow(client
         ("halves", "ccw ccw ccw cw cw"),
     ],
 )
-def test_directions_turn_by_pattern(turning, directions):
+def test_directions_follow_the_pattern(turning, directions):
     assert [Turning(turning).of(number, 5) for number in range(1, 6)] == directions.split()
 
 
-def test_a_month_may_have_a_direction_of_its_own(client):
+def test_a_month_may_have_its_own_direction(client):
     a_track()
     races = shown(look(client, short(turning="alternating", direction_1="cw")))
     assert [races[f"{month}-{stage}"].direction for month in (1, 2, 3) for stage in ("open", "finale")] == (
@@ -153,7 +153,7 @@ def test_a_month_may_have_a_direction_of_its_own(client):
     )
 
 
-def test_one_race_is_changed_and_its_finale_follows(client):
+def test_changing_one_race_changes_its_finale(client):
     a_track()
     data = short()
     page = open_round(client, data, "2-pro")
@@ -174,7 +174,7 @@ def test_one_race_is_changed_and_its_finale_follows(client):
     assert (made.boxes, made.laps, made.max_submissions, made.bots) == (places, 7, 4, 0)
 
 
-def test_a_change_stays_when_the_pattern_changes_and_what_was_not_changed_follows_it(client):
+def test_an_edited_race_keeps_its_edits_when_the_pattern_changes(client):
     a_track()
     answer = keep(client, open_round(client, short(), "1-open"), max_submissions="3")
     answer = look(client, again(answer) | {"open_laps": "9", "open_turn_1": "bots"})
@@ -186,7 +186,7 @@ def test_a_change_stays_when_the_pattern_changes_and_what_was_not_changed_follow
     assert shown(answer)["1-open"].max_submissions == 50 and answer.context["changed"] == set()
 
 
-def test_times_of_one_race_are_of_the_season_s_zone(client):
+def test_times_of_a_race_are_in_the_seasons_time_zone(client):
     a_track()
     page = open_round(client, short(zone="Asia/Seoul"), "1-open")
     assert page.context["form"]["opens_at"].value().strftime("%m-%d %H:%M") == "01-01 00:00"
@@ -195,7 +195,7 @@ def test_times_of_one_race_are_of_the_season_s_zone(client):
     assert shown(answer)["1-open"].closes_at == shown(answer)["2-open"].opens_at
 
 
-def test_a_race_that_cannot_be_is_told_beside_it_and_nothing_is_made(client):
+def test_an_impossible_race_is_reported_and_nothing_is_made(client):
     a_track()
     data = short(pro_turn_1="bots", pro_turn_2="", pro_bots="6", pro_bot_speed_mps="9")
     answer = look(client, data)
@@ -210,7 +210,7 @@ def test_a_race_that_cannot_be_is_told_beside_it_and_nothing_is_made(client):
     assert again_.status_code == 422 and not Season.objects.exists()
 
 
-def test_boxes_in_impossible_places_are_refused_on_the_race_s_own_page(client):
+def test_impossible_boxes_are_refused_on_the_races_own_page(client):
     a_track()
     page = open_round(client, short(), "1-pro")
     boxes = {"boxes-1-percent": "50", "boxes-1-lane": "inner", "boxes-2-percent": "50", "boxes-2-lane": "outer"}
@@ -220,7 +220,7 @@ def test_boxes_in_impossible_places_are_refused_on_the_race_s_own_page(client):
     assert "laps" in answer.context["form"].errors
 
 
-def test_what_was_not_looked_at_is_not_made(client):
+def test_a_season_is_made_only_after_a_preview(client):
     a_track()
     answer = client.post("/seasons/new/", short(do="make"))
     assert answer.status_code == 200 and shown(answer) and not Season.objects.exists()
@@ -249,7 +249,7 @@ def test_a_forged_page_of_a_race_is_refused(client, season):
     assert client.post("/seasons/new/", {"round": "1-open", "season": season, "do": "keep"}).status_code == 400
 
 
-def test_a_race_that_is_not_in_the_plan_leads_back_to_the_season(client):
+def test_a_race_missing_from_the_plan_leads_back_to_the_season(client):
     a_track()
     assert shown(open_round(client, short(), "17-open")), "the preview again"
     page = open_round(client, short(), "3-open")
@@ -257,7 +257,7 @@ def test_a_race_that_is_not_in_the_plan_leads_back_to_the_season(client):
     assert answer.status_code == 200 and answer.context["changed"] == set()
 
 
-def test_a_season_over_the_turn_of_the_year_has_its_months_in_order(client):
+def test_a_season_across_new_year_has_its_months_in_order(client):
     a_track()
     data = form_data(NOW, year="2027", first_month="10", **{f"open_{place}": "" for place in range(7, 13)})
     answer = look(client, data)

@@ -86,8 +86,8 @@ def _make_season() -> Season:
     return made
 
 
-class TestTheForm:
-    def test_one_post_schedules_a_whole_season_of_months_with_finales_and_a_championship(self, set_clock):
+class TestSeasonForm:
+    def test_one_post_schedules_a_whole_season(self, set_clock):
         now = datetime(2026, 11, 15, 12, tzinfo=UTC)
         set_clock(now)
         a_track()
@@ -118,7 +118,7 @@ class TestTheForm:
         assert season.drop_worst == 2 and season.prizes == "A mug"
         assert "37 races" in LogEntry.objects.get(user=admin).change_message
 
-    def test_it_works_as_proposed_beside_the_season_of_a_fresh_installation(self, set_clock):
+    def test_the_proposed_values_work_beside_the_demo_season(self, set_clock):
         now = datetime(2026, 11, 15, 12, tzinfo=UTC)
         set_clock(now)
         open_demo_season(now=now)
@@ -126,7 +126,7 @@ class TestTheForm:
         assert answer.status_code == 302, answer.context["form"].errors
         assert Season.objects.get(slug="2027").rounds.count() == 37
 
-    def test_months_that_are_over_are_left_out(self, set_clock):
+    def test_past_months_are_left_out(self, set_clock):
         now = datetime(2027, 10, 15, 12, tzinfo=UTC)
         set_clock(now)
         a_track()
@@ -151,7 +151,7 @@ class TestTheForm:
             ({"finale_day": "1", "finale_hours": "240", "year": "2040"}, "__all__", "days from now"),
         ],
     )
-    def test_nonsense_is_refused_on_its_field_and_nothing_is_made(self, set_clock, changes, field, word):
+    def test_invalid_values_are_refused_on_their_field(self, set_clock, changes, field, word):
         now = datetime(2026, 11, 15, 12, tzinfo=UTC)
         set_clock(now)
         a_track()
@@ -162,14 +162,14 @@ class TestTheForm:
         assert word in " ".join(answer.context["form"].errors[field])
         assert not Season.objects.exists() and not Round.objects.exists()
 
-    def test_an_address_is_taken_once(self, season, set_clock):
+    def test_a_season_address_can_be_used_only_once(self, season, set_clock):
         set_clock(JANUARY)
         answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post(
             "/seasons/new/", form_data(JANUARY, slug=season.slug)
         )
         assert "already" in " ".join(answer.context["form"].errors["slug"])
 
-    def test_nobody_else_makes_seasons(self):
+    def test_only_superusers_make_seasons(self):
         assert Client().get("/seasons/new/").status_code == 302
         for racer in (a_racer("member"), a_racer("helper", is_staff=True)):
             assert logged_in(racer).get("/seasons/new/").status_code == 403
@@ -192,7 +192,7 @@ PAGES = (
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_everybody_sees_every_page_without_a_log_in(season, set_clock, language):
+def test_every_season_page_is_public(season, set_clock, language):
     set_clock(JANUARY + timedelta(days=45))
     first = Round.objects.get(number=1).race.entries.first().racer
     for client in (Client(), logged_in(first)):
@@ -206,7 +206,7 @@ def test_everybody_sees_every_page_without_a_log_in(season, set_clock, language)
             assert len(queries(client, path)) <= LIMIT, path
 
 
-def test_the_rounds_of_a_season_say_what_type_of_race_each_is():
+def test_rounds_of_a_season_show_their_race_type():
     shown = open_demo_season(now=datetime(2026, 11, 21, tzinfo=UTC))
     html = Client().get(f"/seasons/{shown.slug}/").content.decode()
     for race_type in ("time trial", "object avoidance", "head-to-head"):
@@ -218,7 +218,7 @@ def test_unknown_seasons_and_racers_are_not_found(season):
         assert Client().get(path).status_code == 404
 
 
-def test_the_board_draws_the_line_that_would_promote_and_then_the_one_that_did(season, set_clock):
+def test_the_board_draws_the_promotion_line(season, set_clock):
     second = Round.objects.get(number=2, stage=Stage.OPEN)
     set_clock(second.race.opens_at + timedelta(days=3))
     board(second.race, racers(10))
@@ -235,7 +235,7 @@ def test_the_board_draws_the_line_that_would_promote_and_then_the_one_that_did(s
     assert html.count("moves on") == 2
 
 
-def test_the_line_of_a_pro_race_and_the_field_as_it_stands(season, set_clock):
+def test_a_pro_race_shows_its_line_and_the_provisional_field(season, set_clock):
     pro = Round.objects.get(stage=Stage.PRO)
     set_clock(pro.race.opens_at + timedelta(days=3))
     assert "would be in the finale" in Client().get(pro.race.get_absolute_url()).content.decode()
@@ -248,7 +248,7 @@ def test_the_line_of_a_pro_race_and_the_field_as_it_stands(season, set_clock):
     assert Client().get("/seasons/2027/finales/").context["fields"].next[0].finale.official is True
 
 
-def test_a_board_of_a_season_needs_few_queries_however_long_it_is(season, set_clock):
+def test_a_long_season_board_needs_few_queries(season, set_clock):
     second = Round.objects.get(number=2, stage=Stage.OPEN)
     set_clock(second.race.opens_at + timedelta(days=3))
     entries = board(second.race, racers(5))
@@ -260,7 +260,7 @@ def test_a_board_of_a_season_needs_few_queries_however_long_it_is(season, set_cl
 
 
 @pytest.mark.parametrize("stage", [Stage.PRO, Stage.FINALE])
-def test_the_board_of_a_race_with_a_field_needs_few_queries_for_who_races_in_it(set_clock, stage):
+def test_a_board_of_a_race_with_a_field_needs_few_queries(set_clock, stage):
     season = a_season()
     opened, pro = a_round(season, 1, Stage.OPEN), a_round(season, 2, Stage.PRO)
     finale = a_round(season, 2, Stage.FINALE)
@@ -277,7 +277,7 @@ def test_the_board_of_a_race_with_a_field_needs_few_queries_for_who_races_in_it(
     assert len(sent) <= LIMIT, "\n".join(sent)
 
 
-def test_a_page_in_the_middle_of_a_long_board_needs_few_queries_too(season, set_clock):
+def test_a_middle_page_of_a_long_board_needs_few_queries(season, set_clock):
     second = Round.objects.get(number=2, stage=Stage.OPEN)
     set_clock(second.race.opens_at + timedelta(days=3))
     entries = board(second.race, racers(220))
@@ -287,7 +287,7 @@ def test_a_page_in_the_middle_of_a_long_board_needs_few_queries_too(season, set_
 
 
 @pytest.mark.parametrize("page", [1, 3, 99])
-def test_who_has_driven_needs_few_queries_on_any_page_of_a_long_board(season, set_clock, page):
+def test_a_ranked_racer_costs_few_queries_on_any_board_page(season, set_clock, page):
     second = Round.objects.get(number=2, stage=Stage.OPEN)
     set_clock(now := second.race.opens_at + timedelta(days=3))
     board(second.race, racers(220))
@@ -308,7 +308,7 @@ def test_standings_show_rounds_dropped_results_countries_and_teams(season, set_c
     assert "KR" in Client().get("/seasons/2027/standings/?division=open&of=countries").content.decode()
 
 
-def test_a_racers_season_has_every_round_a_chart_and_what_came_of_it(season, set_clock):
+def test_a_racers_season_shows_every_round_a_chart_and_outcomes(season, set_clock):
     first = Round.objects.get(number=1)
     racer = first.race.entries.order_by("rank_score").first().racer
     set_clock(after(first))
@@ -317,7 +317,7 @@ def test_a_racers_season_has_every_round_a_chart_and_what_came_of_it(season, set
     assert Client().get(f"/seasons/2027/racers/{racer.alias.upper()}/").status_code == 301
 
 
-def test_the_hall_of_fame_calls_nobody_first_before_the_season_is_over(season, set_clock):
+def test_the_hall_of_fame_waits_until_the_season_is_over(season, set_clock):
     set_clock(after(Round.objects.get(number=1)))
     html = Client().get("/hall-of-fame/").content.decode()
     assert "Leading the standings" in html and "First in the standings" not in html
@@ -326,7 +326,7 @@ def test_the_hall_of_fame_calls_nobody_first_before_the_season_is_over(season, s
     assert "First in the standings" in html and "Leading the standings" not in html
 
 
-def test_who_is_in_the_race_reads_how_far_the_line_is(season, set_clock):
+def test_a_racer_sees_how_far_the_promotion_line_is(season, set_clock):
     second = Round.objects.get(number=2, stage=Stage.OPEN)
     set_clock(second.race.opens_at + timedelta(days=3))
     entries = board(second.race, racers(10))
@@ -338,8 +338,8 @@ def test_who_is_in_the_race_reads_how_far_the_line_is(season, set_clock):
     assert "place clear" not in logged_in(entries[0].racer).get(address).content.decode()
 
 
-class TestTheCalendar:
-    def test_times_stand_in_the_zone_that_is_asked_for_and_named(self, season, set_clock):
+class TestCalendar:
+    def test_times_are_shown_in_the_requested_time_zone(self, season, set_clock):
         set_clock(JANUARY)
         html = Client().get("/seasons/2027/calendar/?zone=Asia/Seoul").content.decode()
         assert "2027-01-01 09:00 KST" in html and "Times in Asia/Seoul." in html
@@ -359,14 +359,14 @@ class TestTheCalendar:
         assert moved["uid"] == events[0]["uid"] and moved.decoded("dtend") == first.closes_at
         assert all(len(line) <= 75 for line in answer.content.split(b"\r\n"))
 
-    def test_a_cancelled_race_says_so(self, season):
+    def test_a_cancelled_race_is_marked_cancelled(self, season):
         race = Round.objects.get(number=1).race
         type(race).objects.filter(pk=race.pk).update(cancelled_at=JANUARY, cancel_reason="It rained.")
         text = Client().get("/seasons/2027/calendar.ics").content.decode()
         assert "STATUS:CANCELLED" in text and "It rained." in text
 
 
-def test_the_rules_are_printed_from_the_settings(season):
+def test_the_rules_are_generated_from_the_settings(season):
     html = Client().get("/seasons/2027/rules/").content.decode()
     for words in (
         "best 20 %",
@@ -379,20 +379,20 @@ def test_the_rules_are_printed_from_the_settings(season):
         assert words.casefold() in html.casefold(), words
 
 
-def test_who_is_known_from_a_record_has_a_page_and_who_was_deactivated_has_none():
+def test_recorded_racers_have_a_page_and_deactivated_ones_none():
     Racer.objects.create(alias="from-a-record", email="x@record.invalid", is_active=False, record_id="abc")
     Racer.objects.create(alias="gone", email="gone@example.org", is_active=False)
     assert Client().get("/racers/from-a-record/").status_code == 200
     assert Client().get("/racers/gone/").status_code == 404
 
 
-def test_the_league_opens_at_the_season_of_today(season, set_clock):
+def test_the_league_opens_at_the_current_season(season, set_clock):
     set_clock(JANUARY)
     assert Client().get(reverse("season_now"))["Location"] == "/seasons/2027/"
     assert Client().get("/").status_code == 200
 
 
-def test_a_community_race_has_no_line(set_clock):
+def test_a_community_race_has_no_promotion_line(set_clock):
     now = datetime(2027, 1, 15, tzinfo=UTC)
     set_clock(now)
     race = a_race(now)
@@ -401,7 +401,7 @@ def test_a_community_race_has_no_line(set_clock):
     assert "promoted" not in html
 
 
-def test_everybody_reads_what_stewards_decided_and_why(season, set_clock):
+def test_stewards_decisions_and_reasons_are_public(season, set_clock):
     first = Round.objects.get(number=1)
     loser = first.race.entries.order_by("rank_score").first().racer
     set_clock(after(first, hours=2))
@@ -415,7 +415,7 @@ def test_everybody_reads_what_stewards_decided_and_why(season, set_clock):
 
 
 class TestFeeds:
-    def test_a_team_named_like_a_formula_is_text_in_a_spreadsheet_and_html_is_text_on_the_page(self, season, set_clock):
+    def test_a_team_name_is_neither_a_formula_nor_html(self, season, set_clock):
         first = Round.objects.get(number=1)
         set_clock(after(first))
         teams = dict(
@@ -429,7 +429,7 @@ class TestFeeds:
         assert "&lt;b&gt;B&lt;/b&gt;" in html and "<b>B</b>" not in html
         ElementTree.fromstring(Client().get("/seasons/2027/standings.atom").content)
 
-    def test_a_public_board_is_fed_without_a_log_in(self, set_clock):
+    def test_a_public_board_has_a_feed_without_a_log_in(self, set_clock):
         now = datetime(2027, 1, 15, tzinfo=UTC)
         set_clock(now)
         race = a_race(now, name="Night & day")
@@ -464,7 +464,7 @@ class TestFeeds:
         assert "place 3, 0:32.000" in third
         assert "nobody classified" in Client().get(address, {"racer": "nobody"}).content.decode()
 
-    def test_a_secret_race_has_no_feed_for_strangers(self, set_clock):
+    def test_a_private_race_has_no_feed_for_strangers(self, set_clock):
         now = datetime(2027, 1, 15, tzinfo=UTC)
         set_clock(now)
         organiser = a_racer()
@@ -474,7 +474,7 @@ class TestFeeds:
             answer = logged_in(organiser).get(race.get_absolute_url() + name)
             assert answer.status_code == 200 and answer["Cache-Control"] == "private, no-store"
 
-    def test_standings_are_fed_too(self, season, set_clock):
+    def test_standings_have_a_feed(self, season, set_clock):
         set_clock(after(Round.objects.get(number=1)))
         data = Client().get("/seasons/2027/standings.json").json()
         first = data["standings"][0]

@@ -24,9 +24,7 @@ AUTHENTICATOR = {
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
 
-def test_a_racer_adds_a_passkey_and_an_app_and_comes_in_with_each_of_them(
-    live_server, settings, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
     cache.clear()
     settings.SITE_URL = live_server.url

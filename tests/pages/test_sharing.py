@@ -45,7 +45,7 @@ PARTS = ("", "sensors.png", "package.zip")
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_a_shared_model_is_open_to_everybody_who_is_logged_in_and_closed_again_afterwards(world: World, part) -> None:
+def test_a_shared_model_is_open_to_members_until_unshared(world: World, part) -> None:
     path = f"/models/{world.model.public_id}/{part}"
     own = {"anonymous": 302, "newcomer": 404, "alice": 200, "bob": 404, "admin": 404}
     assert statuses(world, path) == own
@@ -76,7 +76,7 @@ def test_the_page_says_what_sharing_means_and_shares(world: World) -> None:
     assert "Only you see this model." in answer.content.decode()
 
 
-def test_nobody_else_shares_a_model_and_only_admins_stop_it(world: World, shared: TrainedModel) -> None:
+def test_only_owners_share_a_model_and_only_admins_stop_it(world: World, shared: TrainedModel) -> None:
     path = f"/models/{shared.public_id}/share/"
     assert world.client("bob").get(path).status_code == 405
     for viewer in ("bob", "newcomer"):
@@ -93,7 +93,7 @@ def test_nobody_else_shares_a_model_and_only_admins_stop_it(world: World, shared
     assert shared.shared_at is None
 
 
-def test_the_package_is_a_zip_that_this_site_takes(world: World, shared: TrainedModel) -> None:
+def test_a_downloaded_package_can_be_uploaded_again(world: World, shared: TrainedModel) -> None:
     response = world.client("bob").get(f"/models/{shared.public_id}/package.zip")
     assert response["Content-Disposition"] == 'attachment; filename="Lightning.zip"'
     with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
@@ -101,7 +101,7 @@ def test_the_package_is_a_zip_that_this_site_takes(world: World, shared: Trained
         assert json.loads(archive.read("model_metadata.json")) == shared.metadata
 
 
-def test_another_sees_no_way_to_race_it_and_only_runs_that_stand_on_boards(world: World) -> None:
+def test_others_cannot_race_a_shared_model_and_see_board_runs_only(world: World) -> None:
     car = world.finished.evaluation.model
     kept = world.other.evaluation  # of alice's in the same race, not the one that counts
     share_model(model=car, now=world.now)
@@ -115,7 +115,7 @@ def test_another_sees_no_way_to_race_it_and_only_runs_that_stand_on_boards(world
     assert kept.public_id in body(world.client("alice"), f"/models/{kept.model.public_id}/")
 
 
-def test_another_s_shared_model_cannot_be_sent_to_a_race(world: World, shared: TrainedModel) -> None:
+def test_a_shared_model_of_another_cannot_be_submitted(world: World, shared: TrainedModel) -> None:
     client = world.client("bob")
     before = TrainedModel.objects.filter(owner=world.bob).count()
     client.post("/races/open-race/submit/", {"model": shared.public_id})
@@ -123,7 +123,7 @@ def test_another_s_shared_model_cannot_be_sent_to_a_race(world: World, shared: T
     assert TrainedModel.objects.filter(owner=world.bob).count() == before
 
 
-def test_a_racers_page_lists_what_they_share_to_those_who_may_open_it(world: World, shared: TrainedModel) -> None:
+def test_a_racers_page_lists_shared_models_to_members(world: World, shared: TrainedModel) -> None:
     link = f'href="/models/{shared.public_id}/"'
     assert link in body(world.client("bob"), "/racers/alice/")
     assert link not in body(world.client("anonymous"), "/racers/alice/")
@@ -131,10 +131,10 @@ def test_a_racers_page_lists_what_they_share_to_those_who_may_open_it(world: Wor
 
 
 class TestBrowsing:
-    def test_needs_a_log_in(self, world: World) -> None:
+    def test_browsing_needs_a_log_in(self, world: World) -> None:
         assert statuses(world, BROWSE) == {**dict.fromkeys(VIEWERS, 200), "anonymous": 302}
 
-    def test_shows_the_best_lap_that_the_reader_may_see(self, world: World) -> None:
+    def test_it_shows_the_best_lap_visible_to_the_visitor(self, world: World) -> None:
         car, kept = world.finished.evaluation.model, world.other.evaluation.model
         for model in (car, kept):
             share_model(model=model, now=world.now)
@@ -143,7 +143,7 @@ class TestBrowsing:
         assert "0:12.000" not in page, "alice's alone"
         assert "0:12.000" in body(world.client("alice"), BROWSE)
 
-    def test_says_who_with_what_and_leads_to_the_wizard(self, world: World, shared: TrainedModel) -> None:
+    def test_it_shows_owner_and_network_and_links_the_wizard(self, world: World, shared: TrainedModel) -> None:
         from training.trainer.network import Layout
 
         type(shared.network).objects.filter(pk=shared.network_id).update(
@@ -157,18 +157,18 @@ class TestBrowsing:
         assert f'<option value="{shared.public_id}" selected>Lightning (alice)</option>' in wizard
         assert '<optgroup label="Shared models">' in wizard
 
-    def test_offers_no_training_from_a_network_of_another_build(self, world: World, shared: TrainedModel) -> None:
+    def test_it_offers_no_training_from_an_unknown_network_layout(self, world: World, shared: TrainedModel) -> None:
         page = body(world.client("bob"), BROWSE)
         assert f"?clone={shared.public_id}" not in page and "network of another build" in page
 
-    def test_finds_names_and_racers(self, world: World, shared: TrainedModel) -> None:
+    def test_it_finds_models_by_name_and_racer(self, world: World, shared: TrainedModel) -> None:
         share_model(model=a_model(world.bob, name="Thunder"), now=world.now)
         client = world.client("newcomer")
         assert "Thunder" not in body(client, f"{BROWSE}?q=LIGHT") and "Lightning" in body(client, f"{BROWSE}?q=LIGHT")
         assert "Lightning" not in body(client, f"{BROWSE}?q=bob") and "Thunder" in body(client, f"{BROWSE}?q=bob")
         assert "No shared model and no racer is named so." in body(client, f"{BROWSE}?q=%00nothing%25")
 
-    def test_comes_in_pages_and_asks_no_more_the_more_there_is(self, world: World, shared: TrainedModel) -> None:
+    def test_it_is_paginated_at_a_constant_number_of_queries(self, world: World, shared: TrainedModel) -> None:
         def queries(path: str) -> int:
             with CaptureQueriesContext(connection) as captured:
                 body(client, path)
@@ -189,12 +189,12 @@ class TestBrowsing:
         assert queries("/racers/alice/") <= LIMIT + 1
         assert queries(f"/models/{shared.public_id}/") <= LIMIT
 
-    def test_nothing_shared_is_said(self, world: World) -> None:
+    def test_it_says_when_nothing_is_shared(self, world: World) -> None:
         TrainedModel.objects.filter(owner__is_house=True).update(deleted_at=world.now)
         assert "Nobody shares a model yet." in body(world.client("bob"), BROWSE)
 
 
-class TestTheClone:
+class TestClone:
     @pytest.fixture
     def clone(self, world: World, shared: TrainedModel) -> TrainedModel:
         """Bob's, trained from alice's."""
@@ -203,7 +203,7 @@ class TestTheClone:
         TrainingJob.objects.filter(pk=job.pk).update(cloned_from=shared, best_model=model)
         return model
 
-    def test_names_what_it_was_cloned_from_with_a_link_while_it_is_shared(self, world: World, shared, clone) -> None:
+    def test_a_clone_links_its_origin_while_that_is_shared(self, world: World, shared, clone) -> None:
         path = f"/models/{clone.public_id}/"
         page = body(world.client("bob"), path)
         assert f'<a href="/models/{shared.public_id}/">Lightning</a>' in page and "(alice)" in page
@@ -211,7 +211,7 @@ class TestTheClone:
         page = body(world.client("bob"), path)
         assert "Lightning" in page and f'href="/models/{shared.public_id}/"' not in page
 
-    def test_does_not_tell_others_of_a_model_that_is_not_shared(self, world: World, shared, clone) -> None:
+    def test_a_clone_does_not_reveal_an_unshared_origin(self, world: World, shared, clone) -> None:
         stop_sharing_model(model=shared)
         share_model(model=clone, now=world.now)
         page = body(world.client("newcomer"), f"/models/{clone.public_id}/")
@@ -219,8 +219,8 @@ class TestTheClone:
         assert f"/models/{shared.public_id}/" in body(world.client("alice"), f"/models/{clone.public_id}/")
 
 
-class TestAVehicleForTheClone:
-    def test_is_proposed_and_leads_back(self, world: World, shared: TrainedModel) -> None:
+class TestVehicleForClone:
+    def test_a_fitting_vehicle_is_proposed_and_leads_back(self, world: World, shared: TrainedModel) -> None:
         """The original car sees with one camera, and so does bob's; this model sees with two."""
         Vehicle.objects.create(owner=world.bob, name="Deep", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
         TrainedModel.objects.filter(pk=shared.pk).update(metadata=shared.metadata | {"sensor": ["STEREO_CAMERAS"]})
@@ -236,6 +236,6 @@ class TestAVehicleForTheClone:
         assert answer["Location"] == f"/train/new/?clone={shared.public_id}"
         assert "None of your vehicles fits" not in body(client, answer["Location"])
 
-    def test_is_not_proposed_after_a_model_that_one_may_not_see(self, world: World) -> None:
+    def test_no_vehicle_is_proposed_after_a_hidden_model(self, world: World) -> None:
         page = body(world.client("bob"), f"/vehicles/new/?clone={world.model.public_id}")
         assert "Lightning" not in page

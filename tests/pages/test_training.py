@@ -141,7 +141,7 @@ def test_every_page_has_the_right_status_for_everybody(world: World, job: Traini
     assert not wrong
 
 
-def test_the_example_is_shown_and_handed_out_as_it_is(world: World, settings) -> None:
+def test_the_example_is_shown_and_downloaded_unchanged(world: World, settings) -> None:
     client = world.client("anonymous")
     source = (settings.BASE_DIR / "training/examples/train_a_car.py").read_bytes()
     answer = client.get("/learn/elsewhere/train_a_car.py")
@@ -152,7 +152,7 @@ def test_the_example_is_shown_and_handed_out_as_it_is(world: World, settings) ->
         assert 'href="/learn/elsewhere/"' in client.get(page).content.decode()
 
 
-def test_the_training_room_is_wholly_korean(world: World, job: TrainingJob) -> None:
+def test_the_training_pages_are_entirely_in_korean(world: World, job: TrainingJob) -> None:
     english = re.compile(r">[^<]*\b(the|your|you|is|of|and|has|with)\b[^<]*<", re.I)
     client = world.client("alice")
     client.cookies["django_language"] = "ko"
@@ -178,7 +178,7 @@ def test_every_lesson_is_written_in_every_language(world: World, settings) -> No
 
 
 @pytest.mark.parametrize("lesson", LESSONS, ids=lambda lesson: lesson.slug)
-def test_what_a_lesson_proposes_is_taken(world: World, lesson, monkeypatch) -> None:
+def test_what_a_lesson_proposes_is_accepted(world: World, lesson, monkeypatch) -> None:
     monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
     client = world.client("newcomer")
     for _label, query in lesson.tries:
@@ -189,7 +189,7 @@ def test_what_a_lesson_proposes_is_taken(world: World, lesson, monkeypatch) -> N
         assert TrainingJob.objects.get().name == name
 
 
-def test_the_wizard_makes_a_training_of_what_it_shows(world: World, monkeypatch) -> None:
+def test_the_wizard_creates_the_training_it_shows(world: World, monkeypatch) -> None:
     monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
     client = world.client("newcomer")
     response = client.post("/train/new/", form_of(client, stop_clean_laps="3", submit_to_race="open-race"))
@@ -217,7 +217,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("field", WRONG)
-def test_a_mistake_is_told_at_its_field(world: World, field: str, monkeypatch) -> None:
+def test_an_error_is_shown_at_its_field(world: World, field: str, monkeypatch) -> None:
     monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
     client = world.client("newcomer")
     changes, words = WRONG[field]
@@ -229,7 +229,7 @@ def test_a_mistake_is_told_at_its_field(world: World, field: str, monkeypatch) -
     assert not TrainingJob.objects.filter(owner=world.newcomer).exists()
 
 
-def test_a_taken_name_and_a_full_quota_are_told(world: World, job: TrainingJob, settings, monkeypatch) -> None:
+def test_a_taken_name_and_a_full_quota_are_reported(world: World, job: TrainingJob, settings, monkeypatch) -> None:
     monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
     client = world.client("alice")
     assert "name" in client.post("/train/new/", form_of(client, name=job.name)).context["form"].errors
@@ -262,7 +262,7 @@ def test_granularities_make_the_table_without_a_script(world: World) -> None:
 
 
 @pytest.mark.slow
-def test_the_editor_is_told_lines_and_sentences(world: World) -> None:
+def test_the_editor_gets_lines_and_messages(world: World) -> None:
     client = world.client("alice")
     bad = client.post(
         "/train/validate/", {"reward_code": "def reward_function(params):\r\n    return params['x'] /\r\n"}
@@ -278,7 +278,7 @@ def test_the_editor_is_told_lines_and_sentences(world: World) -> None:
     assert world.client("anonymous").post("/train/validate/", {}).status_code == 302
 
 
-def test_a_racer_has_one_check_at_a_time(world: World, monkeypatch) -> None:
+def test_a_racer_runs_one_check_at_a_time(world: World, monkeypatch) -> None:
     from training.checks import one_check
 
     with one_check(world.alice):
@@ -287,7 +287,7 @@ def test_a_racer_has_one_check_at_a_time(world: World, monkeypatch) -> None:
     assert response.json()["problems"][0]["code"] == "reward_check_runs"
 
 
-def test_a_running_training_shows_its_graph_and_its_drive(world: World, job: TrainingJob) -> None:
+def test_a_running_training_shows_its_graph_and_trajectory(world: World, job: TrainingJob) -> None:
     client = world.client("alice")
     assert "begins as soon as a worker" in client.get(job.get_absolute_url()).content.decode()
     run(job)
@@ -331,7 +331,7 @@ def test_only_its_owner_and_admins_stop_a_training(world: World, job: TrainingJo
     assert job.state == JobState.STOPPED
 
 
-def test_a_finished_model_is_evaluated_by_its_owner_only(world: World, job: TrainingJob) -> None:
+def test_only_its_owner_evaluates_a_finished_model(world: World, job: TrainingJob) -> None:
     end(run(job), world)
     before = Evaluation.objects.count()
     assert world.client("admin").post(f"/train/{job.public_id}/evaluate/").status_code == 404
@@ -342,7 +342,7 @@ def test_a_finished_model_is_evaluated_by_its_owner_only(world: World, job: Trai
     assert (rules["laps"], rules["race_type"], rules["direction"]) == (3, "time_trial", "ccw")
 
 
-def test_train_on_takes_over_settings_weights_and_a_vehicle(world: World, job: TrainingJob) -> None:
+def test_continued_training_copies_settings_weights_and_vehicle(world: World, job: TrainingJob) -> None:
     TrainingJob.objects.filter(pk=job.pk).update(
         stop_minutes=7, reward_code="def reward_function(params):\n    return 7.0\n"
     )
@@ -357,7 +357,7 @@ def test_train_on_takes_over_settings_weights_and_a_vehicle(world: World, job: T
     assert "return 7.0" not in stranger.content.decode()
 
 
-def test_races_that_the_racer_may_not_enter_are_not_offered(world: World) -> None:
+def test_races_the_racer_may_not_enter_are_not_offered(world: World) -> None:
     def offered() -> set[str]:
         form = world.client("newcomer").get("/train/new/").context["form"]
         return set(form.fields["submit_to_race"].queryset.values_list("slug", flat=True))
@@ -370,7 +370,7 @@ def test_races_that_the_racer_may_not_enter_are_not_offered(world: World) -> Non
     assert "open-race" not in offered()
 
 
-def test_the_original_car_is_offered_first_and_what_goes_with_it_trains_it(world: World, job: TrainingJob) -> None:
+def test_the_original_vehicle_is_offered_first(world: World, job: TrainingJob) -> None:
     Vehicle.objects.create(owner=world.alice, name="A stereo", sensors=["STEREO_CAMERAS"])
     form = world.client("alice").get("/train/new/").context["form"]
     assert next(str(value) for value, _ in form.fields["vehicle"].choices) == "" and not form["vehicle"].value()
@@ -380,7 +380,7 @@ def test_the_original_car_is_offered_first_and_what_goes_with_it_trains_it(world
     assert cloned["form"]["vehicle"].value() == "" and cloned["lacking"] is None
 
 
-def test_vehicles_are_added_changed_and_deleted(world: World) -> None:
+def test_vehicles_can_be_added_changed_and_deleted(world: World) -> None:
     client = world.client("alice")
     sent = {"name": "Owl", "camera": "STEREO_CAMERAS", "lidar": "DISCRETIZED_SECTOR_LIDAR", "num_sectors": "8"}
     sent |= {"num_values_per_sector": "4", "clipping_dist": "1.5", "shell": "buggy", "colour": "#12A15B"}
@@ -403,7 +403,7 @@ def test_vehicles_are_added_changed_and_deleted(world: World) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_the_pilot_at_the_inner_border_is_there_in_both_directions(world: World, direction: str) -> None:
+def test_the_inner_pilot_drives_inside_in_both_directions(world: World, direction: str) -> None:
     """Inside of the oval: nearer to its middle."""
     from training.views.lab import LabForm, _drive
 
@@ -420,7 +420,7 @@ def test_the_pilot_at_the_inner_border_is_there_in_both_directions(world: World,
 
 
 @pytest.mark.slow
-def test_the_laboratory_shows_a_function_and_what_a_change_changes(world: World) -> None:
+def test_the_laboratory_compares_two_reward_functions(world: World) -> None:
     client = world.client("alice")
     sent = {"track": "oval", "direction": "ccw", "drive": "inner", "reward_code": REWARD}
     first = client.post("/learn/laboratory/", sent, headers={"HX-Request": "true"})
@@ -435,7 +435,7 @@ def test_the_laboratory_shows_a_function_and_what_a_change_changes(world: World)
     assert "nothing" in broken.content.decode() and "heat-point" not in broken.content.decode()
 
 
-def test_the_graph_of_one_iteration_and_of_thousands(world: World, job: TrainingJob) -> None:
+def test_the_graph_works_for_one_iteration_and_for_thousands(world: World, job: TrainingJob) -> None:
     assert draw_graph([]) == ""
     one = points_of(run(job, 1))
     assert draw_graph(one).count("<polyline") == 3
@@ -444,7 +444,7 @@ def test_the_graph_of_one_iteration_and_of_thousands(world: World, job: Training
     assert len(json.loads(re.search(r'data-points="([^"]*)"', many)[1].replace("&quot;", '"'))) <= 601
 
 
-def test_of_a_long_training_the_episodes_of_some_iterations_are_drawn(job: TrainingJob) -> None:
+def test_a_long_training_draws_episodes_of_some_iterations(job: TrainingJob) -> None:
     run(job, 2 * MOST_CLOUDS + 1)
     points = points_of(job)
     assert len(points) == 2 * MOST_CLOUDS + 1
@@ -453,18 +453,18 @@ def test_of_a_long_training_the_episodes_of_some_iterations_are_drawn(job: Train
     assert {later - before for before, later in itertools.pairwise(drawn)} == {3}
 
 
-def test_smoothing_is_a_mean_of_the_last_ones() -> None:
+def test_smoothing_is_a_moving_average() -> None:
     assert smoothed([1.0, 3.0, None, 5.0], 3) == [1.0, 2.0, None, 4.0]
     assert smoothed([1.0, 2.0], 1) == [1.0, 2.0]
 
 
-def test_small_things_are_shown_as_people_write_them() -> None:
+def test_times_and_pictures_are_formatted_safely() -> None:
     assert [span(59.6), span(3661), span(None)] == ["1:00", "1:01:01", "0:00"]
     picture = shell_picture("kart", '"><script>', "A kart")
     assert "<script>" not in picture and 'aria-label="A kart"' in picture
 
 
-def test_races_like_the_training_are_offered_first(world: World, job: TrainingJob) -> None:
+def test_races_similar_to_the_training_are_offered_first(world: World, job: TrainingJob) -> None:
     """And said to be so, on the training's page and on the model's."""
     elsewhere = track_row("kuei-raceway")
     boxes = {"race_type": "object_avoidance", "random_boxes": 3, "closes_at": world.now + timedelta(hours=1)}

@@ -24,7 +24,7 @@ def write(page: playwright.Page, code: str) -> None:
     editor.evaluate("(element, text) => element.editor.fill(text)", code)
 
 
-def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright.Page) -> None:
+def test_a_learner_trains_evaluates_and_reaches_a_board(page: playwright.Page) -> None:
     sign_up(page, "learner")
     began = monotonic()
 
@@ -108,7 +108,7 @@ def test_a_learner_trains_stops_evaluates_and_stands_on_a_board(page: playwright
     assert monotonic() - began < 120
 
 
-def test_one_click_brings_a_newcomer_onto_the_board_of_first_laps(page: playwright.Page) -> None:
+def test_one_click_brings_a_newcomer_onto_the_beginners_board(page: playwright.Page) -> None:
     sign_up(page, "clicker")
     steps = page.locator("#steps")
     playwright.expect(steps).to_contain_text("0 of 4 done")

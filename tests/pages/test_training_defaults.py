@@ -31,17 +31,17 @@ def shown(html: str, name: str) -> float:
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 @pytest.mark.parametrize("name", NUMBERS)
-def test_the_wizard_shows_what_is_usual_for_the_algorithm_that_an_address_names(world, algorithm, name):
+def test_the_wizard_shows_defaults_of_the_algorithm_in_the_url(world, algorithm, name):
     assert shown(page(world, f"?algorithm={algorithm}"), name) == DEFAULTS[algorithm][name]
 
 
-def test_what_an_address_says_comes_before_what_is_usual(world):
+def test_values_in_the_url_override_the_defaults(world):
     html = page(world, "?algorithm=sac&num_epochs=9")
     assert shown(html, "num_epochs") == 9
     assert '<option value="64" selected>' in html
 
 
-def test_each_field_tells_the_script_what_is_usual(world):
+def test_each_field_carries_its_defaults_for_the_script(world):
     html = page(world)
     for name in (*NUMBERS, "batch_size", "loss_type"):
         (tag,) = re.findall(rf'<(?:input|select)[^>]* name="{name}"[^>]*>', html)
@@ -68,25 +68,25 @@ class TestWithoutAScript:
         return send
 
     @pytest.mark.parametrize(("query", "chosen"), [("", "sac"), ("?algorithm=sac", "ppo"), ("", "ppo")])
-    def test_what_is_left_as_it_was_is_what_is_usual_for_the_algorithm(self, made, query, chosen):
+    def test_unchanged_fields_get_the_algorithms_defaults(self, made, query, chosen):
         assert made(query, algorithm=chosen).hyperparameters == DEFAULTS[chosen]
 
-    def test_what_was_changed_stays(self, made):
+    def test_changed_fields_keep_their_values(self, made):
         job = made(algorithm="sac", batch_size="128", lr="0.0003")
         assert job.hyperparameters == {**DEFAULTS["sac"], "batch_size": 128, "lr": 0.0003}
 
-    def test_what_is_usual_elsewhere_may_be_chosen_where_the_page_shows_the_algorithm(self, made):
+    def test_the_other_algorithms_default_may_be_chosen(self, made):
         usual = DEFAULTS["ppo"]["batch_size"]
         assert made("?algorithm=sac", batch_size=str(usual)).hyperparameters["batch_size"] == usual
 
-    def test_a_refused_form_shows_what_it_would_take(self, world):
+    def test_a_refused_form_shows_the_new_algorithms_defaults(self, world):
         sent = form_of(world.client("alice"), name="not a name", algorithm="sac", action_space_type="continuous")
         page = world.client("alice").post("/train/new/", sent).content.decode()
         assert shown(page, "num_epochs") == DEFAULTS["sac"]["num_epochs"]
         assert 'name="usual_of" value="sac"' in page
 
 
-def test_races_like_the_training_stand_first_in_the_wizard_too(world):
+def test_the_wizard_lists_similar_races_first(world):
     elsewhere = a_race(world.now, track=track_row("kuei-raceway"), name="Elsewhere", closes_at=world.now + SOON)
     boxes = {"race_type": "object_avoidance", "random_boxes": 3}
     here = a_race(world.now, track=world.track, name="Boxes here", closes_at=world.now + SOON, **boxes)
@@ -113,5 +113,5 @@ def test_races_like_the_training_stand_first_in_the_wizard_too(world):
         "?race_type=rally&direction=up&track=nowhere",
     ],
 )
-def test_an_address_may_ask_for_any_course(world, query):
+def test_the_url_may_ask_for_any_layout(world, query):
     assert 'id="where"' in page(world, query)

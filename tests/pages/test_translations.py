@@ -54,7 +54,7 @@ def messages(path: Path = CATALOGUE) -> list[tuple[str, str, str, str]]:
     return found
 
 
-def test_every_message_is_translated_and_none_is_a_guess() -> None:
+def test_every_message_is_translated_and_none_is_fuzzy() -> None:
     entries = messages()
     assert len(entries) > 500
     assert not [msgid for _, msgid, _, text in entries if not text]
@@ -78,7 +78,7 @@ def test_every_translation_keeps_the_placeholders() -> None:
     assert not wrong
 
 
-def test_markup_in_a_message_is_the_same_in_its_translation() -> None:
+def test_translations_keep_the_markup_of_their_message() -> None:
     def tags(text: str) -> list[str]:
         return sorted(re.findall(r"</?\w+", text))
 
@@ -86,7 +86,7 @@ def test_markup_in_a_message_is_the_same_in_its_translation() -> None:
 
 
 @pytest.mark.skipif(not shutil.which("msgfmt"), reason="gettext's tools are not installed")
-def test_the_compiled_catalogue_belongs_to_its_source(tmp_path: Path) -> None:
+def test_the_compiled_catalogue_matches_its_source(tmp_path: Path) -> None:
     compiled = tmp_path / "django.mo"
     subprocess.run(["msgfmt", "--check", "-o", compiled, CATALOGUE], check=True, capture_output=True)
     assert compiled.read_bytes() == CATALOGUE.with_suffix(".mo").read_bytes(), "run manage.py compilemessages -l ko"
@@ -94,7 +94,7 @@ def test_the_compiled_catalogue_belongs_to_its_source(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("xgettext"), reason="gettext's tools are not installed")
-def test_the_catalogue_has_every_message_of_the_code(tmp_path: Path) -> None:
+def test_the_catalogue_contains_every_message_of_the_code(tmp_path: Path) -> None:
     known = {msgid for _, msgid, _, _ in messages()}
     rooms = ("config", "league", "training", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
     for name in (*rooms, "templates"):
@@ -136,7 +136,7 @@ class Words(HTMLParser):
         self.found += [word for word in words if word.lower() not in SAME]
 
 
-def test_no_template_shows_words_outside_a_translation() -> None:
+def test_no_template_shows_untranslated_words() -> None:
     forgotten = {}
     for path in TEMPLATES.rglob("*.html"):
         if path.parent.name == "elements":  # no words in them: tags put together from pieces

@@ -42,13 +42,13 @@ class _Options(HTMLParser):
             self.values.append(dict(attrs)["value"])
 
 
-def test_who_is_logged_in_is_offered_the_best_lap_first_then_the_run_and_the_other_laps(world, run):
+def test_members_are_offered_the_best_lap_then_the_run_then_laps(world, run):
     assert _Options(page_of(world, "newcomer", run)).values == ["0:1", "0:whole", "0:2", "0:3"]
     html = page_of(world, "newcomer", run)
     assert "Best lap (1) · 0:10.000" in html and "Make a video" in html
 
 
-def test_a_guest_is_offered_nothing_and_watches_what_is_ready(world, run):
+def test_a_guest_watches_ready_videos_but_cannot_request_any(world, run):
     assert 'id="video"' not in page_of(world, "anonymous", run)
     ask(world, run)
     assert "Next in line." in page_of(world, "anonymous", run)
@@ -78,7 +78,7 @@ def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
     assert "<video" in html and 'http-equiv="refresh"' not in html
 
 
-def test_with_scripts_the_card_follows_it(world, run):
+def test_with_scripts_the_card_follows_the_video(world, run):
     card = ask(world, run, **HTMX).content.decode()
     assert card.startswith('<section class="card" id="video" data-say="Video: waiting.">')
     client = world.client("newcomer")
@@ -95,7 +95,7 @@ def test_with_scripts_the_card_follows_it(world, run):
     assert "<video" in done.content.decode()
 
 
-def test_only_who_asked_and_admins_see_a_button_that_stops_it(world, run):
+def test_only_the_requester_and_admins_see_the_stop_button(world, run):
     ask(world, run)
     video = Video.objects.get()
     for viewer, sees in (("newcomer", True), ("admin", True), ("bob", False), ("alice", False), ("anonymous", False)):
@@ -109,7 +109,7 @@ def test_only_who_asked_and_admins_see_a_button_that_stops_it(world, run):
     assert 'data-code="video_stopped"' in html and "Make it again" in html
 
 
-def test_a_refusal_is_told_with_its_code(world, run, settings):
+def test_a_refusal_is_shown_with_its_code(world, run, settings):
     settings.VIDEOS_AT_ONCE = 1
     ask(world, run)
     assert 'data-code="videos_at_once"' in ask(world, run, what="0:2", **HTMX).content.decode()
@@ -119,7 +119,7 @@ def test_a_refusal_is_told_with_its_code(world, run, settings):
         assert ask(world, run, viewer="alice", what=nonsense, **HTMX).status_code == 200
 
 
-def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
+def test_a_failed_video_may_be_requested_again(world, run):
     from paddock.errors import UserFault
 
     ask(world, run)
@@ -133,7 +133,7 @@ def test_a_failure_is_told_and_the_video_may_be_asked_for_again(world, run):
     assert Video.objects.get().state == "waiting"
 
 
-def test_another_look_offers_the_video_anew_and_hides_the_old_one(world, run):
+def test_a_changed_look_hides_the_old_video_and_offers_a_new_one(world, run):
     ask(world, run)
     run_next_video(worker="w")
     video = Video.objects.get()
@@ -147,7 +147,7 @@ def test_another_look_offers_the_video_anew_and_hides_the_old_one(world, run):
     assert "<video" not in html and "Make it again" in html
 
 
-def test_a_duel_offers_the_laps_of_each_car_and_names_the_one_that_is_followed(world, films):
+def test_a_duel_offers_laps_of_each_car_and_names_the_followed_one(world, films):
     race = a_duel_race(world.now)
     qualify(race, [world.alice, world.bob], world.now)
     from races.services import draw_duels, drive_on
@@ -169,7 +169,7 @@ def test_a_duel_offers_the_laps_of_each_car_and_names_the_one_that_is_followed(w
     )
 
 
-def test_players_get_the_part_they_ask_for(world, run):
+def test_byte_ranges_are_served_as_requested(world, run):
     ask(world, run)
     run_next_video(worker="w")
     film = f"/videos/{Video.objects.get().public_id}/film.mp4"
@@ -188,7 +188,7 @@ def test_players_get_the_part_they_ask_for(world, run):
     assert "attachment" in client.get(f"{film}?download")["Content-Disposition"]
 
 
-def test_a_file_that_is_lost_is_a_page_that_is_not_found_and_a_video_to_ask_for_again(world, run):
+def test_a_lost_file_is_not_found_and_may_be_requested_again(world, run):
     ask(world, run)
     run_next_video(worker="w")
     video = Video.objects.get()
@@ -197,7 +197,7 @@ def test_a_file_that_is_lost_is_a_page_that_is_not_found_and_a_video_to_ask_for_
     assert 'data-code="video_file_lost"' in page_of(world, "newcomer", run, f"?video={video.public_id}")
 
 
-def test_a_run_that_few_see_has_videos_that_few_see(world, films):
+def test_a_private_run_has_private_videos(world, films):
     run = world.evaluation("other")
     ask(world, run, viewer="alice")
     run_next_video(worker="w")
@@ -223,7 +223,7 @@ def test_videos_of_other_parts_and_languages_are_linked(world, run):
     assert f'src="/videos/{others[0][0]}/film.mp4"' in shown
 
 
-def test_where_videos_are_switched_off_none_is_offered_and_those_there_are_shown(world, run, settings):
+def test_disabled_videos_are_not_offered_but_old_ones_are_shown(world, run, settings):
     ask(world, run)
     run_next_video(worker="w")
     settings.VIDEOS = False
@@ -232,7 +232,7 @@ def test_where_videos_are_switched_off_none_is_offered_and_those_there_are_shown
     assert 'id="video"' not in page_of(world, "alice", world.evaluation("other"))
 
 
-def test_the_name_of_a_racer_is_no_part_of_the_page_s_code(world, films):
+def test_names_are_escaped_on_the_video_card(world, films):
     from tests.factories import a_race
 
     run = a_driven_run(a_race(world.now, name="<b>Race</b>"), world.alice, world.now)

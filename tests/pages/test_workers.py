@@ -73,7 +73,7 @@ def fail(rows, code: str, now, worker: str = "w@one") -> None:
 # --- heartbeats ----------------------------------------------------------------------------------------------------
 
 
-def test_a_worker_lives_for_as_long_as_it_beats_whatever_it_works_on(now):
+def test_a_worker_is_alive_while_it_sends_heartbeats(now):
     start_worker(name="w@one", queues=["celery"], processes=2, now=now)
     assert states(now + SILENT_AFTER) == {"w@one": "alive"}
     assert states(now + SILENT_AFTER + MINUTE) == {"w@one": "silent"}
@@ -82,7 +82,7 @@ def test_a_worker_lives_for_as_long_as_it_beats_whatever_it_works_on(now):
     assert timedelta(seconds=2 * BEAT_EVERY_S) < SILENT_AFTER, "one beat may be late"
 
 
-def test_one_that_was_shut_down_is_not_taken_for_dead_and_comes_back(now):
+def test_a_stopped_worker_is_not_lost_and_can_return(now):
     start_worker(name="w@one", queues=["celery"], processes=1, now=now)
     stop_worker(name="w@one", now=now)
     assert states(now + 5 * MINUTE) == {"w@one": "stopped"}
@@ -91,14 +91,14 @@ def test_one_that_was_shut_down_is_not_taken_for_dead_and_comes_back(now):
     assert WorkerNode.objects.get().queues == ["celery", "videos"]
 
 
-def test_rows_of_long_ago_go_away_when_another_worker_comes_up(now):
+def test_a_starting_worker_removes_forgotten_rows(now):
     start_worker(name="old@one", queues=[], processes=1, now=now - FORGOTTEN_AFTER - MINUTE)
     start_worker(name="new@one", queues=[], processes=1, now=now)
     assert states(now) == {"new@one": "alive"}
     assert not beat_worker(name="old@one", now=now), "it has to start again"
 
 
-def test_a_heartbeat_is_one_statement_with_the_database_s_time(django_assert_num_queries):
+def test_a_heartbeat_is_one_statement_with_database_time(django_assert_num_queries):
     start_worker(name="w@one", queues=[], processes=1)
     WorkerNode.objects.update(seen_at=timezone.now() - timedelta(hours=5))
     with django_assert_num_queries(1) as queries:
@@ -111,7 +111,7 @@ def test_a_heartbeat_is_one_statement_with_the_database_s_time(django_assert_num
 # --- the page ------------------------------------------------------------------------------------------------------
 
 
-def test_the_page_says_who_lives_what_each_does_and_how_long_the_queues_are(client, now):
+def test_the_page_shows_live_workers_their_jobs_and_queue_lengths(client, now):
     racer, track = a_racer("alice"), a_track()
     jobs = [queue_evaluation(owner=racer, model=a_model(racer), track=track, rules=RaceRules(), now=now) for _ in "123"]
     Evaluation.objects.filter(pk=jobs[0].pk).update(
@@ -129,7 +129,7 @@ def test_the_page_says_who_lives_what_each_does_and_how_long_the_queues_are(clie
     assert TrainingJob.objects.get(pk=training.pk).state == JobState.QUEUED
 
 
-def test_failures_of_the_last_hour_are_counted_by_reason(client, now):
+def test_recent_failures_are_counted_by_reason(client, now):
     racer, track = a_racer(), a_track()
     jobs = [
         queue_evaluation(owner=racer, model=a_model(racer), track=track, rules=RaceRules(), now=now) for _ in "1234"
@@ -153,7 +153,7 @@ def proof(equal: int, **more) -> dict:
     return {**Proof("paddock-v9", 3, equal, tuple(differ), "why").to_dict(), **more}
 
 
-def test_a_worker_whose_golden_runs_differ_is_shown_to_refuse_work_and_which_they_are(client, now):
+def test_a_worker_whose_golden_runs_differ_is_shown_as_refusing(client, now):
     for name, given in {"good": proof(3), "bad": proof(1), "let": proof(2, allowed=True), "new": {}}.items():
         start_worker(name=f"{name}@one", queues=["celery"], processes=1)
         WorkerNode.objects.filter(name=f"{name}@one").update(proof=given)
@@ -167,14 +167,14 @@ def test_a_worker_whose_golden_runs_differ_is_shown_to_refuse_work_and_which_the
     assert queue.listening == 3, "one that refuses serves nobody"
 
 
-def test_a_worker_whose_sandbox_is_not_good_enough_is_shown_to_refuse_work(client):
+def test_a_worker_with_a_weak_sandbox_is_shown_as_refusing(client):
     start_worker(name="w@one", queues=["celery"], processes=1)
     WorkerNode.objects.update(sandbox={"level": 1, "name": "partial", "sufficient": False})
     assert "takes no work" in row(client.get("/workers/").content.decode(), "w@one")
     assert "1 (partial) not enough" in row(client.get("/workers/").content.decode(), "w@one")
 
 
-def test_a_worker_without_the_full_wall_says_what_is_missing_and_why(client):
+def test_a_worker_without_a_full_sandbox_says_what_is_missing(client):
     start_worker(name="w@one", queues=["celery"], processes=1)
     layers = [
         {"name": "lock", "available": True, "detail": "closed from inside"},
@@ -185,7 +185,7 @@ def test_a_worker_without_the_full_wall_says_what_is_missing_and_why(client):
     assert "namespaces: bwrap: Creating new namespace failed" in shown and "closed from inside" not in shown
 
 
-def test_the_page_costs_the_same_for_many_workers(client, now, django_assert_max_num_queries):
+def test_many_workers_need_no_more_queries(client, now, django_assert_max_num_queries):
     for number in range(30):
         start_worker(name=f"w@{number}", queues=["celery"], processes=1)
     with django_assert_max_num_queries(26):
@@ -213,7 +213,7 @@ def failures(now) -> dict[str, list[Evaluation]]:
     return {"ours": ours, "slow": [free[1]], "old": [free[2]]}
 
 
-def test_a_filtered_set_of_failed_runs_is_run_again_and_nothing_else(client, failures):
+def test_only_the_filtered_failed_runs_are_retried(client, failures):
     path = "/workers/evaluations/failed/"
     html = client.get(f"{path}?reason=internal_error&hours=1").content.decode()
     assert "3 failed runs" in html and all(one.public_id in html for one in failures["ours"])
@@ -235,7 +235,7 @@ def test_a_filtered_set_of_failed_runs_is_run_again_and_nothing_else(client, fai
     assert "Nothing was left to run again." in again and Evaluation.objects.filter(state=State.QUEUED).count() == 3
 
 
-def test_what_cannot_be_run_again_says_why_and_keeps_nobody_back(client, failures):
+def test_a_run_that_cannot_be_retried_does_not_block_others(client, failures):
     entry = Entry.objects.order_by("pk").first()
     other = a_model(entry.racer)
     submit_model(race=entry.race, racer=entry.racer, model=other, now=timezone.now())
@@ -243,7 +243,7 @@ def test_what_cannot_be_run_again_says_why_and_keeps_nobody_back(client, failure
     assert "3 runs are queued again." in html and "1 stays as it is:" in html
 
 
-def test_a_training_that_left_nothing_begins_anew(client, now):
+def test_a_training_without_checkpoints_starts_over(client, now):
     job = a_training(a_racer(), a_track(), now)
     mine = TrainingJob.objects.filter(pk=job.pk)
     mine.update(state="failed", reason_code="training_gave_up", ended_because="failed", ended_at=now, attempt=3)
@@ -254,7 +254,7 @@ def test_a_training_that_left_nothing_begins_anew(client, now):
     assert (job.state, job.attempt, job.reason_code, job.ended_because, job.ended_at) == ("queued", 0, "", "", None)
 
 
-def test_a_video_is_drawn_again(client, now):
+def test_a_failed_video_is_retried(client, now):
     run = a_driven_run(a_race(timezone.now()), a_racer(), timezone.now())
     video = Video.objects.create(
         evaluation=run, language="en", state=VideoState.FAILED, reason_code="video_stopped", ended_at=now
@@ -264,7 +264,7 @@ def test_a_video_is_drawn_again(client, now):
     assert (video.state, video.reason_code, video.ended_at) == (VideoState.WAITING, "", None)
 
 
-def test_only_who_may_change_evaluations_runs_anything_again(failures):
+def test_retrying_needs_the_permission_to_change_evaluations(failures):
     client = Client()
     client.force_login(a_racer("helper", is_staff=True), backend="django.contrib.auth.backends.ModelBackend")
     assert client.get("/workers/").status_code == 403

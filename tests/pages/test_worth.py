@@ -45,7 +45,7 @@ def said(submission: Submission, reader: Racer | None = None) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", strip[0])).split()) if strip else ""
 
 
-def test_a_race_by_average_shows_the_average_and_not_the_best_lap(now):
+def test_a_race_by_average_shows_the_average_not_the_best_lap(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, a_racer("bob"), laps(11_000, 11_000, 11_000), now)
     drive(race, a_racer("carol"), laps(11_500, 11_500, 11_500), now)
@@ -57,7 +57,7 @@ def test_a_race_by_average_shows_the_average_and_not_the_best_lap(now):
     )
 
 
-def test_a_worse_car_says_so_and_leads_to_the_one_that_counts(now):
+def test_a_worse_run_links_to_the_one_that_counts(now):
     race, alice = a_race(now, ranking_method="total"), a_racer("alice")
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
     text = said(drive(race, alice, laps(12_100, 12_100, 12_100), now), alice)
@@ -67,7 +67,7 @@ def test_a_worse_car_says_so_and_leads_to_the_one_that_counts(now):
     )
 
 
-def test_a_car_that_is_not_classified_says_what_it_lacks(now):
+def test_an_unclassified_run_says_what_it_lacks(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, a_racer("bob"), laps(11_000, 11_000, 11_000), now)
     text = said(drive(race, alice, [lap(1), lap(2, complete=False, percentage=40)], now), alice)
@@ -76,7 +76,7 @@ def test_a_car_that_is_not_classified_says_what_it_lacks(now):
     )
 
 
-def test_strangers_and_guests_are_not_told_what_was_driven_before(now):
+def test_strangers_and_guests_do_not_see_earlier_results(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, alice, laps(13_000, 13_000, 13_000), now)
     best = drive(race, alice, laps(12_000, 12_000, 12_000), now)
@@ -85,7 +85,7 @@ def test_strangers_and_guests_are_not_told_what_was_driven_before(now):
         assert "Place 1 of 1" in text and "before" not in text and "first result" not in text
 
 
-def test_who_organises_reads_no_words_that_are_meant_for_the_racer(now):
+def test_the_organiser_does_not_see_words_meant_for_the_racer(now):
     organiser, alice = a_racer("organiser"), a_racer("alice")
     race = a_race(now, organiser=organiser)
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
@@ -94,7 +94,7 @@ def test_who_organises_reads_no_words_that_are_meant_for_the_racer(now):
     assert "Submission 1 counts: 0:12.000." in text and "before" not in text
 
 
-def test_who_has_left_is_told_so(now):
+def test_a_racer_who_left_is_told_so(now):
     race, alice = a_race(now), a_racer("alice")
     submission = drive(race, alice, laps(12_000, 12_000, 12_000), now)
     withdraw(entry=submission.entry, now=now)
@@ -111,14 +111,14 @@ def test_a_house_car_is_outside_the_ranking(now):
 @pytest.mark.parametrize(
     ("place", "words"), [(1, "Would be promoted, 1 place clear"), (4, "2 places short of promotion")]
 )
-def test_a_round_says_how_far_it_is_to_the_line(now, place, words):
+def test_a_run_in_a_round_says_how_far_the_line_is(now, place, words):
     race = a_race(now, kind="league", division="open")
     Round.objects.create(season=a_season(promotion_percent=40), number=1, stage="open-qualifier", race=race)
     driven = [drive(race, a_racer(), laps(*[10_000 + n] * 3), now) for n in range(5)]
     assert words in said(driven[place - 1])
 
 
-def test_a_run_of_duels_shows_the_heat_before_the_race(now):
+def test_a_heat_shows_its_own_result_before_the_race(now):
     race = drawn(now - timedelta(days=1), 3)
     end_all(race, now)
     duel = race.duels.get(round=1, number=1)
@@ -132,7 +132,7 @@ def test_a_run_of_duels_shows_the_heat_before_the_race(now):
     assert words.startswith(began)
 
 
-def test_a_qualifying_says_that_it_is_one_once_points_decide(now):
+def test_a_qualifying_run_says_so_once_points_decide(now):
     race = drawn(now - timedelta(days=1), 3)
     end_all(race, now)
     entry = Entry.objects.get(race=race, seed=2)
@@ -141,7 +141,7 @@ def test_a_qualifying_says_that_it_is_one_once_points_decide(now):
     assert "Place in the race 2 of 3 Points 2 To the leader 2 points car-1" in text
 
 
-def test_a_test_drive_has_no_place_and_shows_its_best_lap(now):
+def test_a_test_drive_shows_its_best_lap_and_no_place(now):
     alice = a_racer("alice")
     submission = drive(a_race(now), alice, laps(12_000, 12_100, 12_200), now)
     evaluation = submission.evaluation
@@ -153,7 +153,7 @@ def test_a_test_drive_has_no_place_and_shows_its_best_lap(now):
     assert 'class="card worth"' not in page and '<p class="big-time">0:12.000</p>' in page
 
 
-def test_the_page_of_a_league_run_that_does_not_count_needs_few_queries(world: World, now):
+def test_a_league_run_that_does_not_count_needs_few_queries(world: World, now):
     Round.objects.create(season=a_season(), number=1, stage="open-qualifier", race=world.race)
     type(world.race).objects.filter(pk=world.race.pk).update(kind="league", division="open")
     for number in range(3):
