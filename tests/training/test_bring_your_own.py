@@ -57,20 +57,20 @@ def evaluated(package: Path, *options: str) -> dict:
     return json.loads(printed.getvalue())
 
 
-def test_the_example_tells_how_it_goes_and_what_it_packed(made):
+def test_the_example_prints_its_progress_and_what_it_packed(made):
     package, said = made
     assert "2000 steps" in said
     assert said.rstrip().endswith(f"packed: {package}")
 
 
-def test_the_site_drives_the_examples_package_as_the_example_did(made, example):
+def test_the_site_drives_the_package_as_the_example_did(made, example):
     package, _ = made
     own = example.drive(package, laps=1, track="oval")["laps"]
     site = evaluated(package, "--laps", "1", "--max-resets", "20", "--time-limit", "180")["metrics"]
     assert [lap["elapsed_time_in_milliseconds"] for lap in site] == [lap["time_ms"] for lap in own]
 
 
-def test_what_races_is_what_was_trained(example, tmp_path):
+def test_the_exported_network_scores_as_the_trained_policy(example, tmp_path):
     """The exported network scores a frame as the policy scores the pooled one, but for the rounding of the pooling."""
     import onnxruntime
     import torch
@@ -90,7 +90,7 @@ def test_what_races_is_what_was_trained(example, tmp_path):
         np.testing.assert_allclose(raced[0] - raced[0].mean(), scores - scores.mean(), atol=0.05)
 
 
-def test_an_episode_that_ends_shows_its_own_last_picture_and_counts_its_reward(example):
+def test_the_last_step_of_an_episode_keeps_picture_and_reward(example):
     cars = example.Cars(2, 1, track="oval", metadata=example.METADATA, start="random", max_simulated_ms=1000)
     cars.reset()
     for _ in range(15):
@@ -103,7 +103,7 @@ def test_an_episode_that_ends_shows_its_own_last_picture_and_counts_its_reward(e
     cars.close()
 
 
-def test_the_example_trains_by_the_reward_function_that_it_shows(example):
+def test_the_example_trains_with_the_reward_function_it_shows(example):
     cars = example.Cars(1, 1, track="oval", metadata=example.METADATA, reward_function=lambda params: 7.0)
     cars.reset()
     assert cars.step(np.array([2]))[1].tolist() == [7.0]
@@ -116,7 +116,7 @@ def notebook() -> dict:
     return json.loads(NOTEBOOK.read_text())
 
 
-def test_the_notebooks_code_runs_and_makes_a_package(notebook, tmp_path, monkeypatch):
+def test_the_notebook_runs_and_makes_a_package(notebook, tmp_path, monkeypatch):
     import matplotlib
 
     matplotlib.use("Agg")
@@ -131,7 +131,7 @@ def test_the_notebooks_code_runs_and_makes_a_package(notebook, tmp_path, monkeyp
     assert evaluated(tmp_path / "car.zip", "--laps", "1", "--time-limit", "30")["complete_laps"] in (0, 1)
 
 
-def test_the_notebook_was_run_through_from_top_to_bottom_and_names_no_machine(notebook):
+def test_the_saved_notebook_ran_in_order_and_names_no_machine(notebook):
     code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
     assert any("image/png" in output.get("data", {}) for cell in code for output in cell["outputs"])

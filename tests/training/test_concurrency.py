@@ -30,7 +30,7 @@ def codes(answers: list[object], kind: type) -> list[str]:
     return sorted(str(answer) for answer in answers if not isinstance(answer, kind))
 
 
-def test_six_tabs_send_the_same_training_and_it_is_made_once(oval, now, settings):
+def test_a_training_sent_by_six_tabs_is_made_once(oval, now, settings):
     settings.TRAININGS_AT_ONCE = TABS
     racer = a_racer()
     answers = at_once([lambda: a_training(racer, oval, now)] * TABS)
@@ -38,7 +38,7 @@ def test_six_tabs_send_the_same_training_and_it_is_made_once(oval, now, settings
     assert TrainingJob.objects.count() == 1
 
 
-def test_no_more_at_once_than_allowed_from_however_many_tabs(oval, now, settings):
+def test_many_tabs_cannot_exceed_the_limit_of_trainings(oval, now, settings):
     settings.TRAININGS_AT_ONCE = 2
     racer = a_racer()
     answers = at_once([lambda n=n: a_training(racer, oval, now, name=f"tab-{n}") for n in range(TABS)])
@@ -46,14 +46,14 @@ def test_no_more_at_once_than_allowed_from_however_many_tabs(oval, now, settings
     assert TrainingJob.objects.count() == 2
 
 
-def test_the_minutes_of_a_month_are_given_out_once(oval, now, settings):
+def test_minutes_of_a_month_are_given_out_once(oval, now, settings):
     settings.TRAININGS_AT_ONCE, settings.TRAINING_MINUTES_A_MONTH = TABS, 25
     racer = a_racer()
     answers = at_once([lambda n=n: a_training(racer, oval, now, name=f"tab-{n}") for n in range(TABS)])
     assert codes(answers, TrainingJob) == ["training_minutes_left"] * (TABS - 2), answers
 
 
-def test_six_workers_take_two_trainings_once_each(oval, now):
+def test_six_workers_claim_two_trainings_once_each(oval, now):
     for _ in range(2):
         a_training(a_racer(), oval, now)
     answers = at_once([lambda n=n: TRAININGS.claim(worker=f"w{n}", now=now) for n in range(TABS)])
@@ -62,7 +62,7 @@ def test_six_workers_take_two_trainings_once_each(oval, now):
     assert answers.count(None) == TABS - 2, answers
 
 
-def test_it_is_stopped_before_it_begins_or_told_to_stop_and_never_both(oval, now):
+def test_a_stop_comes_before_the_start_or_after_it_never_both(oval, now):
     for _ in range(4):
         job = a_training(a_racer(), oval, now)
         stopped, claimed = at_once(
@@ -77,7 +77,7 @@ def test_it_is_stopped_before_it_begins_or_told_to_stop_and_never_both(oval, now
             TrainingJob.objects.filter(pk=job.pk).delete()
 
 
-def test_one_end_is_written_of_all_that_come_at_once(oval, now):
+def test_only_one_of_several_simultaneous_ends_is_written(oval, now):
     job = a_training(a_racer(), oval, now)
     held = TRAININGS.claim(worker="w", now=now)
     late = held.leased_until + timedelta(seconds=1)
@@ -96,7 +96,7 @@ def test_one_end_is_written_of_all_that_come_at_once(oval, now):
     assert (job.state == JobState.FAILED) == (ended is True)
 
 
-def test_a_worker_that_lost_its_lease_writes_nothing_beside_the_next_one(oval, now):
+def test_a_worker_without_its_lease_writes_nothing(oval, now):
     a_training(a_racer(), oval, now)
     first = TRAININGS.claim(worker="first", now=now)
     TRAININGS.sweep(now=first.leased_until + timedelta(seconds=1))
@@ -115,7 +115,7 @@ def test_a_worker_that_lost_its_lease_writes_nothing_beside_the_next_one(oval, n
     assert Checkpoint.objects.count() == 2
 
 
-def test_six_tabs_save_the_same_vehicle_and_one_does(now):
+def test_of_six_tabs_saving_a_vehicle_one_succeeds(now):
     racer = a_racer()
     answers = at_once([lambda: save_vehicle(owner=racer, name="Owl")] * TABS)
     assert codes(answers, Vehicle) == ["vehicle_name_taken"] * (TABS - 1), answers
@@ -124,5 +124,5 @@ def test_six_tabs_save_the_same_vehicle_and_one_does(now):
 @pytest.mark.postgres
 @pytest.mark.soak
 @pytest.mark.django_db(transaction=False)
-def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
+def test_these_tests_pass_on_postgresql_too(again_on_postgresql):
     again_on_postgresql(*(f"tests/training/test_{name}.py" for name in ("concurrency", "leases", "create", "removal")))

@@ -42,25 +42,25 @@ def parts_of(layout: Layout, described: dict) -> list[UploadPart]:
     ]
 
 
-class TestBuilds:
+class TestNetworkBuilds:
     @pytest.mark.parametrize("build", [OURS, CONSOLE])
-    def test_are_told_by_the_number_of_weights(self, build):
+    def test_the_number_of_weights_tells_the_build(self, build):
         assert build_of(metadata(), Layout.of(metadata(), build).parameters) == build
 
-    def test_another_number_of_weights_is_no_build_of_ours(self):
+    def test_an_unknown_number_of_weights_is_no_known_build(self):
         assert build_of(metadata(), Layout.of(metadata()).parameters + 1) is None
 
-    def test_the_consoles_deeper_networks_are_not_known(self):
+    def test_deeper_console_networks_are_not_known(self):
         assert build_of(metadata(network=MIDDLE), 1_000_000) is None
         with pytest.raises(LookupError):
             Layout.of(metadata(network=MIDDLE), CONSOLE)
 
-    def test_nor_are_its_networks_with_a_lidar(self):
+    def test_console_networks_with_a_lidar_are_not_known(self):
         with pytest.raises(LookupError):
             Layout.of(metadata(["FRONT_FACING_CAMERA", "LIDAR"]), CONSOLE)
 
     @pytest.mark.parametrize("sensors", [["FRONT_FACING_CAMERA"], ["STEREO_CAMERAS"]], ids="+".join)
-    def test_the_consoles_network_passes_the_gate_and_comes_back_the_same(self, sensors, tmp_path):
+    def test_a_console_network_comes_back_from_the_gate_unchanged(self, sensors, tmp_path):
         described = metadata(sensors)
         layout = Layout.of(described, CONSOLE)
         admitted = admit(parts_of(layout, described), slots_directory=tmp_path)
@@ -69,13 +69,13 @@ class TestBuilds:
         for name, array in weights_for(layout).items():
             np.testing.assert_allclose(again[name], array, rtol=1e-5, atol=1e-8, err_msg=name)
 
-    def test_a_network_of_the_console_is_not_taken_for_ours_nor_the_other_way_round(self):
+    def test_a_console_network_is_told_apart_from_ours(self):
         ours, console = Layout.of(metadata()), Layout.of(metadata(), CONSOLE)
         for written, read in ((ours, console), (console, ours)):
             with pytest.raises(ValueError):
                 from_onnx(read, to_onnx(written, weights_for(written), squash=False))
 
-    def test_a_convolution_with_other_strides_is_another_network(self):
+    def test_other_strides_make_another_network(self):
         import onnx
 
         layout = Layout.of(metadata(), CONSOLE)
@@ -85,7 +85,7 @@ class TestBuilds:
         with pytest.raises(ValueError):
             from_onnx(layout, model.SerializeToString())
 
-    def test_rows_are_bytes_pixel_by_pixel(self):
+    def test_an_observation_row_holds_bytes_pixel_by_pixel(self):
         layout = Layout.of(metadata(["STEREO_CAMERAS"]), CONSOLE)
         readings = readings_for(layout, 2)
         rows = look(list(layout.senses), readings)
@@ -95,11 +95,11 @@ class TestBuilds:
 
 @needs_shared
 class TestTheRealCar:
-    def test_is_of_the_consoles_build(self):
+    def test_it_has_the_consoles_build(self):
         car = console_car()
         assert build_of(car.metadata.to_dict(), car.parameters) == CONSOLE
 
-    def test_answers_the_same_with_the_weights_that_are_learned_on(self):
+    def test_it_answers_the_same_with_the_imported_weights(self):
         torch = pytest.importorskip("torch", reason="training is not installed: make training")
         from training.trainer.warm import make_torso
 
@@ -123,7 +123,7 @@ class TestTheRealCar:
 
     @pytest.mark.django_db
     @pytest.mark.usefixtures("training_bell")
-    def test_is_taken_on_as_a_clone_also_by_another_racer_it_is_shared_with(self, alice, bob, oval, now, settings):
+    def test_its_owner_and_others_it_is_shared_with_may_clone_it(self, alice, bob, oval, now, settings):
         settings.TRAININGS_AT_ONCE = 2
         with CONSOLE_CAR.open("rb") as file:
             model = upload_model(owner=alice, files=[UploadPart(CONSOLE_CAR.name, file)], now=now).model
@@ -140,7 +140,7 @@ class TestTheRealCar:
 
     @pytest.mark.slow
     @pytest.mark.xdist_group("training")
-    def test_is_really_trained_on_and_its_clone_is_a_car_of_the_same_build(self, tmp_path):
+    def test_its_trained_clone_has_the_same_build(self, tmp_path):
         """It laps the oval after a short update, as it did before: the weights were taken over and not lost."""
         pytest.importorskip("torch", reason="training is not installed: make training")
         from training.trainer.client import WEIGHTS, Iteration, Listener, train

@@ -26,7 +26,7 @@ def refusal(*arguments, **changes) -> PaddockError:
     return refused.value
 
 
-def test_a_training_with_the_defaults_waits_and_rings(
+def test_a_training_with_the_defaults_waits_and_sends_a_wake_up(
     alice, oval, now, training_bell, django_capture_on_commit_callbacks
 ):
     with django_capture_on_commit_callbacks(execute=True):
@@ -91,11 +91,11 @@ def test_a_training_with_the_defaults_waits_and_rings(
         ({"race_type": "object_avoidance", "boxes": [{"fraction": 0.0, "lane": "inner"}]}, "box_on_start_line"),
     ],
 )
-def test_what_is_refused(alice, oval, now, changes, code):
+def test_invalid_settings_are_refused(alice, oval, now, changes, code):
     assert refusal(alice, oval, now, **changes).code == code
 
 
-def test_the_ranges_themselves_are_allowed(alice, oval, now, settings):
+def test_values_at_the_bounds_are_allowed(alice, oval, now, settings):
     settings.TRAININGS_AT_ONCE = 3
     low = {"batch_size": 32, "num_epochs": 3, "lr": 1e-8, "beta_entropy": 0, "discount_factor": 0}
     high = {"batch_size": 512, "num_epochs": 10, "lr": 1e-3, "beta_entropy": 1, "discount_factor": 1}
@@ -103,7 +103,7 @@ def test_the_ranges_themselves_are_allowed(alice, oval, now, settings):
     a_training(alice, oval, now, name="high", hyperparameters=high | {"num_episodes_between_training": 100})
 
 
-def test_a_name_is_taken_by_a_model_or_by_a_training_that_runs(alice, bob, oval, now):
+def test_models_and_running_trainings_hold_their_names(alice, bob, oval, now):
     model_row(alice, name="bolt")
     assert refusal(alice, oval, now, name="bolt").code == "training_name_taken"
     a_training(alice, oval, now, name="before")
@@ -111,13 +111,13 @@ def test_a_name_is_taken_by_a_model_or_by_a_training_that_runs(alice, bob, oval,
     a_training(bob, oval, now, name="bolt")  # another's garage
 
 
-def test_a_full_garage_is_said_before_anything_is_trained(alice, oval, now, settings):
+def test_a_full_garage_is_refused_before_training(alice, oval, now, settings):
     settings.MODELS_PER_RACER = 1
     model_row(alice)
     assert refusal(alice, oval, now).code == "garage_full"
 
 
-def test_no_more_at_once_than_allowed(alice, bob, oval, now, settings):
+def test_trainings_at_once_are_limited(alice, bob, oval, now, settings):
     settings.TRAININGS_AT_ONCE = 1
     job = a_training(alice, oval, now, name="before")
     assert refusal(alice, oval, now).code == "training_jobs_at_once"
@@ -126,7 +126,7 @@ def test_no_more_at_once_than_allowed(alice, bob, oval, now, settings):
     a_training(alice, oval, now)
 
 
-def test_minutes_of_the_month_are_used_up_by_what_ran_and_what_may_run(alice, oval, now, settings):
+def test_past_and_pending_trainings_use_up_the_months_minutes(alice, oval, now, settings):
     settings.TRAINING_MINUTES_A_MONTH = 30
     job = a_training(alice, oval, now, name="before", stop_minutes=20)
     fault = refusal(alice, oval, now, stop_minutes=11)
@@ -138,7 +138,7 @@ def test_minutes_of_the_month_are_used_up_by_what_ran_and_what_may_run(alice, ov
     assert minutes_left(alice, now + timedelta(days=31)) == 30.0
 
 
-def test_our_own_faults_cost_no_minutes(alice, oval, now):
+def test_faults_of_the_platform_cost_no_minutes(alice, oval, now):
     job = a_training(alice, oval, now)
     TrainingJob.objects.filter(pk=job.pk).update(
         state=JobState.FAILED, ended_because="failed", ended_at=now, charged_s=600.0, reason_code="training_gave_up"
@@ -148,24 +148,24 @@ def test_our_own_faults_cost_no_minutes(alice, oval, now):
     assert minutes_used(alice, now) == 10.0
 
 
-def test_a_site_without_training_says_what_an_operator_types(alice, oval, now, settings):
+def test_a_site_without_training_says_what_to_install(alice, oval, now, settings):
     settings.TRAINING = False
     fault = refusal(alice, oval, now)
     assert fault.code == "training_unavailable"
     assert "make training" in str(fault)
 
 
-def test_a_stopped_queue_is_said(alice, oval, now, settings):
+def test_a_paused_queue_refuses_a_training(alice, oval, now, settings):
     settings.TRAINING_PAUSED = True
     assert refusal(alice, oval, now).code == "training_paused"
 
 
-def test_somebody_elses_vehicle(alice, bob, oval, now):
+def test_somebody_elses_vehicle_is_refused(alice, bob, oval, now):
     vehicle = Vehicle.objects.create(owner=bob, name="Bob's")
     assert refusal(alice, oval, now, vehicle=vehicle).code == "vehicle_not_yours"
 
 
-def test_a_race_that_would_not_take_the_model_is_said_at_the_form(alice, oval, now, monkeypatch):
+def test_a_race_that_would_refuse_the_model_is_refused_at_once(alice, oval, now, monkeypatch):
     closed = a_race(now, opens_at=now - timedelta(days=3), closes_at=now)
     assert refusal(alice, oval, now, submit_to_race=closed).code == "race_closed"
     stereo = a_race(now, sensors=["STEREO_CAMERAS"])
@@ -179,7 +179,7 @@ def test_a_race_that_would_not_take_the_model_is_said_at_the_form(alice, oval, n
     assert refusal(alice, oval, now, submit_to_race=a_race(now)).code == "race_needs_invitation"
 
 
-def test_a_vehicle_is_copied_into_the_training(alice, oval, now):
+def test_a_training_copies_its_vehicle(alice, oval, now):
     vehicle = Vehicle.objects.create(
         owner=alice, name="Two eyes", sensors=["STEREO_CAMERAS", "LIDAR"], shell="kart", colour="#ff0000"
     )
@@ -191,40 +191,40 @@ def test_a_vehicle_is_copied_into_the_training(alice, oval, now):
 
 
 class TestClones:
-    def test_of_another_racers_model(self, alice, bob, oval, now):
+    def test_another_racers_model_is_refused(self, alice, bob, oval, now):
         model = model_row(bob)
         assert refusal(alice, oval, now, clone_from=model).code == "clone_not_yours"
         assert not can_clone_model(alice, model)
         assert model not in clonable_models(alice)
 
-    def test_of_a_house_car_is_allowed(self, alice, bob):
+    def test_a_house_car_may_be_cloned(self, alice, bob):
         model = model_row(bob)
         type(bob).objects.filter(pk=bob.pk).update(is_house=True)
         model.refresh_from_db()
         assert can_clone_model(alice, model)
         assert model in clonable_models(alice)
 
-    def test_with_other_sensors(self, alice, oval, now):
+    def test_other_sensors_are_refused(self, alice, oval, now):
         vehicle = Vehicle.objects.create(owner=alice, name="L", sensors=["FRONT_FACING_CAMERA", "LIDAR"])
         model = model_row(alice)
         assert refusal(alice, oval, now, clone_from=model, vehicle=vehicle).code == "clone_sensors"
 
-    def test_with_another_network(self, alice, oval, now):
+    def test_another_network_is_refused(self, alice, oval, now):
         vehicle = Vehicle.objects.create(owner=alice, name="D", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
         model = model_row(alice)
         assert refusal(alice, oval, now, clone_from=model, vehicle=vehicle).code == "clone_network"
 
-    def test_with_another_number_of_actions(self, alice, oval, now):
+    def test_another_number_of_actions_is_refused(self, alice, oval, now):
         fault = refusal(alice, oval, now, clone_from=model_row(alice))
         assert fault.code == "clone_actions"
         assert fault.params["has"] == "3 discrete"
 
-    def test_of_a_network_that_is_not_built_here(self, alice, oval, now):
+    def test_a_network_not_built_here_is_refused(self, alice, oval, now):
         model = model_row(alice)
         space = [dict(steering_angle=a["steering_angle"], speed=2.0) for a in METADATA["action_space"]]
         assert refusal(alice, oval, now, clone_from=model, action_space=space).code == "clone_not_ours"
 
-    def test_begin_with_the_settings_of_the_training_that_made_the_model(self, alice, oval, now):
+    def test_a_clone_begins_with_the_settings_of_its_models_training(self, alice, oval, now):
         job = a_training(alice, oval, now, hyperparameters={"lr": 1e-4})
         model = model_row(alice)
         TrainingJob.objects.filter(pk=job.pk).update(best_model=model)
@@ -251,7 +251,7 @@ class TestTheDatabase:
             {"reward_code": ""},
         ],
     )
-    def test_refuses_contradictions_too(self, alice, oval, now, changes):
+    def test_a_contradictory_row_is_refused(self, alice, oval, now, changes):
         job = a_training(alice, oval, now)
         with pytest.raises(IntegrityError), transaction.atomic():
             TrainingJob.objects.filter(pk=job.pk).update(**changes)

@@ -34,20 +34,20 @@ def ended(job: TrainingJob, why: str, **more) -> TrainingJob:
         (EndReason.CLEAN_LAPS, {"stop_clean_laps": 1}, "It drove 1 clean lap, as it was to do.", "1바퀴"),
     ],
 )
-def test_its_own_conditions_are_said_with_their_numbers(alice, oval, now, why, asked, says, in_korean):
+def test_a_stop_condition_is_told_with_its_number(alice, oval, now, why, asked, says, in_korean):
     job = ended(a_training(alice, oval, now, **asked), why)
     assert how_it_ended(job, alice) == says
     with translation.override("ko"):
         assert in_korean in how_it_ended(job, alice)
 
 
-def test_while_it_waits_or_runs_there_is_nothing_to_say(alice, oval, now):
+def test_an_unfinished_training_has_no_ending(alice, oval, now):
     job = a_training(alice, oval, now)
     assert how_it_ended(job, alice) == ""
     assert how_it_ended(TRAININGS.claim(worker="w", now=now), alice) == ""
 
 
-def test_who_stopped_it_is_said_to_whoever_reads(alice, bob, oval, now):
+def test_the_ending_says_who_stopped_it(alice, bob, oval, now):
     job = a_training(alice, oval, now)
     stop_training(job=job, by=alice, now=now)
     assert how_it_ended(job, alice) == "You stopped it before it began."
@@ -63,7 +63,7 @@ def test_who_stopped_it_is_said_to_whoever_reads(alice, bob, oval, now):
     assert how_it_ended(ended(job, EndReason.STOPPED, stopped_by=None), alice) == "You stopped it."
 
 
-def test_a_failure_is_said_with_its_reason_and_line(alice, oval, now):
+def test_a_failure_is_told_with_its_reason_and_line(alice, oval, now):
     a_training(alice, oval, now)
     job = TRAININGS.claim(worker="w", now=now)
     fault = UserFault("reward_raised", line=2, error="ZeroDivisionError")
@@ -77,7 +77,7 @@ def test_a_failure_is_said_with_its_reason_and_line(alice, oval, now):
     ("state", "why"),
     [("finished", ""), ("finished", "stopped"), ("stopped", "time"), ("stopped", ""), ("failed", "time")],
 )
-def test_nothing_ends_without_its_reason(alice, oval, now, state, why):
+def test_every_ending_has_a_reason(alice, oval, now, state, why):
     job = a_training(alice, oval, now)
     values = {"state": state, "ended_because": why, "ended_at": now, "steps_done": 1, "reason_code": "reward_stuck"}
     with pytest.raises(IntegrityError, match="training_end_has_reason"), transaction.atomic():

@@ -27,33 +27,33 @@ def opened(parts) -> zipfile.ZipFile:
     return archive
 
 
-class TestTheZip:
+class TestZip:
     TEXT = b"steps,X,Y\n" * 5000
 
-    def test_holds_what_it_was_given(self):
+    def test_it_holds_every_part_it_was_given(self):
         parts = [part_of("a.txt", [b"one ", b"two"]), part_of("차량/empty", []), part_of("b.csv", [self.TEXT])]
         with opened(parts) as archive:
             assert archive.namelist() == ["a.txt", "차량/empty", "b.csv"]
             assert [archive.read(name) for name in archive.namelist()] == [b"one two", b"", self.TEXT]
 
-    def test_takes_a_gzip_over_as_it_is(self):
+    def test_a_gzip_is_copied_without_unpacking(self):
         packed = gzip.compress(self.TEXT)
         part = part_of_gzip("trace.csv", packed)
         assert part.deflated in packed, "it is not packed anew"
         with opened([part]) as archive:
             assert archive.read("trace.csv") == self.TEXT
 
-    def test_unpacks_a_gzip_that_is_written_in_another_way(self):
+    def test_an_unusual_gzip_is_unpacked_first(self):
         file = io.BytesIO()
         with gzip.GzipFile("a name in the head.csv", "wb", fileobj=file) as packed:
             packed.write(self.TEXT)
         with opened([part_of_gzip("trace.csv", file.getvalue())]) as archive:
             assert archive.read("trace.csv") == self.TEXT
 
-    def test_of_nothing_is_an_empty_zip(self):
+    def test_no_parts_make_an_empty_zip(self):
         assert opened([]).namelist() == []
 
-    def test_holds_one_part_at_a_time(self):
+    def test_only_one_part_is_in_memory_at_a_time(self):
         read = []
 
         def parts():
@@ -67,7 +67,7 @@ class TestTheZip:
 
 
 @pytest.mark.django_db
-class TestTheFilesOfATraining:
+class TestTrainingFiles:
     @pytest.fixture
     def job(self, alice, oval, now, training_bell) -> TrainingJob:
         job = a_training(alice, oval, now)
@@ -89,18 +89,18 @@ class TestTheFilesOfATraining:
         job.refresh_from_db()
         return job
 
-    def test_metrics_come_in_pieces_and_are_the_same(self, job):
+    def test_streamed_metrics_equal_the_whole_ones(self, job):
         pieces = list(metrics_json(job))
         assert len(pieces) == 4
         assert json.loads(b"".join(pieces)) == training_metrics(job)
         assert len(training_metrics(job)["metrics"]) == 5
 
-    def test_metrics_of_one_that_has_not_driven_are_none(self, job):
+    def test_a_training_that_never_drove_has_no_metrics(self, job):
         job.iterations.all().delete()
         assert json.loads(b"".join(metrics_json(job))) == training_metrics(job)
         assert training_metrics(job)["metrics"] == []
 
-    def test_the_zip_has_all_of_it_but_what_is_gone(self, job):
+    def test_the_zip_has_every_file_that_still_exists(self, job):
         default_storage.delete(job.iterations.get(number=2).simtrace.name)
         with zipfile.ZipFile(io.BytesIO(b"".join(logs_zip(job)))) as archive:
             assert archive.testzip() is None
@@ -111,7 +111,7 @@ class TestTheFilesOfATraining:
             assert [name[-15:] for name in traces] == ["0-iteration.csv", "2-iteration.csv"]
             assert archive.read(traces[1]) == b"3\n"
 
-    def test_the_communitys_reader_takes_the_metrics(self, job, tmp_path, monkeypatch):
+    def test_deepracer_utils_reads_the_metrics(self, job, tmp_path, monkeypatch):
         """deepracer-utils, TrainingMetrics: it looks for AWS's shop first, which nothing is asked of."""
         monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
         path = tmp_path / "training-metrics.json"
@@ -133,7 +133,7 @@ class TestTheFilesOfATraining:
             archive.extractall(tmp_path)
         return tmp_path
 
-    def test_the_communitys_reader_loads_the_unpacked_folder_as_the_consoles(self, job, unpacked):
+    def test_deepracer_utils_reads_the_unpacked_folder(self, job, unpacked):
         log = community().DeepRacerLog(str(unpacked))
         log.load()
         # the first cells of the community's notebook Training_analysis
@@ -152,14 +152,14 @@ class TestTheFilesOfATraining:
         assert table["steps"].tolist() == [6] * 12
         community().AnalysisUtils.analyze_training_progress(table, title="Training progress")
 
-    def test_its_traces_alone_are_read_as_well(self, job, unpacked):
+    def test_deepracer_utils_reads_the_traces_alone(self, job, unpacked):
         log = community().DeepRacerLog(str(unpacked))
         log.load_training_trace()
         assert sorted(log.dataframe()["iteration"].unique()) == [0, 1, 2]
         assert log.hyperparameters() == job.hyperparameters
         assert log.agent_and_network()["sensor_list"] == job.sensors
 
-    def test_a_continuous_car_and_a_log_without_its_last_line_end_are_read(self, job, unpacked, tmp_path):
+    def test_deepracer_utils_reads_a_continuous_car_and_a_cut_log(self, job, unpacked, tmp_path):
         ranges = {"steering_angle": {"low": -30.0, "high": 30.0}, "speed": {"low": 0.5, "high": 2.0}}
         TrainingJob.objects.filter(pk=job.pk).update(
             action_space_type="continuous", action_space=ranges, log="cut off in the mid"

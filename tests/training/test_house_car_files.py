@@ -30,13 +30,13 @@ def admitted(name: str) -> AdmittedPackage:
     return admit([UploadPart(part, io.BytesIO(file.read_bytes())) for part, file in files.items()])
 
 
-def test_every_recipe_has_a_committed_car_and_there_are_at_least_three() -> None:
+def test_each_of_at_least_three_recipes_has_its_car() -> None:
     assert set(NAMES) == set(RECIPES)
     assert len(NAMES) >= 3
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_json_is_a_valid_model_metadata_that_agrees_with_the_recipe(name: str) -> None:
+def test_a_cars_metadata_is_valid_and_agrees_with_its_recipe(name: str) -> None:
     data = (FOLDER / f"{name}.json").read_bytes()
 
     metadata = parse_metadata(data)
@@ -48,13 +48,13 @@ def test_the_json_is_a_valid_model_metadata_that_agrees_with_the_recipe(name: st
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_was_measured_on_this_engine(name: str) -> None:
+def test_each_car_was_measured_on_this_engine(name: str) -> None:
     """Retrain or measure again (``python -m training.house_cars --measure``) when the engine's number changes."""
     assert content(name)[KEY]["measured_on"]["engine"] == ENGINE_ID
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_is_small_and_passes_the_gate(name: str) -> None:
+def test_each_car_is_small_and_passes_the_gate(name: str) -> None:
     onnx = (FOLDER / f"{name}.onnx").read_bytes()
     assert len(onnx) <= 1_000_000
 
@@ -65,7 +65,7 @@ def test_it_is_small_and_passes_the_gate(name: str) -> None:
 
 @pytest.mark.parametrize("slug", ["oval", "baja-turnpike"])
 @pytest.mark.parametrize("name", NAMES)
-def test_it_drives_three_laps_to_the_millisecond_as_its_record_says(name: str, slug: str) -> None:
+def test_each_car_repeats_its_recorded_laps_to_the_millisecond(name: str, slug: str) -> None:
     package = admitted(name)
 
     outcome = evaluate(RaceJob(TRACKS[slug].geometry(), RaceRules(laps=LAPS), package.onnx, package.metadata.to_dict()))
@@ -77,7 +77,7 @@ def test_it_drives_three_laps_to_the_millisecond_as_its_record_says(name: str, s
     assert sum(lap["resets"] for lap in outcome.laps) == recorded["resets"]
 
 
-def test_the_record_shows_that_they_drive_every_catalogue_track() -> None:
+def test_the_record_covers_every_catalogue_track() -> None:
     for name in NAMES:
         measured = content(name)[KEY]["measured"]
         assert set(measured) == set(TRACKS)

@@ -52,7 +52,7 @@ def test_a_pooled_pixel_is_the_mean_of_sixteen() -> None:
     assert small.sum() == pytest.approx(1.0 + 10 / 255)
 
 
-def test_full_speed_along_the_middle_earns_one_and_the_first_step_nothing() -> None:
+def test_full_speed_on_the_centre_line_earns_one() -> None:
     reward = Forward(STEADY, top_speed(STEADY))
     step = top_speed(STEADY) / 15
 
@@ -60,14 +60,14 @@ def test_full_speed_along_the_middle_earns_one_and_the_first_step_nothing() -> N
     assert reward(params(projection_distance=10.0 + step)) == pytest.approx(1.0)
 
 
-def test_the_finish_line_costs_nothing() -> None:
+def test_crossing_the_finish_line_costs_nothing() -> None:
     reward = Forward(STEADY, 1.5)
     reward(params(projection_distance=39.95))
 
     assert reward(params(projection_distance=0.05)) == pytest.approx(1.0)
 
 
-def test_driving_back_costs_and_the_edge_earns_less() -> None:
+def test_reversing_costs_and_the_edge_earns_less() -> None:
     reward = Forward(BRISK, 1.5)
     reward(params())
 
@@ -82,7 +82,7 @@ def test_leaving_the_track_earns_nothing() -> None:
     assert reward(params(projection_distance=10.1, is_offtrack=True)) == 0.0
 
 
-def test_the_light_changes_between_episodes_and_repeats_with_the_seed() -> None:
+def test_light_varies_by_episode_and_repeats_with_the_seed() -> None:
     env = make_course(STEADY, "oval", "ccw")()
     try:
         assert isinstance(env, Daylight)
@@ -97,14 +97,14 @@ def test_the_light_changes_between_episodes_and_repeats_with_the_seed() -> None:
     assert env.observation_space.contains(first)
 
 
-def test_a_clean_course_is_worth_more_than_any_speed() -> None:
+def test_a_clean_lap_past_boxes_is_worth_more_than_speed() -> None:
     assert Score(clean=2, speed=0.5, distance=0.4).key > Score(clean=1, speed=3.0, distance=0.9).key
     assert Score(clean=2, speed=0.6, distance=0.4).key > Score(clean=2, speed=0.5, distance=0.9).key
     assert Score(clean=0, speed=0.0, distance=0.6).key > Score(clean=0, speed=0.0, distance=0.4).key
     assert Score(clean=1, speed=0.0, distance=0.1).key > Score(clean=0, speed=0.0, distance=0.99).key
 
 
-def test_an_unknown_car_is_refused_with_the_names_that_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_car_is_refused_with_the_known_names(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["nobody"])
 
@@ -112,7 +112,7 @@ def test_an_unknown_car_is_refused_with_the_names_that_there_are(capsys: pytest.
     assert "no house car is named 'nobody'; there are steady, brisk, flyer" in capsys.readouterr().err
 
 
-def test_the_table_in_the_readme_names_lap_times_and_resets(tmp_path: Path) -> None:
+def test_the_readmes_table_has_lap_times_and_resets(tmp_path: Path) -> None:
     from paddock.geometry.catalogue import CATALOGUE
 
     found = {"complete_laps": 3, "average_lap_ms": 12345, "best_lap_ms": 12000, "off_tracks": 1, "resets": 1}
@@ -132,7 +132,7 @@ def test_the_table_in_the_readme_names_lap_times_and_resets(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("recipe", [STEADY, FLYER], ids=lambda recipe: recipe.name)
-def test_the_exported_network_answers_as_the_one_that_learned(recipe: Recipe) -> None:
+def test_the_exported_network_answers_as_the_trained_one(recipe: Recipe) -> None:
     torch = pytest.importorskip("torch", reason="torch is not installed: pip install 'paddock[training]'")
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
     from stable_baselines3.common.policies import ActorCriticPolicy
@@ -159,7 +159,7 @@ def test_the_exported_network_answers_as_the_one_that_learned(recipe: Recipe) ->
 
 
 @pytest.mark.slow
-def test_a_few_seconds_of_training_write_a_car_with_its_record(tmp_path: Path) -> None:
+def test_a_short_training_writes_a_car_with_its_record(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="torch is not installed: pip install 'paddock[training]'")
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
     from training.house_cars.__main__ import make

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.xdist_group("training")
 
 
 @pytest.mark.parametrize("hurried", [False, True])
-def test_an_update_that_is_cut_short_is_undone(hurried):
+def test_an_interrupted_update_is_undone(hurried):
     from stable_baselines3.common.callbacks import BaseCallback
 
     from paddock.simulator.rewards import follow_centre_line

@@ -55,7 +55,7 @@ def saved(iteration: int) -> SavedState:
     return SavedState(iteration, 100 * iteration, float(iteration), b"state")
 
 
-def test_the_first_that_came_is_the_first_that_runs_and_nobody_runs_it_twice(alice, bob, oval, now):
+def test_trainings_are_claimed_once_in_order_of_arrival(alice, bob, oval, now):
     second = a_training(bob, oval, now + timedelta(seconds=1))
     first = a_training(alice, oval, now)
     assert [place_of(job, now) for job in (first, second)] == [1, 2]
@@ -64,7 +64,7 @@ def test_the_first_that_came_is_the_first_that_runs_and_nobody_runs_it_twice(ali
     assert TRAININGS.claim(worker="c", now=now) is None
 
 
-def test_a_heartbeat_prolongs_the_lease_and_hears_of_a_stop(held, now):
+def test_a_heartbeat_extends_the_lease_and_returns_a_stop(held, now):
     progress = {"steps": 5, "seconds": 2.0}
     assert TRAININGS.beat(pk=held.pk, lease=held.lease, progress=progress, now=now + timedelta(seconds=9))
     before = held.leased_until
@@ -78,7 +78,7 @@ def test_a_heartbeat_prolongs_the_lease_and_hears_of_a_stop(held, now):
     assert heartbeat.look(None) and heartbeat.stop_asked
 
 
-def test_a_storage_that_is_out_keeps_it_waiting_and_counts_no_attempt(held, now):
+def test_a_storage_outage_counts_no_attempt(held, now):
     outage = Outage.objects.create(part="storage", since=now, look_at=now + timedelta(seconds=5))
     TrainingJob.objects.update(attempt=99)
     assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=PlatformFault("storage_failed"), now=now)
@@ -89,7 +89,7 @@ def test_a_storage_that_is_out_keeps_it_waiting_and_counts_no_attempt(held, now)
     assert TRAININGS.claim(worker="w", now=now) == held
 
 
-def test_whoever_lost_the_lease_changes_nothing(held, now):
+def test_a_lost_lease_changes_nothing(held, now):
     other = uuid.uuid4()
     assert not TRAININGS.beat(pk=held.pk, lease=other, progress={"seconds": 99.0}, now=now)
     assert not record_iteration(job=held, lease=other, iteration=an_iteration(1), now=now)
@@ -106,7 +106,7 @@ def test_whoever_lost_the_lease_changes_nothing(held, now):
     )
 
 
-def test_a_lease_that_ran_out_goes_back_to_the_queue_for_as_long_as_it_takes(held, now, settings):
+def test_an_expired_lease_is_requeued_for_as_long_as_it_takes(held, now, settings):
     """Hosts are killed, and that is nobody's fault who trains. It pauses ever longer, an hour at most."""
     settings.EVALUATION_MAX_ATTEMPTS = 2
     assert TRAININGS.sweep(now=held.leased_until).waiting == 0
@@ -123,7 +123,7 @@ def test_a_lease_that_ran_out_goes_back_to_the_queue_for_as_long_as_it_takes(hel
     assert pauses == [0, 4, 16, 64, 256, 1024, 3600, 3600, 3600]
 
 
-def test_a_racers_fault_is_final_at_once(held, now):
+def test_a_racers_fault_is_final(held, now):
     fault = UserFault("reward_raised", line=2, error="ZeroDivisionError")
     assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now)
     held.refresh_from_db()
@@ -131,19 +131,19 @@ def test_a_racers_fault_is_final_at_once(held, now):
     assert "ZeroDivisionError" in held.reason
 
 
-def test_a_worker_that_is_told_to_end_hands_it_back_without_an_attempt(held, now):
+def test_a_worker_told_to_stop_hands_back_without_an_attempt(held, now):
     assert TRAININGS.release(pk=held.pk, lease=held.lease, now=now)
     held.refresh_from_db()
     assert (held.state, held.attempt) == (JobState.QUEUED, 0)
 
 
-class TestAFunctionThatBreaksTheTrainer:
+class TestRewardFunctionBreaksTrainer:
     """From inside of its process a function can bring about what looks like our fault. Not without end, not for
     nothing, and not in our name."""
 
     FAULT = PlatformFault("trainer_error", detail="TypeError: x")
 
-    def test_is_the_racers_fault_in_the_end(self, held, now, settings):
+    def test_repeated_breakdowns_become_the_racers_fault(self, held, now, settings):
         settings.EVALUATION_MAX_ATTEMPTS = 2
         minute = timedelta(minutes=1)
         assert TRAININGS.fail(pk=held.pk, lease=held.lease, fault=self.FAULT, now=now + minute)
@@ -155,7 +155,7 @@ class TestAFunctionThatBreaksTheTrainer:
         assert minutes_used(held.owner, now) == 2.0, "or it would train for nothing"
         assert TRAININGS.claim(worker="w", now=now + 2 * minute) is None
 
-    def test_is_counted_anew_when_it_got_further(self, held, now, settings):
+    def test_progress_starts_the_count_afresh(self, held, now, settings):
         """Attempts are counted by progress, not for life."""
         settings.EVALUATION_MAX_ATTEMPTS = 2
         job = held
@@ -171,7 +171,7 @@ class TestAFunctionThatBreaksTheTrainer:
         assert job.reason_params["attempts"] == 2
 
     @pytest.mark.parametrize("others_pass", [True, False])
-    def test_is_ours_where_the_function_is_ours_and_others_pass(self, alice, bob, oval, now, settings, others_pass):
+    def test_the_default_function_is_given_up_if_others_pass(self, alice, bob, oval, now, settings, others_pass):
         """While nobody's training passes the cause is ours, and nothing is given up."""
         settings.EVALUATION_MAX_ATTEMPTS = 1
         if others_pass:
@@ -199,14 +199,14 @@ class TestAFunctionThatBreaksTheTrainer:
         ],
         ids=lambda fault: fault.code,
     )
-    def test_is_not_to_blame_for_what_comes_from_outside(self, held, now, settings, fault):
+    def test_an_outside_cause_is_not_blamed_on_it(self, held, now, settings, fault):
         settings.EVALUATION_MAX_ATTEMPTS = 1
         TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now)
         held.refresh_from_db()
         assert (held.state, held.reason_code, held.kills, held.failures) == (JobState.QUEUED, "", 0, 1)
 
 
-def test_our_faults_are_written_down_for_operators_only(held, now):
+def test_faults_of_the_platform_are_logged_for_operators_only(held, now):
     fault = PlatformFault("trainer_error", detail="x")
     TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now, detail="Traceback")
     held.refresh_from_db()
@@ -215,7 +215,7 @@ def test_our_faults_are_written_down_for_operators_only(held, now):
     assert held.reason == ""
 
 
-def test_checkpoints_are_kept_in_bounds_with_their_files(held, now):
+def test_old_checkpoints_go_with_their_files(held, now):
     for number in range(1, 6):
         assert keep_checkpoint(job=held, lease=held.lease, saved=saved(number), networks=NETWORKS, now=now)
     assert [one.iteration for one in Checkpoint.objects.all()] == [5, 4]
@@ -232,7 +232,7 @@ def test_checkpoints_are_kept_in_bounds_with_their_files(held, now):
     assert not Checkpoint.objects.exists()
 
 
-def test_a_training_that_goes_on_writes_over_what_came_after_its_checkpoint(held, now):
+def test_a_resumed_training_overwrites_what_followed_its_checkpoint(held, now):
     for number in (1, 2, 3):
         record_iteration(job=held, lease=held.lease, iteration=an_iteration(number, eval_reward=1.0), now=now)
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(2, eval_reward=7.0), now=now)
@@ -240,7 +240,7 @@ def test_a_training_that_goes_on_writes_over_what_came_after_its_checkpoint(held
     assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2
 
 
-def test_one_iteration_is_the_best(held, now):
+def test_only_one_iteration_is_the_best(held, now):
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=now)
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(2), now=now)
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(3, is_best=False), now=now)
@@ -253,14 +253,14 @@ def printing(held, now, kept, last="", more=False) -> str:
     return held.log
 
 
-def test_what_is_printed_stands_line_by_line_in_the_log_and_the_newest_beside_it(held, now):
+def test_prints_go_to_the_log_and_the_newest_beside_it(held, now):
     log = printing(held, now, "one\n\n<b>two</b>\n", "<b>two</b>\n")
     assert log == "".join(f"{now:%Y-%m-%d %H:%M:%S} print: {line}\n" for line in ("one", "", "<b>two</b>"))
     assert held.printed == "<b>two</b>\n"
     assert printing(held, now, "", "three\n") == log and held.printed == "three\n"
 
 
-def test_the_log_keeps_the_first_of_what_a_training_prints_whoever_its_workers_are(held, now):
+def test_the_log_keeps_the_first_prints_across_workers(held, now):
     append_log(job_id=held.pk, line="training starts on w", now=now)
     for _ in range(3):  # each trainer's process begins anew
         log = printing(held, now, "x" * 9_999 + "\n", more=True)
@@ -269,7 +269,7 @@ def test_the_log_keeps_the_first_of_what_a_training_prints_whoever_its_workers_a
     assert len(kept) == 2, "nothing comes after that"
 
 
-def test_the_log_is_cut_where_its_room_ends(held, now):
+def test_the_log_is_cut_at_its_limit(held, now):
     for _ in range(3):
         log = printing(held, now, "x" * 9_999 + "\n")
     kept = [line[27:] for line in log.splitlines()]
@@ -277,7 +277,7 @@ def test_the_log_is_cut_where_its_room_ends(held, now):
     assert len(kept) == 3
 
 
-def test_old_sim_traces_are_cleared_away(held, now, monkeypatch):
+def test_older_sim_traces_are_removed_as_new_ones_come(held, now, monkeypatch):
     monkeypatch.setattr("training.services.records.SIMTRACES_KEPT", 2)
     assert SIMTRACES_KEPT > 10
     for number in range(1, 5):
@@ -286,7 +286,7 @@ def test_old_sim_traces_are_cleared_away(held, now, monkeypatch):
     assert len(default_storage.listdir(f"training/{held.public_id}")[1]) == 2
 
 
-def test_sim_traces_of_trainings_of_long_ago_are_cleared_away(held, now):
+def test_sim_traces_of_old_trainings_are_removed(held, now):
     """And what a killed worker left beside them. The rest of the training stays."""
     folder = f"training/{held.public_id}"
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(1), now=now)
@@ -308,14 +308,14 @@ def test_sim_traces_of_trainings_of_long_ago_are_cleared_away(held, now):
     assert purge_trainings(now=now + timedelta(days=365)) == 0
 
 
-def test_one_that_waits_to_go_on_from_a_checkpoint_is_stopped_by_its_worker(held, now):
+def test_a_waiting_training_with_a_checkpoint_is_stopped_by_a_worker(held, now):
     keep_checkpoint(job=held, lease=held.lease, saved=saved(1), networks=NETWORKS, now=now)
     TRAININGS.release(pk=held.pk, lease=held.lease, now=now)
     assert stop_training(job=held, now=now)
     assert (held.state, held.stop_asked_at) == (JobState.QUEUED, now)
 
 
-def test_who_may_see_and_stop_it(held, alice, bob, charlie):
+def test_its_owner_and_admins_may_see_and_stop_it(held, alice, bob, charlie):
     charlie.is_staff = True
     for racer, allowed in ((alice, True), (bob, False), (charlie, True)):
         assert can_see_training(racer, held) is allowed

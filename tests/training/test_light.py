@@ -19,7 +19,7 @@ print([name for name in {HEAVY} if name in sys.modules])
 """
 
 
-def test_the_site_loads_nothing_that_only_trains(db):
+def test_the_site_imports_nothing_used_only_in_training(db):
     env = environment("redis://127.0.0.1:1/0")
     done = subprocess.run([sys.executable, "-c", CODE], cwd=CHECKOUT, env=env, capture_output=True, text=True)
     assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr

@@ -140,7 +140,7 @@ def iterate(
     process.say(json.dumps({**said, "blobs": [len(network), len(trace)]}).encode(), network, trace)
 
 
-def test_a_good_iteration_and_a_good_end(hear):
+def test_a_valid_iteration_and_end_are_passed_on(hear):
     def script(process):
         iterate(process)
         write_message(process.says, {"done": "clean_laps", "steps": 100, "seconds": 1.5}, [b"zip"])
@@ -168,19 +168,19 @@ def test_a_good_iteration_and_a_good_end(hear):
         {"eval_lap_ms": -5},
     ],
 )
-def test_an_iteration_of_another_form_ends_the_attempt(hear, changes):
+def test_a_malformed_iteration_ends_the_attempt(hear, changes):
     assert fault_of(hear, lambda process: iterate(process, changes)).code == "reward_stuck"
 
 
-def test_numbers_that_are_not_finite_are_no_numbers(hear):
+def test_non_finite_numbers_are_refused(hear):
     assert fault_of(hear, lambda process: iterate(process, {"eval_reward": math.nan})).code == "reward_stuck"
 
 
-def test_without_a_strangers_function_nonsense_is_our_fault(hear):
+def test_nonsense_without_a_strangers_function_is_our_fault(hear):
     assert fault_of(hear, lambda process: iterate(process, {"number": 0}), reward_code="").code == "trainer_protocol"
 
 
-def test_what_is_out_of_range_is_cut_off(hear):
+def test_values_out_of_range_are_clipped(hear):
     def script(process):
         iterate(process, {"eval_progress": 400.0, "eval_clean_laps": 99, "eval_trials": GOOD["eval_trials"] * 50})
         write_message(process.says, {"done": "time", "steps": 1, "seconds": 1.0}, [b"zip"])
@@ -200,7 +200,7 @@ def test_what_is_out_of_range_is_cut_off(hear):
         ({"done": "time", "steps": 1}, b""),
     ],
 )
-def test_an_end_of_another_form_is_none(hear, done, zipped):
+def test_a_malformed_end_is_refused(hear, done, zipped):
     def script(process):
         iterate(process)
         write_message(process.says, done, [zipped])
@@ -208,7 +208,7 @@ def test_an_end_of_another_form_is_none(hear, done, zipped):
     assert fault_of(hear, script).code == "reward_stuck"
 
 
-def test_an_end_without_a_network_is_none(hear):
+def test_an_end_without_a_network_is_refused(hear):
     def script(process):
         write_message(process.says, {"done": "time", "steps": 1}, [b"zip"])
 
@@ -216,7 +216,7 @@ def test_an_end_without_a_network_is_none(hear):
 
 
 @pytest.mark.parametrize(("numbers", "before"), [((7, 9), 6), ((7,), 0), ((7,), 7), ((1,), 3)])
-def test_iterations_come_one_after_the_other_from_the_last_checkpoint_on(hear, numbers, before):
+def test_iterations_follow_the_last_checkpoint_one_by_one(hear, numbers, before):
     def script(process):
         for number in numbers:
             iterate(process, {"number": number})
@@ -224,7 +224,7 @@ def test_iterations_come_one_after_the_other_from_the_last_checkpoint_on(hear, n
     assert fault_of(hear, script, iterations_before=before).code == "reward_stuck"
 
 
-def test_iterations_faster_than_anything_learns_are_a_flood(hear, monkeypatch):
+def test_impossibly_fast_iterations_are_a_flood(hear, monkeypatch):
     monkeypatch.setattr(client, "_ITERATIONS_AT_ONCE", 2)
     monkeypatch.setattr(client, "_ITERATIONS_A_SECOND", 0.0)
 
@@ -235,7 +235,7 @@ def test_iterations_faster_than_anything_learns_are_a_flood(hear, monkeypatch):
     assert fault_of(hear, script).code == "reward_stuck"
 
 
-def test_more_iterations_than_a_training_makes_are_a_flood(hear, monkeypatch):
+def test_too_many_iterations_are_a_flood(hear, monkeypatch):
     monkeypatch.setattr(client, "_ITERATIONS", 3)
 
     def script(process):
@@ -245,7 +245,7 @@ def test_more_iterations_than_a_training_makes_are_a_flood(hear, monkeypatch):
     assert fault_of(hear, script).code == "reward_stuck"
 
 
-def test_more_checkpoints_than_a_training_saves_are_a_flood(hear):
+def test_too_many_checkpoints_are_a_flood(hear):
     def script(process):
         iterate(process)
         for _ in range(4):
@@ -255,7 +255,7 @@ def test_more_checkpoints_than_a_training_saves_are_a_flood(hear):
 
 
 @pytest.mark.parametrize("before", [0, 4])
-def test_a_checkpoint_before_anything_was_learned_is_none(hear, before):
+def test_a_checkpoint_before_any_learning_is_refused(hear, before):
     """Frames of nothing else held the only trainer for as long as they came."""
 
     def script(process):
@@ -264,7 +264,7 @@ def test_a_checkpoint_before_anything_was_learned_is_none(hear, before):
     assert fault_of(hear, script, iterations_before=before).code == "reward_stuck"
 
 
-def test_nothing_weighs_more_than_its_network_lets_it(hear):
+def test_a_blob_larger_than_its_network_allows_is_refused(hear):
     heaviest = bounds_of(spec())
 
     def network(process):
@@ -284,7 +284,7 @@ def test_nothing_weighs_more_than_its_network_lets_it(hear):
     assert [fault_of(hear, script).code for script in (network, checkpoint, end)] == ["reward_stuck"] * 3
 
 
-def test_a_checkpoint_of_another_iteration_is_none(hear):
+def test_a_checkpoint_of_another_iteration_is_refused(hear):
     def script(process):
         iterate(process)
         write_message(process.says, {"checkpoint": {"iteration": 9, "steps": 1, "seconds": 1.0}}, [b"state"])
@@ -297,7 +297,7 @@ def prints(process: FakeProcess, kept: Any, last: Any = "", more: Any = False) -
 
 
 class TestPrints:
-    def test_go_on_as_plain_lines(self, hear):
+    def test_prints_are_passed_on_as_plain_lines(self, hear):
         def script(process):
             prints(process, "step 1\n\x1b[2J\u202e\ud800\x00\n", "\ttwo\n", "yes")
             iterate(process)
@@ -309,17 +309,17 @@ class TestPrints:
     @pytest.mark.parametrize(
         ("kept", "last"), [(1, ""), ("", None), ("x" * (KEPT_CHARACTERS + 1), ""), ("", "x" * (LAST_CHARACTERS + 1))]
     )
-    def test_of_another_form_or_size_are_none(self, hear, kept, last):
+    def test_malformed_prints_are_refused(self, hear, kept, last):
         assert fault_of(hear, lambda process: prints(process, kept, last)).code == "reward_stuck"
 
-    def test_of_more_than_is_kept_are_none(self, hear):
+    def test_prints_beyond_the_limit_are_refused(self, hear):
         def script(process):
             for _ in range(3):
                 prints(process, "x" * (KEPT_CHARACTERS // 2))
 
         assert fault_of(hear, script).code == "reward_stuck"
 
-    def test_that_never_end_are_a_flood(self, hear):
+    def test_endless_prints_are_a_flood(self, hear):
         def script(process):
             for _ in range(30):
                 prints(process, "", "again\n")
@@ -342,10 +342,10 @@ class TestSimTraces:
         ],
         ids=["text", "another table", "bomb", "two files", "cut off", "too large"],
     )
-    def test_what_would_unpack_to_something_else_is_refused(self, hear, trace):
+    def test_a_trace_that_does_not_unpack_to_csv_is_refused(self, hear, trace):
         assert fault_of(hear, lambda process: iterate(process, trace=trace)).code == "reward_stuck"
 
-    def test_one_of_ours_goes_on(self, hear):
+    def test_a_valid_trace_is_passed_on(self, hear):
         packed = gzip.compress(self.CSV + b"1,2\n")
 
         def script(process):
@@ -356,10 +356,10 @@ class TestSimTraces:
         assert ear.heard[0].simtrace == packed
 
 
-class TestTheClock:
+class TestOurClock:
     """All seconds are measured outside: the function could stop the clock of its own process."""
 
-    def test_is_ours(self, hear):
+    def test_the_reported_seconds_are_ours(self, hear):
         def script(process):
             iterate(process, {"seconds": 0.0})
             write_message(process.says, {"checkpoint": {"iteration": 1, "steps": 1, "seconds": 0.0}}, [b"state"])
@@ -368,21 +368,21 @@ class TestTheClock:
         ended, ear = hear(script, seconds_before=30.0)
         assert 30.0 <= ear.heard[0].values["seconds"] <= ear.saved[0].seconds <= ended.seconds < 60.0
 
-    def test_ends_what_does_not_end_with_its_time(self, hear, monkeypatch):
+    def test_a_process_past_its_time_is_ended(self, hear, monkeypatch):
         monkeypatch.setattr(client, "_FINISH_S", 0.5)
         ended, _ = hear(iterate, stop_seconds=0.5)
         assert (ended.why, ended.sb3_zip) == ("time", b"")
 
-    def test_ends_what_does_not_stop_when_it_is_told_to(self, hear, monkeypatch):
+    def test_a_process_that_ignores_a_stop_is_ended(self, hear, monkeypatch):
         monkeypatch.setattr(client, "_FINISH_S", 0.5)
         ended, _ = hear(iterate, stop=lambda: True)
         assert (ended.why, ended.sb3_zip) == ("stopped", b"")
 
-    def test_blames_what_ends_with_nothing(self, hear, monkeypatch):
+    def test_a_process_that_ends_without_an_answer_is_blamed(self, hear, monkeypatch):
         monkeypatch.setattr(client, "_FINISH_S", 0.3)
         assert fault_of(hear, lambda process: None, stop=lambda: True).code == "reward_stuck"
 
-    def test_is_patient_with_what_does_not_get_the_processor(self, hear, monkeypatch):
+    def test_a_process_that_gets_no_cpu_is_given_time(self, hear, monkeypatch):
         monkeypatch.setattr(client, "_FINISH_S", 0.1)
         monkeypatch.setattr(client, "_OVERTIME_S", 0.8)
 
@@ -393,14 +393,14 @@ class TestTheClock:
         assert fault_of(hear, starved, stop=lambda: True).code == "reward_stuck"
         assert time.monotonic() - began > 0.8
 
-    def test_is_told_of_whatever_the_process_says(self, hear, monkeypatch):
+    def test_time_is_reported_whatever_the_process_says(self, hear, monkeypatch):
         monkeypatch.setattr(client, "_FINISH_S", 0.3)
         monkeypatch.setattr(client, "_TOLD_EVERY_S", 0.1)
         _, ear = hear(iterate, stop=lambda: True, seconds_before=30.0)
         assert ear.lived == sorted(ear.lived) and 30.0 <= ear.lived[0] < 30.3 < ear.lived[-1]
 
 
-def test_what_the_listener_raises_is_not_blamed_on_the_function(hear, monkeypatch):
+def test_the_listeners_own_error_is_not_blamed_on_the_function(hear, monkeypatch):
     def broken(self, iteration):
         raise KeyError("a column of ours")
 
@@ -409,7 +409,7 @@ def test_what_the_listener_raises_is_not_blamed_on_the_function(hear, monkeypatc
         hear(iterate)
 
 
-def test_a_network_of_no_bytes_is_none(hear):
+def test_an_empty_network_is_refused(hear):
     assert fault_of(hear, lambda process: iterate(process, network=b"")).code == "reward_stuck"
 
 
@@ -421,14 +421,14 @@ def test_a_huge_frame_is_not_read(hear):
 
 
 @pytest.mark.parametrize("code", ["platform_gave_up", "no_such_code", None, "policy_died", ["x"]])
-def test_it_can_only_blame_what_it_may(hear, code):
+def test_the_process_may_report_only_certain_codes(hear, code):
     def script(process):
         write_message(process.says, {"error": {"code": code, "params": {}}})
 
     assert fault_of(hear, script).code == "reward_stuck"
 
 
-def test_its_own_faults_come_with_the_line(hear):
+def test_reward_errors_come_with_their_line(hear):
     def script(process):
         params = {"line": 3, "error": "x" * 9000, "more": {"nested": 1}}
         write_message(process.says, {"error": {"code": "reward_raised", "params": params}})
@@ -453,7 +453,7 @@ def test_its_own_faults_come_with_the_line(hear):
         (-15, "trainer_died"),
     ],
 )
-def test_why_it_died(hear, status, code):
+def test_the_exit_status_tells_why_it_died(hear, status, code):
     assert fault_of(hear, lambda process: process.ends(status)).code == code
 
 
@@ -461,16 +461,16 @@ def test_our_own_default_is_never_blamed_for_an_exit(hear):
     assert isinstance(fault_of(hear, lambda process: process.ends(0), reward_code=""), PlatformFault)
 
 
-class TestSilence:
+class TestSilentProcess:
     @pytest.fixture(autouse=True)
     def impatient(self, monkeypatch):
         monkeypatch.setattr(client, "_SILENCE_S", 0.3)
         monkeypatch.setattr(client, "_PATIENCE_S", 1.0)
 
-    def test_of_one_that_sleeps_is_the_reward_functions(self, hear):
+    def test_a_sleeping_process_is_the_reward_functions_fault(self, hear):
         assert fault_of(hear, lambda process: None).code == "reward_stuck"
 
-    def test_of_one_that_does_not_get_the_processor_is_ours(self, hear):
+    def test_a_process_that_gets_no_cpu_is_our_fault(self, hear):
         def script(process):
             process.wants = True
 

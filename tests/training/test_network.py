@@ -46,7 +46,7 @@ def readings_for(layout: Layout, count: int = 1) -> dict[str, np.ndarray]:
     }
 
 
-def test_a_picture_becomes_the_means_of_its_blocks():
+def test_a_picture_is_pooled_into_the_means_of_its_blocks():
     (sense,) = senses_of(["STEREO_CAMERAS"])
     frame = np.random.default_rng(0).integers(0, 256, (2, 120, 160, 2)).astype(np.uint8)
     row = look([sense], {"STEREO_CAMERAS": frame})
@@ -62,7 +62,7 @@ def test_a_white_picture_is_all_ones():
 
 @pytest.mark.parametrize("sensors", SENSOR_SETS, ids="+".join)
 @pytest.mark.parametrize("depth", CONVOLUTIONS)
-def test_every_network_passes_the_gate_and_comes_back_the_same(sensors, depth, tmp_path):
+def test_every_network_comes_back_from_the_gate_unchanged(sensors, depth, tmp_path):
     described = metadata(sensors, depth)
     layout = Layout.of(described)
     weights = weights_for(layout)
@@ -78,7 +78,7 @@ def test_every_network_passes_the_gate_and_comes_back_the_same(sensors, depth, t
 
 
 @pytest.mark.parametrize("sensors", SENSOR_SETS, ids="+".join)
-def test_torch_and_onnx_answer_the_same(sensors):
+def test_torch_and_onnx_give_the_same_answers(sensors):
     torch = pytest.importorskip("torch", reason="training is not installed: make training")
     from training.trainer.warm import make_torso
 
@@ -104,13 +104,13 @@ def test_torch_and_onnx_answer_the_same(sensors):
 
 
 @pytest.mark.parametrize("other", ["DEEP_CONVOLUTIONAL_NETWORK", "DEEP_CONVOLUTIONAL_NETWORK_DEEP"])
-def test_a_network_of_another_depth_is_not_taken_for_ours(other):
+def test_a_network_of_another_depth_is_refused(other):
     deep = Layout.of(metadata(network=other))
     with pytest.raises(ValueError):
         from_onnx(Layout.of(metadata()), to_onnx(deep, weights_for(deep), squash=False))
 
 
-def test_a_network_with_weights_that_are_not_finite_is_not_learned_on():
+def test_a_network_with_non_finite_weights_is_refused():
     layout = Layout.of(metadata())
     weights = weights_for(layout)
     weights["head"][0, 0] = np.inf
@@ -118,7 +118,7 @@ def test_a_network_with_weights_that_are_not_finite_is_not_learned_on():
         from_onnx(layout, to_onnx(layout, weights, squash=False))
 
 
-def test_house_cars_are_built_as_the_shallow_network():
+def test_house_cars_use_the_shallow_network():
     folder = Path(house_cars.__file__).parent
     described = json.loads((folder / "steady.json").read_text())
     described = {"neural_network": "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", **described}

@@ -59,8 +59,8 @@ def over(alice, oval, now) -> TrainingJob:
     return job
 
 
-class TestTheLedger:
-    def test_counts_whatever_a_training_leaves(self, alice, bob, oval, now):
+class TestStorageQuota:
+    def test_every_file_of_a_training_counts(self, alice, bob, oval, now):
         a_training(alice, oval, now)
         job = TRAININGS.claim(worker="w", now=now)
         record_iteration(job=job, lease=job.lease, iteration=an_iteration(1), now=now)
@@ -73,7 +73,7 @@ class TestTheLedger:
         assert used_by(alice, "storage_mb", now) == weight / MEGABYTE
         assert (used_by(bob, "storage_mb", now), stored_by(bob)) == (0, [])
 
-    def test_refuses_another_training_when_it_is_full(self, over, alice, oval, now, settings):
+    def test_a_full_quota_refuses_another_training(self, over, alice, oval, now, settings):
         settings.STORAGE_PER_RACER_MB = 2
         assert used_by(alice, "storage_mb", now) > limit_of(alice, "storage_mb")
         with pytest.raises(UserFault) as refused:
@@ -82,7 +82,7 @@ class TestTheLedger:
         delete_training(job=over, now=now)
         a_training(alice, oval, now, name="next")
 
-    def test_keeps_the_newest_sim_traces_of_a_training_within_a_weight(self, alice, oval, now, monkeypatch):
+    def test_only_the_newest_sim_traces_are_kept(self, alice, oval, now, monkeypatch):
         monkeypatch.setattr("training.services.records.SIMTRACE_BYTES_KEPT", 5)
         a_training(alice, oval, now)
         job = TRAININGS.claim(worker="w", now=now)
@@ -92,8 +92,8 @@ class TestTheLedger:
         assert len(default_storage.listdir(f"training/{job.public_id}")[1]) == 2
 
 
-class TestADeletedTraining:
-    def test_leaves_no_file_and_nothing_to_read(self, over, alice, now, django_capture_on_commit_callbacks):
+class TestDeletedTraining:
+    def test_it_leaves_no_file_and_nothing_to_read(self, over, alice, now, django_capture_on_commit_callbacks):
         names = files_of(over)
         with django_capture_on_commit_callbacks(execute=True):
             assert delete_training(job=over, now=now) == 2 * MEGABYTE + 2
@@ -104,14 +104,14 @@ class TestADeletedTraining:
         assert not trainings_of(alice).exists() and not visible_trainings(alice).exists()
         assert not can_see_training(alice, over)
 
-    def test_counts_its_minutes_until_the_month_is_over(self, over, alice, now):
+    def test_its_minutes_count_until_the_month_is_over(self, over, alice, now):
         delete_training(job=over, now=now)
         assert minutes_used(alice, now) == 10.0, "or whoever deletes would train without end"
         assert forget_deleted(now=now) == 0
         assert forget_deleted(now=now + timedelta(days=31)) == 1
         assert not TrainingJob.objects.exists()
 
-    def test_leaves_its_models_unless_they_are_to_go_too(self, over, alice, oval, now):
+    def test_its_models_stay_unless_they_are_deleted_too(self, over, alice, oval, now):
         other = a_training(alice, oval, now, name="other")
         TrainingJob.objects.filter(pk=other.pk).update(
             state=JobState.STOPPED, ended_because="stopped", ended_at=now, best_model=over.best_model
@@ -122,7 +122,7 @@ class TestADeletedTraining:
         delete_training(job=other, with_models=True, now=now)
         assert TrainedModel.objects.get().deleted_at == now
 
-    def test_is_none_while_it_runs_or_waits(self, alice, oval, now):
+    def test_a_waiting_or_running_training_cannot_be_deleted(self, alice, oval, now):
         job = a_training(alice, oval, now)
         for _ in range(2):
             with pytest.raises(UserFault) as refused:
@@ -132,7 +132,7 @@ class TestADeletedTraining:
         job.refresh_from_db()
         assert (job.state, job.deleted_at) == (JobState.RUNNING, None)
 
-    def test_keeps_models_that_race(self, over, alice, oval, now):
+    def test_a_model_in_a_race_stays(self, over, alice, oval, now):
         race = a_race(now, track=oval)
         submit_model(race=race, racer=alice, model=over.best_model, now=now)
         with pytest.raises(UserFault) as refused:
@@ -143,7 +143,7 @@ class TestADeletedTraining:
         delete_training(job=over, now=now)
         assert TrainedModel.objects.get().deleted_at is None
 
-    def test_keeps_models_that_are_driven(self, over, alice, oval, now):
+    def test_a_model_being_evaluated_stays(self, over, alice, oval, now):
         queue_evaluation(owner=alice, model=over.best_model, track=oval, rules=RaceRules(laps=1), now=now)
         with pytest.raises(UserFault) as refused:
             delete_training(job=over, with_models=True, now=now)
@@ -151,21 +151,21 @@ class TestADeletedTraining:
         over.best_model.evaluations.update(state=State.STOPPED, ended_at=now)
         delete_training(job=over, with_models=True, now=now)
 
-    def test_leaves_nothing_by_the_database_s_word(self, over, now):
+    def test_the_database_refuses_a_deleted_row_with_contents(self, over, now):
         with pytest.raises(IntegrityError), transaction.atomic():
             TrainingJob.objects.filter(pk=over.pk).update(deleted_at=now)
 
-    def test_is_its_owner_s_doing(self, over, alice, bob, charlie):
+    def test_only_its_owner_may_delete_it(self, over, alice, bob, charlie):
         charlie.is_staff = True
         assert [can_delete_training(racer, over) for racer in (alice, bob, charlie)] == [True, False, False]
 
 
-class TestThePage:
+class TestDeletionPage:
     @pytest.fixture(autouse=True)
     def _as_alice(self, client, alice):
         client.force_login(alice)
 
-    def test_says_what_is_freed_and_deletes(self, client, over):
+    def test_it_says_what_is_freed_and_deletes(self, client, over):
         page = reverse("training_delete", args=[over.public_id])
         assert page in client.get(over.get_absolute_url()).content.decode()
         assert "2.0 MB" in client.get(page).content.decode()
@@ -174,23 +174,23 @@ class TestThePage:
         assert TrainedModel.objects.get().deleted_at is not None
         assert client.get(page).status_code == 404
 
-    def test_says_why_it_may_not(self, client, over, alice, oval):
+    def test_it_says_why_deletion_is_refused(self, client, over, alice, oval):
         race = a_race(timezone.now(), track=oval)
         submit_model(race=race, racer=alice, model=over.best_model, now=timezone.now())
         refused = client.post(reverse("training_delete", args=[over.public_id]), {"models": "on"})
         assert refused.status_code == 409 and "which is not over" in refused.content.decode()
         assert client.get(over.get_absolute_url()).status_code == 200
 
-    def test_is_not_there_for_others(self, client, over, bob):
+    def test_others_get_a_404(self, client, over, bob):
         client.force_login(bob)
         assert client.post(reverse("training_delete", args=[over.public_id])).status_code == 404
         assert client.delete(f"/api/v1/trainings/{over.public_id}/").status_code == 404
 
-    def test_shows_what_is_stored(self, client, over):
+    def test_it_shows_what_is_stored(self, client, over):
         body = client.get(reverse("usage")).content.decode()
         assert "What you have stored" in body and "Trainings: checkpoints" in body
 
-    def test_has_an_address_in_the_api(self, client, over):
+    def test_the_api_deletes_a_training(self, client, over):
         address = f"/api/v1/trainings/{over.public_id}/"
         assert client.get(address).json()["stored_bytes"] == 2 * MEGABYTE + 2
         refused = client.delete(address, {"everything": True}, content_type="application/json")

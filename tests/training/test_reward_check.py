@@ -45,18 +45,18 @@ def test_an_ordinary_function_with_helpers_classes_and_libraries_passes():
     assert found(GOOD) == []
 
 
-def test_an_import_or_a_variable_too_many_hurts_nobody():
+def test_unused_imports_and_variables_are_allowed():
     assert found("import math\ndef reward_function(params):\n    unused = 1\n    return 1.0") == []
 
 
-def test_what_is_imported_when_the_file_is_read_may_stand_in_a_block():
+def test_a_top_level_import_may_stand_in_a_block():
     text = (
         "try:\n    import numpy as np\nexcept ImportError:\n    np = None\ndef reward_function(params):\n    return 1.0"
     )
     assert found(text) == []
 
 
-def test_all_problems_come_at_once_in_the_order_of_their_lines():
+def test_all_problems_are_listed_in_the_order_of_their_lines():
     text = "import os\nimport math\ndef reward_function(params, x):\n    import socket\n    return z + eval('1')\n"
     assert found(text) == [
         ("reward_import_not_allowed", 1),
@@ -67,30 +67,30 @@ def test_all_problems_come_at_once_in_the_order_of_their_lines():
     ]
 
 
-def test_at_most_twenty_are_told():
+def test_at_most_twenty_problems_are_listed():
     text = "".join(f"import os{number}\n" for number in range(100)) + "def reward_function(params):\n    return 1.0"
     assert len(check_text(text)) == 20
 
 
 @pytest.mark.parametrize("name", ["import scipy.io as x", "from . import x", "import numpyx", "from random_ import x"])
-def test_only_the_five_and_what_is_in_them_can_be_imported(name):
+def test_only_the_five_allowed_libraries_can_be_imported(name):
     problems = found(f"{name}\ndef reward_function(params):\n    return 1.0")
     assert problems == ([] if "scipy" in name else [("reward_import_not_allowed", 1)])
 
 
-def test_a_generator_inside_is_no_generator():
+def test_a_generator_inside_does_not_make_the_function_one():
     text = "def reward_function(params):\n    def each():\n        yield 1.0\n    return sum(each())"
     assert found(text) == []
 
 
-def test_the_form_of_2018_is_known_by_its_number_of_arguments():
+def test_twelve_arguments_tell_the_form_of_2018():
     names = ", ".join("abcdefghijkl")
     assert found(f"def reward_function({names}):\n    return 1.0") == []
     assert found(f"def reward_function({names}, m):\n    return 1.0") == [("reward_arguments", 1)]
     assert found("def reward_function(params, *, more):\n    return 1.0") == [("reward_arguments", 1)]
 
 
-def test_self_may_stand_before_the_arguments_of_either_form():
+def test_self_may_come_first_in_either_form():
     names = ", ".join("abcdefghijkl")
     assert found(f"def reward_function(self, {names}):\n    return 1.0") == []
     assert found("def reward_function(self, params):\n    return 1.0") == []
@@ -99,12 +99,12 @@ def test_self_may_stand_before_the_arguments_of_either_form():
     assert found(f"def reward_function(it, {names}):\n    return 1.0") == [("reward_arguments", 1)]
 
 
-def test_what_may_be_imported_may_be_imported_inside_of_a_function():
+def test_allowed_libraries_may_be_imported_inside_a_function():
     text = "def reward_function(params):\n    import math\n    from numpy import mean\n    return mean([math.pi])"
     assert found(text) == []
 
 
-def test_mistakes_of_formatting_are_seen_before_they_happen():
+def test_string_formatting_mistakes_are_found_before_running():
     assert found("def reward_function(params):\n    print('%d %d' % (1,))\n    return 1.0") == [("reward_mistake", 2)]
 
 

@@ -20,7 +20,7 @@ def rewards(slug, *states):
 
 
 @pytest.mark.parametrize("one", EXAMPLES, ids=lambda one: one.slug)
-def test_an_example_passes_validation_in_every_race_that_it_is_made_for(one):
+def test_every_example_passes_validation_in_its_races(one):
     assert one.title
     assert one.explanation
     for race_type in one.race_types:
@@ -29,7 +29,7 @@ def test_an_example_passes_validation_in_every_race_that_it_is_made_for(one):
         assert len(report.rewards) == 5
 
 
-def test_there_is_one_for_each_known_sample_and_one_for_racing():
+def test_every_known_sample_and_racing_have_an_example():
     assert [one.slug for one in EXAMPLES] == [
         "follow_centre_line",
         "stay_inside_borders",
@@ -42,14 +42,14 @@ def test_there_is_one_for_each_known_sample_and_one_for_racing():
         example("another")
 
 
-def test_the_default_is_the_environments_default():
+def test_the_default_example_equals_the_environments_reward():
     middle = STATES[1]
     width = middle["track_width"]
     states = [{**middle, "distance_from_center": share * width} for share in (0, 0.1, 0.11, 0.25, 0.3, 0.5, 0.6)]
     assert rewards("follow_centre_line", *states, *STATES) == [follow_centre_line(one) for one in (*states, *STATES)]
 
 
-def test_the_lane_example_is_the_guides_for_races_with_objects():
+def test_the_lane_example_equals_the_guides_for_objects():
     near = []
     for params in STATES:
         for x, y in params["objects_location"]:
@@ -62,7 +62,7 @@ def test_the_lane_example_is_the_guides_for_races_with_objects():
     assert rewards("stay_in_lane_without_crashing", *states) == [pytest.approx(avoid_objects(one)) for one in states]
 
 
-def test_the_borders_example_wants_all_wheels_and_five_centimetres():
+def test_the_borders_example_wants_all_wheels_5_cm_inside():
     inside = STATES[1]
     half = inside["track_width"] / 2
     assert rewards(
@@ -74,13 +74,13 @@ def test_the_borders_example_wants_all_wheels_and_five_centimetres():
     ) == [1.0, 1.0, 1e-3, 1e-3]
 
 
-def test_the_zig_zag_example_takes_a_fifth_for_hard_steering():
+def test_the_zig_zag_example_takes_a_fifth_off_hard_steering():
     calm = {**STATES[1], "distance_from_center": 0.0}
     steering = [{**calm, "steering_angle": angle} for angle in (0.0, 15.0, -15.1, 30.0)]
     assert rewards("prevent_zig_zag", *steering) == [1.0, 1.0, 0.8, 0.8]
 
 
-def test_the_racing_example_pays_metres_and_nothing_for_a_new_beginning():
+def test_the_racing_example_pays_for_metres_and_not_for_a_start():
     start = {**STATES[1], "distance_from_center": 0.0, "progress": 0.5, "steps": 2}
     length = start["track_length"]
     on = {**start, "progress": 1.5, "steps": 3}

@@ -33,7 +33,7 @@ def failing(text: str, params=PARAMS) -> tuple[str, dict]:
     return fault.value.code, fault.value.params
 
 
-def test_the_function_gets_params_and_its_number_comes_back_as_a_float():
+def test_the_functions_number_comes_back_as_a_float():
     reward = load_reward("def reward_function(params):\n    return params['steps']")
     assert reward(PARAMS) == float(PARAMS["steps"])
     assert type(reward(PARAMS)) is float
@@ -41,11 +41,11 @@ def test_the_function_gets_params_and_its_number_comes_back_as_a_float():
 
 
 @pytest.mark.parametrize("returned", ["True", "'1'", "1", "numpy.float32(1)", "numpy.array(1)"])
-def test_whatever_float_takes_is_a_reward(returned):
+def test_anything_that_float_accepts_is_a_reward(returned):
     assert load_reward(f"import numpy\ndef reward_function(params):\n    return {returned}")(PARAMS) == 1.0
 
 
-def test_what_the_function_does_to_its_params_stays_there():
+def test_changes_to_params_do_not_leave_the_function():
     before = copy.deepcopy(PARAMS)
     text = (
         "def reward_function(params):\n"
@@ -60,7 +60,7 @@ def test_what_the_function_does_to_its_params_stays_there():
     assert before == PARAMS
 
 
-def test_a_deep_copy_of_params_has_nothing_deeper_than_its_flat_lists():
+def test_params_hold_nothing_deeper_than_flat_lists():
     """The copy that is made is cheaper than deepcopy and must not be shallower."""
     for race_type in ("time_trial", "object_avoidance", "head_to_head"):
         for params in five_states(race_type):
@@ -70,7 +70,7 @@ def test_a_deep_copy_of_params_has_nothing_deeper_than_its_flat_lists():
                     assert copy.deepcopy(part) is part
 
 
-def test_the_first_form_gets_twelve_values_in_its_order():
+def test_the_form_of_2018_gets_twelve_values_in_order():
     text = f"def reward_function({', '.join(POSITIONAL_NAMES)}):\n    return {{}}"
     params = {**PARAMS, "speed": 1.0, "steering_angle": -15.0, "heading": 90.0, "closest_waypoints": [3, 4]}
     params |= {"x": params["waypoints"][4][0], "y": params["waypoints"][4][1]}
@@ -93,19 +93,19 @@ def test_the_first_form_gets_twelve_values_in_its_order():
         assert reward(params) == pytest.approx(value), name
 
 
-def test_the_names_of_the_first_form_are_free():
+def test_arguments_of_the_2018_form_may_have_any_names():
     text = "def reward_function(a, b, c, d, e, f, g, h, i, j, k, l):\n    return h"
     assert load_reward(text)(PARAMS) == positional(PARAMS)[7]
 
 
 @pytest.mark.parametrize("form", [["params"], list(POSITIONAL_NAMES)])
-def test_self_is_an_object_of_the_cars_own_that_lasts_from_step_to_step(form):
+def test_self_belongs_to_one_car_and_lasts_between_steps(form):
     body = "    self.steps = getattr(self, 'steps', 0) + 1\n    return self.steps"
     one, other = load_rewards(f"def reward_function(self, {', '.join(form)}):\n{body}", 2)
     assert [one(PARAMS), one(PARAMS), other(PARAMS)] == [1.0, 2.0, 1.0]
 
 
-def test_the_printed_example_of_2018_runs():
+def test_the_2018_guides_printed_example_runs():
     """As the developer guide of that year prints it: ``self`` first, the import inside."""
     text = f"""def reward_function(self, {", ".join(POSITIONAL_NAMES)}):
     import math
@@ -118,7 +118,7 @@ def test_the_printed_example_of_2018_runs():
     assert load_reward(text)({**PARAMS, "distance_from_center": 0.0}) == 1.0
 
 
-def test_the_nose_is_off_track_beyond_the_border():
+def test_a_nose_beyond_the_border_is_off_track():
     params = {**PARAMS, "distance_from_center": PARAMS["track_width"] / 2 + 0.01}
     assert positional(params)[0] is False
 
@@ -135,16 +135,16 @@ def test_the_nose_is_off_track_beyond_the_border():
         ("pass", "reward_not_a_number", 2),
     ],
 )
-def test_a_bad_end_is_told_with_its_line(body, code, line):
+def test_a_failure_is_reported_with_its_line(body, code, line):
     found, params = failing(f"def reward_function(params):\n    {body}")
     assert (found, params["line"]) == (code, line)
 
 
-def test_the_bound_itself_is_allowed():
+def test_a_reward_at_the_bound_is_allowed():
     assert load_reward("def reward_function(params):\n    return -1e5")(PARAMS) == -1e5
 
 
-def test_an_error_inside_of_a_library_is_told_with_the_line_that_called_it():
+def test_a_library_error_is_reported_at_the_calling_line():
     text = "import numpy\ndef reward_function(params):\n    return numpy.linalg.inv([[0.0]])[0, 0]"
     assert failing(text) == ("reward_raised", {"line": 3, "error": "LinAlgError: Singular matrix"})
 
@@ -157,19 +157,19 @@ def test_an_error_inside_of_a_library_is_told_with_the_line_that_called_it():
         ("return params['all_wheels_on_the_track']", {"meant": "all_wheels_on_track"}),
     ],
 )
-def test_a_misspelt_parameter_is_told_with_the_one_that_is_meant(body, told):
+def test_a_misspelt_parameter_is_reported_with_the_right_one(body, told):
     code, params = failing(f"def reward_function(params):\n    {body}")
     assert code == "reward_param_unknown" and params["line"] == 2
     assert told.items() <= params.items()
 
 
 @pytest.mark.parametrize("body", ["return params['?']", "return {}['speed']", "return {}[7]", "raise KeyError"])
-def test_a_key_that_reads_like_no_parameter_or_is_one_is_told_as_it_is(body):
+def test_other_key_errors_are_reported_unchanged(body):
     code, params = failing(f"def reward_function(params):\n    {body}")
     assert code == "reward_raised" and params["error"].startswith("KeyError")
 
 
-def test_a_function_that_fails_the_second_time_only_is_told_with_its_definition():
+def test_a_failure_only_on_repeat_is_reported_at_the_definition():
     text = (
         "calls = []\ndef reward_function(params):\n    calls.append(1)\n"
         "    if len(calls) > 1:\n        raise ValueError\n    return float('nan')"
@@ -178,11 +178,11 @@ def test_a_function_that_fails_the_second_time_only_is_told_with_its_definition(
 
 
 @pytest.mark.parametrize("text", ["x = 1", "reward_function = 1", "class reward_function:\n    pass"])
-def test_without_the_function_nothing_is_loaded(text):
+def test_a_text_without_the_function_is_refused(text):
     assert failing(text)[0] == "reward_function_missing"
 
 
-def test_each_car_has_a_function_that_remembers_for_itself():
+def test_each_cars_function_has_its_own_memory():
     text = "steps = []\ndef reward_function(params):\n    steps.append(1)\n    return len(steps)"
     first, second = load_rewards(text, 2)
     assert [first(PARAMS), first(PARAMS), second(PARAMS)] == [1.0, 2.0, 1.0]
@@ -199,7 +199,7 @@ def test_random_numbers_come_from_the_seed_of_the_process():
 # --- time and prints
 
 
-def test_a_call_is_interrupted_when_its_ticks_are_used_up_and_again_if_it_swallows_that():
+def test_a_call_out_of_time_is_interrupted_even_if_it_catches():
     one = Watch()
     one.begin()
     for _ in range(round(LIMIT_S / TICK_S) - 1):
@@ -211,7 +211,7 @@ def test_a_call_is_interrupted_when_its_ticks_are_used_up_and_again_if_it_swallo
     one.tick(0, None)
 
 
-def test_what_it_prints_is_kept_up_to_a_limit_and_too_much_in_one_call_ends_it():
+def test_prints_are_kept_to_a_limit_and_a_flood_ends_the_call():
     one = Watch()
     for _ in range(3):
         one.begin()
@@ -232,7 +232,7 @@ def said_by(watch: Watch, *texts: str) -> None:
     watch.end()
 
 
-def test_what_was_printed_is_told_once_in_whole_lines():
+def test_prints_are_reported_once_in_whole_lines():
     watch = Watch()
     assert watch.news() is None
     said_by(watch, "one", "\n", "tw")
@@ -246,7 +246,7 @@ def test_what_was_printed_is_told_once_in_whole_lines():
     assert watch.news(over=True) is None
 
 
-def test_of_much_that_is_printed_the_first_is_kept_and_the_newest_is_told():
+def test_long_output_keeps_its_start_and_reports_its_newest():
     watch = Watch()
     for number in range(10_000):
         said_by(watch, f"line {number}\n")
@@ -260,7 +260,7 @@ def test_of_much_that_is_printed_the_first_is_kept_and_the_newest_is_told():
     assert (news["kept"], news["last"].splitlines()[-1]) == ("", "the end")
 
 
-def test_what_the_top_level_prints_is_printed_once_however_many_cars_there_are(monkeypatch):
+def test_top_level_prints_appear_once_for_many_cars(monkeypatch):
     watched = Watch()
     monkeypatch.setattr("training.rewards.function.watch", watched)
     monkeypatch.setattr("sys.stdout", watched)
@@ -269,14 +269,14 @@ def test_what_the_top_level_prints_is_printed_once_however_many_cars_there_are(m
     assert watched.printed == "loaded\ncalled\ncalled\n"
 
 
-def test_an_endless_call_ends_with_the_line_that_it_was_in(monkeypatch):
+def test_an_endless_call_is_reported_at_its_line(monkeypatch):
     """The timer's signal is the trainer's and the validation's; here the function calls it itself."""
     monkeypatch.setattr(watch, "limit_s", TICK_S)
     monkeypatch.setattr("builtins.tick", lambda: watch.tick(0, None), raising=False)
     assert failing("def reward_function(params):\n    while True:\n        tick()") == ("reward_too_slow", {"line": 3})
 
 
-def test_the_line_of_a_crash_is_the_innermost_of_the_last_report():
+def test_a_crash_is_placed_at_the_innermost_line_of_its_report():
     report = (
         'Fatal Python error: Segmentation fault\n\nCurrent thread 0x1 (most recent call first):\n  File "numpy.py", '
         'line 3 in f\n  File "<reward function>", line 12 in inner\n  File "<reward function>", line 20 in x\n'
@@ -290,7 +290,7 @@ def test_the_line_of_a_crash_is_the_innermost_of_the_last_report():
 # --- modules
 
 
-def test_modules_are_found_by_the_words_of_the_text():
+def test_wanted_modules_are_found_by_words_in_the_text():
     text = "import numpy as np\nfrom scipy.spatial import distance\nfrom shapely.geometry import Point"
     assert wanted_modules(text) == [
         "numpy",
@@ -303,5 +303,5 @@ def test_modules_are_found_by_the_words_of_the_text():
     assert wanted_modules("import os, torch; numpyx; __import__('evil')") == []
 
 
-def test_a_module_that_is_not_installed_is_left_to_the_import_that_asks_for_it():
+def test_a_missing_module_is_left_to_its_import_to_report():
     preload(["scipy.nonsense", "nonsense"])

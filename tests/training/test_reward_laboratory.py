@@ -81,7 +81,7 @@ def assert_same(made, given):
             assert made[key] == value, key
 
 
-def test_params_along_a_trace_are_those_that_the_function_got_in_training():
+def test_params_along_a_trace_equal_those_of_the_training():
     given, trace, track = a_recorded_drive(
         lambda reward: time_trial(track=stadium(), metadata=CONTINUOUS, reward_function=reward, laps=2), 400
     )
@@ -93,7 +93,7 @@ def test_params_along_a_trace_are_those_that_the_function_got_in_training():
         assert_same(mine, theirs)
 
 
-def test_penalties_are_left_out_as_in_training():
+def test_penalty_steps_are_left_out_as_in_training():
     given, trace, track = a_recorded_drive(
         lambda reward: time_trial(track=stadium(), metadata=CONTINUOUS, reward_function=reward, laps=1, max_resets=5),
         150,
@@ -107,7 +107,7 @@ def test_penalties_are_left_out_as_in_training():
         assert mine["progress"] == pytest.approx(theirs["progress"])
 
 
-def test_boxes_are_in_the_params_where_they_are_given():
+def test_given_boxes_appear_in_the_params():
     given, trace, track = a_recorded_drive(
         lambda reward: object_avoidance(
             track=stadium(), metadata=CONTINUOUS, reward_function=reward, boxes=[(0.5, "outer")]
@@ -120,7 +120,7 @@ def test_boxes_are_in_the_params_where_they_are_given():
         assert_same(mine, theirs)
 
 
-def test_one_lap_of_several_can_be_chosen():
+def test_one_of_several_laps_can_be_chosen():
     _, trace, track = a_recorded_drive(
         lambda reward: time_trial(track=stadium(), metadata=CONTINUOUS, reward_function=reward, laps=3), 500
     )
@@ -130,13 +130,13 @@ def test_one_lap_of_several_can_be_chosen():
     assert second[0]["progress"] < 2
 
 
-def test_a_recorded_lap_is_whole_and_the_same_every_time(lap):
+def test_a_recorded_lap_is_complete_and_repeatable(lap):
     assert lap[-1]["progress"] == 100.0
     assert record_lap(stadium(), speed_mps=2.0) == lap
     assert record_lap(stadium(), "cw", speed_mps=2.0)[0]["is_reversed"] is True
 
 
-def test_a_pilot_that_sways_shows_what_a_function_makes_of_the_whole_road():
+def test_a_swaying_pilot_covers_the_width_of_the_road():
     track = stadium()
     swaying = record_lap(track, "cw", sway_m=0.3 * track.width_at(0.0))
     shares = [state["distance_from_center"] / state["track_width"] for state in swaying]
@@ -145,7 +145,7 @@ def test_a_pilot_that_sways_shows_what_a_function_makes_of_the_whole_road():
     assert min(shares) < 0.05 and max(shares) > 0.25, "all three steps of the first example"
 
 
-def test_no_more_points_than_anybody_looks_at(lap):
+def test_the_number_of_points_is_limited(lap):
     trace = {name: [0.0] * (MAX_POINTS + 50) for name in ("yaw", "steer", "progress", "tstamp", "Y", "X")}
     count = MAX_POINTS + 50
     trace |= {"episode": [0] * count, "steps": [1] * count, "throttle": [1.0] * count}
@@ -153,25 +153,25 @@ def test_no_more_points_than_anybody_looks_at(lap):
     assert len(params_along(stadium(), trace)) == MAX_POINTS
 
 
-def test_rewards_along_a_lap_are_what_the_function_says(lap):
+def test_rewards_along_a_lap_come_from_the_function(lap):
     along = rewards_along(example("follow_centre_line").code, lap)
     assert along.problems == []
     assert along.rewards == [follow_centre_line(params) for params in lap]
 
 
-def test_a_function_keeps_its_memory_along_the_lap(lap):
+def test_a_function_keeps_its_memory_along_a_lap(lap):
     along = rewards_along("seen = []\ndef reward_function(params):\n    seen.append(1)\n    return len(seen)", lap)
     assert along.rewards == [float(number) for number in range(1, len(lap) + 1)]
 
 
-def test_where_a_function_fails_there_is_no_reward(lap):
+def test_a_failing_call_has_no_reward(lap):
     along = rewards_along("def reward_function(params):\n    return 1 / (params['progress'] < 50)", lap)
     (problem,) = along.problems
     assert (problem.code, problem.line) == ("reward_raised", 2)
     assert [reward is None for reward in along.rewards] == [params["progress"] >= 50 for params in lap]
 
 
-def test_a_function_that_cannot_start_has_no_rewards(lap):
+def test_a_function_that_cannot_load_has_no_rewards(lap):
     along = rewards_along("def reward_function(params)\n    return 1", lap)
     assert along.rewards == []
     assert [problem.code for problem in along.problems] == ["reward_syntax"]
@@ -222,34 +222,34 @@ def test_differences_need_both_values():
     assert differences([1.0, None, 2.0], [3.0, 1.0]) == [2.0, None, None]
 
 
-def test_without_any_reward_there_is_still_a_map(lap):
+def test_a_map_is_drawn_without_any_reward(lap):
     svg = heat_map(stadium(), lap, [])
     assert texts(svg) == ["reward"]
     assert len(strokes(svg, "heat-point")) == len(lap)
 
 
 @pytest.mark.parametrize(("reward", "said"), [(1.0, "1"), (0.0, "0"), (-0.5, "\N{MINUS SIGN}0.5")])
-def test_the_same_reward_everywhere_is_one_number(lap, reward, said):
+def test_a_constant_reward_has_a_legend_of_one_number(lap, reward, said):
     assert texts(heat_map(stadium(), lap, [reward] * len(lap))) == [said, "reward"]
 
 
-def test_a_change_that_changes_nothing_is_said_so(lap):
+def test_equal_rewards_show_a_difference_of_zero(lap):
     rewards = [1.0] * len(lap)
     assert texts(difference_map(stadium(), lap, rewards, rewards))[0] == "0"
 
 
-def test_one_great_reward_does_not_make_all_others_look_alike():
+def test_one_huge_reward_does_not_flatten_the_scale():
     assert scale_of([*(float(value) for value in range(100)), 1e5]) == (2.0, 98.0)
     assert scale_of([1.0, 1000.0]) == (1.0, 1000.0)
     assert scale_of([None]) == (0.0, 0.0)
 
 
-def test_a_value_beyond_the_scale_is_said_in_the_legend(lap):
+def test_the_legend_tells_values_beyond_the_scale(lap):
     rewards = [1.0] * (len(lap) - 1) + [1000.0]
     assert texts(heat_map(stadium(), lap, rewards))[:2] == ["1", "≥ 1"]
 
 
-def test_colours_go_from_dark_to_bright_so_that_lightness_alone_tells():
+def test_colours_run_from_dark_to_bright():
     def lightness(colour):
         red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
         return 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2

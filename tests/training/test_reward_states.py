@@ -43,7 +43,7 @@ KEYS = {
 
 
 @pytest.mark.parametrize("race_type", RACE_TYPES)
-def test_each_state_has_the_27_keys_in_type_and_range(race_type):
+def test_each_state_has_27_keys_of_the_right_type_and_range(race_type):
     assert len(KEYS) == 27
     for params in five_states(race_type):
         assert params.keys() == KEYS.keys()
@@ -53,7 +53,7 @@ def test_each_state_has_the_27_keys_in_type_and_range(race_type):
 
 
 @pytest.mark.parametrize("race_type", RACE_TYPES)
-def test_the_states_are_what_they_are_called(race_type):
+def test_each_state_is_what_its_name_says(race_type):
     states = dict(zip(STATES, five_states(race_type), strict=True))
     assert states["start"]["progress"] < 2
     assert 20 <= states["valid"]["progress"] < 21
@@ -66,7 +66,7 @@ def test_the_states_are_what_they_are_called(race_type):
     assert all(state["is_left_of_center"] for state in states.values())
 
 
-def test_the_waypoints_say_where_the_car_is():
+def test_the_closest_waypoints_surround_the_car():
     for params in five_states():
         waypoints = params["waypoints"]
         assert all(type(point) is tuple and len(point) == 2 for point in waypoints)
@@ -79,7 +79,7 @@ def test_the_waypoints_say_where_the_car_is():
 
 
 @pytest.mark.parametrize(("race_type", "count", "speed"), [("object_avoidance", 2, 0.0), ("head_to_head", 1, 1.0)])
-def test_races_with_objects_have_objects_in_all_lists(race_type, count, speed):
+def test_races_with_objects_fill_every_object_list(race_type, count, speed):
     for params in five_states(race_type):
         for name in KEYS:
             if name.startswith("objects_"):

@@ -58,13 +58,13 @@ ORDINARY = {
 
 
 @pytest.mark.parametrize("text", ORDINARY.values(), ids=ORDINARY)
-def test_ordinary_python_needs_nothing_that_the_lock_took_away(level, text):
+def test_ordinary_python_works_in_the_sandbox(level, text):
     report = check_reward(text, level=level)
     assert report.problems == []
     assert set(report.rewards.values()) == {1.5}
 
 
-def test_the_libraries_work_behind_the_wall(level):
+def test_the_libraries_work_in_the_sandbox(level):
     text = """
 import math
 import random
@@ -88,19 +88,19 @@ def reward_function(params):
     assert set(report.rewards) == set(STATES)
 
 
-def test_the_same_function_has_the_same_rewards_every_time():
+def test_rewards_are_repeatable():
     text = "def reward_function(params):\n    return len({str(key): 1 for key in params}) + hash('x') % 97"
     assert check_reward(text).rewards == check_reward(text).rewards
 
 
-def test_what_it_prints_comes_back():
+def test_prints_come_back():
     report = check_reward(
         "def reward_function(params):\n    print('step', params['steps'], '\\x1b[2J')\n    return 1.0"
     )
     assert report.printed.splitlines()[0] == f"step {five_states()[0]['steps']} ?[2J"
 
 
-def test_a_problem_in_one_state_names_it_and_the_other_states_have_rewards():
+def test_a_problem_names_its_state_and_others_have_rewards():
     report = check_reward("def reward_function(params):\n    return 1 / (not params['is_offtrack'])")
     (problem,) = report.problems
     assert (problem.kind, problem.code, problem.line, problem.state) == ("test", "reward_raised", 2, "off_track")
@@ -108,11 +108,11 @@ def test_a_problem_in_one_state_names_it_and_the_other_states_have_rewards():
     assert set(report.rewards) == set(STATES) - {"off_track"}
 
 
-def test_the_same_problem_in_all_states_is_told_once():
+def test_a_problem_common_to_all_states_is_listed_once():
     assert len(validate_reward("def reward_function(params):\n    return params['?']")) == 1
 
 
-def test_different_problems_in_different_states_are_all_told():
+def test_different_problems_of_states_are_all_listed():
     text = "def reward_function(params):\n    if params['is_offtrack']:\n        return None\n    return params['?']"
     assert [(problem.code, problem.line) for problem in validate_reward(text)] == [
         ("reward_raised", 4),
@@ -120,19 +120,19 @@ def test_different_problems_in_different_states_are_all_told():
     ]
 
 
-def test_kinds_are_those_of_the_consoles_validation():
+def test_problem_kinds_are_those_of_the_console():
     text = "import os\n\ndef reward_function(params):\n    return y"
     assert [(problem.kind, problem.line) for problem in validate_reward(text)] == [("import", 1), ("syntax", 4)]
 
 
 @pytest.mark.parametrize("race_type", RACE_TYPES)
-def test_states_are_those_of_the_race_type(race_type):
+def test_the_states_fit_the_race_type(race_type):
     text = "def reward_function(params):\n    return params['objects_distance'][params['closest_objects'][1]]"
     codes = [problem.code for problem in validate_reward(text, race_type=race_type)]
     assert codes == (["reward_raised"] if race_type == "time_trial" else [])
 
 
-def test_params_cross_the_wall_unchanged_in_value_and_type():
+def test_params_enter_the_sandbox_with_values_and_types_intact():
     import json
 
     for race_type in RACE_TYPES:
@@ -147,7 +147,7 @@ def test_params_cross_the_wall_unchanged_in_value_and_type():
 # --- when it is not the function's fault
 
 
-def test_a_process_that_cannot_be_started_is_our_fault(monkeypatch):
+def test_a_process_that_does_not_start_is_our_fault(monkeypatch):
     monkeypatch.setattr(ask, "MODULE", "training.rewards.nothing")
     with pytest.raises(PlatformFault) as fault:
         validate_reward(GOOD)
@@ -161,7 +161,7 @@ def test_a_host_that_is_too_busy_to_start_is_our_fault(monkeypatch):
     assert fault.value.code == "reward_check_failed"
 
 
-def test_a_function_that_hardly_got_the_processor_is_not_blamed(monkeypatch):
+def test_a_function_that_hardly_got_the_cpu_is_not_blamed(monkeypatch):
     """A tenth of a second of wall time is over while it computes: that is no 5 s of computing."""
     launch = ask.launch
 
@@ -176,7 +176,7 @@ def test_a_function_that_hardly_got_the_processor_is_not_blamed(monkeypatch):
     assert fault.value.code == "reward_check_failed"
 
 
-def test_only_so_many_are_tried_at_a_time_on_a_machine(monkeypatch):
+def test_validations_at_once_are_limited_per_machine(monkeypatch):
     """Endless functions hold two slots and two seats to wait on, not the whole site."""
     monkeypatch.setattr(ask, "_SLOT_WAIT_S", 0.05)
     with ExitStack() as others:
@@ -188,7 +188,7 @@ def test_only_so_many_are_tried_at_a_time_on_a_machine(monkeypatch):
     assert validate_reward(GOOD) == []
 
 
-def test_below_the_least_wall_nothing_runs(monkeypatch):
+def test_nothing_runs_below_the_minimum_sandbox(monkeypatch):
     with pytest.raises(PlatformFault) as fault:
         validate_reward(GOOD, level=1)
     assert fault.value.code == "sandbox_unavailable"
@@ -214,12 +214,12 @@ def test_below_the_least_wall_nothing_runs(monkeypatch):
         {"faults": [{"code": ["reward_raised"], "params": {}}], "rewards": [], "printed": ""},
     ],
 )
-def test_an_answer_without_the_form_of_one_is_not_believed(answer):
+def test_a_malformed_answer_is_not_believed(answer):
     with pytest.raises(ValueError):
         ask._checked(answer, 1)
 
 
-def test_text_of_an_answer_is_made_printable():
+def test_an_answers_text_is_made_printable():
     told = {"code": "reward_raised", "params": {"line": 1, "error": "\x1b[2J" + "x" * 1000}, "state": None}
     ((fault, _),) = ask._checked({"faults": [told], "rewards": [], "printed": "a\x07\nb"}, 1).faults
     assert Problem.of(fault).message.isprintable()
@@ -240,7 +240,7 @@ def follow_peak(pid: int, peaks: list[float]) -> None:
         return
 
 
-def test_everything_that_may_be_imported_needs_less_than_half_of_the_memory(monkeypatch):
+def test_all_allowed_libraries_fit_in_half_of_the_memory(monkeypatch):
     names = [f"{package}.{part}" for package, parts in modules._PARTS.items() for part in parts]
     text = "".join(f"import {name}\n" for name in names) + GOOD
     peaks: list[float] = []
@@ -258,7 +258,7 @@ def test_everything_that_may_be_imported_needs_less_than_half_of_the_memory(monk
     assert max(peaks) < REWARD.address_space_mb / 2
 
 
-def test_at_the_strongest_level_our_own_files_are_out_of_sight():
+def test_our_own_files_are_hidden_at_the_strongest_level():
     """Even before the lock there is nothing but code; after it not even that can be opened."""
     if probe().level < LEVEL_NAMESPACES:
         pytest.skip("no namespaces here")

@@ -53,7 +53,7 @@ def run(job: TrainingJob) -> TrainingJob:
     return job
 
 
-def test_a_training_laps_the_oval_and_leaves_everything_it_promised(alice, oval, now, tmp_path):
+def test_a_training_laps_the_oval_and_leaves_its_files(alice, oval, now, tmp_path):
     race = a_race(now=timezone.now(), track=oval)
     job = run(a_training(alice, oval, timezone.now(), stop_clean_laps=3, stop_minutes=5, submit_to_race=race))
     assert (job.state, job.reason, job.operator_detail) == (JobState.FINISHED, "", "")
@@ -138,7 +138,7 @@ def test_sac_learns_with_two_sensors(alice, oval, now):
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_all_that_was_driven_until_the_step_limit_was_learned_from(alice, oval, now, algorithm):
+def test_every_step_up_to_the_limit_is_learned_from(alice, oval, now, algorithm):
     """An update is due every 512 steps: the limit cuts the second batch short, which is learned from all the same."""
     space = {"action_space_type": "continuous", "action_space": DEFAULT_BOUNDS} if algorithm == "sac" else {}
     short = {"num_episodes_between_training": 5, "batch_size": 64, "num_epochs": 3}
@@ -161,7 +161,7 @@ def test_all_that_was_driven_until_the_step_limit_was_learned_from(alice, oval, 
     assert job.steps_done == 800
 
 
-def test_one_that_is_stopped_at_once_leaves_a_model(alice, oval, now):
+def test_a_training_stopped_at_once_leaves_a_model(alice, oval, now):
     job = a_training(alice, oval, now, **SHORT)
     thread = threading.Thread(target=stop_soon, args=(job.pk,))
     thread.start()
@@ -183,7 +183,7 @@ def stop_soon(pk: int) -> None:
     connections.close_all()
 
 
-def test_one_that_waits_is_stopped_at_once(alice, oval, now):
+def test_a_waiting_training_is_stopped_at_once(alice, oval, now):
     job = a_training(alice, oval, now)
     assert stop_training(job=job, now=now)
     assert (job.state, job.ended_at) == (JobState.STOPPED, now)
@@ -203,7 +203,7 @@ def kill_the_worker_of(job):
     job.refresh_from_db()
 
 
-def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
+def test_a_killed_worker_loses_nothing_saved(alice, oval, now):
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
     kill_the_worker_of(job)
     checkpoint = Checkpoint.objects.filter(job=job).first()
@@ -230,7 +230,7 @@ def test_a_killed_worker_loses_nothing_that_was_saved(alice, oval, now):
     assert job.iterations.last().entropy < math.log(5), "it has learned, and its policy is one still"
 
 
-def test_one_that_is_stopped_while_it_waits_to_go_on_keeps_its_best_and_its_last(alice, oval, now):
+def test_stopping_a_resumable_training_keeps_best_and_last(alice, oval, now):
     """Its worker was killed, its owner has seen enough: nothing more is learned, and nothing that was is lost."""
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
     kill_the_worker_of(job)
@@ -249,7 +249,7 @@ def wait_for(condition, worker: subprocess.Popen) -> None:
         sleep(0.1)
 
 
-def test_a_reward_function_that_fails_ends_the_training_with_code_and_line(alice, oval, now):
+def test_a_failing_reward_function_ends_with_code_and_line(alice, oval, now):
     code = "print('loaded')\ndef reward_function(params):\n    print('look:', params['steps'])\n    return 1 / 0\n"
     job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
     assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 4)
@@ -260,14 +260,14 @@ def test_a_reward_function_that_fails_ends_the_training_with_code_and_line(alice
     assert not TrainedModel.objects.exists()
 
 
-def test_what_was_learned_before_the_reward_function_failed_is_kept(alice, oval, now):
+def test_a_reward_function_failing_late_costs_nothing_learned(alice, oval, now):
     code = "calls = 0\ndef reward_function(params):\n    global calls\n    calls += 1\n    return 1 / (60 - calls)\n"
     job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
     assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 5)
     assert job.iterations.exists() and job.best_model is not None
 
 
-def test_a_reward_function_that_ends_its_process_hurts_nobody(alice, oval, now):
+def test_a_reward_function_that_exits_hurts_nobody(alice, oval, now):
     code = "def reward_function(params):\n    params.__class__.__base__\n    raise SystemExit(0)\n"
     job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
     assert job.state == JobState.FAILED

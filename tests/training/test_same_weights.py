@@ -61,7 +61,7 @@ def tensors(sb3_zip: bytes, algorithm: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", pytest.param("sac", marks=pytest.mark.soak)])
-def test_the_same_seed_makes_the_same_weights_to_the_last_bit(algorithm):
+def test_the_same_seed_makes_the_same_weights_bit_for_bit(algorithm):
     first, first_end = trained(algorithm, seed=3)
     second, second_end = trained(algorithm, seed=3)
     other, other_end = trained(algorithm, seed=4)

@@ -25,7 +25,7 @@ CONTINUOUS = {
 }
 
 
-def test_it_learns_from_pictures_and_tells_of_episodes_as_a_monitor_does():
+def test_it_learns_from_pictures_and_reports_episodes():
     cars = make_sb3_env(RACE, 2, observation="box", max_simulated_ms=1000, start="random")
     model = PPO("CnnPolicy", cars, n_steps=16, batch_size=16, n_epochs=1, seed=1).learn(32)
     assert len(model.ep_info_buffer) >= 2
@@ -43,7 +43,7 @@ def test_it_learns_from_several_sensors_and_continuous_actions():
     assert {"FRONT_FACING_CAMERA", "LIDAR"} == set(model.get_env().reset())
 
 
-def test_every_step_is_that_of_the_vector_environment():
+def test_every_step_equals_the_vector_environments():
     options = {"start": "random", "max_simulated_ms": 400, "observation": "box"}
     cars = make_sb3_env(RACE, 3, seed=9, **options)
     plain = gymnasium.make_vec(RACE, num_envs=3, autoreset_mode="SameStep", **options)
@@ -60,7 +60,7 @@ def test_every_step_is_that_of_the_vector_environment():
             assert infos[number]["end_reason"] == told["final_info"]["end_reason"][number]
 
 
-def test_what_it_returned_stays_as_it_was():
+def test_a_returned_observation_does_not_change_later():
     cars = make_sb3_env(RACE, 1, observation="box")
     first = cars.reset()
     kept = first.copy()
@@ -83,7 +83,7 @@ class Pilot:
         return 1.0
 
 
-def test_laps_done_are_a_cut_and_not_an_end():
+def test_finished_laps_truncate_the_episode():
     pilot = Pilot()
     cars = make_sb3_env(RACE, 1, reward_function=pilot)
     cars.reset()
@@ -94,7 +94,7 @@ def test_laps_done_are_a_cut_and_not_an_end():
     assert infos[0]["TimeLimit.truncated"]
 
 
-def test_seeds_options_frames_and_stacks_are_those_of_stable_baselines3():
+def test_seeds_options_and_stacking_follow_stable_baselines3():
     cars = make_sb3_env(RACE, 2, start="random", render_mode="rgb_array", observation="box")
     cars.seed(4)
     first = cars.reset()
@@ -112,7 +112,7 @@ def test_seeds_options_frames_and_stacks_are_those_of_stable_baselines3():
     assert stacked.reset().shape == (2, 120, 160, 4)
 
 
-def test_what_it_cannot_do_it_says():
+def test_unsupported_calls_say_so():
     with pytest.raises(ValueError, match='autoreset_mode="Disabled"'):
         SB3VecEnv(gymnasium.make_vec(RACE, num_envs=1))
     cars = make_sb3_env(RACE, 1)

@@ -28,12 +28,12 @@ def test_a_box_is_one_observation_without_a_name():
 
 
 @pytest.mark.parametrize("spaces", OF_TWO, ids=["now", "in older versions", "in the oldest"])
-def test_a_dict_has_its_parts_in_their_order(spaces):
+def test_a_dict_keeps_the_order_of_its_parts(spaces):
     found = read_facts(said(observation_space={"spaces": spaces})).observations
     assert list(found.items()) == [("LIDAR", Box((64,), "float32")), ("STEREO_CAMERAS", Box((2, 120, 160), "uint8"))]
 
 
-def test_layers_and_scale_are_told_by_the_policys_arguments():
+def test_policy_arguments_tell_layers_and_scale():
     facts = read_facts(
         said(
             policy_kwargs={
@@ -65,7 +65,7 @@ def test_layers_and_scale_are_told_by_the_policys_arguments():
         (said(action_space={":type:": "<class 'Box'>", "low": "[nan]", "high": None}), "sb3_action_space"),
     ],
 )
-def test_what_cannot_be_read_or_rebuilt_is_refused(data, code):
+def test_unreadable_or_unsupported_policies_are_refused(data, code):
     with pytest.raises(UserFault) as fault:
         read_facts(data)
     assert fault.value.code == code

@@ -141,7 +141,7 @@ def own_answer(kind: str, seen) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_races_answers_as_the_learner_does_on_frames_of_a_real_run(kind):
+def test_the_racing_network_answers_as_the_learner(kind):
     metadata = KINDS[kind][2]
     network = onnxruntime.InferenceSession(rebuilt(saved(kind), metadata))
     cars = learner(kind).get_env()
@@ -160,7 +160,7 @@ def test_what_races_answers_as_the_learner_does_on_frames_of_a_real_run(kind):
 
 
 @pytest.mark.parametrize("kind", ["PPO, pictures", "SAC, several sensors"])
-def test_it_is_admitted_behind_the_wall_and_this_process_never_reads_it(kind, monkeypatch):
+def test_it_is_admitted_in_the_sandbox_and_never_read_outside(kind, monkeypatch):
     monkeypatch.setattr(torch, "load", None)
     metadata = KINDS[kind][2]
     admitted = upload(saved(kind), metadata)
@@ -184,7 +184,7 @@ def test_it_is_admitted_behind_the_wall_and_this_process_never_reads_it(kind, mo
     ],
     ids=["no metadata", "other actions", "other camera", "one more sensor", "stacked", "own extractor", "sde"],
 )
-def test_what_would_not_drive_as_it_was_trained_is_refused_with_its_reason(build, code, monkeypatch):
+def test_a_policy_that_would_drive_differently_is_refused(build, code, monkeypatch):
     monkeypatch.setattr(admit_module, "launch", launch_here)
     zipped, metadata = build()
     fault = refused(zipped, metadata)
@@ -215,7 +215,7 @@ def other_extractor() -> bytes:
     ],
     ids=["PPO", "PPO, deep, lidar", "the console's network", "SAC, stereo, sectors"],
 )
-def test_what_a_training_here_hands_out_is_the_very_network_that_it_made(algorithm, changes, build):
+def test_a_trainings_download_holds_its_very_network(algorithm, changes, build):
     learned = ours(algorithm, changes, build)
     said = learned.spec.metadata
     assert rebuilt(learned.to_zip(), said) == to_onnx(learned.layout, learned.weights(), algorithm == "sac")
@@ -241,7 +241,7 @@ def ours(algorithm: str, changes: dict, build: str) -> Learner:
     return Learner(spec, layout, cars, ConvertCallback(None))
 
 
-def test_a_layer_that_a_policy_does_not_have_is_named():
+def test_an_unexpected_layer_is_named():
     with zipfile.ZipFile(io.BytesIO(saved("PPO, flat"))) as archive:
         tensors = torch.load(io.BytesIO(archive.read("policy.pth")), weights_only=True)
     file = io.BytesIO()
@@ -250,13 +250,13 @@ def test_a_layer_that_a_policy_does_not_have_is_named():
     assert fault.code == "sb3_layer" and "lstm_actor.weight_ih_l0" in str(fault)
 
 
-def test_without_torch_the_site_says_so(monkeypatch):
+def test_a_site_without_torch_says_so(monkeypatch):
     monkeypatch.setattr(admit_module, "PROCESSES", {})
     fault = refused(saved("PPO, flat"), DISCRETE)
     assert (fault.code, fault.fault) == ("sb3_needs_torch", "platform")
 
 
-def test_a_pickle_in_data_stays_closed_and_does_no_harm():
+def test_a_pickle_in_data_is_never_opened():
     """Its other words are read all the same."""
     said = {":type:": "<class 'dict'>", ":serialized:": "Y3Bvc2l4CnN5c3RlbQooUyd0b3VjaCBQV05FRCcKdFIu"}
     assert upload(with_data(saved("PPO, flat"), policy_kwargs=said), DISCRETE).source_kind == "sb3"

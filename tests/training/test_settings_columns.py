@@ -19,7 +19,7 @@ NUMBERS = [name for name, rule in SETTINGS.items() if not rule.choices and name 
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("name", NUMBERS)
-def test_a_row_holds_what_is_at_a_bound_and_nothing_below_or_above(name):
+def test_a_row_takes_a_bound_and_nothing_beyond_it(name):
     job, rule = a_training(a_racer(), a_track(), timezone.now()), SETTINGS[name]
     row = TrainingJob.objects.filter(pk=job.pk)
     for bound in (rule.least, rule.most):
@@ -30,7 +30,7 @@ def test_a_row_holds_what_is_at_a_bound_and_nothing_below_or_above(name):
 
 
 @pytest.mark.parametrize("name", SETTINGS)
-def test_a_column_begins_with_the_default_of_the_list(name):
+def test_a_columns_default_is_that_of_the_list(name):
     default = TrainingJob._meta.get_field(name).get_default()
     assert default == (0 if name == "seed" else SETTINGS[name].default)
 

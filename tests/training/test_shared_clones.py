@@ -45,13 +45,13 @@ def shared(bob, now) -> TrainedModel:
     return model
 
 
-def test_a_shared_model_is_trained_on_and_makes_a_new_one_of_the_racers_own(alice, shared, oval, now):
+def test_a_clone_of_a_shared_model_belongs_to_its_racer(alice, shared, oval, now):
     job = a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
     assert (job.owner, job.cloned_from, job.state) == (alice, shared, JobState.QUEUED)
     assert spec_of(job).build == "paddock"
 
 
-def test_who_may_begin_with_it_is_who_sees_it(alice, bob, shared, now):
+def test_whoever_sees_a_model_may_clone_it(alice, bob, shared, now):
     everybody = (alice, bob, AnonymousUser())
     for expected in ({alice, bob}, {bob}):
         for racer in everybody:
@@ -60,7 +60,7 @@ def test_who_may_begin_with_it_is_who_sees_it(alice, bob, shared, now):
         stop_sharing_model(model=shared)
 
 
-def test_a_model_that_is_not_shared_any_more_starts_no_training(alice, shared, oval, now):
+def test_a_model_no_longer_shared_cannot_be_cloned(alice, shared, oval, now):
     stop_sharing_model(model=shared)
     with pytest.raises(UserFault) as refused:
         a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
@@ -68,7 +68,7 @@ def test_a_model_that_is_not_shared_any_more_starts_no_training(alice, shared, o
 
 
 @pytest.mark.parametrize("end", ["stop_sharing", "delete"])
-def test_a_training_that_began_goes_on_and_names_what_it_began_with(alice, shared, oval, now, end):
+def test_a_training_outlasts_the_sharing_of_its_model(alice, shared, oval, now, end):
     job = a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
     if end == "delete":
         delete_model(model=shared, now=now)
@@ -82,14 +82,14 @@ def test_a_training_that_began_goes_on_and_names_what_it_began_with(alice, share
         assert file.read() == b"a network", "the trainer may still have to begin with it"
 
 
-def test_a_racer_cannot_be_removed_with_a_model_that_others_began_with(alice, bob, shared, oval, now):
+def test_a_racer_whose_model_was_cloned_cannot_be_removed(alice, bob, shared, oval, now):
     job = a_training(alice, oval, now, clone_from=shared, action_space=SPACE)
     with pytest.raises(ProtectedError), transaction.atomic():
         bob.delete()
     assert TrainingJob.objects.get(pk=job.pk).cloned_from == shared
 
 
-def test_the_training_and_its_reward_function_stay_the_owners(alice, bob, shared, oval, now):
+def test_training_and_reward_function_are_not_shared(alice, bob, shared, oval, now):
     job = a_training(bob, oval, now)
     TrainingJob.objects.filter(pk=job.pk).update(best_model=shared)
     assert not can_see_training(alice, job)
@@ -98,28 +98,28 @@ def test_the_training_and_its_reward_function_stay_the_owners(alice, bob, shared
     }
 
 
-def test_a_shared_model_cannot_be_submitted_by_somebody_else(alice, shared, now):
+def test_only_its_owner_may_submit_a_shared_model(alice, shared, now):
     with pytest.raises(UserFault) as refused:
         submit_model(race=a_race(now), racer=alice, model=shared, now=now)
     assert refused.value.code == "model_not_yours"
 
 
-class TestTheChoiceInTheWizard:
+class TestModelChoice:
     def groups(self, racer, now, chosen=None) -> dict[str, list[str]]:
         return self.groups_of(TrainingForm(owner=racer, now=now, initial={"clone": chosen}))
 
     def groups_of(self, form: TrainingForm) -> dict[str, list[str]]:
         return {name: [label for _, label in rows] for name, rows in form.fields["clone"].choices if name}
 
-    def test_lists_own_and_shared_models_in_groups(self, alice, shared, now):
+    def test_it_lists_own_and_shared_models_in_groups(self, alice, shared, now):
         assert self.groups(alice, now) == {"Shared models": ["Bolt (bob)"]}
         model_row(alice, "Mine", b"mine")
         assert self.groups(alice, now) == {"My models": ["Mine"], "Shared models": ["Bolt (bob)"]}
 
-    def test_lists_a_models_owner_only_once(self, bob, shared, now):
+    def test_it_lists_an_owner_once(self, bob, shared, now):
         assert self.groups(bob, now) == {"My models": ["Bolt"]}
 
-    def test_is_bounded_and_keeps_the_chosen_one(self, alice, bob, shared, now, django_assert_max_num_queries):
+    def test_it_is_bounded_and_keeps_the_chosen_model(self, alice, bob, shared, now, django_assert_max_num_queries):
         for number in range(SHARED_LISTED + 5):
             later = model_row(bob, f"Car {number}", str(number).encode())
             share_model(model=later, now=now + timedelta(minutes=number + 1))
@@ -130,21 +130,21 @@ class TestTheChoiceInTheWizard:
         assert listed[-1] == "Bolt (bob)", "the oldest one is chosen"
         assert OWN_LISTED + SHARED_LISTED < 200
 
-    def test_takes_any_model_that_may_be_cloned_listed_or_not(self, alice, bob, shared, now):
+    def test_it_accepts_a_clonable_model_that_is_not_listed(self, alice, bob, shared, now):
         field = TrainingForm(owner=alice, now=now).fields["clone"]
         for number in range(SHARED_LISTED + 1):
             share_model(model=model_row(bob, f"Car {number}", str(number).encode()), now=now + timedelta(minutes=1))
         assert field.clean(shared.public_id) == shared
 
     @pytest.mark.parametrize("sent", ["x" * 12, "\x00", "\ud800"])
-    def test_refuses_what_is_not_there(self, alice, shared, now, sent):
+    def test_it_refuses_an_unknown_model(self, alice, shared, now, sent):
         from django.core.exceptions import ValidationError
 
         with pytest.raises(ValidationError):
             TrainingForm(owner=alice, now=now).fields["clone"].clean(sent)
 
 
-def test_a_car_of_the_console_is_proposed_to_learn_at_the_consoles_rate(alice, shared, oval, now):
+def test_a_console_car_gets_the_consoles_learning_rate(alice, shared, oval, now):
     clone = {"clone": shared.public_id}
     assert proposals(alice, clone)["lr"] == 0.001
     Network.objects.filter(pk=shared.network_id).update(parameters=Layout.of(METADATA, CONSOLE).parameters)
@@ -153,7 +153,7 @@ def test_a_car_of_the_console_is_proposed_to_learn_at_the_consoles_rate(alice, s
     assert proposals(alice, clone | {"job": job.public_id})["lr"] == 0.0007
 
 
-class TestTheVehicleForIt:
+class TestVehicleForClone:
     @pytest.fixture
     def deep(self, shared):
         """The same model with five layers, which the original car has not."""
@@ -161,26 +161,26 @@ class TestTheVehicleForIt:
         TrainedModel.objects.filter(pk=shared.pk).update(metadata=metadata)
         return shared
 
-    def test_is_the_original_car_where_that_fits(self, alice, shared):
+    def test_the_original_car_is_chosen_when_it_fits(self, alice, shared):
         Vehicle.objects.create(owner=alice, name="A")
         initial = proposals(alice, {"clone": shared.public_id})
         assert initial["vehicle"] == "" and LACKS_VEHICLE not in initial
 
-    def test_is_chosen_where_one_fits(self, alice, deep):
+    def test_a_fitting_vehicle_is_chosen(self, alice, deep):
         Vehicle.objects.create(owner=alice, name="A")
         fits = Vehicle.objects.create(owner=alice, name="B", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
         initial = proposals(alice, {"clone": deep.public_id})
         assert initial["vehicle"] == fits.public_id
         assert LACKS_VEHICLE not in initial
 
-    def test_is_asked_for_where_none_does(self, alice, deep):
+    def test_a_vehicle_is_asked_for_when_none_fits(self, alice, deep):
         Vehicle.objects.create(owner=alice, name="A")
         assert proposals(alice, {"clone": deep.public_id})[LACKS_VEHICLE] == deep
 
-    def test_is_not_missed_by_a_racer_without_any_whose_car_is_the_usual_one(self, alice, shared):
+    def test_the_usual_car_needs_no_vehicle(self, alice, shared):
         assert LACKS_VEHICLE not in proposals(alice, {"clone": shared.public_id})
 
-    def test_must_have_the_same_lidar(self, alice, bob, shared):
+    def test_a_vehicle_with_another_lidar_does_not_fit(self, alice, bob, shared):
         metadata = METADATA | {"sensor": ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]}
         metadata |= {"lidar_config": {"num_sectors": 4, "num_values_per_sector": 2, "clipping_dist": 2.0}}
         TrainedModel.objects.filter(pk=shared.pk).update(metadata=metadata)

@@ -51,7 +51,7 @@ def run_in_a_worker_that_dies() -> int:
 
 
 @pytest.mark.parametrize("written", [False, True], ids=["before it is submitted", "after it is submitted"])
-def test_a_worker_that_is_killed_between_the_end_and_the_submission_loses_neither(job, race, now, monkeypatch, written):
+def test_a_kill_between_end_and_submission_loses_neither(job, race, now, monkeypatch, written):
     submit_model = results.submit_model
 
     def killed(**asked):
@@ -72,7 +72,7 @@ def test_a_worker_that_is_killed_between_the_end_and_the_submission_loses_neithe
     assert TrainedModel.objects.get() == job.best_model == job.submission.evaluation.model
 
 
-def test_a_race_that_refuses_the_model_is_told_beside_a_finished_training(alice, oval, now, trainer):
+def test_a_refusal_by_the_race_is_shown_with_the_training(alice, oval, now, trainer):
     race = a_race(now, track=oval)
     job = a_training(alice, oval, now, submit_to_race=race)
     Race.objects.filter(pk=race.pk).update(sensors=["STEREO_CAMERAS"])  # its organiser thought again
@@ -84,7 +84,7 @@ def test_a_race_that_refuses_the_model_is_told_beside_a_finished_training(alice,
     assert job.best_model == job.last_model, "one network is one model"
 
 
-def test_a_submission_that_fails_through_us_is_told_and_the_model_is_kept(alice, oval, now, trainer, monkeypatch):
+def test_a_submission_failing_through_us_keeps_the_model(alice, oval, now, trainer, monkeypatch):
     def broken(**_):
         raise RuntimeError("the disk is full")
 

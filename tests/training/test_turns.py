@@ -39,8 +39,8 @@ def has_had(racer, track, at, minutes: float, name: str = "had") -> TrainingJob:
     return job
 
 
-class TestTheLine:
-    def test_begins_with_who_has_had_the_least(self, alice, bob, charlie, oval, now):
+class TestQueueOrder:
+    def test_the_racer_who_trained_least_comes_first(self, alice, bob, charlie, oval, now):
         has_had(alice, oval, now, 30)
         has_had(bob, oval, now, 5)
         for place, (racer, name) in enumerate([(alice, "a"), (bob, "b"), (charlie, "c")]):
@@ -48,7 +48,7 @@ class TestTheLine:
         assert order(now) == ["c", "b", "a"]
         assert TRAININGS.claim(worker="w", now=now).name == "c"
 
-    def test_lets_nobody_wait_behind_all_of_another_racer_s(self, alice, bob, oval, now, settings):
+    def test_nobody_waits_behind_all_of_another_racers_trainings(self, alice, bob, oval, now, settings):
         settings.TRAININGS_AT_ONCE = 3
         for number in range(3):
             a_training(alice, oval, now + timedelta(seconds=number), name=f"a{number}")
@@ -56,20 +56,20 @@ class TestTheLine:
         assert order(now) == ["a0", "b", "a1", "a2"]
         assert place_of(last, now) == 2
 
-    def test_counts_what_runs(self, alice, bob, oval, now, settings):
+    def test_running_trainings_count(self, alice, bob, oval, now, settings):
         a_training(alice, oval, now, name="running")
         TRAININGS.claim(worker="w", now=now)
         a_training(alice, oval, now, name="a")
         a_training(bob, oval, now + MINUTE, name="b")
         assert order(now + 2 * MINUTE) == ["b", "a"]
 
-    def test_forgets_after_a_day(self, alice, bob, oval, now):
+    def test_trainings_of_a_day_ago_do_not_count(self, alice, bob, oval, now):
         has_had(alice, oval, now - timedelta(days=1), 600)
         a_training(alice, oval, now, name="a")
         a_training(bob, oval, now + MINUTE, name="b")
         assert order(now + 2 * MINUTE) == ["a", "b"]
 
-    def test_passes_over_what_pauses(self, alice, bob, oval, now):
+    def test_a_pausing_training_is_passed_over(self, alice, bob, oval, now):
         paused = a_training(alice, oval, now, name="a")
         TrainingJob.objects.filter(pk=paused.pk).update(not_before=now + MINUTE)
         a_training(bob, oval, now, name="b")
@@ -77,14 +77,14 @@ class TestTheLine:
         assert (order(now), place_of(paused, now)) == (["b"], 2)
         assert order(now + MINUTE) == ["a", "b"]
 
-    def test_puts_first_what_only_waits_for_its_models(self, alice, bob, oval, now):
+    def test_an_ended_training_awaiting_its_models_comes_first(self, alice, bob, oval, now):
         has_had(alice, oval, now, 600)
         kept = a_training(alice, oval, now + MINUTE, name="a")
         TrainingJob.objects.filter(pk=kept.pk).update(reason_code="reward_raised")
         a_training(bob, oval, now, name="b")
         assert order(now + MINUTE) == ["a", "b"]
 
-    def test_costs_the_same_queries_however_long_it_is(self, alice, bob, oval, now, django_assert_num_queries):
+    def test_a_longer_queue_takes_no_more_queries(self, alice, bob, oval, now, django_assert_num_queries):
         for racer in (alice, bob):
             for name in ("one", "two"):
                 a_training(racer, oval, now, name=name)
@@ -92,7 +92,7 @@ class TestTheLine:
                 line_of(now)
 
 
-class TestTheCharge:
+class TestCharge:
     @pytest.fixture
     def held(self, alice, oval, now) -> TrainingJob:
         a_training(alice, oval, now)
@@ -103,12 +103,12 @@ class TestTheCharge:
         held.refresh_from_db()
         return held
 
-    def test_is_from_the_claim_to_the_end_whatever_the_process_told(self, held, now):
+    def test_the_time_from_claim_to_end_is_charged(self, held, now):
         job = self.ends(held, UserFault("reward_stuck", how="nothing was heard"), now + 11 * MINUTE)
         assert (job.charged_s, job.seconds_done) == (660.0, 0.0)
         assert minutes_used(job.owner, now) == 11.0
 
-    def test_is_the_same_at_a_good_end(self, held, alice, now):
+    def test_a_good_end_is_charged_the_same(self, held, alice, now):
         from tests.factories import a_model
 
         models = (a_model(alice),) * 2
@@ -117,13 +117,13 @@ class TestTheCharge:
         held.refresh_from_db()
         assert (held.charged_s, held.seconds_done) == (60.0, 2.0)
 
-    def test_is_of_every_attempt_that_its_own_process_ended(self, held, now):
+    def test_every_attempt_ended_by_its_own_process_is_charged(self, held, now):
         self.ends(held, PlatformFault("trainer_error", detail="x"), now + MINUTE)
         again = TRAININGS.claim(worker="w", now=now + 5 * MINUTE)
         assert self.ends(again, PlatformFault("trainer_error", detail="x"), now + 7 * MINUTE).charged_s == 180.0
 
     @pytest.mark.parametrize("how", ["trainer_died", "trainer_lost", "released"])
-    def test_of_what_was_taken_away_from_outside_is_what_a_checkpoint_has_kept(self, held, now, how):
+    def test_an_attempt_ended_from_outside_costs_what_was_kept(self, held, now, how):
         keep_checkpoint(job=held, lease=held.lease, saved=saved(40), networks=NETWORKS, now=now)
         at = held.leased_until + 10 * MINUTE
         if how == "released":
@@ -137,16 +137,16 @@ class TestTheCharge:
         again = TRAININGS.claim(worker="w", now=at)
         assert self.ends(again, UserFault("training_diverged"), at + MINUTE).charged_s == 100.0
 
-    def test_is_nothing_where_nothing_was_kept(self, held, now):
+    def test_an_attempt_that_kept_nothing_costs_nothing(self, held, now):
         assert self.ends(held, PlatformFault("trainer_died", how="signal 9"), now + MINUTE).charged_s == 0.0
 
-    def test_under_way_is_what_it_may_take_at_least(self, held, now):
+    def test_a_training_under_way_reserves_its_time_limit(self, held, now):
         assert minutes_used(held.owner, now) == held.stop_minutes
         TrainingJob.objects.filter(pk=held.pk).update(charged_s=6000.0)
         assert minutes_used(held.owner, now) == 100.0
 
 
-def test_a_pause_ends_when_its_owner_stops_the_training(alice, oval, now):
+def test_stopping_a_training_ends_its_pause(alice, oval, now):
     a_training(alice, oval, now)
     job = TRAININGS.claim(worker="w", now=now)
     keep_checkpoint(job=job, lease=job.lease, saved=saved(1), networks=NETWORKS, now=now)

@@ -65,21 +65,21 @@ def test_best_and_last_become_two_models(job, trainer):
 @pytest.mark.parametrize(
     ("why", "state"), [("time", "finished"), ("steps", "finished"), ("clean_laps", "finished"), ("stopped", "stopped")]
 )
-def test_what_ended_it_is_written_down(job, trainer, why, state):
+def test_the_end_is_written_down(job, trainer, why, state):
     trainer.at_the_end = lambda: Ended(why, 200, 2.0, b"zip")
     run_next_training(worker="w")
     job.refresh_from_db()
     assert (job.state, job.ended_because) == (state, why)
 
 
-def test_a_name_that_was_taken_meanwhile_gets_a_number(job, alice):
+def test_a_model_whose_name_was_taken_gets_a_number(job, alice):
     model_row(alice, name="first")
     run_next_training(worker="w")
     job.refresh_from_db()
     assert job.best_model.name == "first-2"
 
 
-def test_a_worker_that_shuts_down_hands_it_back_with_its_checkpoint(job, trainer):
+def test_a_worker_shutting_down_hands_back_the_checkpoint(job, trainer):
     assert run_next_training(worker="w", interrupted=lambda: True)
     job.refresh_from_db()
     assert (job.state, job.attempt) == (JobState.QUEUED, 0)
@@ -87,7 +87,7 @@ def test_a_worker_that_shuts_down_hands_it_back_with_its_checkpoint(job, trainer
     assert trainer.starts == ["", "checkpoint"]
 
 
-def test_a_worker_that_was_told_to_stop_begins_none(job, trainer, monkeypatch):
+def test_a_worker_told_to_stop_begins_no_training(job, trainer, monkeypatch):
     monkeypatch.setattr(stopping, "is_stopping", lambda: True)
     assert tasks.train.apply().get() is False
     job.refresh_from_db()
@@ -95,7 +95,7 @@ def test_a_worker_that_was_told_to_stop_begins_none(job, trainer, monkeypatch):
     assert not trainer.starts
 
 
-def test_our_fault_sends_it_back_to_go_on(job, trainer):
+def test_a_fault_of_the_platform_requeues_it_to_resume(job, trainer):
     trainer.at_the_end = fail(PlatformFault("trainer_died", how="signal 9"))
     run_next_training(worker="w")
     job.refresh_from_db()
@@ -104,7 +104,7 @@ def test_our_fault_sends_it_back_to_go_on(job, trainer):
     assert not TrainedModel.objects.exists()
 
 
-def test_the_best_of_an_earlier_attempt_is_kept(job, trainer):
+def test_the_best_of_an_earlier_attempt_survives(job, trainer):
     """The trainer goes on from its checkpoint and does not get better: the best is the one before it was cut off."""
     assert run_next_training(worker="w", interrupted=lambda: True)
     best, after = trainer.networks[0], network(job, 3)
@@ -122,7 +122,7 @@ def test_the_best_of_an_earlier_attempt_is_kept(job, trainer):
         assert (weights(kept.read()), weights(last.read())) == (weights(best), weights(after))
 
 
-def test_a_training_that_gives_up_keeps_what_it_had_learned(job, trainer, settings):
+def test_a_training_given_up_keeps_what_it_learned(job, trainer, settings):
     settings.EVALUATION_MAX_ATTEMPTS = 1
     trainer.at_the_end = fail(PlatformFault("trainer_error", detail="TypeError: x"))
     run_next_training(worker="w")
@@ -133,14 +133,14 @@ def test_a_training_that_gives_up_keeps_what_it_had_learned(job, trainer, settin
     assert not Checkpoint.objects.exists()
 
 
-def test_one_that_had_to_be_cut_off_keeps_what_it_had_learned(job, trainer):
+def test_a_training_cut_off_keeps_what_it_learned(job, trainer):
     trainer.at_the_end = lambda: Ended("stopped", 200, 2.0, b"")
     run_next_training(worker="w")
     job.refresh_from_db()
     assert (job.state, job.best_model.name, bool(job.sb3_zip)) == (JobState.STOPPED, "first", False)
 
 
-class TestAFullDisk:
+class TestFullDisk:
     @pytest.fixture
     def full(self, monkeypatch):
         """Files of trainings cannot be written; ``full.ending`` says which."""
@@ -159,7 +159,7 @@ class TestAFullDisk:
         return disk
 
     @pytest.mark.parametrize("ending", [".checkpoint", ".networks", ".csv.gz"])
-    def test_costs_a_training_no_more_than_what_it_could_not_keep(self, job, trainer, full, ending):
+    def test_it_costs_only_what_could_not_be_kept(self, job, trainer, full, ending):
         full.ending = ending
         run_next_training(worker="w")
         job.refresh_from_db()
@@ -167,7 +167,7 @@ class TestAFullDisk:
         kept = default_storage.listdir("training/" + job.public_id)[1]
         assert not [name for name in kept if name.endswith((".checkpoint", ".networks", ending))]
 
-    def test_at_the_very_end_is_our_fault_and_the_training_goes_on_from_its_checkpoint(self, job, trainer, full):
+    def test_at_the_very_end_the_training_resumes_from_a_checkpoint(self, job, trainer, full):
         full.ending = ".zip"
         run_next_training(worker="w")
         job.refresh_from_db()
@@ -178,14 +178,14 @@ class TestAFullDisk:
         assert (job.state, trainer.starts) == (JobState.FINISHED, ["", "checkpoint"])
 
 
-def test_a_racers_fault_ends_it_with_what_it_had_learned(job, trainer):
+def test_a_racers_fault_keeps_what_it_learned(job, trainer):
     trainer.at_the_end = fail(UserFault("reward_raised", line=4, error="KeyError"))
     run_next_training(worker="w")
     job.refresh_from_db()
     assert (job.state, job.reason_code, job.best_model.name) == (JobState.FAILED, "reward_raised", "first")
 
 
-def test_a_garage_that_has_filled_up_meanwhile_takes_its_models_all_the_same(job, alice, settings):
+def test_a_garage_filled_meanwhile_still_takes_the_models(job, alice, settings):
     """There was room when it was taken on."""
     settings.MODELS_PER_RACER = 1
     model_row(alice, name="another")
@@ -194,7 +194,7 @@ def test_a_garage_that_has_filled_up_meanwhile_takes_its_models_all_the_same(job
     assert (job.state, job.best_model.name, job.last_model.name) == (JobState.FINISHED, "first", "first-last")
 
 
-class TestATrainingThatIsGivenUp:
+class TestTrainingGivenUp:
     """Whatever ends a training, what its last checkpoint holds becomes its models, once."""
 
     @pytest.fixture(autouse=True)
@@ -218,7 +218,7 @@ class TestATrainingThatIsGivenUp:
             at += timedelta(hours=1)
         job.refresh_from_db()
 
-    def test_leaves_the_models_of_the_last_checkpoint(self, job, trainer):
+    def test_it_leaves_the_models_of_its_last_checkpoint(self, job, trainer):
         self.break_down(job)
         assert (job.state, job.reason_code) == (JobState.QUEUED, "training_broke_down"), "its models are to be kept yet"
         assert run_next_training(worker="another")
@@ -233,11 +233,11 @@ class TestATrainingThatIsGivenUp:
         assert not Checkpoint.objects.exists()
         assert not run_next_training(worker="another"), "nothing is left to do"
 
-    def test_leaves_none_without_a_checkpoint(self, job):
+    def test_it_leaves_no_model_without_a_checkpoint(self, job):
         self.break_down(job, with_checkpoint=False)
         assert (job.state, job.reason_code, job.best_model) == (JobState.FAILED, "training_broke_down", None)
 
-    def test_is_followed_by_a_worker_that_disappears_while_it_keeps_the_models(self, job):
+    def test_workers_lost_while_keeping_models_cost_no_model(self, job):
         """They are in the garage already, and the next worker finds them there, however many disappear."""
         self.break_down(job)
         at = timezone.now() - timedelta(hours=5)
@@ -255,7 +255,7 @@ class TestATrainingThatIsGivenUp:
         assert (job.state, job.best_model.name, job.last_model.name) == (JobState.FAILED, "first", "first-last")
         assert TrainedModel.objects.count() == 2
 
-    def test_is_not_followed_by_our_own_mistakes_without_end(self, job, now):
+    def test_our_own_mistakes_are_not_retried_without_end(self, job, now):
         self.break_down(job)
         mistakes = 0
         while (held := TRAININGS.claim(worker="w", now=timezone.now() + timedelta(days=mistakes))) is not None:
@@ -267,7 +267,7 @@ class TestATrainingThatIsGivenUp:
         assert (job.state, job.reason_code, mistakes) == (JobState.FAILED, "training_broke_down", KEEPINGS_TRIED)
         assert not Checkpoint.objects.exists()
 
-    def test_cost_no_more_than_the_newest_checkpoint_when_it_cannot_be_read(self, job, trainer, now):
+    def test_an_unreadable_checkpoint_costs_only_itself(self, job, trainer, now):
         held = TRAININGS.claim(worker="w", now=now)
         for number, networks in ((1, (1, 2)), (2, (3, 4))):
             state, made = SavedState(number, 100, 1.0, b"state"), tuple(network(job, seed) for seed in networks)
@@ -282,7 +282,7 @@ class TestATrainingThatIsGivenUp:
         assert "goes on from its checkpoint after iteration 1" in job.log
 
 
-def test_a_last_network_that_the_gate_refuses_does_not_cost_the_best(job, trainer):
+def test_a_refused_last_network_does_not_cost_the_best(job, trainer):
     """It may be what a reward function made of it."""
     layout = Layout.of(job.metadata)
     broken = to_onnx(layout, {name: np.full(shape, np.nan) for name, shape in layout.shapes.items()}, squash=False)
@@ -293,7 +293,7 @@ def test_a_last_network_that_the_gate_refuses_does_not_cost_the_best(job, traine
     assert "the last network" in job.log
 
 
-def test_the_trainer_gets_to_know_what_was_asked_for_and_nothing_of_the_racer(job):
+def test_the_trainer_learns_nothing_about_the_racer(job):
     told = spec_of(job, Checkpoint(seconds=12.0, iteration=3)).to_dict()
     assert (told["seconds_before"], told["stop_seconds"], told["seed"]) == (12.0, 600.0, 0)
     assert "alice" not in str(told)

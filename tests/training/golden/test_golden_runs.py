@@ -33,7 +33,7 @@ def moved(said: list[str | None]) -> str:
 
 @pytest.mark.usefixtures("nothing_left")
 @pytest.mark.parametrize("name", NAMES, ids=lambda name: name.replace(" ", "_").replace(",", ""))
-def test_a_golden_run_comes_to_what_the_table_of_this_engine_says(name, rows, paths):
+def test_golden_runs_match_the_table_of_this_engine(name, rows, paths):
     runs = runs_of([name], paths)
     if not runs:
         pytest.skip("the console's car is not beside this checkout")
@@ -41,7 +41,7 @@ def test_a_golden_run_comes_to_what_the_table_of_this_engine_says(name, rows, pa
     assert difference is None, moved([difference])
 
 
-def test_in_one_process_without_the_wall_they_come_to_the_same(rows, paths):
+def test_one_process_without_a_sandbox_gives_the_same_runs(rows, paths):
     runs = runs_of((), paths)
     with side_by_side([NATIVE], runs) as (process,):
         driven = process.driven()
@@ -49,7 +49,7 @@ def test_in_one_process_without_the_wall_they_come_to_the_same(rows, paths):
     assert not any(said), moved(said)
 
 
-def test_all_kinds_of_races_sensors_and_action_spaces_are_among_them(paths):
+def test_golden_runs_cover_every_race_sensor_and_action_space(paths):
     assert {run.rules.race_type for run in RUNS} == set(RACE_TYPES)
     assert {run.rules.direction for run in RUNS} == set(DIRECTIONS)
     assert len({run.track for run in RUNS}) >= 6
@@ -61,12 +61,12 @@ def test_all_kinds_of_races_sensors_and_action_spaces_are_among_them(paths):
     assert max(len(run.cars) for run in RUNS) == 2
 
 
-def test_the_table_has_every_run_under_its_name_and_no_other(rows):
+def test_the_table_lists_exactly_the_golden_runs(rows):
     assert list(rows) == NAMES
     assert len(set(NAMES)) == len(NAMES) and set(PROOF) < set(NAMES)
 
 
-def test_the_runs_are_eventful(rows):
+def test_golden_runs_include_crashes_and_resets(rows):
     """Off the road, over the line, into boxes and bots: what never happens in any run could move unseen."""
     ends = {one["end_reason"] for row in rows.values() for one in row["cars"]}
     assert ends == {"laps_done", "time_up", "resets_used"}
@@ -110,7 +110,7 @@ def driven() -> Driven:
 SHORT = LONG.shortened(400)
 
 
-def test_a_table_is_written_once_and_never_over_another(elsewhere, driven):
+def test_an_existing_table_is_never_overwritten(elsewhere, driven):
     path = table.write([SHORT], [driven])
     before = path.read_text()
     assert json.loads(before)["engine"] == ENGINE_ID == path.stem
@@ -130,14 +130,14 @@ def test_a_table_is_written_once_and_never_over_another(elsewhere, driven):
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else None,
 )
-def test_what_moved_is_named(elsewhere, driven, change, said):
+def test_the_difference_names_what_moved(elsewhere, driven, change, said):
     table.write([SHORT], [driven])
     row = table.rows_of()["two eyes"]
     row["cars"][0].update(change)
     assert table.difference(row, SHORT, driven).startswith(said)
 
 
-def test_another_run_under_the_same_name_is_no_equal_run(elsewhere, driven):
+def test_a_different_run_of_the_same_name_is_not_equal(elsewhere, driven):
     table.write([SHORT], [driven])
     row = table.rows_of()["two eyes"]
     assert "its rules is" in table.difference(row, LONG, driven)
@@ -149,7 +149,7 @@ def test_another_run_under_the_same_name_is_no_equal_run(elsewhere, driven):
 # --- the command ---------------------------------------------------------------------------------------------------
 
 
-def test_the_command_says_what_is_equal_and_what_moved(elsewhere, capsys):
+def test_the_command_lists_equal_and_moved_runs(elsewhere, capsys):
     assert command.main(["two eyes"]) == 1
     assert "has no table" in capsys.readouterr().err
     table.write([LONG], [through_the_pipeline(LONG)])
@@ -163,7 +163,7 @@ def test_the_command_says_what_is_equal_and_what_moved(elsewhere, capsys):
     assert "raise ENGINE_ID in paddock/simulator/engine.py" in told.err
 
 
-def test_the_command_does_not_write_over_a_table(monkeypatch, capsys):
+def test_the_command_does_not_overwrite_a_table(monkeypatch, capsys):
     monkeypatch.setattr(command, "runs_of", lambda *_: [SHORT])
     before = table.path_of().read_text()
     assert command.main(["--write"]) == 1
@@ -171,20 +171,20 @@ def test_the_command_does_not_write_over_a_table(monkeypatch, capsys):
     assert table.path_of().read_text() == before
 
 
-def test_the_command_writes_nothing_that_one_way_of_driving_does_not_come_to(elsewhere, monkeypatch, capsys):
+def test_the_command_writes_nothing_when_the_two_ways_differ(elsewhere, monkeypatch, capsys):
     monkeypatch.setattr(command, "runs_of", lambda *_: [SHORT])
     monkeypatch.setattr(command, "_bare", lambda runs: [in_this_process(LONG)])
     assert command.main(["--write"]) == 1
     assert "differ" in capsys.readouterr().err and not list(elsewhere.iterdir())
 
 
-def test_the_command_prints_what_a_bare_process_comes_to(capfd):
+def test_the_command_prints_the_results_of_a_bare_process(capfd):
     assert command.main(["--bare", "two eyes"]) == 0
     (answer,) = json.loads(capfd.readouterr().out)
     assert Driven.from_dict(answer).traces == through_the_pipeline(LONG).traces
 
 
-def test_a_run_that_there_is_not_is_refused(capsys):
+def test_the_command_refuses_an_unknown_run(capsys):
     with pytest.raises(SystemExit):
         command.main(["no such run"])
     assert "there is no run 'no such run'" in capsys.readouterr().err

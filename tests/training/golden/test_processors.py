@@ -27,7 +27,7 @@ SOAKED = 200
 
 @pytest.mark.slow
 @pytest.mark.parametrize("processor", PROCESSORS)
-def test_every_golden_run_is_the_same_on_another_processor(processor, paths):
+def test_golden_runs_are_the_same_on_another_processor(processor, paths):
     check([processor], [begun(run) for run in runs_of((), paths)])
 
 
@@ -38,7 +38,7 @@ def begun(run: GoldenRun) -> GoldenRun:
 
 @pytest.mark.soak
 @pytest.mark.parametrize("processor", PROCESSORS)
-def test_two_hundred_runs_are_the_same_on_all_processors(processor, paths):
+def test_two_hundred_runs_are_the_same_on_every_processor(processor, paths):
     """Every processor drives a fourth of them: whole golden runs, and their cars elsewhere, among other boxes and
     bots."""
     whole = runs_of((), paths)
@@ -66,19 +66,19 @@ def check(processors: list[str], runs: list[GoldenRun]) -> None:
     assert [one.name for one in native] == [run.name for run in runs]
 
 
-def test_a_processor_without_an_instruction_is_said_to_lack_it():
+def test_a_missing_instruction_is_reported():
     with side_by_side(["core2duo"], [RUNS[0]]) as (process,), pytest.raises(ProcessorFailed) as caught:
         process.driven()
     assert "core2duo: it lacks an instruction that Paddock needs (SIGILL)" in str(caught.value)
 
 
-def test_a_processor_that_the_emulator_does_not_know_is_named():
+def test_an_unknown_processor_is_named():
     with side_by_side(["abacus"], [RUNS[0]]) as (process,), pytest.raises(ProcessorFailed) as caught:
         process.driven()
     assert "abacus" in str(caught.value)
 
 
-def test_one_that_takes_too_long_is_ended():
+def test_a_run_that_takes_too_long_is_ended():
     process = Processor(PROCESSORS[0], [RUNS[0]], limit_s=0.1)
     with pytest.raises(ProcessorFailed, match="not done after 0 s"):
         process.driven()
@@ -86,13 +86,13 @@ def test_one_that_takes_too_long_is_ended():
     assert process._process.poll() is not None
 
 
-def test_without_the_emulator_it_is_said_what_to_install(monkeypatch):
+def test_a_missing_emulator_says_what_to_install(monkeypatch):
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(ProcessorFailed, match="Debian: qemu-user"), side_by_side([PROCESSORS[0]], []):
         pass
 
 
-def test_a_bare_process_without_the_pins_drives_nothing():
+def test_a_bare_process_without_the_pins_refuses_to_drive():
     environment = {name: value for name, value in os.environ.items() if name not in ("GLIBC_TUNABLES",)}
     done = subprocess.run(
         [sys.executable, "-m", "training.golden.bare"],

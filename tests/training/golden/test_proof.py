@@ -29,7 +29,7 @@ def test_this_machine_is_exact():
 
 
 @pytest.mark.skipif("avx512f" not in Path("/proc/cpuinfo").read_text(), reason="nothing is pinned away here")
-def test_a_host_whose_pins_did_not_take_is_not_exact(monkeypatch):
+def test_a_host_without_effective_pins_is_not_exact(monkeypatch):
     monkeypatch.setattr(exact, "environment", lambda given: dict(given))
     found = proof.prove()
     assert not found.exact and found.settled
@@ -52,7 +52,7 @@ def ends_in(monkeypatch, fault):
 
 
 @pytest.mark.parametrize("code", ["runner_died", "policy_died"])
-def test_a_processor_without_an_instruction_is_a_refusal_that_can_be_read(monkeypatch, code):
+def test_a_missing_instruction_gives_a_readable_refusal(monkeypatch, code):
     kind = PlatformFault if code == "runner_died" else UserFault
     found = ends_in(monkeypatch, kind(code, how="killed by SIGILL", step=0))
     assert (found.equal, found.settled) == (0, True)
@@ -60,6 +60,6 @@ def test_a_processor_without_an_instruction_is_a_refusal_that_can_be_read(monkey
 
 
 @pytest.mark.parametrize("error", [PlatformFault("host_overloaded"), OSError("no more files")])
-def test_what_may_be_over_soon_is_tried_again(monkeypatch, error):
+def test_a_passing_failure_leaves_the_proof_unsettled(monkeypatch, error):
     found = ends_in(monkeypatch, error)
     assert (found.equal, found.settled) == (0, False) and str(error) in found.why
