@@ -103,7 +103,7 @@ def test_an_admin_schedules_a_league_race(boss, now):
     assert race.opens_at == now + timedelta(days=1)
 
 
-def test_mistakes_are_told_on_their_field_once_and_in_words(boss, now):
+def test_errors_are_shown_once_on_their_field_in_words(boss, now):
     wrong = {
         "closes_before": ({"closes_at": now}, {"closes_at": ["race_closes_before_opening"]}),
         "no_division": ({"division": ""}, {"division": ["race_needs_division"]}),
@@ -136,7 +136,7 @@ def test_an_admin_schedules_a_race_with_boxes(boss, now):
     assert errors(boss.post(change(race), mixed)) == {"boxes": ["race_has_no_boxes"], "bots": ["race_bot_count"]}
 
 
-def test_what_must_not_change_cannot_be_edited(boss, now):
+def test_fixed_fields_cannot_be_edited(boss, now):
     race = a_race(now, opens_at=now + timedelta(hours=1))
 
     def editable() -> set[str]:
@@ -154,7 +154,7 @@ def test_what_must_not_change_cannot_be_edited(boss, now):
     assert editable() == {"name", "description", "edition"}
 
 
-def test_a_forged_form_changes_nothing_that_is_fixed(boss, now):
+def test_a_forged_form_changes_no_fixed_field(boss, now):
     race = a_race(now, name="Fixed")
     racer = a_racer()
     submit_model(race=race, racer=racer, model=a_model(racer), now=now)
@@ -172,7 +172,7 @@ def test_a_change_is_checked_like_a_new_race(boss, now):
     assert Race.objects.get().laps == 5
 
 
-def test_cancelling_asks_for_a_reason_and_says_what_follows(boss, now):
+def test_cancelling_needs_a_reason_and_explains_consequences(boss, now):
     race = a_race(now)
     page = act(boss, "race", "cancel", race)
     assert "are stopped" in page.content.decode() and 'name="reason"' in page.content.decode()
@@ -184,7 +184,7 @@ def test_cancelling_asks_for_a_reason_and_says_what_follows(boss, now):
     assert "was cancelled: The track is flooded." in page.content.decode()
 
 
-def test_a_race_is_cloned_to_the_next_month(boss, now):
+def test_an_admin_clones_a_race_to_the_next_month(boss, now):
     race = a_race(now, kind="league", division="pro", laps=5)
     act(boss, "race", "clone", race)
     clone = Race.objects.exclude(pk=race.pk).get()
@@ -192,7 +192,7 @@ def test_a_race_is_cloned_to_the_next_month(boss, now):
     assert clone.opens_at > race.opens_at + timedelta(days=27)
 
 
-def test_a_race_that_somebody_entered_is_not_deleted(boss, now):
+def test_a_race_with_entries_cannot_be_deleted(boss, now):
     race, empty = a_race(now), a_race(now)
     drive(race, a_racer(), laps(9_000, 9_000, 9_000), now)
     delete = [reverse("admin:races_race_delete", args=[each.pk]) for each in (race, empty)]
@@ -201,7 +201,7 @@ def test_a_race_that_somebody_entered_is_not_deleted(boss, now):
     assert list(Race.objects.all()) == [race]
 
 
-def test_invitation_links_are_replaced(boss, now):
+def test_an_admin_replaces_an_invitation_link(boss, now):
     race = a_race(now, visibility="invitation", organiser=a_racer())
     old = race.invitation
     assert old in boss.get(change(race)).content.decode()
@@ -209,7 +209,7 @@ def test_invitation_links_are_replaced(boss, now):
     assert Race.objects.get().invitation != old
 
 
-def test_results_are_looked_at_and_never_edited(boss, now):
+def test_results_are_read_only(boss, now):
     submission = drive(a_race(now), a_racer(), laps(9_000, 9_000, 9_000), now)
     for model, row in (("entry", submission.entry), ("submission", submission)):
         address = reverse(f"admin:races_{model}_change", args=[row.pk])
@@ -232,7 +232,7 @@ def test_a_steward_removes_and_restores_a_racer(boss, now):
     assert entry.removed_at is None and not entry.is_withdrawn
 
 
-def test_a_failed_run_is_put_into_the_queue_again(boss, now):
+def test_an_admin_requeues_a_failed_run(boss, now):
     race, racer = a_race(now), a_racer()
     submission = submit_model(race=race, racer=racer, model=a_model(racer), now=now)
     assert "Only a run that failed" in act(boss, "submission", "repeat", submission).content.decode()
@@ -241,7 +241,7 @@ def test_a_failed_run_is_put_into_the_queue_again(boss, now):
     assert Submission.objects.filter(evaluation__state="queued").count() == 1
 
 
-def test_an_admin_without_the_right_cannot_act(client, now):
+def test_an_admin_without_permission_cannot_act(client, now):
     viewer = a_racer("viewer", is_staff=True)
     viewer.user_permissions.set(Permission.objects.filter(codename__startswith="view_"))
     client.force_login(viewer)
@@ -254,7 +254,7 @@ def test_an_admin_without_the_right_cannot_act(client, now):
     assert Entry.objects.get().removed_at is None
 
 
-def test_a_track_is_imported_described_and_drawn(boss):
+def test_an_admin_imports_a_track_and_sees_it_drawn(boss):
     file = SimpleUploadedFile("oval.npy", write_npy(by_slug("oval").geometry()))
     data = {"name": "My oval", "slug": "", "description": "Round.", "file": file}
     assert boss.post(reverse("admin:tracks_track_add"), data).status_code == 302
@@ -267,14 +267,14 @@ def test_a_track_is_imported_described_and_drawn(boss):
     assert track.name == "Our oval" and track.length_m > 17
 
 
-def test_a_file_that_is_no_track_is_told_in_the_form(boss):
+def test_an_invalid_track_file_is_reported_in_the_form(boss):
     data = {"name": "Bad", "slug": "", "description": "", "file": SimpleUploadedFile("bad.npy", b"nothing")}
     response = boss.post(reverse("admin:tracks_track_add"), data)
     assert errors(response) == {"file": ["track_not_npy"]}
     assert not Track.objects.exists()
 
 
-def test_a_track_with_races_and_those_of_the_catalogue_stay(boss, now):
+def test_raced_and_catalogue_tracks_cannot_be_deleted(boss, now):
     a_race(now)
     track = Track.objects.get()
     assert boss.post(reverse("admin:tracks_track_delete", args=[track.pk]), {"post": "yes"}).status_code == 403
@@ -282,7 +282,7 @@ def test_a_track_with_races_and_those_of_the_catalogue_stay(boss, now):
     assert boss.post(reverse("admin:tracks_track_delete", args=[track.pk]), {"post": "yes"}).status_code == 403
 
 
-def test_a_change_of_what_somebody_else_has_changed_meanwhile_is_refused(boss, now):
+def test_a_stale_form_is_refused(boss, now):
     race = a_race(now, kind="league", division="open", opens_at=now + timedelta(days=1))
     seen = boss.get(change(race)).context["adminform"].form.initial["edition"]
     Race.objects.update(max_submissions=3)
@@ -294,7 +294,7 @@ def test_a_change_of_what_somebody_else_has_changed_meanwhile_is_refused(boss, n
     assert Race.objects.get().laps == 5
 
 
-def test_videos_are_read_stopped_and_deleted_with_their_files(boss, now, films, commits):
+def test_an_admin_stops_videos_and_deletes_them_with_their_files(boss, now, films, commits):
     from videos.models import Video
     from videos.services import ask_for_video, run_next_video
 

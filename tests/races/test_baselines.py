@@ -11,7 +11,7 @@ from tests.races.test_boards import many_entries
 pytestmark = pytest.mark.django_db
 
 
-def test_where_no_racer_is_classified_the_best_house_car_is_to_beat(now, django_assert_num_queries):
+def test_the_best_house_car_leads_until_a_racer_is_classified(now, django_assert_num_queries):
     led, house_only, empty = (a_race(now) for _ in range(3))
     many_entries(led, 1, now, baselines=1)
     entries = many_entries(house_only, 0, now, baselines=2, unclassified=1)

@@ -52,7 +52,7 @@ def many_entries(race: Race, count: int, now, *, baselines: int = 0, unclassifie
     return Entry.objects.bulk_create(entries)
 
 
-def test_the_tie_chain_is_score_best_lap_resets_time(now):
+def test_ties_are_broken_by_score_best_lap_resets_then_time(now):
     race = a_race(now)
     runs = {
         "slow": ((9_100, 9_100, 9_100), 0, 0),
@@ -74,7 +74,7 @@ def test_the_tie_chain_is_score_best_lap_resets_time(now):
     assert [rank_of(row.entry) for row in rows] == [1, 2, 3, 4, 5]
 
 
-def test_classified_cars_stand_before_the_others_and_who_has_not_driven_last(now):
+def test_classified_cars_come_first_and_undriven_ones_last(now):
     race = a_race(now)
     enter_race(race=race, racer=a_racer("idle"), now=now)
     drive(race, a_racer("near"), [lap(1, 9_000, complete=False, percentage=80)], now)
@@ -92,7 +92,7 @@ def test_classified_cars_stand_before_the_others_and_who_has_not_driven_last(now
     assert rank_of(page.rows[1].entry) is None
 
 
-def test_baselines_stand_between_the_racers_and_take_no_rank(now):
+def test_baselines_are_listed_in_place_without_a_rank(now):
     race = a_race(now)
     drive(race, a_racer("one"), laps(9_000, 9_000, 9_000), now)
     drive(race, a_racer("two"), laps(9_200, 9_200, 9_200), now)
@@ -109,19 +109,19 @@ def test_baselines_stand_between_the_racers_and_take_no_rank(now):
     assert [rank_of(row.entry) for row in page.rows] == [None, 1, None, 2]
 
 
-def test_a_board_of_baselines_alone_has_no_leader(now):
+def test_a_board_with_only_baselines_has_no_leader(now):
     race = a_race(now)
     drive(race, a_racer("steady", is_house=True), laps(9_100, 9_100, 9_100), now)
     page = board(race)
     assert (page.leader_ms, page.count, len(page.rows), page.rows[0].gap_ms) == (None, 0, 1, None)
 
 
-def test_an_empty_board_is_one_empty_page(now):
+def test_an_empty_board_has_one_empty_page(now):
     page = board(a_race(now), page=7)
     assert (page.rows, page.page, page.pages, page.count, page.my_row, page.leader_ms) == ([], 1, 1, 0, None, None)
 
 
-def test_sectors_are_purple_for_the_race_s_best_green_for_one_s_own_yellow_otherwise(now):
+def test_sectors_are_purple_green_or_yellow(now):
     race = a_race(now, laps=2, minimum_laps=1, ranking_method="best")
     ann, ben = a_racer("ann"), a_racer("ben")
     drive(race, ann, [lap(1, 9_000, sectors=(3_000, 3_000, 3_000)), lap(2, 9_300, sectors=(2_900, 3_200, 3_200))], now)
@@ -135,13 +135,13 @@ def test_sectors_are_purple_for_the_race_s_best_green_for_one_s_own_yellow_other
     assert {row.alias: row.has_fastest_lap for row in board(race).rows} == {"ann": True, "ben": False, "house": False}
 
 
-def test_who_has_no_complete_lap_has_no_sector_marks(now):
+def test_an_entry_without_a_complete_lap_has_no_sector_marks(now):
     race = a_race(now)
     drive(race, a_racer("dnf"), [lap(1, 9_000, complete=False, percentage=50)], now)
     assert board(race).rows[0].sector_colours == (None, None, None)
 
 
-def test_my_row_is_marked_and_found_wherever_it_stands(now):
+def test_my_row_is_marked_and_found_on_any_page(now):
     race = a_race(now)
     entries = many_entries(race, 12, now, baselines=2)
     me = entries[10].racer
@@ -155,7 +155,7 @@ def test_my_row_is_marked_and_found_wherever_it_stands(now):
     assert board(race, a_racer("stranger")).my_row is None
 
 
-def test_pages_carry_the_ranks_on_past_the_baselines(now):
+def test_ranks_continue_across_pages_past_baselines(now):
     race = a_race(now)
     many_entries(race, 20, now, baselines=3, unclassified=4)
     ranks, seen = [], []
@@ -170,7 +170,7 @@ def test_pages_carry_the_ranks_on_past_the_baselines(now):
     assert board(race, page=99, per_page=6).page == 5 and board(race, page=-1, per_page=6).page == 1
 
 
-def test_who_withdrew_or_was_removed_is_not_on_the_board(now):
+def test_withdrawn_and_removed_racers_are_not_on_the_board(now):
     organiser = a_racer("organiser")
     race = a_race(now, organiser=organiser)
     for name in ("stays", "leaves", "removed"):
@@ -184,7 +184,7 @@ def test_who_withdrew_or_was_removed_is_not_on_the_board(now):
 
 
 @pytest.mark.parametrize("count", [3, 120])
-def test_a_page_is_six_queries_at_most_on_any_board(now, count):
+def test_a_board_page_needs_at_most_six_queries(now, count):
     race = a_race(now)
     entries = many_entries(race, count, now, baselines=3, unclassified=2)
     me = entries[count - 1].racer
@@ -210,7 +210,7 @@ def test_the_board_reads_its_index_in_order_without_sorting(now):
         assert "TEMP B-TREE" not in plan and "Sort" not in plan, plan
 
 
-def test_podiums_are_two_queries_for_all_races(now):
+def test_podiums_of_all_races_need_two_queries(now):
     races = [a_race(now) for _ in range(4)]
     many_entries(races[0], 5, now, baselines=2)
     many_entries(races[1], 2, now, unclassified=3)
@@ -226,11 +226,11 @@ def test_podiums_are_two_queries_for_all_races(now):
     assert shown[races[2].pk] == shown[races[3].pk] == []
 
 
-def test_podiums_of_no_races_are_none(db):
+def test_no_races_have_no_podiums(db):
     assert podiums([]) == {}
 
 
-def test_races_are_listed_by_the_time(alice, now):
+def test_races_are_listed_by_time(alice, now):
     day = timedelta(days=1)
     later = a_race(now, opens_at=now + 2 * day, closes_at=now + 3 * day)
     soon = a_race(now, opens_at=now + day, closes_at=now + 9 * day)
@@ -248,7 +248,7 @@ def test_races_are_listed_by_the_time(alice, now):
     assert list(organised_by(alice)) == []
 
 
-def test_the_races_on_a_track_begin_with_what_one_can_race_in_and_end_with_what_is_over(now, alice):
+def test_a_track_lists_open_races_first_and_finished_ones_last(now, alice):
     track, day = a_track(), timedelta(days=1)
     gone = a_race(now, track=track, opens_at=now - 5 * day, closes_at=now - 4 * day)
     just_over = a_race(now, track=track, opens_at=now - 9 * day, closes_at=now - day)
@@ -263,7 +263,7 @@ def test_the_races_on_a_track_begin_with_what_one_can_race_in_and_end_with_what_
     assert next(iter(races_on(track, now, alice))) == secret
 
 
-def test_lists_count_the_racers_of_each_race(now):
+def test_race_lists_count_the_racers_of_each_race(now):
     race, empty = a_race(now), a_race(now)
     entries = many_entries(race, 3, now, baselines=2)
     withdraw(entry=entries[0], now=now)
@@ -271,7 +271,7 @@ def test_lists_count_the_racers_of_each_race(now):
     assert counts == {race.pk: 2, empty.pk: 0}
 
 
-def test_a_racer_s_own_lists(alice, bob, now):
+def test_a_racer_has_lists_of_their_own_races(alice, bob, now):
     race, other = a_race(now), a_race(now)
     submission = drive(race, alice, laps(9_000, 9_000, 9_000), now)
     drive(race, bob, laps(8_000, 8_000, 8_000), now)
@@ -285,14 +285,14 @@ def test_a_racer_s_own_lists(alice, bob, now):
     assert [(row.race, row.rank) for row in history] == [(race, 2)]
 
 
-def test_a_racer_s_history_shows_a_secret_race_to_its_members_only(alice, bob, now):
+def test_only_members_see_a_private_race_in_a_racers_history(alice, bob, now):
     race = a_race(now, organiser=bob, visibility="invitation")
     drive(race, bob, laps(8_000, 8_000, 8_000), now)
     assert racer_history(bob, alice) == [] == racer_history(bob, None)
     assert len(racer_history(bob, bob)) == 1
 
 
-def test_submissions_are_listed_with_what_they_are_worth(alice, now):
+def test_submissions_are_listed_with_their_standing(alice, now):
     race = a_race(now)
     best = drive(race, alice, laps(9_000, 9_000, 9_000), now)
     drive(race, alice, laps(9_500, 9_500, 9_500), now)

@@ -39,9 +39,9 @@ ABOUT_THE_DATABASE = (  # locks, constraints, triggers, plans and queries
     "visibility",
 )
 DUELS = (  # what follows from their results is worked out in Python: one race of each format shows that it is read back
-    "test_duels.py::test_a_round_robin_goes_to_its_end_and_the_one_that_always_wins_leads[3-4-6]",
-    "test_duels.py::test_a_bracket_goes_to_its_final_and_its_winner_leads[4]",
-    "test_duels.py::test_equal_points_go_by_average_lap_and_then_by_seed",
+    "test_duels.py::test_the_constant_winner_leads_a_finished_round_robin[3-4-6]",
+    "test_duels.py::test_the_winner_of_the_final_leads_a_finished_bracket[4]",
+    "test_duels.py::test_equal_points_are_ranked_by_average_lap_then_seed",
 )
 
 
@@ -70,7 +70,7 @@ def at_once(calls: Sequence[Callable[[], object]]) -> list[object]:
     return answers
 
 
-def test_six_tabs_send_six_cars_and_one_waits(now):
+def test_of_six_cars_sent_at_once_one_is_queued(now):
     race, racer = a_race(now), a_racer()
     models = [a_model(racer) for _ in range(6)]
     answers = at_once([lambda m=m: submit_model(race=race, racer=racer, model=m, now=now) for m in models])
@@ -79,7 +79,7 @@ def test_six_tabs_send_six_cars_and_one_waits(now):
     assert (entry.submission_count, entry.last_number, Evaluation.objects.count()) == (1, 1, 1)
 
 
-def test_the_last_submission_left_is_used_once(now):
+def test_the_last_submission_is_used_only_once(now):
     race, racer = a_race(now, max_submissions=1), a_racer()
     models = [a_model(racer) for _ in range(4)]
 
@@ -95,14 +95,14 @@ def test_the_last_submission_left_is_used_once(now):
     assert Entry.objects.get().submission_count == 1
 
 
-def test_the_same_car_sent_twice_at_once_is_one_submission(now):
+def test_one_car_sent_twice_at_once_is_one_submission(now):
     race, racer = a_race(now), a_racer()
     model = a_model(racer)
     answers = at_once([lambda: submit_model(race=race, racer=racer, model=model, now=now)] * 4)
     assert sorted(str(a) for a in answers if not isinstance(a, Submission)) == ["car_already_submitted"] * 3, answers
 
 
-def test_rules_changed_at_the_moment_of_a_submission_hold_for_it_or_are_refused(now):
+def test_rules_changed_during_a_submission_apply_or_are_refused(now):
     organiser = a_racer()
     for round_number in range(5):
         race, racer = a_race(now, organiser=organiser), a_racer()
@@ -119,7 +119,7 @@ def test_rules_changed_at_the_moment_of_a_submission_hold_for_it_or_are_refused(
         assert (driven == 7) == isinstance(changed, Race), (round_number, changed)
 
 
-def test_a_racer_with_six_tabs_holds_no_more_races_than_allowed(now, settings):
+def test_concurrent_requests_cannot_exceed_the_race_limit(now, settings):
     settings.RACES_PER_RACER = 2
     racer, track = a_racer(), a_track()
     times = {"opens_at": now, "closes_at": now + timedelta(days=1)}
@@ -130,7 +130,7 @@ def test_a_racer_with_six_tabs_holds_no_more_races_than_allowed(now, settings):
     assert Race.objects.count() == 2
 
 
-def test_results_stops_and_withdrawals_at_once_neither_block_nor_lose_anything(now):
+def test_concurrent_results_stops_and_withdrawals_lose_nothing(now):
     """Every lock order that the services have, in one race at one moment."""
     race, fast, slow = a_race(now), a_racer(), a_racer()
     keep = [a_racer() for _ in range(3)]
@@ -166,7 +166,7 @@ def test_results_stops_and_withdrawals_at_once_neither_block_nor_lose_anything(n
     assert Entry.objects.filter(racer__in=keep, classified=True).count() == 3
 
 
-def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
+def test_cancelling_while_results_arrive_cancels_the_race(now):
     race = a_race(now)
     runs = []
     for _ in range(4):
@@ -192,7 +192,7 @@ def test_cancelling_while_results_come_in_ends_in_a_cancelled_race(now):
 @pytest.mark.postgres
 @pytest.mark.soak
 @pytest.mark.django_db(transaction=False)
-def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on_postgresql):
+def test_postgresql_gives_the_same_guarantees(again_on_postgresql):
     files = (f"test_{name}.py" for name in ABOUT_THE_DATABASE)
     # the storm, too
     videos = ("tests/videos/test_concurrency.py", "tests/videos/test_queue.py", "tests/videos/test_storm.py")
@@ -201,7 +201,7 @@ def test_what_the_database_does_for_this_room_it_does_on_postgresql_too(again_on
     )  # the storm, too
 
 
-def test_of_two_racers_who_send_the_same_car_at_once_one_has_its_place(now):
+def test_of_two_racers_sending_one_car_at_once_one_is_accepted(now):
     for _ in range(3):
         race, sample = a_race(now), a_model(a_racer(is_house=True))
         models = [a_model(a_racer()) for _ in range(4)]

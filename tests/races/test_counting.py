@@ -125,7 +125,7 @@ def _take_standing(entry: Entry, other: Entry) -> None:
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(seed=st.integers(0, 2**32))
-def test_ranks_and_pages_are_those_of_a_full_sort_whatever_is_written(db, seed):
+def test_ranks_and_pages_match_a_full_sort(db, seed):
     chance = random.Random(seed)
     with transaction.atomic():
         race, other = a_race(NOW), a_race(NOW)
@@ -139,7 +139,7 @@ def test_ranks_and_pages_are_those_of_a_full_sort_whatever_is_written(db, seed):
         transaction.set_rollback(True)
 
 
-def test_who_leaves_and_returns_is_counted_so():
+def test_leaving_and_returning_update_the_counts():
     race = a_race(NOW)
     entries = [an_entry(race, random.Random(1), is_baseline=False) for _ in range(3)]
     for entry in entries:
@@ -152,7 +152,7 @@ def test_who_leaves_and_returns_is_counted_so():
     check(race)
 
 
-def test_a_race_that_is_deleted_takes_its_counts_along():
+def test_deleting_a_race_deletes_its_counts():
     race = a_race(NOW)
     for seed in range(4):
         an_entry(race, random.Random(seed)).save()
@@ -160,7 +160,7 @@ def test_a_race_that_is_deleted_takes_its_counts_along():
     assert not BoardCount.objects.exists()
 
 
-def test_what_is_rolled_back_was_never_counted():
+def test_rolled_back_writes_are_not_counted():
     race = a_race(NOW)
     with transaction.atomic():
         an_entry(race, random.Random(1)).save()
@@ -168,12 +168,12 @@ def test_what_is_rolled_back_was_never_counted():
     assert stored(race) == {}
 
 
-def test_triggers_are_there_after_migrate_and_are_made_once():
+def test_migrating_creates_the_triggers_once():
     assert install("default") is False
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="how SQLite loses them")
-def test_triggers_that_a_migration_dropped_come_back_with_right_counts():
+def test_dropped_triggers_are_restored_with_correct_counts():
     race = a_race(NOW)
     with connection.cursor() as cursor:
         cursor.execute("SELECT name FROM sqlite_master WHERE type = 'trigger' AND name LIKE 'races_board%'")
@@ -187,7 +187,7 @@ def test_triggers_that_a_migration_dropped_come_back_with_right_counts():
     check(race)
 
 
-def test_a_page_and_a_rank_cost_the_same_queries_on_a_long_board(django_assert_num_queries):
+def test_a_long_board_needs_no_more_queries_for_page_or_rank(django_assert_num_queries):
     race = a_race(NOW)
     entries = Entry.objects.bulk_create([an_entry(race, random.Random(seed)) for seed in range(80)])
     mine = next(entry for entry in entries if entry.classified)
@@ -203,7 +203,7 @@ def test_a_page_and_a_rank_cost_the_same_queries_on_a_long_board(django_assert_n
 
 
 @pytest.mark.django_db(transaction=True)
-def test_results_at_the_same_moment_are_all_counted():
+def test_concurrent_results_are_all_counted():
     from tests.races.test_concurrency import at_once
 
     race = a_race(NOW)

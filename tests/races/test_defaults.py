@@ -38,35 +38,35 @@ def of_model(model: type[Model]) -> dict[str, Any]:
     return {name: field.get_default() for name, field in fields.items() if name != "boxes"}
 
 
-def test_a_race_that_says_nothing_has_the_rules_that_the_simulator_has():
+def test_a_race_without_settings_has_the_simulators_rules():
     assert race_rules(Race()) == RaceRules()
 
 
 @pytest.mark.parametrize("model", [Race, StageRules, TrainingJob])
-def test_a_row(model):
+def test_a_model_row_has_the_default_rules(model):
     said = of_model(model)
     assert said and said == agreeing(said)
 
 
-def test_the_evaluate_command():
+def test_the_evaluate_command_has_the_default_rules():
     parser = ArgumentParser()
     add_race_options(parser)
     assert rules_of(vars(parser.parse_args([]))) == RaceRules()
 
 
 @pytest.mark.parametrize("race_type", RACE_TYPES)
-def test_the_environments(race_type):
+def test_the_environments_have_the_default_rules(race_type):
     said = {name: value for name, value in rules_of_episodes(race_type).items() if name not in OF_AN_EPISODE}
     assert said and said == agreeing(said)
 
 
-def test_an_environment_proposes_what_the_forms_propose():
+def test_environments_and_forms_propose_the_same_layout():
     assert object_avoidance().rules.random_boxes == PROPOSED_BOXES
     assert head_to_head().rules.bots == PROPOSED_BOTS
 
 
 @pytest.mark.django_db
-def test_the_forms_of_a_race_and_of_a_training(now):
+def test_race_and_training_forms_have_the_default_rules(now):
     for initial in (RaceForm(now=now).initial, INITIAL):
         assert (initial["random_boxes"], initial["bots"]) == (PROPOSED_BOXES, PROPOSED_BOTS)
         said = {name: value for name, value in initial.items() if name in RULES}
@@ -74,14 +74,14 @@ def test_the_forms_of_a_race_and_of_a_training(now):
         assert said and said == agreeing(said)
 
 
-def test_the_open_races_of_a_season():
+def test_open_races_of_a_season_have_the_default_rules():
     """A season lays out its races by turns, and gives learners' slow cars more time: these are its own."""
     said = {name: OF_A_SEASON[Stage.OPEN][name] for name in ("laps", "off_track_penalty_ms")}
     assert said == agreeing(said)
 
 
 @pytest.mark.django_db
-def test_the_api(alice, client):
+def test_the_api_has_the_default_rules(alice, client):
     a_track()
     now = timezone.now()
     client.force_login(alice)

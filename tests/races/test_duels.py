@@ -40,7 +40,7 @@ pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("commits")]
 # --- what is queued
 
 
-def test_a_heat_is_an_evaluation_of_the_front_car_with_the_others_as_rivals(now):
+def test_a_heat_evaluates_the_front_car_with_the_others_as_rivals(now):
     race = drawn(now, 4, duel_cars=4)
     (duel,) = driving(race)
     cars = list(duel.cars.order_by("grid"))
@@ -51,7 +51,7 @@ def test_a_heat_is_an_evaluation_of_the_front_car_with_the_others_as_rivals(now)
     assert RaceRules.from_dict(evaluation.spec["rules"]) == services.race_rules(race)
 
 
-def test_a_car_that_left_its_garage_after_qualifying_still_drives(now):
+def test_a_model_deleted_after_qualifying_still_drives(now):
     race = a_duel_race(now)
     qualify(race, [a_racer("car-1"), a_racer("car-2")], now)
     for entry in race.entries.all():
@@ -61,7 +61,7 @@ def test_a_car_that_left_its_garage_after_qualifying_still_drives(now):
     assert drive_on(race=race, now=race.closes_at) == 1
 
 
-def test_the_heats_of_a_round_are_queued_together_and_the_next_round_follows(now):
+def test_heats_of_a_round_are_queued_together(now):
     race = drawn(now, 4)
     first = driving(race)
     assert [duel.round for duel in first] == [1, 1]
@@ -71,7 +71,7 @@ def test_the_heats_of_a_round_are_queued_together_and_the_next_round_follows(now
     assert [duel.round for duel in driving(race)] == [2, 2]
 
 
-def test_a_racer_who_waits_for_a_lap_time_comes_before_the_duels(now, alice):
+def test_a_waiting_submission_goes_before_the_duels(now, alice):
     from evaluation.services import EVALUATIONS
 
     drawn(now, 4)
@@ -83,7 +83,7 @@ def test_a_racer_who_waits_for_a_lap_time_comes_before_the_duels(now, alice):
 # --- a heat's result
 
 
-def test_a_heat_gives_places_points_and_the_average_of_complete_laps(now):
+def test_a_heat_yields_places_points_and_the_average_lap(now):
     race = drawn(now, 2)
     (duel,) = driving(race)
     end(duel, now, winners=[2, 1], times={1: [11_000, 11_000, 11_000], 2: [9_000, 9_001]})
@@ -95,7 +95,7 @@ def test_a_heat_gives_places_points_and_the_average_of_complete_laps(now):
     assert ranking(race) == ["car-2", "car-1"]
 
 
-def test_a_car_that_retires_has_lost_to_every_other(now):
+def test_a_retired_car_loses_to_every_other(now):
     race = drawn(now, 4, duel_cars=4)
     (duel,) = driving(race)
     end(duel, now, winners=[3, 1, 2, 4], retired=[3])
@@ -103,7 +103,7 @@ def test_a_car_that_retires_has_lost_to_every_other(now):
     assert list(rows) == [(1, 3, ""), (2, 2, ""), (4, 1, ""), (3, 0, "non_finite_action")]
 
 
-def test_a_result_counts_once(now):
+def test_a_heats_result_counts_once(now):
     race = drawn(now, 2)
     (duel,) = driving(race)
     end(duel, now, winners=[2, 1])
@@ -114,7 +114,7 @@ def test_a_result_counts_once(now):
     assert (points(race), list(DuelCar.objects.values())) == before
 
 
-def test_when_the_points_cannot_be_written_the_result_is_not_either(now, monkeypatch):
+def test_a_result_is_not_written_without_its_points(now, monkeypatch):
     race = drawn(now, 2)
     (duel,) = driving(race)
     running = start(Evaluation.objects.get(duel=duel), now)
@@ -130,7 +130,7 @@ def test_when_the_points_cannot_be_written_the_result_is_not_either(now, monkeyp
     assert (running.state, duel.state) == (State.RUNNING, DuelState.DRIVING), "it will be tried again"
 
 
-def test_when_the_next_round_cannot_be_queued_the_result_stands_and_the_task_goes_on(now, monkeypatch):
+def test_a_result_stands_if_the_next_round_cannot_be_queued(now, monkeypatch):
     race = drawn(now, 2)
     (duel,) = driving(race)
 
@@ -144,7 +144,7 @@ def test_when_the_next_round_cannot_be_queued_the_result_stands_and_the_task_goe
     assert drive_all_on(now=race.closes_at) == 1
 
 
-def test_working_out_the_standings_anew_changes_nothing(now):
+def test_recomputing_the_standings_changes_nothing(now):
     race = drawn(now, 4)
     end_all(race, race.closes_at, choose=max)
     before = list(Entry.objects.values())
@@ -156,7 +156,7 @@ def test_working_out_the_standings_anew_changes_nothing(now):
 
 
 @pytest.mark.parametrize(("entrants", "cars", "heats"), [(4, 2, 12), (5, 2, 20), (5, 3, 10), (4, 4, 8), (3, 4, 6)])
-def test_a_round_robin_goes_to_its_end_and_the_one_that_always_wins_leads(now, entrants, cars, heats):
+def test_the_constant_winner_leads_a_finished_round_robin(now, entrants, cars, heats):
     race = drawn(now, entrants, duel_cars=cars)
     assert end_all(race, now, choose=max) == heats
     assert Draw.objects.get().over_at == now
@@ -165,7 +165,7 @@ def test_a_round_robin_goes_to_its_end_and_the_one_that_always_wins_leads(now, e
 
 
 @pytest.mark.parametrize("entrants", [2, 3, 4, 5, 8])
-def test_a_bracket_goes_to_its_final_and_its_winner_leads(now, entrants):
+def test_the_winner_of_the_final_leads_a_finished_bracket(now, entrants):
     race = drawn(now, entrants, duel_format="bracket")
     assert end_all(race, now, choose=max) == 2 * (entrants - 1)
     assert Draw.objects.get().over_at == now
@@ -175,13 +175,13 @@ def test_a_bracket_goes_to_its_final_and_its_winner_leads(now, entrants):
     assert all(each < table[entrants] for seed, each in table.items() if seed != entrants)
 
 
-def test_a_bye_counts_as_a_tie_won(now):
+def test_a_bye_counts_as_a_won_tie(now):
     race = drawn(now, 3, duel_format="bracket")
     assert [seeds(duel) for duel in driving(race)] == [[2, 3], [3, 2]]
     assert {seed: each for seed, (each, *_) in points(race).items()} == {1: 1, 2: 0, 3: 0}
 
 
-def test_a_tie_that_is_even_goes_to_the_faster_over_both_heats(now):
+def test_an_even_tie_goes_to_the_faster_car_over_both_heats(now):
     race = drawn(now, 2, duel_format="bracket")
     one, other = driving(race)
     end(one, now, winners=[1, 2], times={1: [10_000] * 3, 2: [10_100] * 3})
@@ -190,7 +190,7 @@ def test_a_tie_that_is_even_goes_to_the_faster_over_both_heats(now):
     assert {seed: each for seed, (each, *_) in points(race).items()} == {1: 0, 2: 1}
 
 
-def test_equal_points_go_by_average_lap_and_then_by_seed(now):
+def test_equal_points_are_ranked_by_average_lap_then_seed(now):
     race = drawn(now, 3)
     while heats := driving(race):
         for duel in heats:

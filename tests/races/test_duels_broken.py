@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("commits")]
 # --- what goes wrong
 
 
-def test_a_heat_that_fails_through_our_fault_is_repeated_and_then_void(now):
+def test_a_heat_the_platform_fails_is_repeated_then_void(now):
     race = drawn(now, 2)
     (duel,) = driving(race)
     runs = set()
@@ -55,7 +55,7 @@ def test_a_repeated_heat_counts_like_any_other(now):
     assert points(race)[2][0] == 1
 
 
-def test_a_tie_whose_heats_are_void_goes_to_the_better_seed(now):
+def test_a_tie_with_void_heats_goes_to_the_better_seed(now):
     race = drawn(now, 2, duel_format="bracket")
     while heats := driving(race):
         for duel in heats:
@@ -64,7 +64,7 @@ def test_a_tie_whose_heats_are_void_goes_to_the_better_seed(now):
     assert ranking(race) == ["car-1", "car-2"]
 
 
-def test_a_heat_that_an_admin_stops_is_driven_again(now):
+def test_a_heat_stopped_by_an_admin_is_driven_again(now):
     race = drawn(now, 2)
     (duel,) = driving(race)
     stop_evaluation(evaluation=duel.evaluation, now=now)
@@ -81,7 +81,7 @@ def remove(race: Race, seed: int, now) -> Entry:
     return remove_entry(entry=entry, by=admin, now=now, reason="Not theirs.")
 
 
-def test_a_removed_racer_forfeits_what_is_not_decided(now):
+def test_a_removed_racer_forfeits_undecided_heats(now):
     race = drawn(now, 2)
     (first,) = driving(race)
     end(first, now, winners=[2, 1])
@@ -93,7 +93,7 @@ def test_a_removed_racer_forfeits_what_is_not_decided(now):
     assert [(row.alias, row.rank, row.entry.points) for row in board(race).rows] == [("car-1", 1, 1)]
 
 
-def test_the_car_of_a_removed_racer_is_stopped_and_the_others_drive_without_it(now):
+def test_the_others_drive_on_without_a_removed_racers_car(now):
     race = drawn(now, 4, duel_cars=4)
     (duel,) = driving(race)
     before = duel.evaluation
@@ -107,7 +107,7 @@ def test_the_car_of_a_removed_racer_is_stopped_and_the_others_drive_without_it(n
     assert list(rows) == [(4, 3), (1, 2), (2, 1), (3, 0)]
 
 
-def test_when_all_but_one_leave_the_rest_is_walkovers(now):
+def test_the_last_remaining_racer_wins_by_walkovers(now):
     race = drawn(now, 4, duel_format="bracket")
     for seed in (1, 2, 3):
         remove(race, seed, now)
@@ -116,7 +116,7 @@ def test_when_all_but_one_leave_the_rest_is_walkovers(now):
     assert points(race)[4][0] == 2
 
 
-def test_a_restored_racer_drives_what_is_left(now):
+def test_a_restored_racer_drives_the_remaining_heats(now):
     race = drawn(now, 3)
     entry = remove(race, 1, now)
     restore_entry(entry=entry, by=a_racer("tom", is_staff=True))

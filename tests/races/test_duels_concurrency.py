@@ -22,7 +22,7 @@ def finishing(duel: Duel, now):
     return lambda: finish_evaluation(pk=running.pk, lease=running.lease, outcome=result, now=now)
 
 
-def test_a_race_that_many_draw_at_once_is_drawn_once(now):
+def test_concurrent_draws_draw_a_race_once(now):
     race = a_duel_race(now)
     qualify(race, [a_racer() for _ in range(4)], now)
     later = race.closes_at
@@ -36,7 +36,7 @@ def test_a_race_that_many_draw_at_once_is_drawn_once(now):
 
 
 @pytest.mark.parametrize("format_", ["round_robin", "bracket"])
-def test_heats_that_end_at_once_all_count_and_the_next_round_is_queued_once(now, format_):
+def test_heats_ending_at_once_queue_the_next_round_once(now, format_):
     race = drawn(now, 4, duel_format=format_)
     heats = driving(race)
     assert at_once([finishing(duel, now) for duel in heats]) == [True] * len(heats)
@@ -47,7 +47,7 @@ def test_heats_that_end_at_once_all_count_and_the_next_round_is_queued_once(now,
     assert sum(Entry.objects.values_list("points", flat=True)) == 2
 
 
-def test_a_racer_removed_while_the_heat_ends_either_drove_it_or_forfeits_it(now):
+def test_a_removal_at_the_end_of_a_heat_counts_it_or_forfeits_it(now):
     race = drawn(now, 3, duel_format="bracket")
     one, other = driving(race)
     admin = a_racer("sam", is_staff=True)

@@ -41,13 +41,13 @@ def refused(code: str) -> Iterator[None]:
     assert fault.value.code == code
 
 
-def test_the_seeds_are_the_places_in_qualifying(now):
+def test_seeds_are_the_qualifying_places(now):
     race = drawn(now, 4)
     assert [(row.alias, row.entry.seed) for row in board(race).rows] == [(f"car-{n}", n) for n in (1, 2, 3, 4)]
     assert (Draw.objects.get().entrants, Draw.objects.get().drawn_at) == (4, race.closes_at)
 
 
-def test_drawing_and_driving_on_again_changes_nothing(now):
+def test_repeating_the_draw_changes_nothing(now):
     race = drawn(now, 4)
     before = list(Duel.objects.values()), list(DuelCar.objects.values()), list(Entry.objects.values())
     draw_duels(race=race, now=race.closes_at + timedelta(hours=1))
@@ -56,7 +56,7 @@ def test_drawing_and_driving_on_again_changes_nothing(now):
     assert (list(Duel.objects.values()), list(DuelCar.objects.values()), list(Entry.objects.values())) == before
 
 
-def test_the_periodic_task_draws_what_has_closed(now):
+def test_the_periodic_task_draws_closed_races(now):
     race = a_duel_race(now)
     qualify(race, [a_racer("car-1"), a_racer("car-2")], now)
     assert drive_all_on(now=race.closes_at - timedelta(seconds=1)) == 0 and not Draw.objects.exists()
@@ -64,7 +64,7 @@ def test_the_periodic_task_draws_what_has_closed(now):
     assert len(driving(race)) == 1
 
 
-def test_one_race_that_cannot_go_on_does_not_hold_up_the_next(now, monkeypatch):
+def test_a_stuck_race_does_not_hold_up_the_next(now, monkeypatch):
     broken, race = a_duel_race(now), a_duel_race(now)
     for each in (broken, race):
         qualify(each, [a_racer(), a_racer()], now)
@@ -80,13 +80,13 @@ def test_one_race_that_cannot_go_on_does_not_hold_up_the_next(now, monkeypatch):
     assert list(Draw.objects.values_list("race", flat=True)) == [race.pk]
 
 
-def test_nothing_is_drawn_before_the_race_has_closed(now):
+def test_an_open_race_is_not_drawn(now):
     race = a_duel_race(now)
     with refused("duels_before_closing"):
         draw_duels(race=race, now=race.closes_at - timedelta(seconds=1))
 
 
-def test_other_races_have_no_duels(now):
+def test_races_of_other_types_have_no_duels(now):
     race = a_race(now)
     with refused("race_has_no_duels"):
         draw_duels(race=race, now=race.closes_at)
@@ -100,7 +100,7 @@ def test_a_cancelled_race_is_never_drawn(now):
     assert drive_all_on(now=race.closes_at) == 0
 
 
-def test_the_draw_waits_for_cars_that_were_sent_in_time(now, alice):
+def test_the_draw_waits_for_cars_sent_in_time(now, alice):
     race = a_duel_race(now)
     qualify(race, [a_racer("car-1"), a_racer("car-2")], now)
     late = submit_model(race=race, racer=alice, model=a_model(alice), now=race.closes_at - timedelta(seconds=1))
@@ -110,7 +110,7 @@ def test_the_draw_waits_for_cars_that_were_sent_in_time(now, alice):
     assert draw_duels(race=race, now=race.closes_at).entrants == 2
 
 
-def test_only_classified_racers_who_are_in_the_race_are_drawn(now):
+def test_only_classified_racers_still_in_the_race_are_drawn(now):
     race = a_duel_race(now, minimum_laps=3)
     qualify(race, [a_racer("car-1"), a_racer("car-2"), gone := a_racer("gone")], now)
     drive(race, a_racer("house", is_house=True), laps(9_000, 9_000, 9_000), now)
@@ -122,7 +122,7 @@ def test_only_classified_racers_who_are_in_the_race_are_drawn(now):
 
 
 @pytest.mark.parametrize("format_", ["round_robin", "bracket"])
-def test_the_best_by_qualifying_are_drawn_when_there_are_more(now, settings, format_):
+def test_only_the_best_qualifiers_are_drawn_up_to_the_limit(now, settings, format_):
     settings.DUELS_IN_ROUND_ROBIN = settings.DUELS_IN_BRACKET = 3
     race = drawn(now, 5, duel_format=format_)
     assert Draw.objects.get().entrants == 3
@@ -132,13 +132,13 @@ def test_the_best_by_qualifying_are_drawn_when_there_are_more(now, settings, for
 
 @pytest.mark.parametrize("entrants", [0, 1])
 @pytest.mark.parametrize("format_", ["round_robin", "bracket"])
-def test_a_race_of_fewer_than_two_is_over_when_it_is_drawn(now, entrants, format_):
+def test_a_race_of_fewer_than_two_cars_ends_with_its_draw(now, entrants, format_):
     race = drawn(now, entrants, duel_format=format_)
     assert Draw.objects.get().over_at == race.closes_at and not Duel.objects.exists()
     assert ranking(race) == ["car-1"] * entrants
 
 
-def test_qualifying_does_not_change_once_drawn(now):
+def test_qualifying_is_fixed_once_duels_are_drawn(now):
     race = a_duel_race(now)
     qualify(race, [a_racer("car-1"), a_racer("car-2")], now)
     failed = submit_model(race=race, racer=(bob := a_racer("bob")), model=a_model(bob), now=now)

@@ -62,7 +62,7 @@ def decided(race: Race) -> Iterator[Duel]:
         pytest.param({"duel_format": "bracket"}, 4, marks=pytest.mark.soak),
     ],
 )
-def test_three_cars_drive_their_duels_to_the_last(qualified, options, heats):
+def test_three_cars_drive_all_their_duels(qualified, options, heats):
     race = qualified
     Race.objects.filter(pk=race.pk).update(**options)
     race.refresh_from_db()
@@ -88,7 +88,7 @@ def test_three_cars_drive_their_duels_to_the_last(qualified, options, heats):
     assert duels_of(race).is_over
 
 
-def test_the_same_duels_give_the_same_results(qualified):
+def test_the_same_duels_produce_the_same_results(qualified):
     race = qualified
     drive_all_on(now=race.closes_at + timedelta(seconds=1))
     work_off()

@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("commits")]
         {"number": 0},
     ],
 )
-def test_a_heat_that_contradicts_itself_is_refused(now, change):
+def test_the_database_refuses_a_contradictory_heat(now, change):
     race = drawn(now, 2)
     with pytest.raises(IntegrityError), transaction.atomic():
         Duel.objects.filter(pk=driving(race)[0].pk).update(**change)
@@ -48,20 +48,20 @@ def test_a_heat_that_contradicts_itself_is_refused(now, change):
         {"grid": 2},
     ],
 )
-def test_a_car_with_points_before_the_end_or_more_than_there_are_is_refused(now, change):
+def test_the_database_refuses_impossible_points(now, change):
     race = drawn(now, 2)
     with pytest.raises(IntegrityError), transaction.atomic():
         DuelCar.objects.filter(duel=driving(race)[0], grid=1).update(**change)
 
 
 @pytest.mark.parametrize("change", [{"points": 1}, {"rank_score": 5}, {"seed": 2}, {"seed": None}, {"rank_lap": 5}])
-def test_a_standing_that_does_not_follow_from_the_duels_is_refused(now, change):
+def test_the_database_refuses_a_standing_without_duels(now, change):
     race = drawn(now, 2)
     with pytest.raises(IntegrityError), transaction.atomic():
         Entry.objects.filter(race=race, seed=1).update(**change)
 
 
-def test_a_racer_is_once_in_a_heat_and_a_heat_once_in_a_round(now):
+def test_racers_in_a_heat_and_heats_in_a_round_are_unique(now):
     race = drawn(now, 2)
     car = driving(race)[0].cars.first()
     with pytest.raises(IntegrityError), transaction.atomic():
@@ -70,7 +70,7 @@ def test_a_racer_is_once_in_a_heat_and_a_heat_once_in_a_round(now):
         Duel.objects.create(race=race, round=1, number=1)
 
 
-def test_a_bracket_of_more_than_pairs_is_refused(now):
+def test_a_bracket_with_more_than_two_cars_a_heat_is_refused(now):
     with pytest.raises(IntegrityError), transaction.atomic():
         a_duel_race(now, duel_format="bracket", duel_cars=3)
     race = Race(race_type="head_to_head", opponents="models", duel_format="bracket", duel_cars=3)
@@ -86,7 +86,7 @@ def race_problems(race: Race) -> dict:
 # --- admins look
 
 
-def test_admins_look_at_draws_and_duels_and_edit_none(now, client):
+def test_draws_and_duels_are_read_only_in_the_admin(now, client):
     admin = a_racer("sam", is_staff=True, is_superuser=True)
     race = drawn(now, 2)
     (duel,) = driving(race)

@@ -27,13 +27,13 @@ def in_front(heats) -> Counter:
 
 
 @given(fields)
-def test_in_pairs_everybody_meets_everybody_once_from_each_order(entrants):
+def test_in_pairs_everybody_meets_everybody_from_both_orders(entrants):
     heats = heats_of(round_robin(entrants))
     assert sorted(heats) == sorted(permutations(range(1, entrants + 1), 2))
 
 
 @given(fields)
-def test_in_pairs_the_second_half_is_the_first_with_places_swapped(entrants):
+def test_in_pairs_the_second_half_repeats_the_first_swapped(entrants):
     rounds = round_robin(entrants)
     half = len(rounds) // 2
     assert len(rounds) == 2 * (entrants - 1 + entrants % 2)
@@ -42,7 +42,7 @@ def test_in_pairs_the_second_half_is_the_first_with_places_swapped(entrants):
 
 @settings(deadline=None, max_examples=40)
 @given(fields, groups)
-def test_in_groups_every_pair_meets_from_both_orders_equally_often(entrants, cars):
+def test_in_groups_both_orders_of_a_pair_are_equally_frequent(entrants, cars):
     front = in_front(heats_of(round_robin(entrants, cars)))
     assert set(front) == set(permutations(range(1, entrants + 1), 2))
     assert all(front[one, other] == front[other, one] for one, other in front)
@@ -50,7 +50,7 @@ def test_in_groups_every_pair_meets_from_both_orders_equally_often(entrants, car
 
 @settings(deadline=None, max_examples=40)
 @given(fields, groups)
-def test_in_groups_each_car_starts_equally_often_from_each_place(entrants, cars):
+def test_in_groups_each_car_starts_equally_often_from_each_slot(entrants, cars):
     heats = heats_of(round_robin(entrants, cars))
     started = Counter((car, place) for heat in heats for place, car in enumerate(heat))
     assert len({*started.values()}) == 1
@@ -67,11 +67,11 @@ def test_no_car_meets_itself_nor_drives_twice_in_a_round(entrants, cars):
 
 @settings(deadline=None)
 @given(fields, st.integers(2, 4))
-def test_every_heat_has_as_many_cars_as_asked_or_all_there_are(entrants, cars):
+def test_a_heat_has_the_wanted_number_of_cars_or_all_of_them(entrants, cars):
     assert {len(heat) for heat in heats_of(round_robin(entrants, cars))} == {min(entrants, cars)}
 
 
-def test_the_schedule_of_four_cars_is_this_one_and_no_other():
+def test_the_schedule_of_four_cars_is_fixed():
     first = [[(1, 4), (3, 2)], [(3, 1), (2, 4)], [(1, 2), (4, 3)]]
     assert round_robin(4) == first + [[heat[::-1] for heat in heats] for heats in first]
 
@@ -82,12 +82,12 @@ def test_sixteen_cars_need_240_pairs_or_64_heats_of_four():
 
 
 @pytest.mark.parametrize("entrants", [0, 1])
-def test_one_car_meets_nobody(entrants):
+def test_a_single_car_has_no_heats(entrants):
     assert round_robin(entrants) == [] and bracket(entrants, {}) == []
 
 
 @pytest.mark.parametrize("cars", [0, 1, 5])
-def test_a_heat_of_so_many_is_refused(cars):
+def test_an_invalid_number_of_cars_a_heat_is_refused(cars):
     with pytest.raises(ValueError, match="cars"):
         round_robin(8, cars)
 
@@ -96,7 +96,7 @@ def test_a_heat_of_so_many_is_refused(cars):
     ("entrants", "order"),
     [(2, [1, 2]), (4, [1, 4, 2, 3]), (8, [1, 8, 4, 5, 2, 7, 3, 6]), (5, [1, 8, 4, 5, 2, 7, 3, 6])],
 )
-def test_the_best_seeds_stand_apart(entrants, order):
+def test_the_best_seeds_are_placed_far_apart(entrants, order):
     assert seeding(entrants) == order
 
 
@@ -109,7 +109,7 @@ def test_byes_go_to_the_best_seeds(entrants):
 
 
 @given(st.integers(2, 64))
-def test_when_the_better_seed_always_wins_the_best_meet_last(entrants):
+def test_if_better_seeds_always_win_the_best_two_meet_last(entrants):
     rounds = play(entrants, min)
     assert rounds[-1][0].cars == (1, 2) and rounds[-1][0].winner == 1
     for number, ties in enumerate(reversed(rounds)):
@@ -118,7 +118,7 @@ def test_when_the_better_seed_always_wins_the_best_meet_last(entrants):
 
 
 @given(st.integers(2, 64), st.randoms(use_true_random=False))
-def test_whoever_wins_a_bracket_ends_with_one_champion_and_each_other_lost_once(entrants, chance):
+def test_a_bracket_has_one_champion_and_all_others_lose_once(entrants, chance):
     rounds = play(entrants, lambda cars: chance.choice(cars))
     lost = [car for ties in rounds for tie in ties for car in tie.cars if car != tie.winner]
     champion = rounds[-1][0].winner
@@ -129,7 +129,7 @@ def test_whoever_wins_a_bracket_ends_with_one_champion_and_each_other_lost_once(
 
 
 @given(st.integers(2, 64), st.randoms(use_true_random=False))
-def test_each_pair_of_a_bracket_starts_from_both_orders(entrants, chance):
+def test_each_pair_of_a_bracket_meets_from_both_orders(entrants, chance):
     for ties in play(entrants, lambda cars: chance.choice(cars)):
         for tie in ties:
             assert tie.heats == (() if tie.bye else (tie.cars, tie.cars[::-1]))
@@ -153,18 +153,18 @@ def test_a_tie_waits_for_both_of_its_cars():
 
 
 @pytest.mark.parametrize("winners", [{(1, 1): 2}, {(2, 1): 1}])
-def test_who_is_not_in_a_tie_cannot_win_it(winners):
+def test_a_car_outside_a_tie_cannot_win_it(winners):
     with pytest.raises(ValueError, match="cannot win"):
         bracket(4, winners)
 
 
 @given(st.integers(1, 32), st.integers(0, 1))
-def test_heats_are_numbered_through_the_ties_of_a_round(tie, leg):
+def test_heats_are_numbered_across_the_ties_of_a_round(tie, leg):
     assert tie_of(heat_number(tie, leg)) == tie
     assert heat_number(1, 0) == 1
 
 
-def test_a_random_bracket_is_the_same_for_the_same_results():
+def test_a_bracket_depends_only_on_its_results():
     picks = random.Random(3)
     played = play(13, lambda cars: picks.choice(cars))
     winners = {(tie.round, tie.number): tie.winner for ties in played for tie in ties if not tie.bye}

@@ -20,32 +20,32 @@ def aliases(race) -> list[str]:
     return [row.alias for row in board(race).rows]
 
 
-def test_entering_twice_is_entering_once(alice, now):
+def test_entering_twice_makes_one_entry(alice, now):
     race = a_race(now)
     first = enter_race(race=race, racer=alice, now=now)
     assert enter_race(race=race, racer=alice, now=now + timedelta(hours=1)) == first
     assert Entry.objects.get().entered_at == now
 
 
-def test_one_may_enter_before_the_race_opens_but_not_after_it_closed(alice, bob, now):
+def test_a_race_can_be_entered_until_it_closes(alice, bob, now):
     race = a_race(now, opens_at=now + timedelta(days=1))
     assert enter_race(race=race, racer=alice, now=now)
     refused("race_closed", enter_race, race=race, racer=bob, now=race.closes_at)
 
 
-def test_nobody_enters_a_cancelled_race(alice, now):
+def test_a_cancelled_race_cannot_be_entered(alice, now):
     race = a_race(now, cancelled_at=now, cancel_reason="Rain.")
     refused("race_cancelled", enter_race, race=race, racer=alice, now=now)
 
 
-def test_a_race_by_invitation_is_entered_by_its_link_alone(alice, bob, now):
+def test_an_invitation_race_is_entered_only_by_its_link(alice, bob, now):
     race = a_race(now, organiser=bob, visibility=Visibility.INVITATION)
     refused("race_needs_invitation", enter_race, race=race, racer=alice, now=now)
     assert accept_invitation(token=race.invitation, racer=alice, now=now)
     assert enter_race(race=race, racer=bob, now=now), "the organiser needs no link"
 
 
-def test_who_withdraws_leaves_the_board_and_comes_back_with_all_they_drove(alice, bob, now):
+def test_a_withdrawn_racer_can_return_with_all_results(alice, bob, now):
     race = a_race(now)
     submission = drive(race, alice, laps(9_000, 9_000, 9_000), now)
     drive(race, bob, laps(9_500, 9_500, 9_500), now)
@@ -56,13 +56,13 @@ def test_who_withdraws_leaves_the_board_and_comes_back_with_all_they_drove(alice
     assert aliases(race) == ["alice", "bob"]
 
 
-def test_a_member_of_a_race_by_invitation_who_withdrew_comes_back_without_a_link(alice, bob, now):
+def test_a_withdrawn_member_returns_without_an_invitation(alice, bob, now):
     race = a_race(now, organiser=bob, visibility=Visibility.INVITATION)
     withdraw(entry=accept_invitation(token=race.invitation, racer=alice, now=now), now=now)
     assert not enter_race(race=race, racer=alice, now=now).is_withdrawn
 
 
-def test_withdrawing_stops_the_car_that_waits(alice, now, django_capture_on_commit_callbacks):
+def test_withdrawing_stops_the_waiting_car(alice, now, django_capture_on_commit_callbacks):
     race = a_race(now)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     with django_capture_on_commit_callbacks(execute=True):
@@ -72,13 +72,13 @@ def test_withdrawing_stops_the_car_that_waits(alice, now, django_capture_on_comm
     assert Entry.objects.get().submission_count == 0
 
 
-def test_nobody_withdraws_from_a_race_that_is_over(alice, now):
+def test_a_racer_cannot_withdraw_from_a_finished_race(alice, now):
     race = a_race(now)
     entry = enter_race(race=race, racer=alice, now=now)
     refused("race_closed", withdraw, entry=entry, now=race.closes_at)
 
 
-def test_an_organiser_removes_a_racer_who_then_cannot_come_back(alice, bob, now):
+def test_a_removed_racer_cannot_come_back(alice, bob, now):
     race = a_race(now, organiser=bob)
     drive(race, alice, laps(9_000, 9_000, 9_000), now)
     entry = Entry.objects.get()
@@ -89,7 +89,7 @@ def test_an_organiser_removes_a_racer_who_then_cannot_come_back(alice, bob, now)
     assert entry.submissions.count() == 1, "what was driven stays to be looked into"
 
 
-def test_an_invitation_does_not_bring_a_removed_racer_back(alice, bob, now):
+def test_an_invitation_does_not_readmit_a_removed_racer(alice, bob, now):
     race = a_race(now, organiser=bob, visibility=Visibility.INVITATION)
     remove_entry(entry=accept_invitation(token=race.invitation, racer=alice, now=now), by=bob, now=now)
     refused("entry_removed", accept_invitation, token=race.invitation, racer=alice, now=now)
@@ -107,7 +107,7 @@ def test_only_the_organiser_and_admins_remove_and_restore(alice, bob, charlie, n
     assert aliases(race) == ["alice"]
 
 
-def test_a_racer_may_be_removed_after_the_race_as_well(alice, bob, now):
+def test_a_racer_may_be_removed_after_the_race(alice, bob, now):
     race = a_race(now, organiser=bob)
     drive(race, alice, laps(9_000, 9_000, 9_000), now)
     remove_entry(entry=Entry.objects.get(), by=bob, now=race.closes_at + timedelta(days=3))

@@ -27,14 +27,14 @@ def happened(**which) -> list[tuple]:
     return list(Event.objects.filter(**which).order_by("pk").values_list("kind", "racer__alias", "subject"))
 
 
-def test_a_worker_takes_a_run(alice, now):
+def test_claiming_a_run_writes_an_event(alice, now):
     submission = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
     assert EVALUATIONS.claim(worker="w", now=now) and EVALUATIONS.claim(worker="w", now=now) is None
     assert happened() == [("run.started", "alice", submission.evaluation.public_id)]
     assert Event.objects.get().data == {"attempt": 1}
 
 
-def test_a_run_has_a_result_that_counts(alice, now):
+def test_a_counting_result_writes_its_events(alice, now):
     race = a_race(now)
     run = drive(race, alice, laps(9_000, 9_000, 9_000), now).evaluation
     assert [row for row in happened() if row[0] != "race.board"] == [
@@ -46,7 +46,7 @@ def test_a_run_has_a_result_that_counts(alice, now):
     assert Event.objects.get(kind="race.result").race == race.pk
 
 
-def test_a_run_that_comes_to_nothing_says_why_and_one_that_is_repeated_by_our_fault_says_nothing(alice, now):
+def test_only_a_final_failure_writes_an_event(alice, now):
     race = a_race(now)
     failed = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(failed, UserFault("non_finite_action", step=7), now)
@@ -63,7 +63,7 @@ def test_a_run_that_comes_to_nothing_says_why_and_one_that_is_repeated_by_our_fa
     ], "tried several times, given up once"
 
 
-def test_leaving_and_coming_back_and_calling_off(alice, now):
+def test_entering_withdrawing_and_cancelling_write_events(alice, now):
     race = a_race(now)
     entry = enter_race(race=race, racer=alice, now=now)
     withdraw(entry=entry, now=now)
@@ -77,7 +77,7 @@ def test_leaving_and_coming_back_and_calling_off(alice, now):
     assert Event.objects.get(kind="race.cancelled").data == {"reason": "Rain"}
 
 
-def test_duels_are_drawn_decided_one_by_one_and_over(now):
+def test_the_stages_of_duels_write_events(now):
     race = a_duel_race(now)
     qualify(race, [a_racer() for _ in range(3)], now)
     Event.objects.all().delete()
@@ -89,7 +89,7 @@ def test_duels_are_drawn_decided_one_by_one_and_over(now):
     assert kinds.count("duel.decided") == race.duels.count() == 6
 
 
-class TestWhoMaySee:
+class TestVisibility:
     @pytest.fixture
     def cast(self, alice, bob, charlie):
         """Alice organises a race by invitation, bob has driven in it, charlie is a stranger."""
@@ -109,7 +109,7 @@ class TestWhoMaySee:
         assert seen == [who for who, viewer in cast.items() if event in events_visible_to(viewer)]
         return seen
 
-    def test_a_race_by_invitation_and_a_run_in_it(self, cast, now):
+    def test_members_see_events_of_an_invitation_race(self, cast, now):
         race = a_race(now, organiser=cast["organiser"], visibility=Visibility.INVITATION)
         other = a_racer()
         for racer in (cast["member"], other):
@@ -120,7 +120,7 @@ class TestWhoMaySee:
         assert self.seen_by(cast, "run.finished") == ["organiser", "member", "staff"]
         assert self.seen_by({"other": other}, "run.finished") == ["other"], "it stands on the board"
 
-    def test_a_public_race_is_everybody_s_and_a_run_that_stands_on_no_board_is_its_owner_s(self, cast, now):
+    def test_all_see_public_races_but_only_owners_failed_runs(self, cast, now):
         race = a_race(now)
         failed = submit_model(race=race, racer=cast["member"], model=a_model(cast["member"]), now=now)
         fail(failed, UserFault("non_finite_action", step=7), now)
@@ -128,7 +128,7 @@ class TestWhoMaySee:
         assert self.seen_by(cast, "race.cancelled") == list(cast)
         assert self.seen_by(cast, "run.failed") == ["member", "staff"]
 
-    def test_what_is_gone_is_staff_s(self, cast, now):
+    def test_only_staff_see_events_of_deleted_rows(self, cast, now):
         race = a_race(now)
         cancel_race(race=race, reason="Rain", now=now)
         race.delete()

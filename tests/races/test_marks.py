@@ -26,7 +26,7 @@ def marks(race: Race) -> dict[str, tuple]:
     return {row.alias: (row.has_fastest_lap, set(row.sector_colours)) for row in board(fresh(race)).rows}
 
 
-def test_a_car_that_is_not_classified_has_neither_the_fastest_lap_nor_purple_sectors(now):
+def test_an_unclassified_car_gets_no_fastest_lap_or_purple_sector(now):
     race = a_race(now)
     drive(race, a_racer("clean"), CLEAN, now)
     lost = drive(race, a_racer("lost"), FAST_BUT_LOST, now)
@@ -36,14 +36,14 @@ def test_a_car_that_is_not_classified_has_neither_the_fastest_lap_nor_purple_sec
     assert {colour for row in rows for _, colour in row.sectors} == {"green"}
 
 
-def test_where_nobody_is_classified_nobody_is_the_fastest(now):
+def test_without_classified_cars_there_is_no_fastest_lap(now):
     race = a_race(now)
     drive(race, a_racer("lost"), FAST_BUT_LOST, now)
     assert (fresh(race).fastest_lap_ms, marks(race)) == (None, {"lost": (False, {"green"})})
 
 
 @pytest.mark.parametrize("order", [(FAST_BUT_LOST, CLEAN), (CLEAN, FAST_BUT_LOST)])
-def test_a_run_that_is_not_classified_gives_its_racer_no_marks_by_another_run_that_is(now, order):
+def test_an_unclassified_run_gains_no_marks_from_a_classified_one(now, order):
     race, racer = a_race(now), a_racer("both")
     lost = [drive(race, racer, driven, now) for driven in order][order.index(FAST_BUT_LOST)]
     assert fresh(race).fastest_lap_ms == 9_000
@@ -54,7 +54,7 @@ def test_a_run_that_is_not_classified_gives_its_racer_no_marks_by_another_run_th
     assert (Entry.objects.values(*OWN).get(race=race), fresh(race).fastest_lap_ms) == (before, 9_000)
 
 
-def test_a_house_car_that_is_faster_takes_no_purple_on_the_page_of_its_run(now):
+def test_a_faster_house_car_gets_no_purple_on_its_run_page(now):
     race = a_race(now)
     drive(race, a_racer("clean"), CLEAN, now)
     house = drive(race, a_racer("house", is_house=True), laps(8_000, 8_000, 8_000), now)

@@ -12,7 +12,7 @@ from races.names import named, names_track
 
 
 @pytest.mark.django_db
-def test_all_that_a_fresh_installation_names_is_korean_for_who_reads_korean(now):
+def test_names_of_a_fresh_installation_are_translated(now):
     open_demo_season(now=now)
     texts = [race.description for race in Race.objects.filter(kind=Kind.COMMUNITY)]
     texts += [race.name for race in Race.objects.all()]
@@ -38,13 +38,13 @@ def test_all_that_a_fresh_installation_names_is_korean_for_who_reads_korean(now)
         ("", ""),
     ],
 )
-def test_a_name_is_put_together_from_its_parts(name, korean):
+def test_a_name_is_assembled_from_its_parts(name, korean):
     with translation.override("ko"):
         assert named(name) == korean
     with translation.override("en"):
         assert named(name) == name
 
 
-def test_a_name_that_says_the_track_needs_it_not_said_again():
+def test_a_name_that_contains_the_track_does_not_repeat_it():
     assert names_track("December · Cosmic Loop", "Cosmic Loop")
     assert not names_track("No second chance", "Cosmic Loop")

@@ -27,7 +27,7 @@ class Learned:
     race_type: str = "time_trial"
 
 
-def test_what_is_like_its_training_comes_first(alice, now):
+def test_races_similar_to_the_training_come_first(alice, now):
     here, elsewhere = track_row("oval"), track_row("kuei-raceway")
     boxes = {"race_type": "object_avoidance", "random_boxes": 3}
     other = a_race(now, track=elsewhere, **boxes)
@@ -44,7 +44,7 @@ def test_what_is_like_its_training_comes_first(alice, now):
     assert offers_for(model=model, racer=alice, now=now)[0].race == league, "the league's first"
 
 
-def test_none_that_would_refuse_it(alice, bob, now, monkeypatch):
+def test_races_that_would_refuse_the_car_are_not_offered(alice, bob, now, monkeypatch):
     """Sensors that are not offered, no submission left, withdrawn, closed, not to be seen, not eligible."""
     model = a_model(alice)
     a_race(now, sensors=["STEREO_CAMERAS"])
@@ -62,13 +62,13 @@ def test_none_that_would_refuse_it(alice, bob, now, monkeypatch):
     assert offers_for(model=model, racer=AnonymousUser(), now=now) == []
 
 
-def test_where_it_was_sent_is_told_also_when_nothing_is_left(alice, now):
+def test_an_offer_tells_of_an_earlier_submission_even_if_none_is_left(alice, now):
     model, race = a_model(alice), a_race(now, max_submissions=1)
     sent = submit_model(race=race, racer=alice, model=model, now=now)
     assert [(offer.race, offer.sent) for offer in offers_for(model=model, racer=alice, now=now)] == [(race, sent)]
 
 
-def test_it_costs_the_same_however_many_there_are(alice, now):
+def test_more_races_need_no_more_queries(alice, now):
     model = a_model(alice)
     Race.objects.filter(pk=a_race(now).pk).exists()
 

@@ -43,7 +43,7 @@ def refusal(call, *args, **kwargs) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("options", [{}, BOXES, DRAWN, BOTS, MODELS])
-def test_every_type_of_race_is_made_and_tells_the_simulator_what_it_is(alice, now, options):
+def test_every_race_type_passes_its_rules_to_the_simulator(alice, now, options):
     race = make(alice, now, **options)
     race.refresh_from_db()
     rules = race_rules(race)
@@ -53,7 +53,7 @@ def test_every_type_of_race_is_made_and_tells_the_simulator_what_it_is(alice, no
     lay_course(race.track.geometry.in_direction(race.direction), rules)
 
 
-def test_boxes_are_told_and_marked_where_the_simulator_puts_them_in_the_order_driven(alice, now):
+def test_boxes_are_listed_and_marked_where_the_simulator_has_them(alice, now):
     race = make(alice, now, **BOXES, direction="cw")
     course = lay_course(race.track.geometry.in_direction("cw"), race_rules(race))
     assert [row["fraction"] for row in box_rows(race)] == [0.25, 0.6]
@@ -64,7 +64,7 @@ def test_boxes_are_told_and_marked_where_the_simulator_puts_them_in_the_order_dr
     assert box_marks(race)[0].title == "Box 1: 25 % of the lap, inner lane"
 
 
-def test_drawn_boxes_are_the_same_for_the_same_seed_and_others_for_another(alice, now):
+def test_drawn_boxes_depend_on_the_seed(alice, now):
     one, same, other = (make(alice, now, **DRAWN, seed=seed) for seed in (7, 7, 8))
     assert len(box_rows(one)) == 4
     assert box_rows(one) == box_rows(same) != box_rows(other)
@@ -111,7 +111,7 @@ def test_drawn_boxes_are_the_same_for_the_same_seed_and_others_for_another(alice
         (MODELS | {"duel_cars": 1}, {"duel_cars": "race_duel_cars"}),
     ],
 )
-def test_what_does_not_go_together_is_refused_beside_the_field_to_change(alice, now, options, refused):
+def test_conflicting_rules_are_refused_on_the_field_to_change(alice, now, options, refused):
     said = refusal(make, alice, now, **options)
     assert refused.items() <= said.items()
     assert not Race.objects.exists()
@@ -141,13 +141,13 @@ def test_what_does_not_go_together_is_refused_beside_the_field_to_change(alice, 
         (MODELS, {"duel_cars": 5}),
     ],
 )
-def test_the_database_takes_no_race_that_contradicts_itself(alice, now, options, change):
+def test_the_database_refuses_a_contradictory_race(alice, now, options, change):
     race = make(alice, now, **options)
     with pytest.raises(IntegrityError), transaction.atomic():
         Race.objects.filter(pk=race.pk).update(**change)
 
 
-def test_the_course_is_fixed_from_the_first_submission_on(alice, bob, now):
+def test_the_layout_is_fixed_from_the_first_submission_on(alice, bob, now):
     race = a_race(now, organiser=alice, **BOXES)
     drive(race, bob, [lap(1, 12_000)], now)
     changes = ({"boxes": TWO_BOXES[:1]}, {"race_type": "time_trial", "boxes": []}, {"seed": 3})
@@ -155,18 +155,18 @@ def test_the_course_is_fixed_from_the_first_submission_on(alice, bob, now):
         assert set(refusal(edit_race, race=race, now=now, **change).values()) == {"race_has_submissions"}
 
 
-def test_another_track_is_refused_where_the_boxes_have_no_room(alice, now):
+def test_a_track_without_room_for_the_boxes_is_refused(alice, now):
     race = make(alice, now, **DRAWN | {"random_boxes": 8, "box_distance_m": 1.8})
     assert refusal(edit_race, race=race, now=now, box_distance_m=3.0) == {"random_boxes": "boxes_do_not_fit"}
     edit_race(race=race, now=now, name="Obstacles again")
 
 
-def test_a_clone_has_the_same_course(alice, now):
+def test_a_clone_has_the_same_layout(alice, now):
     race = make(alice, now, **BOXES)
     assert box_rows(clone_race(race=race, now=now)) == box_rows(race)
 
 
-def test_crashes_stand_on_the_board_with_the_run_that_counts(alice, bob, now):
+def test_the_board_shows_the_crashes_of_the_counting_run(alice, bob, now):
     race = a_race(now, organiser=alice, minimum_laps=1, **BOXES)
     slow = [lap(1, 20_000) | {"crashes": 4}, lap(2, 21_000) | {"crashes": 1}]
     quick = [lap(1, 12_000) | {"crashes": 2}, lap(2, 12_500)]
@@ -190,7 +190,7 @@ def test_crashes_stand_on_the_board_with_the_run_that_counts(alice, bob, now):
     ],
 )
 @override_settings(LANGUAGE_CODE="en")
-def test_a_race_says_in_words_what_is_on_its_track(alice, now, options, facts, rule):
+def test_a_race_describes_its_layout_in_words(alice, now, options, facts, rule):
     race = make(alice, now, **options)
     assert course_facts(race) == facts
     told = " ".join(course_rules(race))
@@ -198,6 +198,6 @@ def test_a_race_says_in_words_what_is_on_its_track(alice, now, options, facts, r
     assert "%" not in told
 
 
-def test_without_resets_a_crash_ends_the_run_and_the_rules_say_so(alice, now):
+def test_without_resets_a_crash_ends_the_run(alice, now):
     rules = course_rules(make(alice, now, **BOXES, max_resets=0))
     assert rules[-1] == "A crash is a fault like leaving the track, and ends the run."

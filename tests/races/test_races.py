@@ -47,7 +47,7 @@ def refusal(call, *args, **kwargs) -> dict[str, str]:
     return {field: errors[0].code for field, errors in caught.value.errors.error_dict.items()}
 
 
-def test_any_racer_makes_a_race_of_their_own(alice, now):
+def test_any_racer_can_create_a_race(alice, now):
     race = make(
         alice, now, laps=5, minimum_laps=2, ranking_method="best", off_track_penalty_ms=1500, visibility="invitation"
     )
@@ -58,19 +58,19 @@ def test_any_racer_makes_a_race_of_their_own(alice, now):
     assert len(race.invitation) == 32
 
 
-def test_races_of_one_name_get_different_addresses(alice, now):
+def test_races_of_the_same_name_get_different_addresses(alice, now):
     first, second = make(alice, now), make(alice, now)
     assert first.slug == "friday-sprint"
     assert second.slug.startswith("friday-sprint-") and len(second.slug) > len("friday-sprint-")
 
 
 @pytest.mark.parametrize("name", ["New", "한국 레이스", "!!!"])
-def test_an_address_is_never_one_of_the_site_s_own_pages_and_never_empty(alice, now, name):
+def test_a_race_address_is_never_empty_or_a_page_of_the_site(alice, now, name):
     slug = make(alice, now, name=name).slug
     assert slug not in ("new", "") and slug[0] != "-"
 
 
-def test_the_state_is_a_function_of_the_time(alice, now):
+def test_the_state_of_a_race_depends_on_the_time(alice, now):
     race = make(alice, now)
     tick = timedelta(microseconds=1)
     assert race.state_at(race.opens_at - tick) == RaceState.UPCOMING
@@ -101,12 +101,12 @@ def test_the_state_is_a_function_of_the_time(alice, now):
         ({"laps": "many"}, {"laps": "invalid"}),
     ],
 )
-def test_a_race_that_makes_no_sense_is_refused_on_the_field_to_change(alice, now, fields, refused):
+def test_an_invalid_race_is_refused_on_the_field_to_change(alice, now, fields, refused):
     assert refusal(make, alice, now, **fields) == refused
     assert not Race.objects.exists()
 
 
-def test_times_that_make_no_sense_are_refused(alice, now):
+def test_invalid_times_are_refused(alice, now):
     hour, day = timedelta(hours=1), timedelta(days=1)
     for opens, closes, expected in (
         (2 * hour, hour, {"closes_at": "race_closes_before_opening"}),
@@ -119,37 +119,37 @@ def test_times_that_make_no_sense_are_refused(alice, now):
         assert refusal(make, alice, now, opens_at=now + opens, closes_at=now + closes) == expected
 
 
-def test_a_race_may_open_now_though_the_form_took_a_while(alice, now):
+def test_a_race_may_open_now_even_after_a_slow_form(alice, now):
     assert make(alice, now, opens_at=now - timedelta(minutes=10)).state_at(now) == RaceState.OPEN
 
 
-def test_all_problems_are_told_at_once_and_the_first_is_the_fault_s_code(alice, now):
+def test_all_problems_are_reported_and_the_first_sets_the_code(alice, now):
     with pytest.raises(RaceRefused) as caught:
         make(alice, now, laps=3, minimum_laps=5, opens_at=now + timedelta(800), closes_at=now + timedelta(801))
     assert set(caught.value.errors.error_dict) == {"minimum_laps", "opens_at"}
     assert caught.value.code == "race_minimum_laps" and "3 consecutive laps" in str(caught.value)
 
 
-def test_a_problem_without_a_code_of_ours_still_has_one_and_names_the_field(alice, now):
+def test_a_problem_without_its_own_code_still_names_the_field(alice, now):
     with pytest.raises(RaceRefused) as caught:
         make(alice, now, name="")
     assert caught.value.code == "race_field"
     assert caught.value.params["field"] == "name"
 
 
-def test_a_refusal_is_told_by_a_reason_of_the_list_where_one_of_its_problems_has_one(alice, now):
+def test_a_refusal_uses_the_reason_of_a_problem_that_has_one(alice, now):
     with pytest.raises(RaceRefused) as caught:
         make(alice, now, sensors=[])
     assert caught.value.code == "race_sensors" and "FRONT_FACING_CAMERA" in str(caught.value)
 
 
-def test_what_no_race_has_is_a_mistake_of_the_program(alice, now):
+def test_an_unknown_race_field_is_a_programming_error(alice, now):
     for wrong in ({"colour": "red"}, {"division": "pro"}, {"kind": "league"}, {"slug": "x"}):
         with pytest.raises(TypeError):
             make(alice, now, **wrong)
 
 
-def test_a_racer_holds_only_so_many_races_that_are_not_over(alice, bob, now, settings):
+def test_a_racer_has_a_limited_number_of_unfinished_races(alice, bob, now, settings):
     settings.RACES_PER_RACER = 2
     make(alice, now)
     second = make(alice, now)
@@ -183,7 +183,7 @@ def test_league_races_are_public_and_have_a_division(now):
     assert refusal(create_league_race, division="open", slug="2026-11-open", **league) == {"slug": "unique"}
 
 
-def test_before_anybody_submits_an_organiser_changes_anything(alice, bob, now):
+def test_before_the_first_submission_everything_can_be_changed(alice, bob, now):
     race = make(alice, now)
     enter_race(race=race, racer=bob, now=now)
     edit_race(race=race, now=now, laps=5, minimum_laps=5, ranking_method="total", direction="cw", name="Sunday sprint")
@@ -193,7 +193,7 @@ def test_before_anybody_submits_an_organiser_changes_anything(alice, bob, now):
     assert race.laps == 5
 
 
-def test_once_a_car_was_submitted_what_moves_results_is_fixed(alice, bob, now):
+def test_the_first_submission_fixes_what_affects_results(alice, bob, now):
     race = make(alice, now, opens_at=now)
     submit_model(race=race, racer=bob, model=a_model(bob), now=now)
     for change in (
@@ -217,7 +217,7 @@ def test_once_a_car_was_submitted_what_moves_results_is_fixed(alice, bob, now):
     assert Race.objects.get().max_submissions == 9
 
 
-def test_the_opening_time_is_fixed_once_the_race_has_opened(alice, now):
+def test_an_opened_race_keeps_its_opening_time(alice, now):
     race = make(alice, now)
     edit_race(race=race, now=now, opens_at=now + timedelta(hours=3))
     later = now + timedelta(hours=4)
@@ -227,14 +227,14 @@ def test_the_opening_time_is_fixed_once_the_race_has_opened(alice, now):
     assert refusal(edit_race, race=race, now=later, closes_at=later) == {"closes_at": "race_already_over"}
 
 
-def test_an_upcoming_race_is_not_moved_into_the_past(alice, now):
+def test_an_upcoming_race_cannot_move_into_the_past(alice, now):
     race = make(alice, now)
     assert refusal(edit_race, race=race, now=now, opens_at=now - timedelta(days=1)) == {
         "opens_at": "race_opens_in_the_past"
     }
 
 
-def test_a_race_that_is_over_keeps_everything_but_its_texts(alice, now):
+def test_only_the_texts_of_a_finished_race_can_be_changed(alice, now):
     race = make(alice, now)
     over = race.closes_at
     assert refusal(edit_race, race=race, now=over, closes_at=over + timedelta(days=1)) == {"closes_at": "race_is_over"}
@@ -243,20 +243,20 @@ def test_a_race_that_is_over_keeps_everything_but_its_texts(alice, now):
     assert Race.objects.get().description == "Thanks to all."
 
 
-def test_fields_that_never_change_cannot_be_named(alice, now):
+def test_editing_a_permanent_field_is_a_programming_error(alice, now):
     race = make(alice, now)
     for wrong in ({"slug": "other"}, {"kind": "league"}, {"organiser": alice}, {"invitation": "x"}):
         with pytest.raises(TypeError):
             edit_race(race=race, now=now, **wrong)
 
 
-def test_a_refused_change_leaves_the_race_in_hand_as_it_was(alice, now):
+def test_a_refused_change_leaves_the_instance_unchanged(alice, now):
     race = make(alice, now)
     refusal(edit_race, race=race, now=now, laps=2, minimum_laps=3)
     assert race.laps == 3 and Race.objects.get().laps == 3
 
 
-def test_cancelling_says_why_and_stops_the_cars(alice, bob, charlie, now, django_capture_on_commit_callbacks):
+def test_cancelling_stores_the_reason_and_stops_the_cars(alice, bob, charlie, now, django_capture_on_commit_callbacks):
     race = make(alice, now, opens_at=now)
     drive(race, charlie, laps(9_000, 9_000, 9_000), now)
     waiting = submit_model(race=race, racer=bob, model=a_model(bob), now=now).evaluation
@@ -273,7 +273,7 @@ def test_cancelling_says_why_and_stops_the_cars(alice, bob, charlie, now, django
     assert race.entries.get(racer=charlie).classified, "what was driven stays to be read"
 
 
-def test_a_race_is_cancelled_once_with_a_reason_and_before_it_is_over(alice, now):
+def test_a_race_is_cancelled_once_with_a_reason_before_its_end(alice, now):
     race = make(alice, now)
     assert refusal(cancel_race, race=race, reason=" ", now=now) == {"cancel_reason": "cancel_needs_a_reason"}
     with pytest.raises(UserFault, match="closed at"):
@@ -285,7 +285,7 @@ def test_a_race_is_cancelled_once_with_a_reason_and_before_it_is_over(alice, now
     assert refusal(edit_race, race=race, now=now, laps=5) == {"laps": "race_is_over"}
 
 
-def test_a_reset_invitation_kills_the_old_link_and_keeps_the_members(alice, bob, charlie, now):
+def test_resetting_the_invitation_keeps_the_members(alice, bob, charlie, now):
     race = make(alice, now, visibility=Visibility.INVITATION)
     old = race.invitation
     entry = accept_invitation(token=old, racer=bob, now=now)
@@ -305,14 +305,14 @@ def test_an_invitation_ends_with_the_race(alice, bob, now):
     assert caught.value.code == "race_closed"
 
 
-def test_the_token_of_a_public_race_is_no_invitation(alice, bob, now):
+def test_the_token_of_a_public_race_does_not_invite(alice, bob, now):
     race = make(alice, now)
     for token in (race.invitation, "", "nonsense"):
         with pytest.raises(UserFault, match="not valid any more"):
             accept_invitation(token=token, racer=bob, now=now)
 
 
-def test_a_clone_is_the_same_race_a_month_later_without_its_entries(alice, bob, now):
+def test_a_clone_is_the_same_race_a_month_later_without_entries(alice, bob, now):
     race = make(alice, now, laps=5, minimum_laps=2, ranking_method="best", visibility="invitation", description="Fun")
     accept_invitation(token=race.invitation, racer=bob, now=now)
     clone = clone_race(race=race, now=now)
@@ -342,7 +342,7 @@ def test_months_are_calendar_months(day, months, expected):
     assert add_months(datetime(*day, 10, tzinfo=UTC), months).date() == datetime(*expected).date()
 
 
-def test_months_keep_the_wall_clock_of_the_site_s_time_zone(settings):
+def test_months_keep_the_wall_clock_of_the_sites_time_zone(settings):
     settings.TIME_ZONE = "Europe/Berlin"
     timezone.get_default_timezone.cache_clear()
     try:
@@ -352,7 +352,7 @@ def test_months_keep_the_wall_clock_of_the_site_s_time_zone(settings):
         timezone.get_default_timezone.cache_clear()
 
 
-def test_races_offer_exactly_the_sensors_that_the_simulator_has():
+def test_races_offer_exactly_the_sensors_of_the_simulator():
     from paddock.simulator.sensors import SENSORS
 
     assert {*OFFERABLE, *SAME_AS} == set(SENSORS)

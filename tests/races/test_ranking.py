@@ -30,7 +30,7 @@ some_laps = st.lists(
 ).map(lambda driven: [one | {"number": number} for number, one in enumerate(driven, 1)])
 
 
-def test_the_average_is_of_the_fastest_window_of_consecutive_laps():
+def test_the_average_uses_the_fastest_consecutive_laps():
     standing = AVERAGE.standing(laps(12_000, 10_000, 10_100, 10_300, 11_000), 3)
     assert standing.average_ms == standing.score_ms == (10_000 + 10_100 + 10_300) // 3
     assert standing.window == (2, 4)
@@ -42,13 +42,13 @@ def test_the_average_is_rounded_down_to_whole_milliseconds():
     assert AVERAGE.standing(laps(10_001, 10_000, 10_002), 3).score_ms == 10_001
 
 
-def test_a_window_does_not_reach_over_an_unfinished_lap():
+def test_a_window_does_not_span_an_unfinished_lap():
     driven = [lap(1, 9_000), lap(2, 9_000, complete=False, percentage=40), lap(3, 9_000), lap(4, 9_100)]
     assert not AVERAGE.standing(driven, 3).classified
     assert AVERAGE.standing(driven, 2).score_ms == 9_050
 
 
-def test_the_earliest_of_equally_fast_windows_is_taken():
+def test_of_equally_fast_windows_the_earliest_counts():
     assert AVERAGE.standing(laps(10_000, 10_000, 10_000), 2).window == (1, 2)
 
 
@@ -58,25 +58,25 @@ def test_an_unfinished_lap_is_never_the_best_lap():
         assert rule.standing(driven, 1).best_lap_ms == 10_000
 
 
-def test_the_best_lap_scores_only_with_enough_laps_in_a_row():
+def test_the_best_lap_counts_only_with_enough_consecutive_laps():
     driven = [lap(1, 10_000), lap(2, 9_000), lap(3, 2_000, complete=False)]
     assert BEST.standing(driven, 2).score_ms == 9_000
     short = BEST.standing(driven, 3)
     assert (short.classified, short.score_ms, short.best_lap_ms) == (False, None, 9_000)
 
 
-def test_the_total_is_the_time_of_all_laps():
+def test_the_total_is_the_sum_of_all_laps():
     assert TOTAL.standing(laps(10_000, 11_000, 12_000), 3).score_ms == 33_000
 
 
-def test_there_is_no_total_when_a_lap_is_missing():
+def test_a_missing_lap_leaves_no_total():
     driven = [*laps(10_000, 11_000), lap(3, 5_000, complete=False, percentage=50)]
     standing = TOTAL.standing(driven, 3)
     assert (standing.classified, standing.total_ms) == (False, None)
     assert standing.driven_percent == 250
 
 
-def test_a_car_that_drove_nothing_has_no_standing_but_is_no_error():
+def test_a_car_without_laps_has_no_standing():
     for rule in RULES.values():
         standing = rule.standing([], 1)
         assert (standing.classified, standing.best_lap_ms, standing.sectors) == (False, None, ())
@@ -84,12 +84,12 @@ def test_a_car_that_drove_nothing_has_no_standing_but_is_no_error():
         assert standing.rank_lap == LAST
 
 
-def test_asking_for_no_lap_is_refused():
+def test_requiring_zero_laps_is_refused():
     with pytest.raises(ValueError, match="at least 1"):
         AVERAGE.standing(laps(10_000), 0)
 
 
-def test_sectors_are_those_of_the_best_lap_and_the_best_of_all_complete_laps():
+def test_sectors_come_from_the_best_lap_and_all_complete_laps():
     driven = [
         lap(1, 9_000, sectors=(3_000, 3_000, 3_000)),
         lap(2, 9_100, sectors=(2_900, 3_200, 3_000)),
@@ -101,25 +101,25 @@ def test_sectors_are_those_of_the_best_lap_and_the_best_of_all_complete_laps():
     assert standing.best_lap_number == 1
 
 
-def test_laps_without_sector_times_are_left_out_of_the_best_sectors():
+def test_laps_without_sector_times_do_not_set_best_sectors():
     assert best_of_sectors([(), (3, 2, 1), ()]) == (3, 2, 1)
     assert best_of_sectors([(), ()]) == ()
 
 
-def test_faults_are_those_of_the_whole_run():
+def test_faults_are_counted_over_the_whole_run():
     driven = [lap(1, 9_000, off_tracks=2, resets=2), lap(2, 8_000, crashes=1, resets=1)]
     standing = BEST.standing(driven, 1)
     assert (standing.off_tracks, standing.crashes, standing.resets) == (2, 1, 3)
 
 
-def test_among_unclassified_cars_the_one_that_drove_farther_stands_first():
+def test_unclassified_cars_rank_by_distance():
     far = AVERAGE.standing([lap(1, 50_000), lap(2, 1_000, complete=False, percentage=10)], 3)
     near = AVERAGE.standing([lap(1, 9_000, complete=False, percentage=99)], 3)
     assert far.key < near.key < (NO_RESULT, LAST, 0)
 
 
 @given(some_laps, st.integers(1, 5), st.sampled_from(sorted(RULES)))
-def test_every_classified_car_stands_before_every_other(driven, minimum, method):
+def test_classified_cars_rank_before_all_others(driven, minimum, method):
     standing = RULES[method].standing(driven, minimum)
     assert standing.classified == (standing.score_ms is not None)
     if standing.classified:
@@ -138,7 +138,7 @@ def test_the_average_is_the_lowest_mean_of_all_windows(driven, minimum):
 
 
 @given(some_laps, st.integers(1, 4), st.sampled_from(sorted(RULES)), st.data())
-def test_a_faster_lap_never_makes_a_car_stand_lower(driven, minimum, method, data):
+def test_a_faster_lap_never_lowers_a_rank(driven, minimum, method, data):
     before = RULES[method].standing(driven, minimum)
     complete = [index for index, one in enumerate(driven) if one["complete"]]
     if not complete:
@@ -150,14 +150,14 @@ def test_a_faster_lap_never_makes_a_car_stand_lower(driven, minimum, method, dat
 
 
 @given(some_laps, st.integers(1, 4), st.sampled_from(["average", "best"]))
-def test_finishing_another_lap_never_makes_a_car_stand_lower(driven, minimum, method):
+def test_finishing_another_lap_never_lowers_a_rank(driven, minimum, method):
     before = RULES[method].standing(driven, minimum)
     after = RULES[method].standing([*driven, lap(len(driven) + 1, 150_000)], minimum)
     assert (after.rank_score, after.rank_lap) <= (before.rank_score, before.rank_lap)
 
 
 @given(st.lists(some_laps, min_size=1, max_size=6), st.integers(1, 3), st.randoms())
-def test_the_best_of_several_submissions_does_not_depend_on_their_order(submissions, minimum, rng: random.Random):
+def test_the_best_submission_does_not_depend_on_the_order(submissions, minimum, rng: random.Random):
     keys = [AVERAGE.standing(driven, minimum).key for driven in submissions]
     shuffled = list(submissions)
     rng.shuffle(shuffled)
@@ -166,7 +166,7 @@ def test_the_best_of_several_submissions_does_not_depend_on_their_order(submissi
 
 @pytest.mark.parametrize("method", sorted(RULES))
 @pytest.mark.parametrize("count", [1, 3])
-def test_every_method_says_its_rule_in_sentences_with_the_numbers_of_the_race(method, count):
+def test_every_ranking_method_explains_its_rule_with_numbers(method, count):
     race = SimpleNamespace(minimum_laps=count, laps=count, opponents="")
     with translation.override("en"):
         sentence = RULES[method].rule(race)
@@ -180,7 +180,7 @@ def test_every_method_says_its_rule_in_sentences_with_the_numbers_of_the_race(me
 
 @pytest.mark.parametrize("method", RULES)
 @pytest.mark.parametrize(("format_", "words"), [("round_robin", "3 in a heat"), ("bracket", "knock-out bracket")])
-def test_a_race_of_duels_says_how_it_qualifies_and_how_it_ranks(method, format_, words):
+def test_a_race_of_duels_explains_qualifying_and_ranking(method, format_, words):
     options = {"ranking_method": method, "laps": 3, "minimum_laps": 3}
     race = Race(opponents="models", duel_format=format_, duel_cars=3, **options)
     sentence = rule_for(race).rule(race)

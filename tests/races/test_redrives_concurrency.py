@@ -27,13 +27,13 @@ def race(monkeypatch, now) -> Race:
     return race
 
 
-def test_three_sweeps_at_once_queue_each_run_once(race, now):
+def test_concurrent_sweeps_queue_each_run_once(race, now):
     answers = at_once([partial(sweep_redrives, now=now)] * 3)
     assert sorted(answers) == [0, 0, 3], answers
     assert Redrive.objects.count() == 3
 
 
-def test_the_last_results_come_with_sweeps_and_a_new_car_and_all_count_once(race, now):
+def test_last_results_sweeps_and_a_new_car_all_count_once(race, now):
     sweep_redrives(now=now)
     first, second, third = pending(race)
     end(first, laps(9_000, 9_000, 9_000), now)

@@ -55,7 +55,7 @@ def gaps(found) -> tuple:
     ],
     ids=["time-trial", "boxes", "bots"],
 )
-def test_what_ranks_is_told_with_place_and_gaps_by_every_method(now, of_type, method, name, score, to_bob, to_carol):
+def test_every_method_gives_score_place_and_gaps(now, of_type, method, name, score, to_bob, to_carol):
     race = a_race(now, ranking_method=method, **of_type)
     drive(race, a_racer("carol"), laps(*CAROL), now)
     drive(race, a_racer("bob"), laps(*BOB), now)
@@ -69,7 +69,7 @@ def test_what_ranks_is_told_with_place_and_gaps_by_every_method(now, of_type, me
     assert (row.rank, row.gap_ms) == (found.place.rank, found.place.leader.gap), "as the board says it"
 
 
-def test_the_leader_has_nobody_ahead(now):
+def test_the_leader_has_no_car_ahead(now):
     race = a_race(now)
     found = worth(drive(race, a_racer("alice"), laps(*ALICE), now))
     assert (found.place.rank, found.place.totals.racers, gaps(found)) == (1, 1, (None, None))
@@ -77,7 +77,7 @@ def test_the_leader_has_nobody_ahead(now):
     assert gaps(second) == (("alice", 500), ("alice", 500))
 
 
-def test_of_equals_the_one_just_ahead_is_named_with_no_gap(now):
+def test_an_equal_car_ahead_is_named_with_a_zero_gap(now):
     race = a_race(now)
     for number in range(4):
         drive(race, a_racer(f"twin-{number}"), laps(*ALICE), now + timedelta(minutes=number))
@@ -94,7 +94,7 @@ def test_of_equals_the_one_just_ahead_is_named_with_no_gap(now):
     }
 
 
-def test_a_car_that_is_not_classified_has_no_place_but_says_what_it_lacks(now):
+def test_an_unclassified_car_has_no_place_but_says_what_it_lacks(now):
     race = a_race(now)
     drive(race, a_racer("bob"), laps(*BOB), now)
     found = worth(drive(race, a_racer("alice"), LOST, now))
@@ -102,7 +102,7 @@ def test_a_car_that_is_not_classified_has_no_place_but_says_what_it_lacks(now):
     assert found.place.ahead is None and found.place.leader.gap is None
 
 
-def test_a_worse_car_says_that_the_board_did_not_change_and_what_counts(now):
+def test_a_worse_result_says_what_counts_instead(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, a_racer("carol"), laps(*CAROL), now)
     first = drive(race, alice, laps(*ALICE), now)
@@ -113,7 +113,7 @@ def test_a_worse_car_says_that_the_board_did_not_change_and_what_counts(now):
     assert (found.place.rank, gaps(found)[1]) == (2, ("carol", 800)), "the place is of the run that counts"
 
 
-def test_a_better_car_is_held_against_the_best_before_it_and_stays_so_when_a_later_one_beats_it(now):
+def test_a_result_is_compared_with_the_best_before_it(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, alice, laps(*ALICE), now)
     drive(race, alice, laps(13_000, 13_000, 13_000), now)
@@ -125,20 +125,20 @@ def test_a_better_car_is_held_against_the_best_before_it_and_stays_so_when_a_lat
     assert (found.change, found.counts, found.instead, found.was_overtaken) == ((Kind.FASTER, 400), False, best, True)
 
 
-def test_what_a_racer_drove_before_is_told_to_nobody_else(now):
+def test_only_the_racer_sees_their_earlier_results(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, alice, laps(13_000, 13_000, 13_000), now)
     found = worth(drive(race, alice, laps(*ALICE), now), tell_earlier=False)
     assert (found.change, found.earlier, found.place.rank) == (None, None, 1)
 
 
-def test_a_void_run_is_worth_nothing(now):
+def test_a_void_run_counts_for_nothing(now):
     submission = drive(a_race(now), a_racer(), laps(*ALICE), now)
     Submission.objects.filter(pk=submission.pk).update(is_void=True)
     assert worth(submission) is None
 
 
-def test_who_has_left_has_no_place_and_no_rivals(now):
+def test_a_racer_who_left_has_no_place_or_gaps(now):
     race = a_race(now)
     drive(race, a_racer("bob"), laps(*BOB), now)
     submission = drive(race, a_racer("alice"), laps(*ALICE), now)
@@ -147,7 +147,7 @@ def test_who_has_left_has_no_place_and_no_rivals(now):
     assert (found.place.rank, gaps(found), found.standing.score_ms) == (None, (None, None), 12_500)
 
 
-def test_a_house_car_has_no_place_but_a_gap_to_the_leader_of_the_racers(now):
+def test_a_house_car_has_no_place_but_a_gap_to_the_leader(now):
     race = a_race(now)
     drive(race, a_racer("bob"), laps(*BOB), now)
     found = worth(drive(race, a_racer("house", is_house=True), laps(*CAROL), now))
@@ -174,7 +174,7 @@ RULE = RULES["average"]
         (LOST, LOST, (Kind.SAME, 0)),
     ],
 )
-def test_two_results_of_a_racer_compare_as_the_board_would(driven, before, expected):
+def test_results_of_a_racer_compare_as_on_the_board(driven, before, expected):
     standings = [None if one is None else RULE.standing(one, 3) for one in (driven, before)]
     found = change(*standings)
     assert found == expected
@@ -184,13 +184,13 @@ def test_two_results_of_a_racer_compare_as_the_board_would(driven, before, expec
         assert found.is_better is (standings[0].key < standings[1].key)
 
 
-def test_every_kind_of_change_has_its_sentence():
+def test_every_kind_of_change_has_a_sentence():
     assert all(sentence(kind, 1_234) for kind in Kind)
     assert set(BETTER) | set(WORSE) | {Kind.SAME} == set(Kind)
     assert sentence("of a later version", 1) == ""
 
 
-def test_once_duels_are_drawn_points_are_the_gaps(now):
+def test_once_duels_are_drawn_gaps_are_in_points(now):
     race = drawn(now, 3)
     end_all(race, now)
     places = {entry.racer.alias: place_of(entry) for entry in Entry.objects.filter(race=race).select_related("race")}
@@ -205,7 +205,7 @@ def test_once_duels_are_drawn_points_are_the_gaps(now):
     }
 
 
-def test_in_a_bracket_ties_are_the_gaps_and_equal_ones_say_so(now):
+def test_in_a_bracket_gaps_are_in_ties(now):
     race = drawn(now, 4, duel_format="bracket")
     end_all(race, now)
     entries = Entry.objects.filter(race=race).select_related("race").order_by("rank_score", "rank_lap")
@@ -213,7 +213,7 @@ def test_in_a_bracket_ties_are_the_gaps_and_equal_ones_say_so(now):
     assert told == [None, "1 tie", "1 tie", "ties equal"]
 
 
-def test_a_heat_says_its_own_place_and_points_and_where_the_race_stands(now):
+def test_a_heat_shows_its_own_place_and_that_in_the_race(now):
     race = drawn(now, 3)
     duel = driving(race)[0]
     ids = dict(duel.cars.values_list("entry__seed", "entry__racer"))
@@ -226,7 +226,7 @@ def test_a_heat_says_its_own_place_and_points_and_where_the_race_stands(now):
     assert heat_of(duel, a_racer().pk) is None
 
 
-def test_the_qualifying_of_who_was_not_drawn_has_no_gap_to_who_was(now, settings):
+def test_a_car_that_was_not_drawn_has_no_gap_to_drawn_ones(now, settings):
     settings.DUELS_IN_ROUND_ROBIN = 2
     race = drawn(now, 4)
     third, fourth = (Entry.objects.select_related("race").get(race=race, racer__alias=f"car-{n}") for n in (3, 4))
@@ -234,7 +234,7 @@ def test_the_qualifying_of_who_was_not_drawn_has_no_gap_to_who_was(now, settings
     assert (place_of(fourth).rank, place_of(fourth).ahead.gap) == (4, 100)
 
 
-def test_it_costs_no_more_on_a_longer_board(now, django_assert_num_queries):
+def test_a_longer_board_needs_no_more_queries(now, django_assert_num_queries):
     race: Race = a_race(now)
     for number in range(12):
         drive(race, a_racer(), laps(*[10_000 + 10 * number] * 3), now)

@@ -37,7 +37,7 @@ def stored(race: Race, **values: object) -> None:
 @pytest.mark.django_db
 class TestTheDatabase:
     @pytest.mark.parametrize(("name", "value"), BOUNDED)
-    def test_holds_what_is_at_a_bound_and_nothing_beyond(self, name, value, now):
+    def test_the_database_enforces_both_bounds(self, name, value, now):
         race, rule = a_race(now), RULES[name]
         others = {"laps": {"minimum_laps": 1}, "minimum_laps": {"laps": 20}}.get(name, WITH_ITS_TYPE.get(name, {}))
         with transaction.atomic():
@@ -47,7 +47,7 @@ class TestTheDatabase:
             stored(race, **{**others, name: beyond})
 
     @pytest.mark.parametrize("name", INSIDE)
-    def test_keeps_what_has_no_column(self, name, now):
+    def test_a_rule_without_a_column_is_stored(self, name, now):
         race, rule = a_race(now), RULES[name]
         assert Race.objects.get(pk=race.pk).rules[name] == rule.default
         other = not rule.default if rule.type is bool else rule.least
@@ -56,29 +56,29 @@ class TestTheDatabase:
         assert (getattr(again, name), again.rules[name]) == (other, other)
 
     @pytest.mark.parametrize("name", INSIDE)
-    def test_a_row_from_before_the_rule_has_its_default(self, name, now):
+    def test_a_row_older_than_a_rule_has_its_default(self, name, now):
         race = a_race(now)
         stored(race, rules={})
         assert getattr(Race.objects.get(pk=race.pk), name) == RULES[name].default
 
 
 @pytest.mark.parametrize("name", INSIDE)
-def test_a_value_of_another_kind_is_refused_by_its_name(name):
+def test_a_value_of_the_wrong_type_is_refused_by_name(name):
     with pytest.raises(ValidationError) as refused:
         Race(**{name: "nonsense"}).clean_fields(exclude=[one.name for one in Race._meta.fields])
     assert set(refused.value.error_dict) == {name}
 
 
 @pytest.mark.parametrize("name", [name for name in RULES if RULES[name].choices])
-def test_every_choice_has_its_word(name):
+def test_every_choice_has_a_label(name):
     assert [value for value, _word in choices_of(RULES[name])] == list(RULES[name].choices)
 
 
 @pytest.mark.parametrize("name", [name for name in COLUMNS if name not in ("boxes", "sensors")])
-def test_a_column_begins_with_the_default_of_the_list(name):
+def test_a_column_has_the_default_of_its_rule(name):
     assert Race._meta.get_field(name).get_default() == column(RULES[name]).get_default() == RULES[name].default
 
 
-def test_orders_and_selections_name_rules():
+def test_orderings_and_selections_name_existing_rules():
     assert {name.lstrip("-") for name in (*EASIER_FIRST, *RANKING, *STAGE)} <= set(RULES)
     assert all_laps(4) == {"ranking_method": "total", "laps": 4, "minimum_laps": 4}

@@ -60,26 +60,26 @@ def as_before_the_rule(race: Race, racer, model, now) -> Submission:
     return sent
 
 
-class TestSending:
-    def test_the_second_with_the_same_network_is_refused_and_told_who_was_first(self, alice, bob, now):
+class TestSubmitting:
+    def test_a_second_copy_of_a_network_is_refused_naming_the_first(self, alice, bob, now):
         race = a_race(now)
         first = drive(race, alice, LAPS, now)
         fault = refused(race=race, racer=bob, model=a_copy(bob, first.evaluation.model), now=now)
         assert fault.params == {"racer": "alice"} and "alice" in str(fault)
         assert ranks(race) == {"alice": 1}, "who was refused is not entered either"
 
-    def test_one_that_answers_the_same_is_the_same_car(self, alice, bob, now):
+    def test_a_network_with_the_same_answers_is_the_same_car(self, alice, bob, now):
         race = a_race(now)
         submit_model(race=race, racer=alice, model=answering(a_model(alice), "a"), now=now)
         refused(race=race, racer=bob, model=answering(a_model(bob), "a"), now=now)
         assert submit_model(race=race, racer=bob, model=answering(a_model(bob), "b"), now=now)
 
-    def test_a_racer_may_send_one_that_answers_as_an_earlier_one_of_their_own(self, alice, now):
+    def test_a_racer_may_resend_a_car_that_answers_like_their_own(self, alice, now):
         race = a_race(now)
         finish(submit_model(race=race, racer=alice, model=answering(a_model(alice), "a"), now=now), LAPS, now)
         assert submit_model(race=race, racer=alice, model=answering(a_model(alice), "a"), now=now)
 
-    def test_a_race_may_allow_it_and_no_longer_changes_that_once_a_car_is_sent(self, alice, bob, now):
+    def test_sharing_cars_is_a_rule_fixed_by_the_first_submission(self, alice, bob, now):
         race = a_race(now, shared_cars=True, organiser=alice)
         first = drive(race, alice, LAPS, now)
         assert submit_model(race=race, racer=bob, model=a_copy(bob, first.evaluation.model), now=now)
@@ -88,7 +88,7 @@ class TestSending:
         assert "shared_cars" in caught.value.errors.error_dict
 
     @pytest.mark.parametrize("answers", [None, "a"])
-    def test_nobody_shuts_out_who_shares_a_car_by_sending_it_first(
+    def test_sending_a_shared_car_first_does_not_shut_out_its_owner(
         self, alice, bob, now, answers, django_capture_on_commit_callbacks
     ):
         race, mine = a_race(now), a_model(alice)
@@ -108,13 +108,13 @@ class TestSending:
             withdraw(entry=Entry.objects.get(racer=alice), now=now + HOUR)
         assert ranks(race) == {"bob": 1}, "who brought it has left"
 
-    def test_a_car_of_the_house_is_whose_who_sends_it_first_however_long_others_have_had_it(self, alice, bob, now):
+    def test_a_house_sample_belongs_to_its_first_sender(self, alice, bob, now):
         race, sample = a_race(now), a_model(a_racer(is_house=True))
         a_copy(alice, sample)
         assert submit_model(race=race, racer=bob, model=a_copy(bob, sample), now=now)
         refused(race=race, racer=alice, model=TrainedModel.objects.get(owner=alice), now=now)
 
-    def test_a_house_car_takes_nobodys_place_and_nobody_takes_the_houses(self, alice, bob, now):
+    def test_house_cars_and_racers_cars_do_not_exclude_each_other(self, alice, bob, now):
         race, house = a_race(now), a_racer(is_house=True)
         sample = a_model(house)
         for racer in (house, alice):
@@ -123,14 +123,14 @@ class TestSending:
         late = a_racer(is_house=True)
         assert submit_model(race=race, racer=late, model=a_copy(late, sample), now=now)
 
-    def test_newcomers_race_the_sites_own_car_where_the_demo_invites_them_to(self, db):
+    def test_the_demos_beginners_race_allows_shared_cars(self, db):
         from league.services.demo import COMMUNITY_RACES
 
         assert [race["name"] for _months, race in COMMUNITY_RACES if race.get("shared_cars")] == [
             "First laps on the oval"
         ]
 
-    def test_who_stops_the_car_or_leaves_the_race_gives_its_place_free(self, alice, bob, now):
+    def test_stopping_a_car_or_leaving_frees_its_place(self, alice, bob, now):
         for leave in (
             lambda sent: stop_evaluation(evaluation=sent.evaluation, now=now),
             lambda sent: withdraw(entry=sent.entry, now=now),
@@ -142,7 +142,7 @@ class TestSending:
             assert submit_model(race=race, racer=bob, model=copy, now=now)
             TrainedModel.objects.filter(pk=copy.pk).update(deleted_at=now)
 
-    def test_the_database_holds_one_place_for_a_car(self, alice, bob, now):
+    def test_the_database_allows_one_place_for_a_car(self, alice, bob, now):
         race = a_race(now)
         sent = drive(race, alice, LAPS, now)
         other = enter_race(race=race, racer=bob, now=now)
@@ -152,8 +152,8 @@ class TestSending:
             Submission.objects.filter(pk=sent.pk).update(car_of=sent.entry)
 
 
-class TestWhoWasInAlready:
-    def test_it_is_settled_by_when_the_cars_were_sent_and_the_board_says_so(self, alice, bob, now):
+class TestEarlierEntries:
+    def test_the_earlier_submission_counts_and_the_board_says_so(self, alice, bob, now):
         race = a_race(now)
         first = drive(race, alice, laps(9_500, 9_500, 9_500), now)
         as_before_the_rule(race, bob, a_copy(bob, first.evaluation.model), now + HOUR)
@@ -168,7 +168,7 @@ class TestWhoWasInAlready:
         }
         assert rows == {"alice": None, "bob": "alice"}
 
-    def test_another_car_of_theirs_counts_and_the_mark_is_gone(self, alice, bob, now):
+    def test_another_car_of_the_racer_counts_and_clears_the_mark(self, alice, bob, now):
         race = a_race(now)
         first = drive(race, alice, LAPS, now)
         as_before_the_rule(race, bob, a_copy(bob, first.evaluation.model), now + HOUR)
@@ -177,7 +177,7 @@ class TestWhoWasInAlready:
         drive(race, bob, laps(10_000, 10_000, 10_000), now + HOUR)
         assert ranks(race) == {"alice": 1, "bob": 2} and Entry.objects.get(racer=bob).car_of is None
 
-    def test_a_result_that_comes_late_counts_for_the_first_alone(self, alice, bob, now):
+    def test_a_late_result_counts_only_for_the_first_sender(self, alice, bob, now):
         race, model = a_race(now, shared_cars=True), a_model(alice)
         runs = [submit_model(race=race, racer=one, model=a_copy(one, model), now=now) for one in (alice, bob)]
         Race.objects.update(shared_cars=False)
@@ -186,9 +186,7 @@ class TestWhoWasInAlready:
             finish(run, LAPS, now)
         assert ranks(race) == {"alice": 1, "bob": None}
 
-    def test_who_was_second_has_the_place_when_the_first_is_removed_and_loses_it_when_they_are_back(
-        self, alice, bob, now, commits
-    ):
+    def test_the_second_racer_holds_the_place_while_the_first_is_out(self, alice, bob, now, commits):
         carol = a_racer("carol")
         race = a_race(now, organiser=carol)
         first = drive(race, alice, LAPS, now)
@@ -201,7 +199,7 @@ class TestWhoWasInAlready:
         remove_entry(entry=Entry.objects.get(racer=alice), by=carol, now=now)
         assert ranks(race) == {"bob": 1}
 
-    def test_races_that_are_over_or_share_cars_are_left_alone(self, alice, bob, now):
+    def test_finished_races_and_races_with_shared_cars_are_unchanged(self, alice, bob, now):
         for race in (a_race(now), a_race(now, shared_cars=True)):
             sent = drive(race, alice, LAPS, now)
             as_before_the_rule(race, bob, a_copy(bob, sent.evaluation.model), now)
@@ -211,7 +209,7 @@ class TestWhoWasInAlready:
 
 
 class TestWhatOrganisersSee:
-    def test_who_was_first_who_was_refused_and_whether_it_was_the_same_file(self, alice, bob, now):
+    def test_organisers_see_who_was_first_and_who_was_refused(self, alice, bob, now):
         carol = a_racer("carol")
         race = a_race(now, organiser=carol)
         first = answering(a_model(alice), "a")
@@ -227,12 +225,12 @@ class TestWhatOrganisersSee:
         page = client.get(f"/races/{race.slug}/racers/").content.decode()
         assert "The same car" in page and "the same answers" in page and "refused" in page
 
-    def test_nothing_is_shown_where_each_has_a_car_of_their_own(self, alice, bob, now):
+    def test_nothing_is_shown_if_all_cars_differ(self, alice, bob, now):
         race = a_race(now)
         drive(race, alice, LAPS, now), drive(race, bob, LAPS, now)
         assert shared_cars(race) == []
 
-    def test_a_second_try_is_no_second_row(self, alice, bob, now):
+    def test_a_second_attempt_adds_no_second_row(self, alice, bob, now):
         race = a_race(now)
         first = drive(race, alice, LAPS, now)
         copy = a_copy(bob, first.evaluation.model)
@@ -240,7 +238,7 @@ class TestWhatOrganisersSee:
             refused(race=race, racer=bob, model=copy, now=moment)
         assert RefusedCar.objects.get().at == now + HOUR
 
-    def test_a_class_that_shares_a_car_is_shown_too(self, alice, bob, now):
+    def test_racers_sharing_a_car_are_shown_too(self, alice, bob, now):
         race = a_race(now, shared_cars=True)
         first = drive(race, alice, LAPS, now)
         submit_model(race=race, racer=bob, model=a_copy(bob, first.evaluation.model), now=now)

@@ -80,7 +80,7 @@ def test_a_result_writes_the_standing_in_its_own_transaction(alice, now):
     assert entry.sectors == [3_000, 3_000, 3_000]
 
 
-def test_when_the_standing_cannot_be_written_the_result_is_not_either(alice, now, monkeypatch):
+def test_a_result_is_not_written_without_its_standing(alice, now, monkeypatch):
     def broken(*args):
         raise RuntimeError("no standing today")
 
@@ -98,7 +98,7 @@ def drive_later(race: Race, racer, now):
     return submitted(enter_race(race=race, racer=racer, now=now), now)
 
 
-def test_a_worse_submission_changes_nothing_but_the_count(alice, now):
+def test_a_worse_submission_changes_only_the_count(alice, now):
     race = a_race(now)
     best = drive(race, alice, laps(9_000, 9_000, 9_000), now)
     before = standing_of(best.entry)
@@ -107,7 +107,7 @@ def test_a_worse_submission_changes_nothing_but_the_count(alice, now):
     assert Entry.objects.get(race=race).submission_count == 2
 
 
-def test_a_better_submission_takes_over_whole_not_piece_by_piece(alice, now):
+def test_a_better_submission_replaces_the_standing_as_a_whole(alice, now):
     race = a_race(now)
     drive(race, alice, laps(9_900, 8_000, 9_900), now)
     better = drive(race, alice, laps(9_000, 9_000, 9_000, resets=1), now + timedelta(hours=1))
@@ -157,7 +157,7 @@ def test_a_refund_recorded_twice_is_given_once(alice, now):
     assert (entry.submission_count, entry.last_number) == (1, 2)
 
 
-def test_an_evaluation_outside_any_race_is_none_of_the_races_business(alice, oval, now):
+def test_an_evaluation_outside_any_race_changes_no_race(alice, oval, now):
     evaluation = queue_evaluation(owner=alice, model=a_model(alice), track=oval, rules=RaceRules(), now=now)
     running = start(evaluation, now)
     done = outcome(laps(9_000))
@@ -179,7 +179,7 @@ submissions = st.lists(
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(submissions, st.randoms(use_true_random=False))
-def test_standings_do_not_depend_on_the_order_in_which_results_arrive(now, sent, rng: random.Random):
+def test_standings_do_not_depend_on_the_order_of_results(now, sent, rng: random.Random):
     race = a_race(now)
     boards = []
     for order in (list(range(len(sent))), rng.sample(range(len(sent)), len(sent))):
@@ -201,7 +201,7 @@ def test_standings_do_not_depend_on_the_order_in_which_results_arrive(now, sent,
     assert boards[0] == boards[1]
 
 
-def test_the_board_and_the_fastest_times_do_not_depend_on_who_finished_first(now):
+def test_board_and_fastest_times_ignore_the_finishing_order(now):
     runs = {"a": (9_000, 9_100, 9_000), "b": (8_900, 9_300, 9_000), "c": (9_000, 9_100, 9_000)}
     seen = []
     for order in itertools.permutations(runs):
@@ -222,7 +222,7 @@ def test_the_board_and_the_fastest_times_do_not_depend_on_who_finished_first(now
     assert seen[0][1] == 8_900
 
 
-def test_the_fastest_times_of_a_race_are_of_who_is_ranked(alice, bob, now):
+def test_only_ranked_cars_set_the_fastest_times(alice, bob, now):
     race = a_race(now)
     house = a_racer(is_house=True)
     drive(race, house, laps(1_000, 1_000, 1_000), now)
@@ -240,7 +240,7 @@ def test_the_fastest_times_of_a_race_are_of_who_is_ranked(alice, bob, now):
     assert race.fastest_lap_ms == 8_000, "and brings them back"
 
 
-def test_a_result_that_comes_after_its_racer_withdrew_is_kept_but_marks_nothing(alice, now):
+def test_a_result_after_withdrawal_is_kept_but_sets_no_marks(alice, now):
     race = a_race(now)
     submission = drive_later(race, alice, now)
     Entry.objects.filter(pk=submission.entry_id).update(withdrawn_at=now)
@@ -252,7 +252,7 @@ def test_a_result_that_comes_after_its_racer_withdrew_is_kept_but_marks_nothing(
     assert [row.alias for row in board(race).rows] == ["alice"]
 
 
-def test_a_race_can_be_worked_out_anew(alice, bob, now):
+def test_a_race_can_be_recomputed(alice, bob, now):
     race = a_race(now)
     drive(race, alice, laps(9_000, 9_000, 9_000), now)
     drive(race, bob, laps(9_500, 9_500, 9_500), now)

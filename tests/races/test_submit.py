@@ -26,7 +26,7 @@ from tests.refusals import refused
 pytestmark = pytest.mark.django_db
 
 
-def test_a_submission_enters_the_racer_and_queues_the_race_s_rules(alice, now, bell):
+def test_a_submission_enters_the_racer_and_queues_the_run(alice, now, bell):
     race = a_race(now, laps=2, minimum_laps=2, off_track_penalty_ms=1234, direction="cw", seed=7, max_resets=3)
     model = a_model(alice)
     submission = submit_model(race=race, racer=alice, model=model, now=now)
@@ -41,7 +41,7 @@ def test_a_submission_enters_the_racer_and_queues_the_race_s_rules(alice, now, b
     assert (entry.submission_count, entry.last_number, entry.is_baseline) == (1, 1, False)
 
 
-def test_a_house_car_is_a_baseline_and_waits_behind_everybody(now):
+def test_a_house_car_is_a_baseline_and_queues_last(now):
     race = a_race(now)
     house = a_racer("house-steady", is_house=True)
     first = submit_model(race=race, racer=house, model=a_model(house), now=now)
@@ -51,7 +51,7 @@ def test_a_house_car_is_a_baseline_and_waits_behind_everybody(now):
     assert queue_position(second.evaluation) == 1
 
 
-def test_a_race_takes_cars_from_its_opening_until_just_before_its_closing(alice, now):
+def test_a_race_accepts_cars_from_opening_until_closing(alice, now):
     race = a_race(now, opens_at=now, closes_at=now + timedelta(hours=1))
     model = a_model(alice)
     refused("race_not_open_yet", submit_model, race=race, racer=alice, model=model, now=now - timedelta(microseconds=1))
@@ -61,20 +61,20 @@ def test_a_race_takes_cars_from_its_opening_until_just_before_its_closing(alice,
     assert submit_model(race=other, racer=alice, model=model, now=now)
 
 
-def test_a_car_sent_before_the_closing_counts_even_if_it_drives_after_it(alice, now):
+def test_a_car_sent_before_the_close_counts_even_if_driven_later(alice, now):
     race = a_race(now)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=race.closes_at - timedelta(seconds=1))
     finish(submission, laps(9_000, 9_000, 9_000), race.closes_at + timedelta(hours=1))
     assert Entry.objects.get(race=race).classified
 
 
-def test_a_cancelled_race_takes_no_cars_and_says_why(alice, now):
+def test_a_cancelled_race_refuses_cars_and_says_why(alice, now):
     race = a_race(now, cancelled_at=now, cancel_reason="The track is flooded.")
     fault = refused("race_cancelled", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
     assert "flooded" in str(fault)
 
 
-def test_nobody_races_somebody_else_s_or_a_deleted_model(alice, bob, now):
+def test_a_foreign_or_deleted_model_cannot_be_submitted(alice, bob, now):
     race = a_race(now)
     model = a_model(bob)
     refused("model_not_yours", submit_model, race=race, racer=alice, model=model, now=now)
@@ -83,7 +83,7 @@ def test_nobody_races_somebody_else_s_or_a_deleted_model(alice, bob, now):
     assert not Entry.objects.exists(), "a refused car enters nobody"
 
 
-def test_a_car_whose_sensors_the_race_does_not_offer_is_refused_with_both_lists(alice, now):
+def test_unsupported_sensors_are_refused_naming_both_lists(alice, now):
     race = a_race(now)
     model = a_model(alice)
     model.metadata = model.metadata | {"sensor": ["STEREO_CAMERAS", "LIDAR"]}
@@ -92,14 +92,14 @@ def test_a_car_whose_sensors_the_race_does_not_offer_is_refused_with_both_lists(
     assert fault.params == {"needed": "STEREO_CAMERAS, LIDAR", "offered": "FRONT_FACING_CAMERA"}
 
 
-def test_the_oldest_name_of_the_front_camera_is_the_front_camera(alice, now):
+def test_the_legacy_name_of_the_front_camera_is_accepted(alice, now):
     model = a_model(alice)
     model.metadata = model.metadata | {"sensor": ["observation"]}
     model.save()
     assert submit_model(race=a_race(now), racer=alice, model=model, now=now)
 
 
-def test_the_same_car_is_refused_with_the_way_to_its_result(alice, now):
+def test_a_repeated_car_is_refused_with_a_link_to_its_result(alice, now):
     race = a_race(now)
     first = drive(race, alice, laps(9_000, 9_000, 9_000), now)
     fault = refused(
@@ -109,7 +109,7 @@ def test_the_same_car_is_refused_with_the_way_to_its_result(alice, now):
     assert Evaluation.objects.count() == 1
 
 
-def test_a_car_that_was_deleted_and_uploaded_again_is_still_the_same_car(alice, now):
+def test_a_car_deleted_and_uploaded_again_is_the_same_car(alice, now):
     race = a_race(now)
     first = drive(race, alice, laps(9_000, 9_000, 9_000), now)
     old = first.evaluation.model
@@ -125,7 +125,7 @@ def test_one_racer_may_send_a_car_to_two_races(alice, now):
     assert submit_model(race=a_race(now), racer=alice, model=first.evaluation.model, now=now)
 
 
-def test_one_car_at_a_time_waits_or_drives(alice, now):
+def test_a_racer_has_one_pending_car_at_a_time(alice, now):
     race = a_race(now)
     first = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     second = a_model(alice)
@@ -136,7 +136,7 @@ def test_one_car_at_a_time_waits_or_drives(alice, now):
     assert submit_model(race=a_race(now), racer=alice, model=second, now=now), "another race does not mind"
 
 
-def test_the_race_s_limit_of_submissions_holds(alice, now):
+def test_the_limit_of_submissions_is_enforced(alice, now):
     race = a_race(now, max_submissions=2)
     drive(race, alice, laps(9_000, 9_000, 9_000), now)
     drive(race, alice, laps(9_100, 9_000, 9_000), now)
@@ -144,7 +144,7 @@ def test_the_race_s_limit_of_submissions_holds(alice, now):
     assert Entry.objects.get(race=race).submission_count == 2
 
 
-def test_a_car_that_failed_by_its_own_fault_counts_and_is_not_sent_again(alice, now):
+def test_a_car_failing_by_its_own_fault_uses_up_the_submission(alice, now):
     race = a_race(now, max_submissions=2)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(submission, UserFault("non_finite_action", step=3), now)
@@ -153,7 +153,7 @@ def test_a_car_that_failed_by_its_own_fault_counts_and_is_not_sent_again(alice, 
     refused("car_already_submitted", submit_model, race=race, racer=alice, model=submission.evaluation.model, now=now)
 
 
-def test_when_paddock_fails_the_submission_is_given_back_and_the_car_may_be_sent_again(alice, now):
+def test_a_failure_of_the_platform_refunds_the_submission(alice, now):
     race = a_race(now, max_submissions=1)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(submission, PlatformFault("internal_error"), now)
@@ -167,7 +167,7 @@ def test_when_paddock_fails_the_submission_is_given_back_and_the_car_may_be_sent
     assert Entry.objects.get(race=race).classified
 
 
-def test_a_car_stopped_while_it_waits_is_given_back(alice, now):
+def test_stopping_a_waiting_car_refunds_the_submission(alice, now):
     race = a_race(now, max_submissions=1)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     assert stop_evaluation(evaluation=submission.evaluation, now=now)
@@ -176,7 +176,7 @@ def test_a_car_stopped_while_it_waits_is_given_back(alice, now):
     assert submit_model(race=race, racer=alice, model=submission.evaluation.model, now=now).number == 2
 
 
-def test_a_car_stopped_on_the_track_counts_so_that_one_shot_stays_one_shot(alice, now):
+def test_stopping_a_car_on_track_uses_up_the_submission(alice, now):
     race = a_race(now, max_submissions=1)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     running = start(submission.evaluation, now)
@@ -186,7 +186,7 @@ def test_a_car_stopped_on_the_track_counts_so_that_one_shot_stays_one_shot(alice
     refused("submissions_used_up", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
 
 
-def test_a_car_stopped_on_the_track_may_be_sent_again_where_submissions_are_left(alice, now):
+def test_a_car_stopped_on_track_may_be_sent_again(alice, now):
     race = a_race(now, max_submissions=2)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     stop_evaluation(evaluation=start(submission.evaluation, now), now=now)
@@ -195,7 +195,7 @@ def test_a_car_stopped_on_the_track_may_be_sent_again_where_submissions_are_left
     assert Entry.objects.get(race=race).submission_count == 2
 
 
-def test_who_has_withdrawn_or_was_removed_sends_no_car(alice, bob, now):
+def test_withdrawn_and_removed_racers_cannot_submit(alice, bob, now):
     race = a_race(now, organiser=bob)
     entry = enter_race(race=race, racer=alice, now=now)
     withdraw(entry=entry, now=now)
@@ -204,7 +204,7 @@ def test_who_has_withdrawn_or_was_removed_sends_no_car(alice, bob, now):
     refused("entry_removed", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
 
 
-def test_a_race_by_invitation_takes_cars_of_those_who_accepted(alice, bob, now):
+def test_an_invitation_race_accepts_cars_of_members_only(alice, bob, now):
     race = a_race(now, organiser=bob, visibility=Visibility.INVITATION)
     refused("race_needs_invitation", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
     accept_invitation(token=race.invitation, racer=alice, now=now)
@@ -212,7 +212,7 @@ def test_a_race_by_invitation_takes_cars_of_those_who_accepted(alice, bob, now):
     assert submit_model(race=race, racer=bob, model=a_model(bob), now=now), "the organiser needs no link"
 
 
-def test_an_eligibility_check_of_a_room_above_refuses_entry_and_car(alice, now, monkeypatch):
+def test_a_registered_eligibility_check_refuses_entry_and_car(alice, now, monkeypatch):
     def nobody(race, racer, now):
         raise UserFault("race_pro_only")
 
@@ -225,7 +225,7 @@ def test_an_eligibility_check_of_a_room_above_refuses_entry_and_car(alice, now, 
     assert submit_model(race=race, racer=house, model=a_model(house), now=now), "house cars race everywhere"
 
 
-def test_an_admin_repeats_a_failed_run_which_keeps_its_time(alice, now):
+def test_a_run_repeated_by_an_admin_keeps_its_submission_time(alice, now):
     race = a_race(now)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(submission, PlatformFault("internal_error"), now)
@@ -238,7 +238,7 @@ def test_an_admin_repeats_a_failed_run_which_keeps_its_time(alice, now):
     assert entry.submission_count == 1, "it counts once, now that it has a result"
 
 
-def test_a_repeated_run_that_counted_counts_once(alice, now):
+def test_a_repeated_run_counts_once(alice, now):
     race = a_race(now)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(submission, UserFault("non_finite_action", step=3), now)
@@ -248,12 +248,12 @@ def test_a_repeated_run_that_counted_counts_once(alice, now):
     assert Submission.objects.filter(is_void=False).count() == 1
 
 
-def test_a_run_that_finished_is_not_repeated(alice, now):
+def test_a_finished_run_cannot_be_repeated(alice, now):
     submission = drive(a_race(now), alice, laps(9_000, 9_000, 9_000), now)
     refused("submission_not_failed", repeat_submission, submission=submission, now=now)
 
 
-def test_a_failed_run_is_repeated_once_only(alice, now):
+def test_a_failed_run_can_be_repeated_only_once(alice, now):
     race = a_race(now)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(submission, PlatformFault("internal_error"), now)

@@ -50,7 +50,7 @@ def accept_or_enter(race, racer, now) -> Entry:
     return Entry.objects.create(race=race, racer=racer, entered_at=now)
 
 
-def test_public_races_are_everybody_s_and_secret_ones_their_members(cast, races):
+def test_everybody_sees_public_races_and_members_private_ones(cast, races):
     public = {"public", "league", "cancelled", "upcoming"}
     insiders = ("alice", "bob", "erin", "stella")
     for name, racer in cast.items():
@@ -59,11 +59,11 @@ def test_public_races_are_everybody_s_and_secret_ones_their_members(cast, races)
         assert {slug for slug, race in races.items() if can_see_race(racer, race)} == expected, name
 
 
-def test_a_race_is_listed_once_however_many_are_in_it(cast, races):
+def test_a_race_is_listed_once_however_many_racers_it_has(cast, races):
     assert races_visible_to(cast["bob"]).count() == Race.objects.count()
 
 
-def test_only_organisers_and_admins_organise(cast, races):
+def test_only_organisers_and_admins_manage_a_race(cast, races):
     expected = {
         "alice": {"secret", "public"},
         "stella": set(races),
@@ -73,7 +73,7 @@ def test_only_organisers_and_admins_organise(cast, races):
         assert found == expected.get(name, set()), name
 
 
-def test_runs_on_a_board_are_seen_by_who_sees_the_board_and_other_runs_by_few(cast, races, now):
+def test_runs_on_a_board_are_visible_with_the_board(cast, races, now):
     bob, runs = cast["bob"], {}
     for slug in ("secret", "public"):
         race = races[slug]
@@ -100,7 +100,7 @@ def test_runs_on_a_board_are_seen_by_who_sees_the_board_and_other_runs_by_few(ca
         assert visible == {runs[key].pk for key in seen}, name
 
 
-def test_who_leaves_the_board_takes_their_run_out_of_sight(cast, races, now):
+def test_leaving_the_board_hides_the_run(cast, races, now):
     submission = drive(races["public"], cast["charlie"], laps(9_000, 9_000, 9_000), now)
     evaluation = Evaluation.objects.get(pk=submission.evaluation_id)
     assert can_see_evaluation(None, evaluation)
@@ -111,7 +111,7 @@ def test_who_leaves_the_board_takes_their_run_out_of_sight(cast, races, now):
     assert can_see_evaluation(cast["charlie"], evaluation)
 
 
-def test_duels_are_seen_by_who_sees_their_race(cast, now):
+def test_duels_are_visible_with_their_race(cast, now):
     from races.services import draw_duels, drive_on
     from tests.duels import a_duel_race, driving, qualify
 

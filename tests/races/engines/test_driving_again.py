@@ -27,8 +27,8 @@ from .site import MINUTE, NEW, OLD, again, fresh
 pytestmark = pytest.mark.django_db
 
 
-class TestTheEngineOfARace:
-    def test_the_first_result_names_it_and_a_race_without_results_has_none(self, cast, site, now):
+class TestEngineOfARace:
+    def test_the_first_result_sets_the_engine_of_a_race(self, cast, site, now):
         race = a_race(now)
         submission = submit_model(race=race, racer=cast[0], model=a_model(cast[0]), now=now)
         assert fresh(race).engine == ""
@@ -38,14 +38,14 @@ class TestTheEngineOfARace:
         assert (fresh(race).engine, fresh(race).next_engine) == (NEW, "")
         assert shown(race) == [("ann", 9_000)]
 
-    def test_on_a_site_with_the_same_engine_nothing_happens(self, race, now):
+    def test_nothing_happens_while_the_engine_is_the_same(self, race, now):
         before = everything(race)
         assert sweep_redrives(now=now) == drive_again(race=race, now=now) == 0
         assert everything(race) == before and not Redrive.objects.exists()
 
 
-class TestDrivingAgain:
-    def test_each_counted_run_is_queued_once_exactly_as_it_was_frozen(self, upgraded, now):
+class TestRedrive:
+    def test_each_counted_run_is_queued_once_with_its_frozen_rules(self, upgraded, now):
         race = upgraded
         assert sweep_redrives(now=now) == drive_again(race=race, now=now) == 0
         for one in pending(race):
@@ -55,12 +55,12 @@ class TestDrivingAgain:
             assert (new.state, new.priority, one.engine) == (State.QUEUED, BACKGROUND, NEW)
         assert Redrive.objects.count() == 3
 
-    def test_only_one_can_be_under_way_for_a_submission(self, upgraded, now):
+    def test_a_submission_has_at_most_one_pending_redrive(self, upgraded, now):
         first, second, _third = pending(upgraded)
         with pytest.raises(IntegrityError), transaction.atomic():
             Redrive.objects.filter(pk=second.pk).update(submission=first.submission)
 
-    def test_the_board_stands_until_the_last_and_then_all_count_together(self, upgraded, now):
+    def test_the_board_changes_only_when_all_redrives_are_done(self, upgraded, now):
         race = upgraded
         before = everything(race)
         first, second, third = pending(race)
@@ -81,11 +81,11 @@ class TestDrivingAgain:
         recompute_race(race=done)
         assert everything(race) == stands
 
-    def test_the_end_of_the_last_run_lets_them_count_without_a_sweep(self, upgraded, now, commits):
+    def test_the_last_redrive_makes_all_count_without_a_sweep(self, upgraded, now, commits):
         again(upgraded, now, 9_000, 9_100, 9_200)
         assert shown(upgraded) == [("ann", 9_000), ("bob", 9_100), ("cat", 9_200)]
 
-    def test_it_costs_no_submission_and_the_runs_of_before_are_kept(self, upgraded, now):
+    def test_a_redrive_costs_no_submission_and_keeps_the_old_runs(self, upgraded, now):
         old = set(Submission.objects.values_list("evaluation", flat=True))
         again(upgraded, now, 9_000, 9_100, 9_200)
         sweep_redrives(now=now)
@@ -94,7 +94,7 @@ class TestDrivingAgain:
         assert Evaluation.objects.filter(pk__in=old, result__engine=OLD).count() == 3
         assert Submission.objects.filter(evaluation__result__engine=NEW, is_void=False).count() == 3
 
-    def test_those_whose_time_changed_are_written_down_with_both_places(self, upgraded, now):
+    def test_changed_times_are_recorded_with_both_places(self, upgraded, now):
         again(upgraded, now, 12_500, 11_000, 8_000)
         sweep_redrives(now=now)
         rows = Retiming.objects.order_by("entry").values_list(
@@ -102,7 +102,7 @@ class TestDrivingAgain:
         )
         assert list(rows) == [("ann", 10_000, 1, 12_500, 3, OLD, NEW), ("cat", 12_000, 3, 8_000, 1, OLD, NEW)]
 
-    def test_the_best_of_several_cars_may_be_another_one(self, race, cast, site, now):
+    def test_a_redrive_may_change_which_car_is_a_racers_best(self, race, cast, site, now):
         second = drive(race, cast[0], laps(10_200, 10_200, 10_200), now)
         site(NEW)
         assert sweep_redrives(now=now) == 4
@@ -112,7 +112,7 @@ class TestDrivingAgain:
         sweep_redrives(now=now)
         assert Entry.objects.get(race=race, racer=cast[0]).best == second
 
-    def test_nobody_waits_for_it_and_it_is_no_turn_of_its_racer(self, upgraded, cast, now):
+    def test_a_redrive_delays_nobody_and_uses_no_turn(self, upgraded, cast, now):
         ann, bob, _ = cast
         assert queue_length() == 0
         mine = submit_model(race=upgraded, racer=ann, model=a_model(ann), now=now + MINUTE)
@@ -122,7 +122,7 @@ class TestDrivingAgain:
         assert [order[0], order[1]] == [mine.evaluation, other.evaluation]
         assert order[2].priority == BACKGROUND
 
-    def test_only_operators_see_a_run_before_its_race_has_taken_it(self, upgraded, cast, now):
+    def test_only_operators_see_a_redrive_before_it_counts(self, upgraded, cast, now):
         one = pending(upgraded)[0]
         readers = [(None, False), (cast[0], False), (cast[1], False), (a_racer("admin", is_staff=True), True)]
         for reader, sees in readers:
@@ -134,7 +134,7 @@ class TestDrivingAgain:
             assert can_see_evaluation(reader, one.evaluation)
             assert evaluations_visible_to(reader).filter(pk=one.evaluation_id).exists()
 
-    def test_who_has_withdrawn_is_driven_again_too_and_comes_back_with_the_new_time(self, race, cast, site, now):
+    def test_a_withdrawn_racer_is_redriven_too(self, race, cast, site, now):
         withdraw(entry=Entry.objects.get(race=race, racer=cast[0]), now=now)
         site(NEW)
         assert sweep_redrives(now=now) == 3
@@ -145,13 +145,13 @@ class TestDrivingAgain:
         assert shown(race)[0] == ("ann", 9_000)
         assert fresh(race).fastest_lap_ms == 9_000
 
-    def test_a_deleted_model_is_driven_again_for_its_result_stands(self, race, site, now):
+    def test_a_deleted_model_with_a_standing_result_is_redriven(self, race, site, now):
         Evaluation.objects.get(owner__alias="ann").model.__class__.objects.update(deleted_at=now)
         site(NEW)
         assert sweep_redrives(now=now) == 3
 
 
-def test_a_change_that_changes_nothing_cannot_be_written_down(race, now):
+def test_the_database_refuses_a_retiming_without_a_change(race, now):
     entry = Entry.objects.filter(race=race).first()
     for scores in ({"old_score_ms": 5, "new_score_ms": 5}, {}):
         with pytest.raises(IntegrityError), transaction.atomic():

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.django_db
 
 
 class TestDuels:
-    def test_a_draw_waits_until_the_qualifying_is_of_the_engine_that_drives_the_heats(self, cast, site, now):
+    def test_a_draw_waits_until_qualifying_is_redriven(self, cast, site, now):
         race = a_duel_race(now)
         qualify(race, cast, now)
         site(NEW)
@@ -39,7 +39,7 @@ class TestDuels:
         assert list(Entry.objects.order_by("seed").values_list("racer__alias", flat=True)) == ["cat", "bob", "ann"]
 
     @pytest.mark.parametrize("duel_format", ["round_robin", "bracket"])
-    def test_heats_under_way_are_undone_and_drawn_anew(self, cast, site, now, commits, duel_format):
+    def test_heats_in_progress_are_undone_and_drawn_again(self, cast, site, now, commits, duel_format):
         race = a_duel_race(now, duel_format=duel_format)
         qualify(race, cast, now)
         draw_duels(race=race, now=race.closes_at)
@@ -61,7 +61,7 @@ class TestDuels:
         assert set(Duel.objects.exclude(evaluation=None).values_list("evaluation__result__engine", flat=True)) == {NEW}
         assert sweep_redrives(now=race.closes_at) == 0
 
-    def test_a_heat_that_another_engine_drove_does_not_count(self, cast, site, now, commits):
+    def test_a_heat_driven_by_another_engine_does_not_count(self, cast, site, now, commits):
         race = a_duel_race(now)
         qualify(race, cast[:2], now)
         draw_duels(race=race, now=race.closes_at)
@@ -74,7 +74,7 @@ class TestDuels:
         assert drive_on(race=race, now=race.closes_at) == 0
         assert sweep_redrives(now=race.closes_at) == 2
 
-    def test_duels_that_are_over_keep_their_engine(self, cast, site, now, commits):
+    def test_finished_duels_keep_their_engine(self, cast, site, now, commits):
         race = a_duel_race(now)
         qualify(race, cast, now)
         drive_all_on(now=race.closes_at)

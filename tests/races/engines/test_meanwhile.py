@@ -22,7 +22,7 @@ pytestmark = pytest.mark.django_db
 
 
 class TestCarsSentMeanwhile:
-    def test_are_held_back_until_all_count_together(self, upgraded, cast, now):
+    def test_results_are_held_back_until_all_count_together(self, upgraded, cast, now):
         race = upgraded
         before = shown(race)
         held = drive(race, cast[2], laps(7_000, 7_000, 7_000), now)
@@ -38,14 +38,14 @@ class TestCarsSentMeanwhile:
         ).is_held
         assert Entry.objects.get(race=race, racer=cast[2]).submission_count == 2
 
-    def test_one_that_is_faster_than_the_sweep_makes_the_race_be_driven_again(self, race, cast, site, now):
+    def test_a_result_that_precedes_the_sweep_starts_the_redrive(self, race, cast, site, now):
         before = shown(race)
         site(NEW)
         drive(race, cast[2], laps(7_000, 7_000, 7_000), now)
         assert (shown(race), fresh(race).next_engine) == (before, NEW)
         assert sweep_redrives(now=now) == 3
 
-    def test_a_late_result_of_the_old_engine_is_held_back_and_driven_again(self, upgraded, cast, site, now):
+    def test_a_late_result_of_the_old_engine_is_held_back_and_redriven(self, upgraded, cast, site, now):
         race = upgraded
         late = submit_model(race=race, racer=cast[0], model=a_model(cast[0]), now=now)
         again(race, now, 9_000, 9_100, 9_200)
@@ -62,21 +62,21 @@ class TestCarsSentMeanwhile:
         assert Retiming.objects.count() == told  # the race has the same engine as before: the car is just faster
 
 
-class TestARaceThatIsOver:
-    def test_keeps_its_engine_and_its_board(self, race, site, now):
+class TestFinishedRace:
+    def test_a_finished_race_keeps_its_engine_and_board(self, race, site, now):
         site(NEW)
         before = everything(race)
         assert sweep_redrives(now=race.closes_at) == drive_again(race=race, now=race.closes_at) == 0
         assert everything(race) == before
 
-    def test_one_that_closes_meanwhile_is_driven_to_the_end(self, upgraded, now):
+    def test_a_race_closing_during_a_redrive_is_redriven_to_the_end(self, upgraded, now):
         race, closed = upgraded, upgraded.closes_at + MINUTE
         again(race, closed, 9_000, 9_100, 9_200)
         sweep_redrives(now=closed)
         assert (shown(race)[0], fresh(race).engine) == (("ann", 9_000), NEW)
         assert sweep_redrives(now=closed) == 0
 
-    def test_a_car_that_was_queued_when_it_closed_makes_it_be_driven_again(self, race, cast, site, now):
+    def test_a_car_queued_at_the_close_starts_a_redrive(self, race, cast, site, now):
         late = submit_model(race=race, racer=cast[2], model=a_model(cast[2]), now=now)
         site(NEW)
         assert sweep_redrives(now=race.closes_at) == 3
@@ -85,7 +85,7 @@ class TestARaceThatIsOver:
         sweep_redrives(now=race.closes_at)
         assert shown(race)[0] == ("cat", 7_000)
 
-    def test_no_run_is_repeated_there_with_another_engine(self, race, cast, site, now):
+    def test_a_finished_race_repeats_no_run_with_another_engine(self, race, cast, site, now):
         failed = submit_model(race=race, racer=cast[0], model=a_model(cast[0]), now=now)
         fail(failed, OURS, now)
         site(NEW)
@@ -95,7 +95,7 @@ class TestARaceThatIsOver:
         assert {OLD, NEW} == set(refused.value.params.values())
         assert repeat_submission(submission=failed, now=now).number == 3
 
-    def test_one_that_is_cancelled_meanwhile_is_driven_no_further(self, upgraded, now, commits):
+    def test_a_race_cancelled_during_a_redrive_stops_it(self, upgraded, now, commits):
         before = shown(upgraded)
         end(pending(upgraded)[0], laps(9_000, 9_000, 9_000), now)
         cancel_race(race=upgraded, reason="Rain.", now=now)

@@ -25,8 +25,8 @@ from .site import NEW, NEWEST, OLD, OURS, THEIRS, again, fresh
 pytestmark = pytest.mark.django_db
 
 
-class TestRunsThatFail:
-    def test_by_the_car_leave_it_without_a_time_and_give_the_submission_back(self, upgraded, cast, now):
+class TestFailedRuns:
+    def test_a_run_the_car_fails_voids_and_refunds_its_submission(self, upgraded, cast, now):
         first, second, third = pending(upgraded)
         break_down(first, THEIRS, now)
         end(second, laps(11_000, 11_000, 11_000), now)
@@ -39,7 +39,7 @@ class TestRunsThatFail:
         told = Retiming.objects.get()
         assert (told.old_score_ms, told.new_score_ms, told.reason_code) == (10_000, None, "policy_died")
 
-    def test_by_us_are_queued_again_after_growing_pauses_and_the_board_stands(self, upgraded, now):
+    def test_a_run_the_platform_fails_is_retried_after_growing_pauses(self, upgraded, now):
         before = shown(upgraded)
         first, second, third = pending(upgraded)
         end(second, laps(9_100, 9_100, 9_100), now)
@@ -59,7 +59,7 @@ class TestRunsThatFail:
         sweep_redrives(now=at)
         assert shown(upgraded)[0] == ("ann", 9_000)
 
-    def test_an_operator_who_stops_one_lets_the_race_go_on_without_it(self, upgraded, now):
+    def test_an_operator_can_stop_one_redrive_and_let_the_race_go_on(self, upgraded, now):
         first, second, third = pending(upgraded)
         stop_evaluation(evaluation=first.evaluation, now=now)
         end(second, laps(9_100, 9_100, 9_100), now)
@@ -67,15 +67,15 @@ class TestRunsThatFail:
         sweep_redrives(now=now)
         assert shown(upgraded) == [("bob", 9_100), ("cat", 9_200), ("ann", None)]
 
-    def test_a_car_that_failed_under_the_old_engine_keeps_its_verdict(self, race, cast, site, now):
+    def test_a_car_that_failed_under_the_old_engine_stays_failed(self, race, cast, site, now):
         failed = submit_model(race=race, racer=cast[0], model=a_model(cast[0]), now=now)
         fail(failed, THEIRS, now)
         site(NEW)
         assert sweep_redrives(now=now) == 3
 
 
-class TestAnotherChangeOfTheEngine:
-    def test_begins_anew_whatever_the_first_has_driven(self, upgraded, site, now, commits):
+class TestSecondEngineChange:
+    def test_a_second_change_starts_over(self, upgraded, site, now, commits):
         race, before = upgraded, shown(upgraded)
         first, second, _third = pending(race)
         end(first, laps(9_000, 9_000, 9_000), now)
@@ -92,7 +92,7 @@ class TestAnotherChangeOfTheEngine:
         assert (shown(race)[0], fresh(race).engine) == (("ann", 8_000), NEWEST)
         assert set(Retiming.objects.values_list("old_engine", "new_engine")) == {(OLD, NEWEST)}
 
-    def test_back_to_the_one_before_leaves_the_board_and_drives_what_came_meanwhile(self, upgraded, cast, site, now):
+    def test_going_back_keeps_the_board_and_redrives_newer_cars(self, upgraded, cast, site, now):
         race = upgraded
         drive(race, cast[2], laps(7_000, 7_000, 7_000), now)
         site(OLD)
@@ -103,13 +103,13 @@ class TestAnotherChangeOfTheEngine:
         assert shown(race) == [("cat", 9_500), ("ann", 10_000), ("bob", 11_000)]
         assert (fresh(race).engine, fresh(race).next_engine) == (OLD, "")
 
-    def test_back_with_nothing_sent_meanwhile_drops_everything(self, upgraded, site, now, commits):
+    def test_going_back_with_no_newer_cars_drops_every_redrive(self, upgraded, site, now, commits):
         before = shown(upgraded)
         site(OLD)
         assert sweep_redrives(now=now) == 0
         assert (shown(upgraded), fresh(upgraded).next_engine, pending(upgraded)) == (before, "", [])
 
-    def test_a_result_of_an_old_worker_is_of_no_use(self, upgraded, site, now):
+    def test_a_result_from_an_old_worker_is_dropped(self, upgraded, site, now):
         one = pending(upgraded)[0]
         site(OLD)
         end(one, laps(9_000, 9_000, 9_000), now)
@@ -117,7 +117,7 @@ class TestAnotherChangeOfTheEngine:
         assert sweep_redrives(now=now) == 1
         assert Redrive.objects.get(pk=one.pk).state == RedriveState.DROPPED
 
-    def test_nothing_begins_while_a_live_worker_has_another_engine(self, race, site, now):
+    def test_no_redrive_starts_while_a_live_worker_has_another_engine(self, race, site, now):
         start_worker(name="old", queues=["celery"], processes=1, now=now)
         start_worker(name="films", queues=["videos"], processes=1, now=now)
         site(NEW)
@@ -129,9 +129,7 @@ class TestAnotherChangeOfTheEngine:
 
 class TestInterruptions:
     @pytest.mark.parametrize("step", ["work_out_standings", "_standings"])
-    def test_a_switch_that_breaks_off_has_not_happened_and_the_next_sweep_does_it(
-        self, upgraded, monkeypatch, now, step
-    ):
+    def test_an_interrupted_switch_is_done_by_the_next_sweep(self, upgraded, monkeypatch, now, step):
         again(upgraded, now, 9_000, 9_100, 9_200)
         before = everything(upgraded)
         with monkeypatch.context() as killed:
@@ -144,7 +142,7 @@ class TestInterruptions:
         sweep_redrives(now=now)
         assert Retiming.objects.count() == 3
 
-    def test_queueing_that_breaks_off_has_queued_nothing(self, race, site, monkeypatch, now):
+    def test_interrupted_queueing_leaves_nothing_queued(self, race, site, monkeypatch, now):
         site(NEW)
         with monkeypatch.context() as killed:
             killed.setattr(redrives.Redrive.objects, "bulk_create", lambda *args, **options: 1 / 0)
@@ -152,7 +150,7 @@ class TestInterruptions:
         assert fresh(race).next_engine == "" and Evaluation.objects.count() == 3
         assert sweep_redrives(now=now) == 3
 
-    def test_one_race_that_fails_does_not_keep_the_others_waiting(self, race, cast, site, monkeypatch, now):
+    def test_a_failing_race_does_not_delay_the_others(self, race, cast, site, monkeypatch, now):
         other = a_race(now, closes_at=now + timedelta(days=8))
         drive(other, cast[0], laps(9_000, 9_000, 9_000), now)
         site(NEW)
