@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.db.models import Field, Model
 
 
@@ -11,3 +13,11 @@ def length_of(model: type[Model], name: str) -> int:
     if not isinstance(field, Field) or field.max_length is None:
         raise ValueError(f"{name} takes any number of characters")
     return field.max_length
+
+
+def default_of(model: type[Model], name: str) -> Any:
+    """What a column holds of a new row. Raises ValueError for what is no column."""
+    field = model._meta.get_field(name)
+    if not isinstance(field, Field):
+        raise ValueError(f"{name} is no column")
+    return field.get_default()

@@ -66,7 +66,7 @@ def change(standing: Standing, before: Standing | None) -> Change:
 def sentence(kind: str, by: int) -> str:
     """A change in a sentence of the reader's language; of a result that is not better, that the board did not change.
     Empty for a kind that is not known."""
-    said = {
+    said: dict[str, str] = {
         Kind.FIRST: _("Your first result in this race."),
         Kind.FASTER: _("%(by)s s faster than before."),
         Kind.SLOWER: _("%(by)s s slower than before: the board did not change."),

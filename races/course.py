@@ -94,7 +94,7 @@ def typed_boxes(race: Race, places: Sequence[Mapping[str, Any] | None]) -> tuple
         params = dict(fault.params)
         for name in ("number", "other"):  # counted among those that are drawn
             if name in params:
-                params[name] = rows[params[name] - 1][0]
+                params[name] = rows[int(params[name]) - 1][0]
         wrong.setdefault(rows[index][0], []).extend(problem(fault.code, **params).messages)
     marks = tuple(
         _mark(placed.solid, number, box_title(number, placed.fraction, placed.lane))._replace(wrong=number in wrong)

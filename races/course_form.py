@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from types import new_class
 from typing import Any
 
 from django import forms
@@ -27,9 +28,8 @@ _BOTS = tuple(name for name in COURSE_FIELDS if name.startswith("bot"))
 _DUELS = tuple(name for name in COURSE_FIELDS if name.startswith("duel"))
 # What a form proposes for a race that has none of it yet.
 PROPOSALS = {name: rule.proposed for name, rule in RULES.items() if rule.proposed is not None}
-_RuleFields = type(forms.Form)(
-    "RuleFields", (forms.Form,), rule_fields(("direction", "race_type", *COURSE_FIELDS, "seed"))
-)
+_FIELDS = rule_fields(("direction", "race_type", *COURSE_FIELDS, "seed"))
+_RuleFields = new_class("RuleFields", (forms.Form,), exec_body=lambda body: body.update(_FIELDS))
 
 
 class CourseForm(_RuleFields):  # type: ignore[misc, valid-type]
@@ -73,7 +73,7 @@ class CourseForm(_RuleFields):  # type: ignore[misc, valid-type]
             other_boxes = ("boxes",) if cleaned.get("box_choice") == DRAWN else ("random_boxes", "box_distance_m")
             return (*other_boxes, "opponents", *_BOTS, *_DUELS)
         if race_type == RaceType.HEAD_TO_HEAD:
-            others = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
+            others: dict[str | None, tuple[str, ...]] = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
             return (*_BOXES, *others.get(cleaned.get("opponents"), (*_BOTS, *_DUELS)))
         return COURSE_FIELDS
 
@@ -109,7 +109,7 @@ def preview(form: CourseForm, *, submitted: bool) -> Preview:
     if values.get("track") is None:
         return Preview(None, [], ())
     race = Race(**values)
-    problems = problems_of(race)
+    problems: dict[str, Any] = dict(problems_of(race))
     if not problems:
         try:
             check_layout(race)

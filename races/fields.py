@@ -106,7 +106,7 @@ class BoxesInput(forms.Widget):
         """None: the rows have labels of their own."""
         return ""
 
-    def get_context(self, name: str, value: Any, attrs: Mapping[str, Any] | None) -> dict[str, Any]:
+    def get_context(self, name: str, value: Any, attrs: dict[str, Any] | None) -> dict[str, Any]:
         """As Django's, with ``rows`` of (percent as typed, lane)."""
         context = super().get_context(name, None, attrs)
         typed = [_typed(box) for box in value or ()]

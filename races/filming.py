@@ -33,8 +33,9 @@ def titles_of(evaluation: Evaluation, language: str) -> tuple[str, str]:
     return name, "" if names_track(race.name, track) else track
 
 
-def fastest_sectors_of(evaluation: Evaluation) -> Sequence[int]:
-    """The fastest sectors of the race whose marks the run may bear, in milliseconds; empty where it may bear none."""
+def fastest_sectors_of(evaluation: Evaluation) -> Sequence[int | None]:
+    """The fastest sectors of the race whose marks the run may bear, in milliseconds, None where nobody has driven one;
+    empty where it may bear none."""
     marked = race_of_marks(evaluation)
     return marked.fastest_sectors_ms if marked else ()
 

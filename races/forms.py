@@ -5,6 +5,7 @@ from __future__ import annotations
 import zoneinfo
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
+from types import new_class
 from typing import Any
 
 from django import forms
@@ -30,7 +31,8 @@ _NOT_OF_A_RACE = ("track", "time_zone", "box_choice", "edition")
 _ELSEWHERE = ("collision_penalty_ms", "max_submissions", "shared_cars", "sensors")
 # What every race has, in rows of three on a page.
 _IN_ROWS = tuple(name for name in BY_PLACE if name not in (*CourseForm.base_fields, *_ELSEWHERE))
-_RuleFields = type(CourseForm)("RuleFields", (CourseForm,), rule_fields((*_IN_ROWS, *_ELSEWHERE)))
+_FIELDS = rule_fields((*_IN_ROWS, *_ELSEWHERE))
+_RuleFields = new_class("RuleFields", (CourseForm,), exec_body=lambda body: body.update(_FIELDS))
 
 
 class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]

@@ -30,7 +30,7 @@ class Runs:
     can_see: Callable[[Viewer, Evaluation], bool]
     visible_to: Callable[[Viewer], QuerySet[Evaluation]]
     titles: Callable[[Evaluation, str], tuple[str, str]]
-    fastest_sectors_ms: Callable[[Evaluation], Sequence[int]]
+    fastest_sectors_ms: Callable[[Evaluation], Sequence[int | None]]
     related: tuple[str, ...] = ()
 
 

@@ -68,6 +68,12 @@ class Rule:
         return self.default if self.episode is None else self.episode
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """What a race may ask, of a rule that has bounds."""
+        assert self.least is not None and self.most is not None, self.name
+        return self.least, self.most
+
+    @property
     def range(self) -> str:
         """The bounds in words; empty without any."""
         if self.least is None or self.most is None:

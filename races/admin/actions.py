@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from django.contrib import admin, messages
+from django.contrib import messages
+from django.contrib.admin import ModelAdmin, helpers
 from django.db.models import QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
@@ -19,7 +20,7 @@ def sentence(fault: PaddockError) -> str:
     return fault.reason.render(fault.params, _(fault.reason.sentence))
 
 
-class WithReason:
+class WithReason(ModelAdmin):
     """Actions that ask for a reason on a page of their own, which says what will follow."""
 
     def with_reason(
@@ -49,7 +50,7 @@ class WithReason:
             "rows": queryset,
             "missing": reason is not None,
             "opts": self.model._meta,
-            "action_checkbox_name": admin.helpers.ACTION_CHECKBOX_NAME,
+            "action_checkbox_name": helpers.ACTION_CHECKBOX_NAME,
         }
         return render(request, "admin/races/reason.html", context, status=200 if reason is None else 422)
 

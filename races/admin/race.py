@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import new_class
 from typing import Any
 
 from django import forms
@@ -40,7 +41,7 @@ from .actions import WithReason, sentence
 _ELSEWHERE = ("direction", *LAYOUT)
 # What a race keeps without a column: the form of a model does not know it.
 _INSIDE = tuple(name for name, rule in RULES.items() if not rule.column)
-_Inside = type(forms.ModelForm)("Inside", (forms.ModelForm,), rule_fields(_INSIDE))
+_Inside = new_class("Inside", (forms.ModelForm,), exec_body=lambda body: body.update(rule_fields(_INSIDE)))
 
 
 class RaceForm(_Inside):  # type: ignore[misc, valid-type]
@@ -98,21 +99,22 @@ class StateFilter(admin.SimpleListFilter):
     parameter_name = "state"
 
     def lookups(self, request: HttpRequest, model_admin: admin.ModelAdmin) -> list[tuple[str, str]]:
-        return list(RaceState.choices)
+        return [(state.value, str(state.label)) for state in RaceState]
 
     def queryset(self, request: HttpRequest, queryset: QuerySet) -> QuerySet:
         now = timezone.now()
-        conditions = {
+        conditions: dict[str, Q] = {
             RaceState.CANCELLED: Q(cancelled_at__isnull=False),
             RaceState.UPCOMING: Q(cancelled_at=None, opens_at__gt=now),
             RaceState.OPEN: Q(cancelled_at=None, opens_at__lte=now, closes_at__gt=now),
             RaceState.CLOSED: Q(cancelled_at=None, closes_at__lte=now),
         }
-        return queryset.filter(conditions[self.value()]) if self.value() in conditions else queryset
+        wanted = conditions.get(self.value() or "")
+        return queryset if wanted is None else queryset.filter(wanted)
 
 
 @admin.register(Race)
-class RaceAdmin(WithReason, admin.ModelAdmin):
+class RaceAdmin(WithReason):
     """See the module's docstring."""
 
     form = RaceForm
@@ -195,7 +197,7 @@ class RaceAdmin(WithReason, admin.ModelAdmin):
 
     @admin.display(description=gettext_lazy("state"))
     def state(self, race: Race) -> str:
-        return race.state_at(timezone.now()).label if race.pk else "-"
+        return str(race.state_at(timezone.now()).label) if race.pk else "-"
 
     @admin.display(description=gettext_lazy("racers"), ordering="racer_count")
     def racers(self, race: Race) -> int:

@@ -9,6 +9,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
+from accounts.who import racer_of
 from core.admin import ReadOnly
 
 from ..models import Entry, Race, Submission
@@ -36,11 +37,12 @@ class LeftFilter(admin.SimpleListFilter):
             "withdrawn": Q(withdrawn_at__isnull=False, removed_at=None),
             "removed": Q(removed_at__isnull=False),
         }
-        return queryset.filter(conditions[self.value()]) if self.value() in conditions else queryset
+        wanted = conditions.get(self.value() or "")
+        return queryset if wanted is None else queryset.filter(wanted)
 
 
 @admin.register(Entry)
-class EntryAdmin(ReadOnly, WithReason, admin.ModelAdmin):
+class EntryAdmin(ReadOnly, WithReason):
     """Who is in which race with what standing. Stewards remove and restore; nobody edits a result."""
 
     list_display = ("race", "racer", "classified", "score", "best_lap", "resets", "submission_count", "left")
@@ -78,7 +80,7 @@ class EntryAdmin(ReadOnly, WithReason, admin.ModelAdmin):
         return self.with_reason(
             request,
             queryset,
-            lambda entry, reason: remove_entry(entry=entry, by=request.user, now=timezone.now(), reason=reason),
+            lambda entry, reason: remove_entry(entry=entry, by=racer_of(request), now=timezone.now(), reason=reason),
             action="remove",
             title=_("Remove racers from races"),
             consequence=_(
@@ -92,12 +94,12 @@ class EntryAdmin(ReadOnly, WithReason, admin.ModelAdmin):
     @admin.action(description=gettext_lazy("Restore to the race"), permissions=["steward"])
     def restore(self, request: HttpRequest, queryset: QuerySet[Entry]) -> None:
         removed = queryset.filter(removed_at__isnull=False)
-        done = self.each(request, removed, lambda entry: restore_entry(entry=entry, by=request.user), "Restored")
+        done = self.each(request, removed, lambda entry: restore_entry(entry=entry, by=racer_of(request)), "Restored")
         self.message_user(request, ngettext("%d racer was restored.", "%d racers were restored.", done) % done)
 
 
 @admin.register(Submission)
-class SubmissionAdmin(ReadOnly, WithReason, admin.ModelAdmin):
+class SubmissionAdmin(ReadOnly, WithReason):
     """Every car that was sent, and how its run ended."""
 
     list_display = ("race", "racer", "number", "evaluation", "state", "is_void", "refunded", "submitted_at")

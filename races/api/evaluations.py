@@ -8,7 +8,7 @@ from django.http import HttpResponse, HttpResponseBase
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema
+from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema, extend_schema_field
 from rest_framework import serializers
 from rest_framework.exceptions import NotFound, PermissionDenied
 from rest_framework.permissions import AllowAny, IsAuthenticated
@@ -27,6 +27,7 @@ from evaluation.services.results import read_course, read_trace
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 
+from ..filming import race_of
 from .lookup import visible_evaluation
 from .placed import PlacedBoxSerializer
 from .races import TrackSummarySerializer
@@ -134,7 +135,8 @@ class CarResultSerializer(serializers.Serializer):
         help_text="The line driven, for each lap a thinned list of [x, y, speed] in metres and m/s.",
     )
 
-    def get_retired(self, result: CarResult) -> ReasonSerializer(allow_null=True):
+    @extend_schema_field(ReasonSerializer(allow_null=True))
+    def get_retired(self, result: CarResult) -> dict[str, Any] | None:
         return reason_of(result.retired_code, result.retired, result.retired_params)
 
 
@@ -187,14 +189,14 @@ class EvaluationSerializer(serializers.Serializer):
     ended_at = serializers.DateTimeField(allow_null=True)
     result = serializers.SerializerMethodField(help_text="When it is finished.")
 
-    def get_rivals(self, evaluation: Evaluation) -> RivalSerializer(many=True):
-        return RivalSerializer(evaluation.rivals.select_related("model__owner"), many=True).data
+    @extend_schema_field(RivalSerializer(many=True))
+    def get_rivals(self, evaluation: Evaluation) -> list[dict[str, Any]]:
+        return list(RivalSerializer(evaluation.rivals.select_related("model__owner"), many=True).data)
 
-    def get_race(self, evaluation: Evaluation) -> NamedSerializer(allow_null=True):
-        submission, duel = getattr(evaluation, "submission", None), getattr(evaluation, "duel", None)
-        if submission is None and duel is None:
-            return None
-        return NamedSerializer(duel.race if submission is None else submission.entry.race).data
+    @extend_schema_field(NamedSerializer(allow_null=True))
+    def get_race(self, evaluation: Evaluation) -> dict[str, Any] | None:
+        race = race_of(evaluation)
+        return None if race is None else NamedSerializer(race).data
 
     def get_submission(self, evaluation: Evaluation) -> int | None:
         submission = getattr(evaluation, "submission", None)
@@ -203,7 +205,8 @@ class EvaluationSerializer(serializers.Serializer):
     def get_rules(self, evaluation: Evaluation) -> dict[str, Any]:
         return evaluation.spec["rules"]
 
-    def get_queue(self, evaluation: Evaluation) -> QueueSerializer(allow_null=True):
+    @extend_schema_field(QueueSerializer(allow_null=True))
+    def get_queue(self, evaluation: Evaluation) -> dict[str, Any] | None:
         position = queue_position(evaluation)
         if position is None:
             return None
@@ -212,15 +215,18 @@ class EvaluationSerializer(serializers.Serializer):
             {"position": position, "waiting": queue_length(), "expected_wait_s": wait_s and round(wait_s, 1)}
         ).data
 
-    def get_progress(self, evaluation: Evaluation) -> ProgressSerializer(allow_null=True):
+    @extend_schema_field(ProgressSerializer(allow_null=True))
+    def get_progress(self, evaluation: Evaluation) -> dict[str, Any] | None:
         if evaluation.state != State.RUNNING or not evaluation.progress:
             return None
         return ProgressSerializer(evaluation.progress).data
 
-    def get_reason(self, evaluation: Evaluation) -> ReasonSerializer(allow_null=True):
+    @extend_schema_field(ReasonSerializer(allow_null=True))
+    def get_reason(self, evaluation: Evaluation) -> dict[str, Any] | None:
         return reason_of(evaluation.reason_code, evaluation.reason, evaluation.reason_params)
 
-    def get_result(self, evaluation: Evaluation) -> ResultSerializer(allow_null=True):
+    @extend_schema_field(ResultSerializer(allow_null=True))
+    def get_result(self, evaluation: Evaluation) -> dict[str, Any] | None:
         result = getattr(evaluation, "result", None)
         return None if result is None else ResultSerializer(result).data
 

@@ -12,7 +12,9 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.models import Racer
 from accounts.scopes import ORGANISE
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.rules.race import RULES
@@ -176,10 +178,10 @@ class RacesView(generics.ListAPIView):
         if "state" in wanted:
             races = races.filter(_in_state(RaceState(wanted["state"])))
         if wanted["mine"]:
+            if not isinstance(racer, Racer):
+                return races.none()
             entered = Entry.objects.filter(racer_id=racer.pk, withdrawn_at=None)
-            races = (
-                races.filter(Q(organiser_id=racer.pk) | Q(pk__in=entered.values("race"))) if racer.pk else races.none()
-            )
+            races = races.filter(Q(organiser_id=racer.pk) | Q(pk__in=entered.values("race")))
         return races
 
     @extend_schema(
@@ -192,7 +194,7 @@ class RacesView(generics.ListAPIView):
     def post(self, request: Request) -> Response:
         wanted, now = read_as(NewRaceSerializer, request.data), timezone.now()
         if "division" not in wanted:
-            race = services.create_community_race(organiser=request.user, now=now, **wanted)
+            race = services.create_community_race(organiser=racer_of(request), now=now, **wanted)
         elif request.user.is_staff and request.user.has_perm("races.add_race"):
             race = services.create_league_race(now=now, **wanted)
             log(request.user, race, ADDITION, "Made through the API")

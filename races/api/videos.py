@@ -9,7 +9,7 @@ from django.http.response import HttpResponseBase
 from django.urls import reverse
 from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema
+from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema, extend_schema_field
 from rest_framework import serializers, status
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.permissions import AllowAny, IsAuthenticated, IsAuthenticatedOrReadOnly
@@ -18,6 +18,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from evaluation.models import State
@@ -60,7 +61,8 @@ class VideoSerializer(serializers.Serializer):
     def get_lap(self, shown: ShownVideo) -> int | None:
         return shown.video.part or None
 
-    def get_reason(self, shown: ShownVideo) -> ReasonSerializer(allow_null=True):
+    @extend_schema_field(ReasonSerializer(allow_null=True))
+    def get_reason(self, shown: ShownVideo) -> dict[str, Any] | None:
         return reason_of(shown.video.reason_code, shown.video.reason, shown.video.reason_params)
 
     def get_file(self, shown: ShownVideo) -> str | None:
@@ -131,7 +133,7 @@ class VideosView(APIView):
     def post(self, request: Request, public_id: str) -> Response:
         evaluation = visible_evaluation(request, public_id)
         wanted = {"language": page_language()} | read_as(AskSerializer, request.data)
-        asked = ask_for_video(evaluation=evaluation, by=request.user, now=timezone.now(), **wanted)
+        asked = ask_for_video(evaluation=evaluation, by=racer_of(request), now=timezone.now(), **wanted)
         asked.video.evaluation = evaluation
         answer = VideoSerializer(shown_video(asked.video)).data
         return Response(answer, status=status.HTTP_202_ACCEPTED if asked.queued else status.HTTP_200_OK)

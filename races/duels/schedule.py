@@ -39,7 +39,7 @@ def _pairs(entrants: int) -> list[list[Heat]]:
     half = len(chairs) // 2
     first: list[list[Heat]] = []
     for number in range(len(chairs) - 1):
-        heats = []
+        heats: list[Heat] = []
         for table, (one, other) in enumerate(zip(chairs[:half], reversed(chairs[half:]), strict=True)):
             if one is not None and other is not None:
                 # who sits where alternates, so that nobody stands in front all through a half

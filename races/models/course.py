@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
 from django.db import models
@@ -16,6 +16,9 @@ from .choices import DuelFormat, Opponents, RaceType
 from .rules import within
 
 if TYPE_CHECKING:
+    from django.db.backends.base.base import BaseDatabaseWrapper
+    from django.db.models.sql.compiler import SQLCompiler
+
     from .race import Race
 
 
@@ -26,7 +29,7 @@ class _Length(Func):
     function = "JSON_ARRAY_LENGTH"
     output_field = models.IntegerField()
 
-    def as_postgresql(self, compiler: object, connection: object, **context: object) -> tuple:
+    def as_postgresql(self, compiler: SQLCompiler, connection: BaseDatabaseWrapper, **context: Any) -> tuple:
         return super().as_sql(compiler, connection, function="JSONB_ARRAY_LENGTH", **context)
 
 
@@ -95,9 +98,10 @@ def _range_problems(race: Race) -> dict[str, ValidationError]:
     """Values that no type of race may have; None, which is no value of its field, is told by the field."""
     problems = {}
     for name, code in _RANGES.items():
-        rule, value = RULES[name], getattr(race, name)
-        if isinstance(value, int | float) and not rule.least <= value <= rule.most:
-            problems[name] = problem(code, least=f"{rule.least:g}", most=f"{rule.most:g}")
+        value = getattr(race, name)
+        least, most = RULES[name].bounds
+        if isinstance(value, int | float) and not least <= value <= most:
+            problems[name] = problem(code, least=f"{least:g}", most=f"{most:g}")
     return problems
 
 

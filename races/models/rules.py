@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from types import new_class
 from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
@@ -104,7 +105,7 @@ class _Ruled(models.Model):
     class Meta:
         abstract = True
 
-    def clean_fields(self, exclude: Iterable[str] | None = None) -> None:
+    def clean_fields(self, exclude: Collection[str] | None = None) -> None:
         """Also what stands in ``rules``, as if each were a column. Raises ValidationError by rule."""
         errors: dict[str, Any] = {}
         try:
@@ -131,7 +132,7 @@ def with_rules(names: Iterable[str], inside: Callable[[], dict[str, Any]]) -> An
     rules = models.JSONField(_("other rules"), default=inside, blank=True, editable=False, db_default={})
     made = {name: column(RULES[name]) if RULES[name].column else _inside(RULES[name]) for name in names}
     more = {"__module__": __name__, "Meta": type("Meta", (), {"abstract": True}), "RULES": tuple(names)}
-    return type(models.Model)("Ruled", (_Ruled,), {"rules": rules, **more, **made})
+    return new_class("Ruled", (_Ruled,), exec_body=lambda body: body.update({"rules": rules, **more, **made}))
 
 
 def _inside(rule: Rule) -> property:

@@ -44,8 +44,9 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
         names = [(name, _(SENSOR_WORDS[name])) for name in OFFERABLE]
         return forms.MultipleChoiceField(choices=names, widget=forms.CheckboxSelectMultiple, **said)
     if rule.choices:
-        widget = {"widget": forms.RadioSelect} if rule.name in _RADIOS else {}
-        return forms.ChoiceField(choices=choices_of(rule), **widget, **said)
+        if rule.name in _RADIOS:
+            said["widget"] = forms.RadioSelect
+        return forms.ChoiceField(choices=choices_of(rule), **said)
     if rule.type is bool:
         return forms.BooleanField(**said | {"required": False})
     if rule.unlimited is not None:
@@ -56,6 +57,5 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
     kind = PlainNumberField if rule.type is float else forms.IntegerField
     if rule.layout and not strict:
         step = 0.1 if rule.type is float else 1
-        bounds = forms.NumberInput(attrs={"min": rule.least, "max": rule.most, "step": step})
-        return kind(widget=bounds, **said)
-    return kind(min_value=rule.least, max_value=rule.most, **said)
+        return kind(widget=forms.NumberInput(attrs={"min": rule.least, "max": rule.most, "step": step}), **said)
+    return kind(**said | {"min_value": rule.least, "max_value": rule.most})

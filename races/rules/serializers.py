@@ -44,12 +44,17 @@ def _field(rule: Rule, asked: bool, strict: bool) -> serializers.Field:
     elif rule.default is None:
         said["allow_null"] = True
     if rule.name == "boxes":
-        return BoxPlaceSerializer(many=True, **said, **({"max_length": MAX_BOXES} if strict else {}))
+        if strict:
+            said["max_length"] = MAX_BOXES
+        return BoxPlaceSerializer(many=True, **said)
     if rule.name == "sensors":
-        child = serializers.ChoiceField(OFFERABLE) if asked else serializers.CharField()
-        return serializers.ListField(child=child, **said, **({"max_length": 8} if asked else {}))
+        if asked:
+            return serializers.ListField(child=serializers.ChoiceField(OFFERABLE), max_length=8, **said)
+        return serializers.ListField(child=serializers.CharField(), **said)
     if rule.choices:
-        return serializers.ChoiceField(choices_of(rule), **said, **({} if rule.default else {"allow_blank": True}))
+        if not rule.default:
+            said["allow_blank"] = True
+        return serializers.ChoiceField(choices_of(rule), **said)
     if rule.type is bool:
         return serializers.BooleanField(**said)
     if strict or (asked and not rule.layout):

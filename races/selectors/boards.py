@@ -126,7 +126,8 @@ def board(race: Race, racer: Racer | AnonymousUser | None = None, *, page: int =
     elsewhere = view.look_up(entries if offset == 0 else (), reader=mine is None)
     first = next((entry for entry in entries if has_rank(entry)), None) if offset else None
     ranks = ranks_of([entry for entry in (first, elsewhere) if entry is not None])
-    rows = list(view.rows(entries, 0 if first is None else ranks[first.pk] - 1))
+    above = None if first is None else ranks[first.pk]
+    rows = list(view.rows(entries, (above or 1) - 1))
     my_row = next((row for row in rows if row.is_me), None)
     if elsewhere is not None and not elsewhere.is_withdrawn:
         my_row = view.row(elsewhere, ranks[elsewhere.pk])
@@ -197,7 +198,7 @@ def podiums(races: Iterable[Race], size: int = 3) -> dict[int, list[BoardRow]]:
     places = {f"place_{n}": Subquery(ranked.order_by(*ORDER).values("pk")[n : n + 1]) for n in range(size)}
     found = Race.objects.filter(pk__in=races).order_by().annotate(**places).values_list("pk", *places)
     ids = {pk: [place for place in rest if place is not None] for pk, *rest in found}
-    entries = _with_relations(Entry.objects).in_bulk([place for each in ids.values() for place in each])
+    entries = _with_relations(Entry.objects.all()).in_bulk([place for each in ids.values() for place in each])
     return {
         pk: [
             make_row(
@@ -282,7 +283,8 @@ def _colours(entry: Entry, race: Race) -> tuple[str | None, str | None, str | No
             marks.append(PURPLE)
         else:
             marks.append(GREEN if own is not None and time_ms <= own else YELLOW)
-    return tuple(marks)
+    first, second, third = marks
+    return first, second, third
 
 
 def _with_relations(entries: QuerySet[Entry]) -> QuerySet[Entry]:

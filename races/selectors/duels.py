@@ -136,7 +136,7 @@ def duels_of(race: Race, racer: Racer | AnonymousUser | None = None) -> Duels | 
 def heats_of(race: Race, reader: int | None = None, entries: Sequence[Entry] | None = None) -> list[Heat]:
     """The heats of a race that are known, in order. ``entries``: all that have a seed, when the caller has them."""
     if entries is None:
-        entries = Entry.objects.filter(race=race, seed__isnull=False).select_related("racer")
+        entries = list(Entry.objects.filter(race=race, seed__isnull=False).select_related("racer"))
     by_id = {entry.pk: entry for entry in entries}
     cars = Prefetch("cars", DuelCar.objects.order_by("grid"))
     heats = []
@@ -161,7 +161,7 @@ def _table(heats: Sequence[Heat], entries: Sequence[Entry], reader: int | None) 
         for car in heat.cars:
             for other in heat.cars:
                 if car is not other:
-                    ahead = None if car.place is None else car.place < other.place
+                    ahead = None if car.place is None or other.place is None else car.place < other.place
                     meeting = Meeting(heat.duel, car.grid < other.grid, ahead)
                     met.setdefault((car.entry_id, other.entry_id), []).append(meeting)
     on_board = [entry for entry in entries if not entry.is_withdrawn]
@@ -206,7 +206,11 @@ def _tree(draw: Draw, heats: Sequence[Heat], entries: Sequence[Entry], reader: i
 
 def _drives(heat: Heat) -> dict[int, Drive]:
     """What each seed has done in a heat: nothing yet unless it is decided."""
-    return {car.entry.seed: Drive(car.place or 0, car.points or 0, car.laps, car.time_ms) for car in heat.cars}
+    return {
+        car.entry.seed: Drive(car.place or 0, car.points or 0, car.laps, car.time_ms)
+        for car in heat.cars
+        if car.entry.seed is not None
+    }
 
 
 def round_name(ties: int) -> str:

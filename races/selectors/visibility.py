@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
@@ -86,5 +86,5 @@ def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Eval
     return evaluations.filter(~hidden_runs(), seen)
 
 
-def _known(racer: Racer | AnonymousUser | None) -> bool:
+def _known(racer: Racer | AnonymousUser | None) -> TypeGuard[Racer]:
     return racer is not None and racer.is_authenticated

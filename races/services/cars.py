@@ -127,7 +127,7 @@ def _counted(race: Race) -> QuerySet[Submission]:
 
 def _holders(race: Race) -> dict[str, int]:
     """The entry whose each car of a race is: of the racer who brought the car to the site, else who sent it first."""
-    entries: dict[str, dict[int, int]] = defaultdict(dict)  # of each car, by racer
+    entries: dict[str, dict[int | None, int]] = defaultdict(dict)  # of each car, by racer
     networks: dict[str, set[str]] = defaultdict(set)
     columns = ("network", "network__facts", "entry", "entry__racer")
     for sha256, facts, entry, racer in _counted(race).order_by("submitted_at", "pk").values_list(*columns).iterator():

@@ -8,7 +8,7 @@ are taken in the order evaluation, entries by their id, race, as everywhere in t
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import partial
 
@@ -70,7 +70,7 @@ def draw_duels(*, race: Race, now: datetime) -> Draw:
     drawn = Draw.objects.create(race=race, entrants=len(seeded), drawn_at=now)
     record(DUELS_DRAWN, at=now, **of_race(race), cars=len(seeded))
     if race.duel_format == DuelFormat.ROUND_ROBIN:
-        by_seed = {entry.seed: entry for entry in seeded}
+        by_seed = dict(enumerate(seeded, start=1))
         for number, heats in enumerate(round_robin(len(seeded), race.duel_cars), start=1):
             _write_heats(race, number, dict(enumerate(heats, start=1)), by_seed)
     return drawn
@@ -85,7 +85,8 @@ def drive_on(*, race: Race, now: datetime) -> int:
     if _nothing_due(race):
         return 0
     entries = Entry.objects.filter(race=race, seed__isnull=False).select_related("racer", "best__evaluation__model")
-    by_seed = {entry.seed: entry for entry in entries.select_for_update(of=("self",)).order_by("pk")}
+    locked = entries.select_for_update(of=("self",)).order_by("pk")
+    by_seed = {entry.seed: entry for entry in locked if entry.seed is not None}
     race = Race.objects.select_for_update(no_key=True, of=("self",)).select_related("track").get(pk=race.pk)
     draw = Draw.objects.filter(race=race).first()
     if draw is None or draw.over_at is not None or not keeps_engine(race):
@@ -99,7 +100,8 @@ def drive_on(*, race: Race, now: datetime) -> int:
             record(DUELS_OVER, at=now, **of_race(race))
             return queued
         queued += _queue_round(race, number, now)  # none if all of them are walkovers
-    queued += _queue_round(race, _first_open(race), now)  # what stopped or failed in the round that is on
+    if (number := _first_open(race)) is not None:
+        queued += _queue_round(race, number, now)  # what stopped or failed in the round that is on
     recount(race, list(by_seed.values()))
     return queued
 
@@ -189,6 +191,7 @@ def field_limit(race: Race) -> int:
 
 def drive_of(car: DuelCar) -> Drive:
     """A decided car as the pure functions know it."""
+    assert car.place is not None and car.points is not None, "its heat is decided"
     return Drive(car.place, car.points, car.laps, car.time_ms)
 
 
@@ -197,6 +200,7 @@ def bracket_of(race: Race) -> list[list[Tie]]:
     heats: dict[tuple[int, int], dict[int, Drive]] = {}
     for car in DuelCar.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related("duel", "entry"):
         drive = drive_of(car) if car.duel.state == DuelState.DECIDED else Drive(0, 0)
+        assert car.entry.seed is not None, "it was drawn"
         heats.setdefault((car.duel.round, car.duel.number), {})[car.entry.seed] = drive
     return bracket(Draw.objects.get(race=race).entrants, winners_of(heats))
 
@@ -206,7 +210,8 @@ def _nothing_due(race: Race) -> bool:
     draw = Draw.objects.filter(race=race).first()
     if draw is None or draw.over_at is not None:
         return True
-    due = Duel.objects.filter(race=race, round=_first_open(race), state=DuelState.WAITING)
+    number = _first_open(race)
+    due = Duel.objects.filter(race=race, round=number, state=DuelState.WAITING) if number else Duel.objects.none()
     return _driving(race).exists() and not due.exists()
 
 
@@ -220,7 +225,7 @@ def _driving(race: Race) -> QuerySet[Duel]:
     return Duel.objects.filter(race=race, state=DuelState.DRIVING)
 
 
-def _next_round(race: Race, by_seed: dict[int, Entry]) -> int | None:
+def _next_round(race: Race, by_seed: Mapping[int, Entry]) -> int | None:
     """Write the next round of a bracket whose heats are all decided; None when there is none."""
     if race.duel_format != DuelFormat.BRACKET:
         return None
@@ -233,7 +238,7 @@ def _next_round(race: Race, by_seed: dict[int, Entry]) -> int | None:
     return None
 
 
-def _write_heats(race: Race, round_: int, heats: dict[int, Heat], by_seed: dict[int, Entry]) -> None:
+def _write_heats(race: Race, round_: int, heats: Mapping[int, Heat], by_seed: Mapping[int, Entry]) -> None:
     duels = Duel.objects.bulk_create(Duel(race=race, round=round_, number=number) for number in heats)
     DuelCar.objects.bulk_create(
         DuelCar(duel=duel, entry=by_seed[seed], grid=grid)
@@ -259,7 +264,7 @@ def _queue(race: Race, duel: Duel, now: datetime) -> bool:
         Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now, evaluation=None)
         record(DUEL_DECIDED, at=now, **of_race(race), round=duel.round, number=duel.number)
         return False
-    front, *others = (car.entry.best.evaluation.model for car in starting)
+    front, *others = (_counted(car.entry).evaluation.model for car in starting)
     evaluation = queue_evaluation(
         owner=front.owner,
         model=front,
@@ -271,6 +276,12 @@ def _queue(race: Race, duel: Duel, now: datetime) -> bool:
     )
     Duel.objects.filter(pk=duel.pk).update(state=DuelState.DRIVING, evaluation=evaluation, tries=duel.tries + 1)
     return True
+
+
+def _counted(entry: Entry) -> Submission:
+    """What a drawn entry was seeded by."""
+    assert entry.best is not None, "only who has a result is drawn"
+    return entry.best
 
 
 def _decide(duel: Duel, cars: list[DuelCar], result: Result, now: datetime) -> None:
@@ -297,6 +308,7 @@ def _place(cars: list[DuelCar], order: list[DuelCar]) -> None:
 
 def _try_again(duel: Duel, entries: list[Entry], now: datetime) -> None:
     """A run without a result: once more, or never again. One stopped because a racer left costs no try."""
+    assert duel.evaluation is not None, "its run has just ended"
     left = any(entry.is_withdrawn for entry in entries)
     tries = duel.tries - 1 if left and duel.evaluation.state == State.STOPPED else duel.tries
     if tries < MAX_TRIES:

@@ -114,7 +114,7 @@ def drive_again(*, race: Race, now: datetime) -> int:
     )
     pending = {one.submission_id: one for one in _pending(race)}
     if not _is_needed(race, bool(stale), now):
-        _drop(pending.values(), now)
+        _drop(list(pending.values()), now)
         Race.objects.filter(pk=race.pk).exclude(next_engine="").update(next_engine="")
         return 0
     if race.next_engine != site:
@@ -184,6 +184,7 @@ def _is_of_no_use(redrive: Redrive, site: str, now: datetime) -> bool:
     failed and the pause is over."""
     run = redrive.evaluation
     if run.is_platform_fault and redrive.engine == site:
+        assert run.ended_at is not None, "it failed"
         return run.ended_at + pause_after(redrive.tries + 1) <= now  # it was tried before
     return redrive.engine != site or run.is_final
 
@@ -290,8 +291,9 @@ def _note_retimings(
         new_score = scores[entry].score_ms if entry in scores else None
         if old_score == new_score:
             continue
-        run = verdicts.get(counted_by[entry])
-        told = run is not None and run.state != State.FINISHED
+        counted = counted_by[entry]
+        run = None if counted is None else verdicts.get(counted)
+        failed = None if run is None or run.state == State.FINISHED else run
         changes.append(
             Retiming(
                 entry_id=entry,
@@ -302,8 +304,8 @@ def _note_retimings(
                 new_score_ms=new_score,
                 old_rank=old_rank,
                 new_rank=new_rank if new_score == score_now else None,
-                reason_code=run.reason_code if told else "",
-                reason_params=run.reason_params if told else {},
+                reason_code="" if failed is None else failed.reason_code,
+                reason_params={} if failed is None else failed.reason_params,
             )
         )
     Retiming.objects.bulk_create(changes, batch_size=BATCH)

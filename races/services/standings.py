@@ -13,6 +13,7 @@ from django.db import transaction
 from django.db.models import F, Min, Q, Value
 from django.db.models.functions import Coalesce, Least
 
+from core.columns import default_of
 from core.events import record
 from evaluation.models import Evaluation, Result, State
 
@@ -186,7 +187,7 @@ def _void(entry: Entry, submission: Submission, *, refund: bool) -> None:
 
 def _clear(entry: Entry) -> None:
     for name in _STANDING_FIELDS:
-        setattr(entry, name, Entry._meta.get_field(name).get_default())
+        setattr(entry, name, default_of(Entry, name))
     entry.rank_score, entry.rank_lap = NO_RESULT, LAST
 
 

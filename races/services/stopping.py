@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import partial
 
 from django.db import transaction
 from django.db.models import QuerySet
@@ -33,4 +34,4 @@ def stop_evaluations_after_commit(evaluations: QuerySet[Evaluation], *, now: dat
 
 def _stop(evaluations: QuerySet[Evaluation], now: datetime) -> None:
     for evaluation in evaluations.filter(state__in=(State.QUEUED, State.RUNNING)):
-        transaction.on_commit(lambda one=evaluation: stop_evaluation(evaluation=one, now=now), robust=True)
+        transaction.on_commit(partial(stop_evaluation, evaluation=evaluation, now=now), robust=True)

@@ -12,6 +12,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from accounts.who import racer_of
 from paddock.errors import UserFault
 from races import services
 from races.audit import log_if_admin
@@ -39,7 +40,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
     form = RaceForm(request.POST or None, now=now, initial=initial)
     if request.method == "POST" and form.is_valid():
         try:
-            race = services.create_community_race(organiser=request.user, now=now, **form.changes())
+            race = services.create_community_race(organiser=racer_of(request), now=now, **form.changes())
         except UserFault as fault:
             form.show(fault)
         else:
@@ -70,7 +71,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
         except UserFault as fault:
             form.show(fault)
         else:
-            log_if_admin(request.user, race, f"Edited: {', '.join(form.changed_data)}")
+            log_if_admin(racer_of(request), race, f"Edited: {', '.join(form.changed_data)}")
             messages.success(request, _("Saved."))
             return redirect(race)
     state = race.state_at(now)
@@ -98,7 +99,7 @@ def race_cancel(request: HttpRequest, slug: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
         else:
-            log_if_admin(request.user, race, f"Cancelled: {form.cleaned_data['reason']}")
+            log_if_admin(racer_of(request), race, f"Cancelled: {form.cleaned_data['reason']}")
             messages.success(request, _("The race is cancelled."))
         return redirect(race)
     return render(request, "races/cancel.html", {"race": race, "form": form}, status=422 if form.errors else 200)
@@ -116,7 +117,7 @@ def race_close(request: HttpRequest, slug: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
         else:
-            log_if_admin(request.user, race, "Closed before its time")
+            log_if_admin(racer_of(request), race, "Closed before its time")
             messages.success(request, _("The race is closed."))
         return redirect(race)
     context = {"race": race, "is_open": race.state_at(now) == RaceState.OPEN, "waiting": cars_waiting(race)}
@@ -155,11 +156,13 @@ def racer_remove(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
     form = ReasonForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
         try:
-            services.remove_entry(entry=entry, by=request.user, now=timezone.now(), reason=form.cleaned_data["reason"])
+            services.remove_entry(
+                entry=entry, by=racer_of(request), now=timezone.now(), reason=form.cleaned_data["reason"]
+            )
         except UserFault as fault:
             tell_fault(request, fault)
         else:
-            log_if_admin(request.user, entry, f"Removed: {form.cleaned_data['reason']}")
+            log_if_admin(racer_of(request), entry, f"Removed: {form.cleaned_data['reason']}")
             messages.success(request, _("%(alias)s is removed from the race.") % {"alias": alias})
         return redirect("race_racers", race.slug)
     context = {"race": race, "entry": entry, "form": form}
@@ -173,11 +176,11 @@ def racer_restore(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
     race = organised_race(request, slug)
     entry = get_object_or_404(Entry, race=race, racer__alias=alias, removed_at__isnull=False)
     try:
-        services.restore_entry(entry=entry, by=request.user)
+        services.restore_entry(entry=entry, by=racer_of(request))
     except UserFault as fault:
         tell_fault(request, fault)
     else:
-        log_if_admin(request.user, entry, "Restored")
+        log_if_admin(racer_of(request), entry, "Restored")
         messages.success(request, _("%(alias)s is back in the race.") % {"alias": alias})
     return redirect("race_racers", race.slug)
 

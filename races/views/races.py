@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
 from django.db.models import Exists, OuterRef, QuerySet, Value
@@ -10,6 +12,7 @@ from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.views.decorators.http import require_safe
 
+from accounts.who import racer_of
 from core.forms import explain
 from evaluation.selectors import models_of
 from races.course import box_marks
@@ -57,7 +60,7 @@ def races(request: HttpRequest) -> HttpResponse:
         found = found.filter(race_type=race_type)
     per_page = CARDS_PER_PAGE if show == "open" else ROWS_PER_PAGE
     page = Paginator(found, per_page).get_page(request.GET.get("page"))
-    context = {
+    context: dict[str, Any] = {
         "show": show,
         "kind": kind,
         "type": race_type,
@@ -74,7 +77,7 @@ def races(request: HttpRequest) -> HttpResponse:
 def _listed(request: HttpRequest, show: str) -> QuerySet[Race]:
     now = timezone.now()
     if show == "mine":
-        return races_of(request.user)
+        return races_of(racer_of(request))
     if show == "cancelled":
         return cancelled_races(request.user)
     lists = {"open": racing_now, "upcoming": upcoming, "closed": closed_races}

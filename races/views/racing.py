@@ -12,6 +12,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
+from accounts.who import racer_of
 from core.forms import explain
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
@@ -32,7 +33,7 @@ def enter(request: HttpRequest, slug: str) -> HttpResponse:
     """Enter a race."""
     race = visible_race(request, slug)
     try:
-        services.enter_race(race=race, racer=request.user, now=timezone.now())
+        services.enter_race(race=race, racer=racer_of(request), now=timezone.now())
     except UserFault as fault:
         tell_fault(request, fault)
     else:
@@ -49,7 +50,7 @@ def submit(request: HttpRequest, slug: str) -> HttpResponse:
     try:
         if model is None:
             raise UserFault("model_not_yours")
-        submission = services.submit_model(race=race, racer=request.user, model=model, now=timezone.now())
+        submission = services.submit_model(race=race, racer=racer_of(request), model=model, now=timezone.now())
     except UserFault as fault:
         tell_fault(request, fault)
         return HttpResponseRedirect(_back(request, race))
@@ -116,7 +117,7 @@ def race_invitation(request: HttpRequest, token: str) -> HttpResponse:
 
 def _join(request: HttpRequest, race: Race, token: str) -> HttpResponse:
     try:
-        services.accept_invitation(token=token, racer=request.user, now=timezone.now())
+        services.accept_invitation(token=token, racer=racer_of(request), now=timezone.now())
     except UserFault as fault:
         tell_fault(request, fault)
         return redirect(request.path)

@@ -11,6 +11,7 @@ from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.views.decorators.http import require_POST, require_safe
 
+from accounts.who import racer_of
 from evaluation.models import Evaluation
 from paddock.errors import PaddockError
 from videos.models import WHOLE, Video, VideoState
@@ -22,12 +23,20 @@ from videos.services import ask_for_video, stop_video
 from .common import fault_text, tell_fault, visible_evaluation
 
 if TYPE_CHECKING:
+    from django_htmx.middleware import HtmxDetails
+
     from evaluation.cars import CarRow
+
+
+class HtmxRequest(HttpRequest):
+    """A request as the middleware of django-htmx hands it on."""
+
+    htmx: HtmxDetails
 
 
 @login_required
 @require_POST
-def evaluation_video(request: HttpRequest, public_id: str) -> HttpResponse:
+def evaluation_video(request: HtmxRequest, public_id: str) -> HttpResponse:
     """Ask for a video of a run: ``what`` is a car's number and a part of the run, such as ``0:best``."""
     evaluation = visible_evaluation(request, public_id)
     if not can_ask_for_video(request.user, evaluation):
@@ -36,7 +45,7 @@ def evaluation_video(request: HttpRequest, public_id: str) -> HttpResponse:
     try:
         asked = ask_for_video(
             evaluation=evaluation,
-            by=request.user,
+            by=racer_of(request),
             car=int(car[:4]) if car.isascii() and car.isdecimal() else 0,
             part=part or "best",
             language=page_language(),
@@ -73,7 +82,7 @@ def video_live(request: HttpRequest, public_id: str) -> HttpResponse:
 
 @login_required
 @require_POST
-def video_stop(request: HttpRequest, public_id: str) -> HttpResponse:
+def video_stop(request: HtmxRequest, public_id: str) -> HttpResponse:
     """Stop a video that I asked for."""
     video = visible_video(request.user, public_id)
     if video.is_under_way:
