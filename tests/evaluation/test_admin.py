@@ -36,7 +36,7 @@ def evaluations(alice, oval, bell):
 
 
 @pytest.mark.parametrize("name", ["network", "trainedmodel", "evaluation", "result", "workernode"])
-def test_every_list_and_every_row_can_be_read_and_not_changed(admin, evaluations, name):
+def test_every_list_and_row_is_read_only(admin, evaluations, name):
     listing = reverse(f"admin:evaluation_{name}_changelist")
     assert admin.get(listing, {"q": "x"}).status_code == 200
     model = {"network": evaluations[0].model.network, "trainedmodel": evaluations[0].model}.get(name)
@@ -49,7 +49,7 @@ def test_every_list_and_every_row_can_be_read_and_not_changed(admin, evaluations
     assert admin.get(reverse(f"admin:evaluation_{name}_add")).status_code == 403
 
 
-def test_the_other_cars_of_a_race_and_what_they_did_are_on_the_pages(admin, alice, oval, bell):
+def test_a_runs_page_shows_the_other_cars_and_their_results(admin, alice, oval, bell):
     cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
     rules = RaceRules(race_type="head_to_head")
     services.queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=rules, now=timezone.now())
@@ -64,7 +64,7 @@ def test_the_other_cars_of_a_race_and_what_they_did_are_on_the_pages(admin, alic
     assert "policy_died" in page and "7654" in page
 
 
-def test_an_admin_stops_what_waits_and_nothing_else(admin, evaluations):
+def test_an_admin_stops_only_what_waits(admin, evaluations):
     answer = admin.post(
         reverse("admin:evaluation_evaluation_changelist"),
         {"action": "stop", "_selected_action": [row.pk for row in evaluations]},
@@ -84,7 +84,7 @@ def test_an_admin_sweeps_the_queue(admin, evaluations):
     assert "Put back: 1, waiting: 1." in answer.content.decode()
 
 
-def test_an_admin_takes_a_model_out_of_a_garage(admin, evaluations):
+def test_an_admin_removes_a_model_from_a_garage(admin, evaluations):
     model = TrainedModel.objects.get()
     admin.post(
         reverse("admin:evaluation_trainedmodel_changelist"),

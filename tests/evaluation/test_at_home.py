@@ -49,7 +49,7 @@ def pinned():
 
 
 @pytest.mark.parametrize("name", ["flyer", "brisk"])
-def test_a_car_drives_at_home_as_on_the_site(name, pinned):
+def test_a_car_drives_the_same_at_home_as_on_the_site(name, pinned):
     onnx, metadata = ((CARS / f"{name}.{kind}").read_bytes() for kind in ("onnx", "json"))
     metadata = json.loads(metadata)
     exact, at_home = pinned.submit(drive_at_home, onnx, metadata).result()
@@ -64,14 +64,14 @@ def test_a_car_drives_at_home_as_on_the_site(name, pinned):
         assert [float(row.split(",")[place]) for row in rows[1:]] == at_home[name].tolist()
 
 
-def test_a_program_is_started_exact_with_its_own_arguments():
+def test_a_program_starts_pinned_with_its_own_arguments():
     program = "import sys; from paddock.exact import is_pinned; print(is_pinned(), sys.argv[1:])"
     command = [sys.executable, "-m", "paddock.exact", "-c", program, "--laps", "3"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[-2] == "True ['--laps', '3']"
 
 
-def test_other_tunables_of_the_c_library_are_kept():
+def test_other_glibc_tunables_are_kept():
     made = environment({"GLIBC_TUNABLES": "glibc.malloc.hugetlb=1:glibc.cpu.hwcaps=-SSE4_2", "HOME": "/"})
     assert made["GLIBC_TUNABLES"] == f"glibc.malloc.hugetlb=1:{PINS['GLIBC_TUNABLES']}"
     assert made["HOME"] == "/" and is_pinned(made)

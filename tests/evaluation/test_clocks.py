@@ -40,13 +40,13 @@ def queued(alice, oval, bell):
     return services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=REAL())
 
 
-def test_the_database_says_what_time_it_is(db, clock_ahead):
+def test_the_time_is_the_databases(db, clock_ahead):
     clock_ahead(hours=2)
     assert abs(database_now() - REAL()) < timedelta(seconds=5)
     assert database_now().utcoffset() == timedelta(0)
 
 
-def test_a_worker_two_hours_ahead_that_dies_is_requeued_in_a_minute(queued, clock_ahead, monkeypatch):
+def test_work_of_a_dead_worker_two_hours_ahead_is_soon_requeued(queued, clock_ahead, monkeypatch):
     class Dies(BaseException):
         pass
 
@@ -64,7 +64,7 @@ def test_a_worker_two_hours_ahead_that_dies_is_requeued_in_a_minute(queued, cloc
 
 
 @pytest.mark.parametrize("kind", ["evaluation", "training", "video"])
-def test_one_that_is_31_s_ahead_takes_nobodys_lease(kind, alice, oval, bell, films, monkeypatch, clock_ahead, settings):
+def test_a_worker_31_s_ahead_takes_no_live_lease(kind, alice, oval, bell, films, monkeypatch, clock_ahead, settings):
     heard(monkeypatch, "training.tasks.train")
     settings.TRAINING = settings.VIDEOS = True
     now = REAL()

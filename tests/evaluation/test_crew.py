@@ -45,7 +45,7 @@ def elsewhere(job: RaceJob) -> RaceJob:
     return replace(job, track=by_slug("kuei-raceway").geometry())
 
 
-def test_a_ready_crew_drives_the_same_race_and_is_used_up(job, spare):
+def test_a_ready_crew_drives_the_same_race_once(job, spare):
     spare.prepare()
     crew = spare.take(job.venue)
     assert crew is not None and crew.alive
@@ -59,40 +59,40 @@ def test_a_ready_crew_drives_the_same_race_and_is_used_up(job, spare):
     [{}, {"look": "bold"}, {"rules": RaceRules(max_simulated_ms=3_000, direction="cw")}],
     ids=["track", "look", "direction"],
 )
-def test_a_crew_that_rehearsed_where_the_race_is_drives_the_same_race(job, changes):
+def test_a_crew_rehearsed_on_the_track_drives_the_same_race(job, changes):
     here = replace(job, **changes)
     crew = rehearsed(Crew(venues=[elsewhere(job).venue, here.venue]))
     assert crew.described(here.venue) == {"prepared": 1}
     assert evaluate(here, crew=crew).trace_sha256 == evaluate(here).trace_sha256
 
 
-def test_a_job_that_comes_before_the_rehearsal_drives_the_same_race(job):
+def test_a_job_before_the_rehearsal_drives_the_same_race(job):
     crew = Crew(venues=[elsewhere(job).venue, job.venue])
     assert evaluate(job, crew=crew).trace_sha256 == evaluate(job).trace_sha256
 
 
 @pytest.mark.parametrize("changes", [{"look": "bold"}, {"rules": RaceRules(max_simulated_ms=3_000, direction="cw")}])
-def test_a_crew_that_rehearsed_elsewhere_drives_the_same_race(job, changes):
+def test_a_crew_rehearsed_elsewhere_drives_the_same_race(job, changes):
     here = replace(job, **changes)
     crew = rehearsed(Crew(venues=[job.venue]))  # the track alone does not make it the same place
     assert "venue" in crew.described(here.venue)
     assert evaluate(here, crew=crew).trace_sha256 == evaluate(here).trace_sha256
 
 
-def test_a_crew_that_rehearsed_takes_a_race_of_more_cars(job):
+def test_a_rehearsed_crew_drives_a_race_of_more_cars(job):
     rivals = (RivalCar(small_network(seed=1), METADATA),)
     crew = rehearsed(Crew(venues=[job.venue]))
     together = replace(job, rivals=rivals, rules=replace(job.rules, race_type=HEAD_TO_HEAD))
     assert evaluate(together, crew=crew).trace_sha256 == evaluate(together).trace_sha256
 
 
-def test_the_largest_tracks_that_are_kept_reach_a_runner_that_is_still_starting(job):
+def test_all_tracks_reach_a_runner_that_is_still_starting(job):
     venues = [replace(job, track=track.geometry()).venue for track in CATALOGUE]
     with Crew(venues=venues) as crew:
         assert evaluate(job, crew=crew).end_reason == "time_up"
 
 
-def test_a_runner_that_is_gone_before_it_hears_of_venues_is_the_platforms_fault(job, spare, monkeypatch):
+def test_a_runner_lost_before_its_venues_is_our_fault(job, spare, monkeypatch):
     def closed(*_args, **_options):
         raise FrameClosed("nobody reads")
 
@@ -105,7 +105,7 @@ def test_a_runner_that_is_gone_before_it_hears_of_venues_is_the_platforms_fault(
     assert spare.take(job.venue) is None
 
 
-def test_a_spare_crew_rehearses_where_the_last_races_were(job, spare):
+def test_a_spare_crew_rehearses_on_the_latest_tracks(job, spare):
     jobs = [replace(job, track=track.geometry()) for track in CATALOGUE[: VENUES_KEPT + 1]]
     for each in (*jobs, jobs[-2]):
         assert spare.take(each.venue) is None
@@ -117,7 +117,7 @@ def test_a_spare_crew_rehearses_where_the_last_races_were(job, spare):
     crew.close()
 
 
-def test_only_one_crew_waits(spare):
+def test_only_one_spare_crew_waits(spare):
     spare.prepare()
     waiting = spare._crew
     spare.prepare()
@@ -125,7 +125,7 @@ def test_only_one_crew_waits(spare):
 
 
 @pytest.mark.parametrize("which", ["policy", "runner"])
-def test_a_crew_that_died_while_it_waited_is_not_handed_out(job, spare, which):
+def test_a_crew_that_died_waiting_is_not_handed_out(job, spare, which):
     spare.prepare()
     crew = spare._crew
     process = crew.runner if which == "runner" else crew.policies[0].process
@@ -137,7 +137,7 @@ def test_a_crew_that_died_while_it_waited_is_not_handed_out(job, spare, which):
         assert another.alive
 
 
-def test_a_spare_that_is_closed_leaves_no_process(spare):
+def test_a_closed_spare_leaves_no_process(spare):
     spare.prepare()
     crew = spare._crew
     spare.close()
@@ -145,7 +145,7 @@ def test_a_spare_that_is_closed_leaves_no_process(spare):
     spare.close()
 
 
-def test_a_crew_that_cannot_be_started_is_left_to_the_next_evaluation_to_report(job, spare, monkeypatch):
+def test_a_crew_that_cannot_start_is_reported_by_the_next_run(job, spare, monkeypatch):
     def fail(*_args, **_options):
         raise PlatformFault("sandbox_failed", detail="no more processes")
 
@@ -154,7 +154,7 @@ def test_a_crew_that_cannot_be_started_is_left_to_the_next_evaluation_to_report(
     assert spare.take(job.venue) is None
 
 
-def test_the_wall_time_of_a_ready_crew_begins_with_its_job(job, spare):
+def test_a_ready_crews_wall_time_begins_with_its_job(job, spare):
     spare.prepare()
     crew = spare.take(job.venue)
     crew.runner.deadline = 0.0  # it has waited for longer than any race may take

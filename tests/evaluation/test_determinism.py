@@ -72,7 +72,7 @@ def busy_cores() -> Iterator[None]:
             burner.wait()
 
 
-def test_five_runs_at_every_level_one_core_and_busy_cores_give_one_result(job):
+def test_levels_and_busy_cores_do_not_change_the_result(job):
     levels = [*range(2, probe().level + 1)] * RUNS
     results = [evaluate(job, level=level) for level in levels[:RUNS]]
     with one_core_only():
@@ -88,7 +88,7 @@ def test_five_runs_at_every_level_one_core_and_busy_cores_give_one_result(job):
     assert sorted(outcome.order) == list(range(1 + len(job.rivals)))
 
 
-def test_another_seed_stands_the_boxes_elsewhere():
+def test_another_seed_places_the_boxes_elsewhere():
     car, (rules, _) = CARS[0], RACES["boxes in drawn places"]
     drawn = [RaceRules(**{**vars(rules), "seed": seed}) for seed in (3, 4)]
     places = [evaluate(RaceJob(by_slug("oval").geometry(), one, car.onnx, car.metadata)) for one in drawn]

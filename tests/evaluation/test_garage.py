@@ -74,7 +74,7 @@ def code_of(refusal):
 
 
 class TestUpload:
-    def test_keeps_the_network_and_what_is_known_of_it(self, alice, now, admitted, settings):
+    def test_it_keeps_the_network_and_its_facts(self, alice, now, admitted, settings):
         settings.UPLOAD_LIMIT_MB = 5
         model, created = (uploaded := upload(alice, now, description="fast")).model, uploaded.created
         assert created
@@ -87,27 +87,27 @@ class TestUpload:
         assert (network.size, network.parameters, network.macs) == (9, 7, 9)
         assert admitted[0].upload_bytes == 5 * 1024 * 1024
 
-    def test_of_the_same_network_gives_the_model_that_is_there(self, alice, now):
+    def test_the_same_network_again_gives_the_existing_model(self, alice, now):
         first = upload(alice, now)
         again = upload(alice, now, name="Another name")
         assert again.model == first.model and not again.created
         assert again.model.name == "Bolt"
         assert TrainedModel.objects.count() == 1
 
-    def test_of_the_same_network_by_somebody_else_stores_it_once(self, alice, bob, now):
+    def test_a_network_of_two_racers_is_stored_once(self, alice, bob, now):
         mine, theirs = upload(alice, now), upload(bob, now)
         assert theirs.created and theirs.model != mine.model
         assert theirs.model.network == mine.model.network
         assert network_files(mine.model.network) == [mine.model.network.onnx.name]
 
-    def test_of_a_deleted_model_makes_a_new_one(self, alice, now):
+    def test_a_deleted_model_uploaded_again_is_a_new_one(self, alice, now):
         first = upload(alice, now).model
         services.delete_model(model=first, now=now)
         second = upload(alice, now)
         assert second.created and second.model != first
         assert second.model.network == first.network
 
-    def test_that_is_refused_keeps_nothing(self, alice, now, monkeypatch):
+    def test_a_refused_upload_keeps_nothing(self, alice, now, monkeypatch):
         def refuse(*args, **options):
             raise UserFault("not_a_model")
 
@@ -118,7 +118,7 @@ class TestUpload:
         assert not TrainedModel.objects.exists() and not Network.objects.exists()
         assert set(stored_networks()) == before
 
-    def test_that_loses_the_race_for_the_network_keeps_no_second_file(self, alice, bob, now, monkeypatch):
+    def test_simultaneous_uploads_keep_one_file(self, alice, bob, now, monkeypatch):
         store = garage.store
 
         def somebody_was_faster(name, content):
@@ -130,7 +130,7 @@ class TestUpload:
         assert Network.objects.get() == model.network == bob.models.get().network
         assert network_files(model.network) == [model.network.onnx.name]
 
-    def test_under_a_taken_name_keeps_nothing(self, alice, now):
+    def test_an_upload_under_a_taken_name_keeps_nothing(self, alice, now):
         upload(alice, now, b"a", name="Bolt")
         before = set(stored_networks())
         with pytest.raises(UserFault):
@@ -138,7 +138,7 @@ class TestUpload:
         assert Network.objects.count() == 1
         assert set(stored_networks()) == before
 
-    def test_whose_network_is_purged_in_the_same_moment_stores_it_again(self, alice, now, monkeypatch):
+    def test_a_network_purged_meanwhile_is_stored_again(self, alice, now, monkeypatch):
         model_row(alice, onnx=b"onnx of a", at=now - timedelta(days=9))
         old = alice.models.get()
         services.delete_model(model=old, now=now - timedelta(days=9))
@@ -155,7 +155,7 @@ class TestUpload:
         with model.network.onnx.open() as file:
             assert file.read() == b"onnx of a"
 
-    def test_whose_row_cannot_be_written_keeps_no_file(self, alice, now, monkeypatch):
+    def test_a_failed_row_keeps_no_file(self, alice, now, monkeypatch):
         def broken(*args, **kwargs):
             raise RuntimeError("the database is away")
 
@@ -182,12 +182,12 @@ class TestQuota:
         services.delete_model(model=upload(alice, now, b"a").model, now=now)
         assert upload(alice, now, b"b").created
 
-    def test_another_racers_models_take_no_room(self, alice, bob, now, settings):
+    def test_another_racers_models_do_not_count(self, alice, bob, now, settings):
         settings.MODELS_PER_RACER = 1
         upload(alice, now, b"a")
         assert upload(bob, now, b"b").created
 
-    def test_deleting_and_uploading_again_and_again_does_not_fill_the_disk(self, alice, now, settings, admitted):
+    def test_deleting_and_uploading_repeatedly_does_not_fill_the_disk(self, alice, now, settings, admitted):
         settings.STORAGE_PER_RACER_MB = 3
         for content in (bytes(2 << 20), bytes(1 << 20)):
             services.delete_model(model=upload(alice, now, content).model, now=now)
@@ -198,20 +198,20 @@ class TestQuota:
         assert len(admitted) == 2
         assert Network.objects.count() == 2
 
-    def test_what_is_purged_takes_no_storage(self, alice, now, settings):
+    def test_purged_models_use_no_storage(self, alice, now, settings):
         settings.STORAGE_PER_RACER_MB = 1
         services.delete_model(model=upload(alice, now, bytes(1 << 20)).model, now=now)
         later = now + timedelta(days=2)
         services.purge_garages(now=later)
         assert upload(alice, later, b"b").created
 
-    def test_another_racers_networks_take_no_storage(self, alice, bob, now, settings):
+    def test_another_racers_networks_use_no_storage(self, alice, bob, now, settings):
         settings.STORAGE_PER_RACER_MB = 1
         upload(alice, now, bytes(1 << 20))
         assert upload(bob, now, b"b").created
 
     @pytest.mark.django_db(transaction=True)
-    def test_two_uploads_at_once_into_the_last_place_make_one_model(self, alice, now, settings, monkeypatch):
+    def test_two_simultaneous_uploads_fill_the_last_place_once(self, alice, now, settings, monkeypatch):
         settings.MODELS_PER_RACER = 1
         admit, both = garage.admit, threading.Barrier(2)
 
@@ -294,7 +294,7 @@ class TestNames:
         ("name", "code"),
         [("", "model_name_missing"), (" \t\u200b", "model_name_missing"), ("x" * 65, "model_name_too_long")],
     )
-    def test_a_name_that_cannot_be_is_refused_before_any_work(self, alice, now, name, code, admitted):
+    def test_an_invalid_name_is_refused_before_any_work(self, alice, now, name, code, admitted):
         with pytest.raises(UserFault) as refusal:
             upload(alice, now, name=name)
         assert code_of(refusal) == code
@@ -313,7 +313,7 @@ class TestNames:
         assert (model.name, model.description) == ("Flash", "x y")
         services.describe_model(model=model, name="Flash", description="")  # its own name is no clash
 
-    def test_renaming_to_a_taken_name_or_too_long_a_description_is_refused(self, alice, now):
+    def test_a_taken_name_or_long_description_is_refused_on_edit(self, alice, now):
         upload(alice, now, b"a", name="Bolt")
         model = upload(alice, now, b"b", name="Flash").model
         with pytest.raises(UserFault) as refusal:
@@ -341,13 +341,13 @@ class TestGarage:
         assert not selectors.can_use_model(alice, model)
         assert not selectors.models_of(alice).exists()
 
-    def test_deleting_twice_keeps_the_first_time(self, alice, now):
+    def test_deleting_twice_keeps_the_first_timestamp(self, alice, now):
         model = upload(alice, now).model
         services.delete_model(model=model, now=now)
         services.delete_model(model=model, now=replace_year(now))
         assert model.deleted_at == now
 
-    def test_a_deleted_models_evaluations_stay(self, alice, oval, bell, now):
+    def test_evaluations_of_a_deleted_model_stay(self, alice, oval, bell, now):
         model = upload(alice, now).model
         services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
         services.delete_model(model=model, now=now)
@@ -355,7 +355,7 @@ class TestGarage:
 
 
 class TestPurge:
-    def test_what_was_deleted_long_ago_and_never_raced_is_removed_with_its_file(
+    def test_an_old_deleted_model_that_never_raced_is_purged(
         self, alice, bob, oval, bell, now, django_capture_on_commit_callbacks
     ):
         long_ago = now - timedelta(days=2)
@@ -374,7 +374,7 @@ class TestPurge:
             assert network_files(model.network) == [model.network.onnx.name]
         assert services.purge_garages(now=now) == 0
 
-    def test_uploads_that_a_killed_web_server_left_behind_are_removed(self, now, settings, tmp_path):
+    def test_uploads_left_by_a_killed_web_server_are_removed(self, now, settings, tmp_path):
         settings.FILE_UPLOAD_TEMP_DIR = tmp_path
         left, running, other = (tmp_path / name for name in ("tmpa.upload.zip", "tmpb.upload.gz", "notes.txt"))
         for path, hours in ((left, 48), (running, 1), (other, 48)):

@@ -17,7 +17,7 @@ from tests.factories import a_model, a_racer
 
 
 @pytest.mark.parametrize("shell", Shell.values)
-def test_every_shell_is_drawn_from_the_side_and_from_above_within_its_bounds(shell):
+def test_every_shell_fits_its_bounds_in_both_drawings(shell):
     side, above = FROM_THE_SIDE[shell], FROM_ABOVE[shell]
     for path in (side.body, side.glass, side.dark, above.body, above.glass, above.dark, above.under):
         assert re.fullmatch(r"[MLHVQTZ0-9 .-]*", path), path
@@ -30,7 +30,7 @@ def test_no_two_shells_look_the_same():
     assert len({(one.body, one.glass, one.dark, one.under) for one in FROM_ABOVE.values()}) == len(Shell)
 
 
-def test_cars_of_one_run_keep_their_shells_and_are_told_apart_by_colour():
+def test_similar_cars_of_one_run_get_different_colours():
     looks = [Look("van", "#3b82f6"), Look("kart", "#3b82f6"), Look("van", "#4080ff"), Look("hatch", "#111111")]
     worn = told_apart(looks)
     assert [look.shell for look in worn] == ["van", "kart", "van", "hatch"]
@@ -38,17 +38,17 @@ def test_cars_of_one_run_keep_their_shells_and_are_told_apart_by_colour():
     assert all(_distance(one.colour, two.colour) >= 120 for one, two in itertools.combinations(worn, 2))
 
 
-def test_cars_that_differ_wear_what_their_racers_chose():
+def test_different_cars_wear_what_their_racers_chose():
     looks = [Look("van", "#ff0000"), Look("van", "#00ff00"), Look("van", "#0000ff")]
     assert told_apart(looks) == looks
 
 
-def test_a_colour_cannot_carry_markup_into_a_page():
+def test_a_colour_cannot_inject_markup_into_a_page():
     assert "<script>" not in shell_from_above("van", '"/><script>')
 
 
 @pytest.mark.django_db
-def test_an_owner_gives_a_car_another_look_and_nothing_else_changes():
+def test_a_new_look_changes_nothing_else():
     model = a_model(a_racer("alice"))
     described = describe_model(model=model, name=model.name, description="", look=Look("kart", "#00ff00"))
     described.refresh_from_db()
@@ -60,7 +60,7 @@ def test_an_owner_gives_a_car_another_look_and_nothing_else_changes():
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("look", [Look("tank", "#00ff00"), Look("kart", "red"), Look("kart", "#00FF00\n")])
-def test_a_look_that_does_not_exist_is_refused_by_the_service_and_by_the_database(look):
+def test_service_and_database_refuse_an_unknown_look(look):
     model = a_model(a_racer("alice"))
     with pytest.raises(UserFault) as refusal:
         describe_model(model=model, name=model.name, description="", look=look)

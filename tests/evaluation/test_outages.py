@@ -101,9 +101,9 @@ def states(cars):
     return set(cars.values_list("state", flat=True))
 
 
-class TestStorage:
+class TestStorageOutage:
     @pytest.mark.parametrize("fault", [STOPPED, SLOW, FULL, OSError(28, "No space left on device"), DAMAGED])
-    def test_that_is_away_for_fifty_seconds_fails_no_car(self, cars, turn, bucket, fault):
+    def test_fifty_seconds_without_storage_fail_no_car(self, cars, turn, bucket, fault):
         bucket.fault = fault
         assert turn(0)
         for second in range(1, 50):
@@ -116,12 +116,12 @@ class TestStorage:
         assert taken[0] <= 50 + 60, "it is looked for at least once a minute"
         assert not Outage.objects.exists()
 
-    def test_that_lies_does_not_answer(self, db, bucket):
+    def test_a_storage_that_lies_counts_as_out(self, db, bucket):
         assert outages.storage_answers()
         bucket.lies = True
         assert not outages.storage_answers()
 
-    def test_that_is_away_for_a_day_fails_no_car(self, cars, turn, bucket):
+    def test_a_day_without_storage_fails_no_car(self, cars, turn, bucket):
         bucket.fault = STOPPED
         for minute in range(0, 24 * 60, 10):
             turn(60 * minute)
@@ -129,7 +129,7 @@ class TestStorage:
         assert all(turn(86_400 + second) for second in range(4))
         assert states(cars) == {State.FINISHED}
 
-    def test_has_lost_one_file_keeps_nobody_else_waiting(self, cars, turn):
+    def test_one_lost_file_keeps_nobody_else_waiting(self, cars, turn):
         lost = cars[0]
         default_storage.delete(lost.model.network.onnx.name)
         taken = [turn(second) for second in range(60)]
@@ -138,7 +138,7 @@ class TestStorage:
         assert (lost.state, lost.attempt) == (State.QUEUED, 4)
         assert set(cars.exclude(pk=lost.pk).values_list("state", flat=True)) == {State.FINISHED}
 
-    def test_that_is_back_wakes_what_pauses(self, cars, turn, bucket, now):
+    def test_pausing_runs_resume_when_storage_is_back(self, cars, turn, bucket, now):
         bucket.fault = STOPPED
         turn(0)
         far = now + timedelta(hours=1)
@@ -148,7 +148,7 @@ class TestStorage:
         assert turn(5)
         assert not cars.filter(not_before__isnull=False).exists()
 
-    def test_that_is_out_is_looked_at_by_one_of_many(self, cars, turn, bucket, now, monkeypatch):
+    def test_one_worker_at_a_time_probes_the_storage(self, cars, turn, bucket, now, monkeypatch):
         bucket.fault = STOPPED
         turn(0)
         looked = []
@@ -162,7 +162,7 @@ class TestStorage:
         outages.look_after("storage", now=now + timedelta(seconds=6))
         assert looked == [1]
 
-    def test_at_a_bucket_whose_server_is_stopped_is_a_storage_fault(self):
+    def test_a_bucket_with_a_stopped_server_is_a_storage_fault(self):
         from botocore.config import Config
 
         away = S3Storage(
@@ -178,8 +178,8 @@ class TestStorage:
             assert caught.value.code == "storage_failed"
 
 
-class TestACarWhoseSimulatorEnds:
-    def test_while_others_pass_is_given_up_at_last(self, cars, now):
+class TestSimulatorCrash:
+    def test_a_car_is_given_up_while_others_pass(self, cars, now):
         killer = cars[0]
         for kill in range(1, 6):
             self.passes(cars[1], now + timedelta(hours=2 * kill))
@@ -190,13 +190,13 @@ class TestACarWhoseSimulatorEnds:
         assert killer.is_platform_fault
         assert "5 times" in killer.reason
 
-    def test_while_nobody_passes_is_tried_for_as_long_as_it_takes(self, cars, now):
+    def test_a_car_is_retried_while_nobody_passes(self, cars, now):
         for hour in range(20):
             self.kills(cars[0], now + timedelta(hours=2 * hour))
         cars[0].refresh_from_db()
         assert (cars[0].state, cars[0].attempt, cars[0].kills) == (State.QUEUED, 20, 0)
 
-    def test_counts_no_pass_of_its_own_network(self, cars, now, bob, oval):
+    def test_a_pass_of_its_own_network_does_not_count(self, cars, now, bob, oval):
         twin = model_row(bob, name="Twin", onnx=f"{cars[0].owner.alias} 0".encode())
         other = services.queue_evaluation(owner=bob, model=twin, track=oval, rules=RaceRules(), now=now)
         self.passes(other, now + timedelta(hours=1))
@@ -222,13 +222,13 @@ class TestACarWhoseSimulatorEnds:
         assert services.finish_evaluation(**self.claimed(evaluation, at), outcome=outcome_of(), now=at)
 
 
-def test_pauses_grow_to_an_hour():
+def test_pauses_grow_up_to_an_hour():
     assert [pause_after(attempt).total_seconds() for attempt in (1, 2, 3, 4, 5, 6, 7, 8, 500)] == [
         *(0, 4, 16, 64, 256, 1024, 3600, 3600, 3600)
     ]
 
 
-def test_only_what_waits_may_pause(cars, now):
+def test_only_a_queued_run_may_pause(cars, now):
     claimed = services.EVALUATIONS.claim(worker="w", now=now)
     for changes in ({"not_before": now, "failed_at": now}, {"kills": claimed.attempt + 1}):
         with pytest.raises(IntegrityError), transaction.atomic():
@@ -237,7 +237,7 @@ def test_only_what_waits_may_pause(cars, now):
         cars.filter(state=State.QUEUED).update(not_before=now)  # without a fault
 
 
-def test_a_worker_whose_wall_is_gone_looks_again(cars, turn, monkeypatch):
+def test_a_worker_that_lost_its_sandbox_probes_again(cars, turn, monkeypatch):
     looks = []
     monkeypatch.setattr(probing, "look_again", lambda: looks.append(1))
 

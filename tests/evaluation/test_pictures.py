@@ -32,14 +32,14 @@ def pixels(*arguments):
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("lidar", [None, *LIDARS])
-def test_there_are_three_rows_of_a_panel_for_each_picture_and_fan(camera, lidar, oval):
+def test_the_picture_has_three_rows_with_a_panel_per_sensor(camera, lidar, oval):
     picture = pixels(oval, [camera, *([lidar] if lidar else [])])
     frames = 2 if camera == "STEREO_CAMERAS" else 1
     width = frames * WIDTH + (frames - 1) * GAP_PX + (GAP_PX + FAN_PX if lidar else 0)
     assert picture.shape == (3 * HEIGHT + 2 * GAP_PX, width)
 
 
-def test_the_frames_are_the_cameras_own_pixels(oval):
+def test_frames_hold_the_cameras_own_pixels(oval):
     picture = pixels(oval, ["FRONT_FACING_CAMERA"])
     camera = Camera(Scene.of(oval), FRONT_CAMERA)
     for row, view in enumerate(views(oval)):
@@ -50,7 +50,7 @@ def test_the_frames_are_the_cameras_own_pixels(oval):
 
 
 @pytest.mark.parametrize("lidar", LIDARS)
-def test_a_fan_shows_what_is_beside_and_behind(lidar, oval):
+def test_a_lidar_fan_shows_what_is_beside_and_behind(lidar, oval):
     """First row: a box to the left. Last row: a car behind on the right."""
     picture = pixels(oval, ["LEFT_CAMERA", lidar])
     fans = [
@@ -63,7 +63,7 @@ def test_a_fan_shows_what_is_beside_and_behind(lidar, oval):
     assert fans[2][middle:, middle:].any()
 
 
-def test_the_same_arguments_give_the_same_bytes_and_a_configuration_counts(oval):
+def test_a_picture_depends_on_sensors_and_configuration_alone(oval):
     sensors = ["STEREO_CAMERAS", "DISCRETIZED_SECTOR_LIDAR"]
     assert sensor_picture(oval, sensors) == sensor_picture(oval, sensors)
     assert sensor_picture(oval, sensors) != sensor_picture(oval, sensors, {"num_sectors": 16})
@@ -72,7 +72,7 @@ def test_the_same_arguments_give_the_same_bytes_and_a_configuration_counts(oval)
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_there_is_something_to_see_on_every_track(entry, direction):
+def test_every_tracks_picture_shows_an_object(entry, direction):
     track = entry.geometry().in_direction(direction)
     camera = Camera(Scene.of(track), FRONT_CAMERA)
     for view in views(track):
@@ -80,11 +80,11 @@ def test_there_is_something_to_see_on_every_track(entry, direction):
         assert (camera.render(view, view.solids) != camera.render(view, ())).any()
 
 
-def test_a_sensor_that_is_not_here_is_refused(oval):
+def test_an_unknown_sensor_is_refused(oval):
     with pytest.raises(ValueError, match="RADAR"):
         sensor_picture(oval, ["RADAR"])
 
 
-def test_drawing_needs_neither_django_nor_physics():
+def test_drawing_imports_neither_django_nor_physics():
     code = "import sys, evaluation.pictures; sys.exit(bool({'pybullet', 'django'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -33,7 +33,7 @@ def job(oval):
     return RaceJob(oval, RaceRules(max_simulated_ms=30_000), small_network(), METADATA)
 
 
-def test_an_evaluation_says_what_was_driven(job, level):  # noqa: F811
+def test_an_evaluation_reports_what_was_driven(job, level):  # noqa: F811
     outcome = evaluate(job, level=level)
     assert outcome.engine == ENGINE_ID
     assert outcome.end_reason == "time_up"
@@ -54,7 +54,7 @@ def test_the_wall_time_is_accounted_for(job):
     assert outcome.shares["network"] <= outcome.shares["policy"] + 0.02  # a hundredth each of two clocks
 
 
-def test_a_bound_that_does_not_hold_has_everything_driven_again(job):
+def test_a_broken_bound_has_the_whole_run_driven_again(job):
     exactly = evaluate(replace(job, facts=Facts(bound=None).to_dict()))
     assert [sum(ways) for ways in exactly.ways] == [ways[EXACT] for ways in exactly.ways]
     assert 100 < exactly.ways[0][EXACT] < exactly.steps  # in a pause nobody asks
@@ -64,7 +64,7 @@ def test_a_bound_that_does_not_hold_has_everything_driven_again(job):
     assert evaluate(job).inexact == []
 
 
-def test_five_runs_and_every_level_give_one_trace(job):
+def test_five_runs_across_all_levels_give_one_trace(job):
     from evaluation.sandbox.probe import probe
 
     levels = [*range(2, probe().level + 1)] * 5
@@ -94,7 +94,7 @@ def test_a_network_of_the_consoles_size_stays_under_600_mb(job):
     assert 150 < outcome.peak_mb < 600
 
 
-def test_progress_is_told_while_it_runs(job):
+def test_progress_is_reported_during_a_run(job):
     seen = []
     outcome = evaluate(job, on_progress=seen.append)
     assert 2 <= len(seen) <= 32  # every 15 steps, but no more often than four times a second
@@ -103,7 +103,7 @@ def test_progress_is_told_while_it_runs(job):
     assert seen[0]["laps"] == 3
 
 
-def test_a_stop_ends_the_run_soon(job):
+def test_a_stop_soon_ends_the_run(job):
     asked = []
 
     def should_stop():
@@ -125,7 +125,7 @@ def test_a_stop_before_the_start_is_heeded(job):
 
 
 @pytest.mark.parametrize("where", ["on_progress", "should_stop"])
-def test_what_the_caller_raises_goes_through_and_everything_is_cleared_away(job, where):
+def test_a_callers_error_propagates_and_leaves_nothing_running(job, where):
     class LeaseLost(Exception):
         pass
 
@@ -136,19 +136,19 @@ def test_what_the_caller_raises_goes_through_and_everything_is_cleared_away(job,
         evaluate(job, **{where: lose})
 
 
-def test_a_network_that_answers_no_number_is_the_racers_fault(job, level):  # noqa: F811
+def test_a_network_answering_nan_is_the_racers_fault(job, level):  # noqa: F811
     with pytest.raises(UserFault) as caught:
         evaluate(replace(job, onnx=constant_network((float("nan"), 0.0, 0.0))), level=level)
     assert caught.value.code == "non_finite_action"
 
 
-def test_a_network_that_does_not_fit_the_action_list_is_the_racers_fault(job):
+def test_an_unfitting_action_list_is_the_racers_fault(job):
     with pytest.raises(UserFault) as caught:
         evaluate(replace(job, onnx=small_network(outputs=5)))
     assert caught.value.code == "policy_refused"
 
 
-def test_the_cores_of_the_caller_are_left_alone(job):
+def test_the_callers_cpu_affinity_is_left_alone(job):
     import os
 
     before = os.sched_getaffinity(0)
@@ -156,7 +156,7 @@ def test_the_cores_of_the_caller_are_left_alone(job):
     assert os.sched_getaffinity(0) == before
 
 
-def test_two_evaluations_at_a_time_do_not_disturb_each_other(job):
+def test_two_simultaneous_evaluations_do_not_affect_each_other(job):
     from concurrent.futures import ThreadPoolExecutor
 
     other = replace(job, onnx=small_network(seed=1))
@@ -166,5 +166,5 @@ def test_two_evaluations_at_a_time_do_not_disturb_each_other(job):
     assert together == alone
 
 
-def test_the_pipelines_patience_is_longer_than_a_models_budget():
+def test_the_pipelines_time_limit_exceeds_a_models_budget():
     assert pipeline.PolicyBudget().total_s * 1.5 < pipeline.WALL_LIMIT_S

@@ -84,7 +84,7 @@ def runner(monkeypatch):
         ("junk_for_ready", "policy_protocol"),
     ],
 )
-def test_a_policy_that_misbehaves_is_the_racers_fault_and_the_next_one_drives_as_ever(
+def test_a_misbehaving_policy_does_not_affect_the_next_one(
     job,
     right,
     policy,
@@ -111,7 +111,7 @@ def test_slowness_within_the_budget_moves_no_lap_time(job, policy):
     assert len(traces) == 1
 
 
-def test_how_a_policy_died_is_told(job, policy):
+def test_the_reason_tells_how_a_policy_died(job, policy):
     policy("crash")
     with pytest.raises(UserFault) as caught:
         evaluate(job)
@@ -140,7 +140,7 @@ def test_how_a_policy_died_is_told(job, policy):
         ("race:retires_nobody", "runner_protocol"),
     ],
 )
-def test_a_runner_that_fails_is_our_fault_and_operators_see_its_last_words(job, runner, kind, code, monkeypatch):
+def test_a_failing_runner_is_our_fault_with_details_for_operators(job, runner, kind, code, monkeypatch):
     monkeypatch.setattr(pipeline, "_START_S", 1.5)
     monkeypatch.setattr(pipeline, "_MESSAGE_S", 0.5)
     monkeypatch.setattr(crew, "RUNNER", replace(RUNNER, address_space_mb=400))
@@ -156,14 +156,14 @@ def test_a_runner_that_fails_is_our_fault_and_operators_see_its_last_words(job, 
 @pytest.mark.parametrize(
     "metadata", [{}, {**METADATA, "sensor": ["CRYSTAL_BALL"]}, {**METADATA, "action_space": []}], ids=str
 )
-def test_metadata_that_should_not_have_come_so_far_is_our_fault(job, metadata):
+def test_invalid_metadata_in_a_job_is_our_fault(job, metadata):
     with pytest.raises(PlatformFault) as caught:
         evaluate(replace(job, metadata=metadata))
     assert caught.value.code == "runner_error"
     assert any("Traceback" in note for note in caught.value.__notes__)
 
 
-def test_when_the_runner_cannot_be_started_the_policy_is_ended_too(job, monkeypatch):
+def test_a_runner_that_does_not_start_ends_the_policy_too(job, monkeypatch):
     def fail(*_args, **_options):
         raise PlatformFault("sandbox_failed", detail="no more processes")
 
@@ -173,7 +173,7 @@ def test_when_the_runner_cannot_be_started_the_policy_is_ended_too(job, monkeypa
     assert caught.value.code == "sandbox_failed"
 
 
-def test_below_the_minimum_nothing_runs(job, monkeypatch):
+def test_nothing_runs_below_the_minimum(job, monkeypatch):
     weak = SandboxReport(layers=[Layer("Landlock", False, "not in this kernel")], level=1, minimum=2)
     monkeypatch.setattr(probe_module, "probe", lambda: weak)
     with pytest.raises(PlatformFault) as caught:

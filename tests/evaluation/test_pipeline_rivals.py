@@ -68,8 +68,8 @@ def same(outcome):
     return {name: value for name, value in asdict(outcome).items() if name not in measured}
 
 
-class TestARaceOfSeveral:
-    def test_every_car_has_its_laps_and_its_trace(self, job, level):  # noqa: F811
+class TestSeveralCars:
+    def test_every_car_has_its_laps_and_trace(self, job, level):  # noqa: F811
         outcome = evaluate(job, level=level)
         (rival,) = outcome.rivals
         assert sorted(outcome.order) == [0, 1]
@@ -89,10 +89,10 @@ class TestARaceOfSeveral:
         assert sorted(outcome.order) == [0, 1, 2, 3]
         assert len({outcome.trace_sha256, *(rival.trace_sha256 for rival in outcome.rivals)}) == 4
 
-    def test_the_memory_of_all_processes_is_added_up(self, job):
+    def test_memory_of_all_processes_is_added_up(self, job):
         assert evaluate(job).peak_mb > evaluate(replace(job, rivals=())).peak_mb + 30
 
-    def test_processes_that_waited_drive_the_same_race(self, job):
+    def test_a_ready_crew_drives_the_same_race(self, job):
         spare = Spare()
         spare.prepare()
         crew = spare.take(job.venue)
@@ -100,7 +100,7 @@ class TestARaceOfSeveral:
         assert same(evaluate(job, crew=crew)) == same(evaluate(job))
         assert not crew.alive
 
-    def test_each_car_reads_its_own_sensors_and_has_its_own_actions(self, job):
+    def test_each_car_has_its_own_sensors_and_actions(self, job):
         metadata = {
             **METADATA,
             "action_space_type": "continuous",
@@ -112,7 +112,7 @@ class TestARaceOfSeveral:
         assert {row.split(",")[6] for row in rows} == {"0.5"}
 
     @pytest.mark.parametrize("where", ["on_progress", "should_stop"])
-    def test_what_the_caller_raises_goes_through_and_everything_is_cleared_away(self, job, where):
+    def test_a_callers_error_propagates_and_leaves_nothing_running(self, job, where):
         class LeaseLost(Exception):
             pass
 
@@ -122,7 +122,7 @@ class TestARaceOfSeveral:
         with pytest.raises(LeaseLost):
             evaluate(job, **{where: lose})
 
-    def test_a_stop_ends_the_run_soon(self, job):
+    def test_a_stop_soon_ends_the_run(self, job):
         asked = []
         long = replace(job, rules=replace(job.rules, laps=1000, max_simulated_ms=10_000_000))
         started = time.monotonic()
@@ -131,7 +131,7 @@ class TestARaceOfSeveral:
         assert caught.value.code == "stopped"
         assert time.monotonic() - started < 15
 
-    def test_when_a_later_process_cannot_be_started_the_others_are_ended(self, job, policies, monkeypatch):
+    def test_a_process_that_does_not_start_ends_the_others(self, job, policies, monkeypatch):
         started = []
 
         def fail_at_the_second(**options):
@@ -167,19 +167,19 @@ class TestARaceOfSeveral:
             (RaceRules(race_type="head_to_head", bots=2), "rivals_with_bots"),
         ],
     )
-    def test_a_race_without_a_place_for_rivals_is_refused_before_anything_starts(self, job, rules, code):
+    def test_a_race_type_without_rivals_is_refused_before_starting(self, job, rules, code):
         with pytest.raises(UserFault) as caught:
             replace(job, rules=rules)
         assert caught.value.code == code
 
-    def test_boxes_without_room_are_the_users_fault(self, oval):
+    def test_boxes_without_room_are_the_racers_fault(self, oval):
         rules = RaceRules(race_type="object_avoidance", boxes=(BoxPlace(0.0, "inner"),))
         with pytest.raises(UserFault) as caught:
             evaluate(RaceJob(oval, rules, small_network(), METADATA))
         assert caught.value.code == "box_on_start_line"
 
 
-class TestACarThatFails:
+class TestFailingCar:
     @pytest.mark.parametrize(
         ("kind", "code"),
         [
@@ -199,7 +199,7 @@ class TestACarThatFails:
             ("grow", "policy_memory"),
         ],
     )
-    def test_retires_and_the_other_drives_on(self, job, policies, not_starved, kind, code):
+    def test_it_retires_and_the_other_drives_on(self, job, policies, not_starved, kind, code):
         policies(None, kind)
         started = time.monotonic()
         outcome = evaluate(job, budget=PolicyBudget() if kind == "grow" else BRISK)
@@ -212,7 +212,7 @@ class TestACarThatFails:
         assert outcome.order == [0, 1]
         assert time.monotonic() - started < 20
 
-    def test_may_be_the_first_one(self, job, policies):
+    def test_the_first_car_may_fail(self, job, policies):
         policies("crash", None)
         outcome = evaluate(job)
         assert outcome.retired == {"code": "policy_died", "params": {"step": STEP, "how": "SIGSEGV"}}
@@ -222,7 +222,7 @@ class TestACarThatFails:
         assert outcome.simulated_ms == job.rules.max_simulated_ms
         assert len(outcome.rivals[0].trace_csv.splitlines()) > len(outcome.trace_csv.splitlines())
 
-    def test_may_be_all_of_them(self, job, policies):
+    def test_all_cars_may_fail(self, job, policies):
         policies("crash", "not_a_number")
         outcome = evaluate(job)
         assert outcome.retired["code"] == "policy_died"
@@ -230,7 +230,7 @@ class TestACarThatFails:
         assert outcome.end_reason == outcome.rivals[0].end_reason == "retired"
         assert sorted(outcome.order) == [0, 1]
 
-    def test_moves_the_others_in_the_same_way_however_it_failed(self, job, policies):
+    def test_the_way_of_failing_does_not_affect_the_others(self, job, policies):
         outcomes = []
         for kind in ("crash", "not_a_number", "two_replies", "half_a_reply"):
             policies(None, kind)
@@ -238,7 +238,7 @@ class TestACarThatFails:
         assert len({outcome.trace_sha256 for outcome in outcomes}) == 1
         assert len({outcome.rivals[0].trace_sha256 for outcome in outcomes}) == 1
 
-    def test_takes_no_processor_from_the_others_afterwards(self, job, policies, not_starved):
+    def test_a_retired_car_takes_no_cpu_from_the_others(self, job, policies, not_starved):
         policies(None, "burn")
         crew = Crew(2)
         running = []
@@ -254,7 +254,7 @@ class TestACarThatFails:
             ("refuses_with_poison", "policy_refused"),
         ],
     )
-    def test_at_the_start_retires_before_it_moved(self, job, policies, kind, code):
+    def test_a_car_failing_at_the_start_retires_unmoved(self, job, policies, kind, code):
         policies(None, kind)
         outcome = evaluate(job)
         (rival,) = outcome.rivals
@@ -262,18 +262,18 @@ class TestACarThatFails:
         assert len(rival.trace_csv.splitlines()) == 2  # the header and where it stood
         assert outcome.end_reason == "time_up"
 
-    def test_with_a_network_that_does_not_fit_its_actions_retires(self, job):
+    def test_a_car_whose_network_and_actions_disagree_retires(self, job):
         outcome = evaluate(replace(job, onnx=small_network(outputs=5)))
         assert outcome.retired["code"] == "policy_refused"
         assert outcome.rivals[0].end_reason == "time_up"
         assert outcome.versions["onnxruntime"]
 
-    def test_at_the_start_like_all_the_others_is_a_result_too(self, job):
+    def test_a_race_where_all_fail_at_the_start_has_a_result(self, job):
         broken = small_network(outputs=5)
         outcome = evaluate(replace(job, onnx=broken, rivals=(RivalCar(broken, METADATA),)))
         assert [outcome.retired["code"], outcome.rivals[0].retired["code"]] == ["policy_refused"] * 2
 
-    def test_through_the_hosts_fault_is_no_result_at_all(self, job):
+    def test_a_car_killed_by_the_host_leaves_no_result(self, job):
         """The kernel kills with SIGKILL when the host's memory runs out, and a policy cannot send itself one."""
         crew = Crew(2)
         long = replace(job, rules=replace(job.rules, max_simulated_ms=600_000))
@@ -286,14 +286,14 @@ class TestACarThatFails:
             evaluate(long, crew=crew, on_progress=kill)
         assert caught.value.code == "host_overloaded"
 
-    def test_was_late_because_it_hardly_got_the_processor_is_no_result_either(self, job, policies, monkeypatch):
+    def test_a_car_starved_of_cpu_leaves_no_result(self, job, policies, monkeypatch):
         monkeypatch.setattr(PolicyProcess, "_starved", lambda policy, waited_s: True)
         policies(None, "half_a_reply")
         with pytest.raises(PlatformFault) as caught:
             evaluate(job, budget=BRISK)
         assert caught.value.code == "host_overloaded"
 
-    def test_slowness_within_its_budget_moves_nobody(self, job, policies):
+    def test_slowness_within_the_budget_affects_nobody(self, job, policies):
         traces = set()
         for kind in ("flood_stderr", "slow_once"):
             policies(None, kind)
@@ -302,14 +302,14 @@ class TestACarThatFails:
         assert len(traces) == 1
         assert traces.pop()[2] == "time_up"
 
-    def test_has_a_budget_of_its_own(self, job, policies):
+    def test_each_car_has_its_own_budget(self, job, policies):
         """Together they need more than one has, and neither more than its own."""
         policies("slow_once", "slow_once")
         outcome = evaluate(job, budget=PolicyBudget(step_deadline_s=0.05, overage_s=0.4, total_s=20.0))
         assert outcome.retired is None and outcome.rivals[0].retired is None
 
 
-def test_the_runners_time_grows_with_the_cars(job, runner):  # noqa: F811  it is the fixture
+def test_the_runners_time_limit_grows_with_the_cars(job, runner):  # noqa: F811  it is the fixture
     runner("race:hang")
     with pytest.raises(PlatformFault) as caught:
         evaluate(job, wall_limit_s=1.5)

@@ -124,7 +124,7 @@ def traces_of(evaluation):
     return [name for name in default_storage.listdir("traces")[1] if name.startswith(evaluation.public_id)]
 
 
-def test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result(submit, control, broker_url):
+def test_a_killed_pool_process_costs_one_attempt_and_no_result(submit, control, broker_url):
     with control.worker(broker_url):
         for point in POINTS:
             the_pool_process_is_killed_at(point, submit, control)
@@ -132,7 +132,7 @@ def test_a_pool_process_killed_at_any_point_costs_one_attempt_and_no_result(subm
 
 @pytest.mark.redis
 @pytest.mark.parametrize("broker_url", ["redis"], indirect=True)
-def test_a_pool_process_killed_in_a_run_is_made_up_for_with_redis_too(submit, control, broker_url):
+def test_a_killed_pool_process_is_replaced_with_redis_too(submit, control, broker_url):
     with control.worker(broker_url):
         the_pool_process_is_killed_at("running", submit, control)
 
@@ -159,7 +159,7 @@ def the_pool_process_is_killed_at(point, submit, control):
     assert traces_of(evaluation) == [os.path.basename(evaluation.result.trace.name)], point
 
 
-def test_a_worker_killed_at_any_point_leaves_no_process_and_the_next_one_finishes(submit, control, broker_url):
+def test_a_killed_worker_leaves_no_process_and_the_next_finishes(submit, control, broker_url):
     with ExitStack() as workers:
         worker = workers.enter_context(control.worker(broker_url, "first"))
         for point in POINTS:
@@ -175,7 +175,7 @@ def test_a_worker_killed_at_any_point_leaves_no_process_and_the_next_one_finishe
             assert len(traces_of(evaluation)) == 1, point
 
 
-def test_a_worker_told_to_stop_hands_its_evaluation_back_at_once(submit, control, broker_url):
+def test_a_stopping_worker_hands_its_evaluation_back_at_once(submit, control, broker_url):
     with control.worker(broker_url) as worker:
         control.hold_at("running")
         evaluation = submit()
@@ -187,7 +187,7 @@ def test_a_worker_told_to_stop_hands_its_evaluation_back_at_once(submit, control
         assert not session_of(worker.pid)
 
 
-def test_an_idle_worker_whose_whole_group_is_told_to_stop_ends_quietly(submit, control, broker_url):
+def test_an_idle_worker_stopped_by_group_ends_quietly(submit, control, broker_url):
     with control.worker(broker_url) as worker:
         first = submit()
         wait_for(lambda: finished(first), 30, control.log)
@@ -197,7 +197,7 @@ def test_an_idle_worker_whose_whole_group_is_told_to_stop_ends_quietly(submit, c
     assert "exited with" not in control.log.read_text()
 
 
-def test_a_worker_told_to_stop_does_not_run_what_is_on_its_way_to_its_process(submit, control, broker_url):
+def test_a_stopping_worker_does_not_run_a_prefetched_task(submit, control, broker_url):
     """Celery's main process then reads nothing more from its pool: the process must not wait for it, either."""
     broker = Redis(unix_socket_path=broker_url.removeprefix("redis+socket://"))
     broker.flushall()  # messages that killed workers of other tests had not acknowledged
@@ -230,7 +230,7 @@ def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, 
     assert not Result.objects.filter(evaluation=evaluation).exists()
 
 
-def test_a_duel_killed_at_any_point_leaves_the_files_of_one_attempt(submit_duel, control, broker_url):
+def test_a_killed_duel_leaves_the_files_of_one_attempt(submit_duel, control, broker_url):
     with control.worker(broker_url):
         for point in POINTS:
             evaluation = finished_after_a_kill_at(point, submit_duel, control)
@@ -239,7 +239,7 @@ def test_a_duel_killed_at_any_point_leaves_the_files_of_one_attempt(submit_duel,
             assert sorted(traces_of(evaluation)) == sorted(os.path.basename(file.name) for file in kept), point
 
 
-def test_a_real_run_killed_or_stopped_leaves_no_sandboxed_process(alice, oval, control, broker_url):
+def test_a_killed_or_stopped_run_leaves_no_sandboxed_process(alice, oval, control, broker_url):
     cars = 3  # each in a process of its own
     car = house_cars()[0]
     files = [UploadPart(path.name, BytesIO(path.read_bytes())) for path in (car.onnx, car.metadata)]

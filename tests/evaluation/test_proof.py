@@ -45,13 +45,13 @@ def proves() -> Iterator[Callable[..., list[Proof]]]:
 # --- once ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_process_proves_itself_once(proves):
+def test_a_process_proves_itself_only_once(proves):
     asked = proves(INEXACT)
     assert proof.prove() is proof.prove() is INEXACT
     assert len(asked) == 1
 
 
-def test_what_a_fault_of_the_platform_kept_from_being_driven_is_tried_again(proves):
+def test_an_unsettled_proof_is_tried_again(proves):
     asked = proves(UNSETTLED, EXACT)
     assert proof.prove() is UNSETTLED
     assert proof.prove() is proof.prove() is EXACT
@@ -59,13 +59,13 @@ def test_what_a_fault_of_the_platform_kept_from_being_driven_is_tried_again(prov
 
 
 @pytest.mark.django_db
-def test_where_nobody_has_golden_runs_nothing_is_proven_and_nobody_refuses_work(proves):
+def test_without_golden_runs_nobody_proves_or_refuses_work(proves):
     proof.register(None)
     assert proof.prove() is None
     assert note_worker(name="w@one").proof == {}
 
 
-def test_a_proof_survives_its_way_through_the_database():
+def test_a_proof_survives_the_database():
     assert Proof.from_dict(INEXACT.to_dict()) == INEXACT
     assert not INEXACT.to_dict()["exact"] and EXACT.to_dict()["exact"]
 
@@ -74,13 +74,13 @@ def test_a_proof_survives_its_way_through_the_database():
 
 
 @pytest.mark.django_db
-class TestAWorker:
-    def test_that_is_exact_says_so_in_its_row(self, proves):
+class TestWorkerProof:
+    def test_an_exact_worker_says_so_in_its_row(self, proves):
         proves(EXACT)
         node = note_worker(name="w@one")
         assert node.proof == {**EXACT.to_dict(), "allowed": False} and not node.refuses
 
-    def test_that_is_not_refuses_with_a_reason_and_its_row_says_which_runs_differ(self, proves):
+    def test_an_inexact_worker_refuses_and_names_differing_runs(self, proves):
         proves(INEXACT)
         with pytest.raises(PlatformFault) as caught:
             note_worker(name="w@one")
@@ -90,14 +90,14 @@ class TestAWorker:
         node = WorkerNode.objects.get()
         assert node.refuses and node.proof["differ"] == ["a duel", "two eyes"]
 
-    def test_that_is_not_works_where_its_operator_allows_it_and_its_row_still_tells(self, proves, settings):
+    def test_an_allowed_inexact_worker_works_and_says_so(self, proves, settings):
         settings.INEXACT_WORKERS = "allow"
         proves(INEXACT)
         node = note_worker(name="w@one")
         assert not node.refuses
         assert (node.proof["exact"], node.proof["allowed"], node.proof["equal"]) == (False, True, 1)
 
-    def test_proves_itself_for_all_its_processes(self, proves):
+    def test_one_proof_serves_all_processes_of_a_worker(self, proves):
         proves(EXACT)
         note_worker(name="w@one")
         asked = proves()  # another process of the same pool
@@ -107,7 +107,7 @@ class TestAWorker:
         with pytest.raises(PlatformFault):
             note_worker(name="w@two")  # another worker proves itself
 
-    def test_that_comes_up_again_proves_itself_anew(self, proves):
+    def test_a_restarted_worker_proves_itself_again(self, proves):
         proves(EXACT)
         note_worker(name="w@one")
         start_worker(name="w@one", queues=["celery"], processes=1)
@@ -115,7 +115,7 @@ class TestAWorker:
         with pytest.raises(PlatformFault):
             note_worker(name="w@one")
 
-    def test_of_another_engine_proves_itself_anew(self, proves):
+    def test_a_worker_with_another_engine_proves_itself_again(self, proves):
         WorkerNode.objects.create(
             name="w@one", seen_at=timezone.now(), proof={**Proof("paddock-v0", 3, 3).to_dict(), "allowed": False}
         )
@@ -123,7 +123,7 @@ class TestAWorker:
         assert note_worker(name="w@one").proof["engine"] == ENGINE_ID
         assert len(asked) == 1
 
-    def test_below_the_sandboxs_minimum_drives_nothing(self, proves, monkeypatch):
+    def test_a_worker_below_the_minimum_sandbox_drives_nothing(self, proves, monkeypatch):
         asked = proves(EXACT)
         monkeypatch.setattr(
             probing, "probe", lambda: probing.SandboxReport([probing.Layer("Landlock", False, "none")], 0, 2)
@@ -132,7 +132,7 @@ class TestAWorker:
             note_worker(name="w@one")
         assert asked == [] and WorkerNode.objects.get().refuses
 
-    def test_that_runs_no_strangers_code_proves_nothing(self, proves):
+    def test_a_worker_without_untrusted_code_needs_no_proof(self, proves):
         asked = proves(INEXACT)
         assert not note_worker(name="filmer@one", sandboxed=False).refuses
         assert asked == []

@@ -58,20 +58,20 @@ def run_order(now):
 
 
 class TestOrder:
-    def test_one_submission_each_is_first_come_first_served(self, alice, bob, charlie, submit, now):
+    def test_single_submissions_are_first_come_first_served(self, alice, bob, charlie, submit, now):
         submit(bob, 1)
         submit(alice, 2)
         submit(charlie, 3)
         assert run_order(now) == ["bob", "alice", "charlie"]
 
-    def test_a_flood_by_one_racer_keeps_nobody_waiting_for_more_than_one_run(self, alice, bob, submit, now):
+    def test_one_racers_flood_delays_others_by_one_run_at_most(self, alice, bob, submit, now):
         for second in range(4):
             submit(alice, second)
         submit(bob, 10)
         submit(bob, 11)
         assert run_order(now) == ["alice", "bob", "alice", "bob", "alice", "alice"]
 
-    def test_whoever_has_fewer_runs_on_track_goes_first(self, alice, bob, submit, now):
+    def test_the_racer_with_fewer_running_goes_first(self, alice, bob, submit, now):
         for second in range(3):
             submit(alice, second)
         submit(bob, 20)
@@ -79,7 +79,7 @@ class TestOrder:
         assert claim(now).owner == bob
         assert claim(now).owner == alice
 
-    def test_a_higher_priority_runs_first_whoever_waits(self, alice, bob, submit, now):
+    def test_a_higher_priority_always_runs_first(self, alice, bob, submit, now):
         submit(alice, 0)
         submit(alice, 1)
         urgent = submit(bob, 50, priority=1)
@@ -88,7 +88,7 @@ class TestOrder:
         assert [claim(now).owner.alias, claim(now).owner.alias] == ["alice", "alice"]
         assert claim(now) == low
 
-    def test_an_evaluation_that_comes_back_keeps_its_place(self, alice, bob, submit, now):
+    def test_a_requeued_evaluation_keeps_its_place(self, alice, bob, submit, now):
         first = submit(alice, 0)
         submit(bob, 1)
         evaluation = claim(now)
@@ -96,14 +96,14 @@ class TestOrder:
         services.EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
         assert claim(now) == first
 
-    def test_the_position_shown_is_the_order_of_the_runs(self, alice, bob, charlie, submit, now):
+    def test_shown_positions_match_the_order_of_claims(self, alice, bob, charlie, submit, now):
         queued = [submit(alice, s) for s in range(3)] + [submit(bob, 10), submit(charlie, 11), submit(bob, 12)]
         queued.append(submit(charlie, 13, priority=1))
         shown = {selectors.queue_position(evaluation): evaluation.owner.alias for evaluation in queued}
         assert sorted(shown) == [1, 2, 3, 4, 5, 6, 7]
         assert run_order(now) == [shown[place] for place in sorted(shown)]
 
-    def test_what_is_stopped_in_the_moment_of_its_claim_is_not_run(self, alice, bob, submit, now, monkeypatch):
+    def test_a_run_stopped_during_its_claim_is_not_driven(self, alice, bob, submit, now, monkeypatch):
         stopped, following = submit(alice), submit(bob, 1)
         held = services.EVALUATIONS.held
 
@@ -121,14 +121,14 @@ class TestOrder:
 
 
 class TestPosition:
-    def test_only_what_waits_has_a_position(self, alice, submit, now):
+    def test_only_a_waiting_run_has_a_position(self, alice, submit, now):
         submit(alice)
         running = claim(now)
         assert selectors.queue_position(running) is None
         assert selectors.expected_wait_s(running) is None
         assert selectors.queue_length() == 0
 
-    def test_the_expected_wait_comes_from_the_last_runs(self, alice, submit, now, settings):
+    def test_the_expected_wait_follows_recent_runs(self, alice, submit, now, settings):
         settings.WORKER_CONCURRENCY = 2
         submit(alice)
         assert selectors.expected_wait_s(Evaluation.objects.get()) is None  # nothing to judge by yet
@@ -154,9 +154,7 @@ class TestLease:
             file_names(fast)[0].removeprefix("traces/")
         ]
 
-    def test_a_result_that_loses_the_race_while_its_trace_is_stored_leaves_no_file(
-        self, alice, submit, now, monkeypatch
-    ):
+    def test_a_result_overtaken_while_storing_leaves_no_file(self, alice, submit, now, monkeypatch):
         submit(alice)
         evaluation = claim(now)
         from evaluation.services import jobs
@@ -180,7 +178,7 @@ class TestLease:
         assert not finish(evaluation, now)
         assert Result.objects.count() == 1
 
-    def test_a_beat_prolongs_the_lease(self, alice, submit, now):
+    def test_a_heartbeat_extends_the_lease(self, alice, submit, now):
         submit(alice)
         evaluation = claim(now, after=0)
         later = now + timedelta(seconds=25)
@@ -190,7 +188,7 @@ class TestLease:
         assert evaluation.progress == {"lap": 2}
         assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=56)).requeued == 1
 
-    def test_another_lease_changes_nothing(self, alice, submit, now):
+    def test_a_foreign_lease_changes_nothing(self, alice, submit, now):
         submit(alice)
         evaluation = claim(now)
         evaluation.lease = uuid.uuid4()
@@ -199,7 +197,7 @@ class TestLease:
         assert not services.EVALUATIONS.fail(pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now)
         assert Evaluation.objects.get().state == State.RUNNING
 
-    def test_lost_workers_are_never_the_end_of_it(self, alice, submit, now):
+    def test_lost_workers_never_fail_an_evaluation(self, alice, submit, now):
         submit(alice)
         for attempt in range(1, 9):
             now += timedelta(hours=2)
@@ -217,7 +215,7 @@ class TestLease:
             assert evaluation.attempt == 1
             assert services.EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
 
-    def test_the_trace_of_a_worker_that_died_before_its_commit_is_swept_away(self, alice, submit, now):
+    def test_the_sweep_removes_an_uncommitted_trace(self, alice, submit, now):
         submit(alice)
         evaluation = claim(now)
         (name,) = store_files(evaluation, outcome_of()).traces
@@ -226,7 +224,7 @@ class TestLease:
 
 
 class TestEnd:
-    def test_the_signal_is_part_of_the_transaction(self, alice, submit, now, ended):
+    def test_the_signal_is_sent_inside_the_transaction(self, alice, submit, now, ended):
         submit(alice)
         evaluation = claim(now)
 
@@ -243,7 +241,7 @@ class TestEnd:
         assert not Result.objects.exists()
         assert not default_storage.exists(file_names(evaluation)[0])
 
-    def test_the_signal_tells_each_end_once(self, alice, submit, now, ended):
+    def test_the_signal_is_sent_once_per_end(self, alice, submit, now, ended):
         for _ in range(3):
             submit(alice)
         finished, failed = claim(now), claim(now)
@@ -294,7 +292,7 @@ class TestQueueing:
             "metadata": model.metadata,
         }
 
-    def test_somebody_elses_or_a_deleted_model_is_refused(self, alice, bob, oval, bell, now):
+    def test_a_foreign_or_deleted_model_is_refused(self, alice, bob, oval, bell, now):
         model = model_row(bob)
         for owner in (alice, bob):
             if owner is bob:
@@ -304,15 +302,13 @@ class TestQueueing:
             assert refused.value.code == "model_not_yours"
         assert not Evaluation.objects.exists()
 
-    def test_the_bell_rings_once_committed_and_not_before(
-        self, alice, submit, bell, django_capture_on_commit_callbacks
-    ):
+    def test_the_wake_up_is_sent_on_commit(self, alice, submit, bell, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
             submit(alice)
             assert bell == []
         assert len(bell) == 1
 
-    def test_a_rolled_back_submission_rings_no_bell(self, alice, submit, bell, django_capture_on_commit_callbacks):
+    def test_a_rolled_back_submission_sends_no_wake_up(self, alice, submit, bell, django_capture_on_commit_callbacks):
         with (
             django_capture_on_commit_callbacks(execute=True),
             pytest.raises(ZeroDivisionError),
@@ -331,7 +327,9 @@ class TestQueueing:
         assert Evaluation.objects.get() == evaluation
         assert "the sweep wakes workers again" in caplog.text
 
-    def test_the_sweep_rings_for_what_waits(self, alice, submit, bell, now, django_capture_on_commit_callbacks):
+    def test_the_sweep_sends_a_wake_up_for_waiting_runs(
+        self, alice, submit, bell, now, django_capture_on_commit_callbacks
+    ):
         for _ in range(20):
             submit(alice)
         bell.clear()
@@ -341,12 +339,12 @@ class TestQueueing:
         assert len(bell) == 8
         assert all(ring["expires"] == wakeup.STALE_AFTER_S for ring in bell)
 
-    def test_the_sweep_of_an_empty_queue_is_silent(self, db, bell, now, django_capture_on_commit_callbacks):
+    def test_the_sweep_of_an_empty_queue_sends_nothing(self, db, bell, now, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
             assert services.EVALUATIONS.sweep(now=now) == SweepReport(0, 0)
         assert bell == []
 
-    def test_a_platform_fault_rings_for_the_next_attempt(
+    def test_a_platform_fault_sends_a_wake_up_for_the_next_attempt(
         self, alice, submit, bell, now, django_capture_on_commit_callbacks
     ):
         submit(alice)
@@ -360,7 +358,7 @@ class TestQueueing:
 
 
 @pytest.mark.django_db(transaction=True)
-def test_claimers_at_the_same_moment_get_different_rows(alice, bob, charlie, submit, now):
+def test_simultaneous_claims_get_different_rows(alice, bob, charlie, submit, now):
     for racer in (alice, bob, charlie):
         for _ in range(4):
             submit(racer)

@@ -32,7 +32,7 @@ def body(response) -> bytes:
     return b"".join(response.streaming_content) if response.streaming else response.content
 
 
-def test_without_a_range_it_is_the_whole(film):
+def test_without_a_range_the_whole_file_is_sent(film):
     response = ask(film)
     assert response.status_code == 200
     assert body(response) == CONTENT
@@ -54,7 +54,7 @@ def test_without_a_range_it_is_the_whole(film):
         ("bytes= 5 - 6", 5, 7),
     ],
 )
-def test_a_range_is_a_part(film, asked, start, stop):
+def test_a_range_gives_a_part(film, asked, start, stop):
     response = ask(film, range=asked)
     assert response.status_code == 206
     assert response["Content-Range"] == f"bytes {start}-{stop - 1}/1024"
@@ -62,7 +62,7 @@ def test_a_range_is_a_part(film, asked, start, stop):
     assert body(response) == CONTENT[start:stop]
 
 
-def test_a_player_is_given_a_piece_at_a_time_of_a_range_without_an_end(film):
+def test_an_open_range_is_served_piece_by_piece(film):
     starts, received = [0], b""
     while starts[-1] < len(CONTENT):
         response = ask(film, range=f"bytes={starts[-1]}-", most=300)
@@ -75,7 +75,7 @@ def test_a_player_is_given_a_piece_at_a_time_of_a_range_without_an_end(film):
 
 
 @pytest.mark.parametrize("asked", ["bytes=1024-", "bytes=5000-6000", "bytes=-0"])
-def test_a_range_that_is_not_there_is_refused_with_the_size(film, asked):
+def test_a_range_beyond_the_end_is_refused_with_the_size(film, asked):
     response = ask(film, range=asked)
     assert response.status_code == 416
     assert response["Content-Range"] == "bytes */1024"
@@ -85,7 +85,7 @@ def test_a_range_that_is_not_there_is_refused_with_the_size(film, asked):
 @pytest.mark.parametrize(
     "asked", ["bytes=0-1,4-5", "bytes=9-3", "bytes=-", "bytes=a-b", "lines=0-1", "bytes=" + "9" * 500 + "-", "bytes=²-"]
 )
-def test_what_is_no_single_range_is_answered_with_the_whole(film, asked):
+def test_anything_but_a_single_range_gets_the_whole_file(film, asked):
     response = ask(film, range=asked)
     assert response.status_code == 200
     assert body(response) == CONTENT
@@ -97,27 +97,27 @@ def test_if_range_gives_a_part_of_the_same_file_only(film):
         assert ask(film, range="bytes=0-9", if_range=other).status_code == 200
 
 
-def test_who_has_it_is_told_so_and_who_has_another_is_given_this(film):
+def test_etags_decide_between_304_412_and_the_file(film):
     assert ask(film, if_none_match=ETAG).status_code == 304
     assert ask(film, if_none_match=ETAG, range="bytes=0-9").status_code == 304
     assert ask(film, if_none_match='"another"').status_code == 200
     assert ask(film, if_match='"another"', range="bytes=0-9").status_code == 412
 
 
-def test_head_tells_the_size_and_sends_nothing(film):
+def test_head_gives_the_size_and_no_body(film):
     response = ask(film, method="head", range="bytes=0-9")
     assert (response.status_code, response["Content-Length"], response["Accept-Ranges"]) == (200, "1024", "bytes")
     assert body(response) == b""
 
 
 @pytest.mark.parametrize("method", ["get", "head"])
-def test_a_file_that_is_gone_is_known_before_the_answer_begins(film, method):
+def test_a_missing_file_is_noticed_before_the_response_starts(film, method):
     film.storage.delete(film.name)
     with pytest.raises(FileNotFoundError):
         ask(film, method=method)
 
 
-def test_a_long_film_is_never_held_whole(film, tmp_path):
+def test_a_long_video_is_never_held_in_memory(film, tmp_path):
     size = 64 << 20
     with (tmp_path / "film.mp4").open("wb") as file:
         file.truncate(size)
@@ -130,7 +130,7 @@ def test_a_long_film_is_never_held_whole(film, tmp_path):
     assert peak < 8 * PIECE
 
 
-def test_of_a_file_in_a_bucket_only_the_part_is_fetched(film):
+def test_only_the_requested_part_is_fetched_from_a_bucket(film):
     """django-storages would fetch a file whole before its first byte is read."""
     fetched, closed = [], []
 

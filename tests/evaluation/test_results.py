@@ -10,7 +10,7 @@ from evaluation.services.results import POINTS_PER_LAP, driven_line
 from tests.evaluation.stubs import HEADER, trace_csv
 
 
-def test_the_line_has_a_list_of_points_for_each_lap():
+def test_the_trajectory_has_a_list_of_points_per_lap():
     assert driven_line(trace_csv(laps=2, steps=3)) == [
         [[0.5, 0.0, 1.5], [1.0, 0.0, 1.5], [1.5, 0.0, 1.5]],
         [[0.5, 1.0, 1.5], [1.0, 1.0, 1.5], [1.5, 1.0, 1.5]],
@@ -18,7 +18,7 @@ def test_the_line_has_a_list_of_points_for_each_lap():
 
 
 @pytest.mark.parametrize("steps", [1, 2, 239, 240, 241, 479, 480, 481, 1000, 10_001])
-def test_a_long_lap_is_thinned_evenly_from_its_first_to_its_last_point(steps):
+def test_a_long_lap_is_thinned_evenly(steps):
     (line,) = driven_line(trace_csv(laps=1, steps=steps))
     assert len(line) <= POINTS_PER_LAP
     assert line[0][0] == 0.5
@@ -31,11 +31,11 @@ def test_a_long_lap_is_thinned_evenly_from_its_first_to_its_last_point(steps):
         assert max(gaps) < 2 * gaps[0] + 1e-9
 
 
-def test_a_car_that_stands_out_a_penalty_adds_no_points():
+def test_a_car_waiting_out_a_penalty_adds_no_points():
     trace = trace_csv(laps=1, steps=4).replace(b",in_progress,", b",pause,", 2)
     (line,) = driven_line(trace)
     assert [point[0] for point in line] == [1.5, 2.0]
 
 
-def test_an_empty_trace_has_no_line():
+def test_an_empty_trace_has_no_trajectory():
     assert driven_line(f"{HEADER}\n".encode()) == []

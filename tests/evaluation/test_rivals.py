@@ -54,7 +54,7 @@ def stored(evaluation):
 
 
 class TestQueueing:
-    def test_the_cars_are_frozen_in_their_order(self, alice, bob, charlie, oval, bell, now):
+    def test_cars_are_frozen_in_their_order(self, alice, bob, charlie, oval, bell, now):
         rivals = [model_row(racer, onnx=racer.alias.encode()) for racer in (charlie, bob)]
         evaluation = services.queue_evaluation(
             owner=alice, model=model_row(alice, onnx=b"a"), rivals=rivals, track=oval, rules=DUEL, now=now
@@ -68,7 +68,7 @@ class TestQueueing:
         rivals[0].save()
         assert evaluation.rivals.get(number=1).metadata == METADATA
 
-    def test_a_job_has_the_networks_of_all_cars(self, claimed):
+    def test_a_job_holds_the_networks_of_all_cars(self, claimed):
         job = services.job_of(claimed)
         assert job.onnx == b"a"
         assert [(rival.onnx, rival.metadata) for rival in job.rivals] == [(b"b", METADATA)]
@@ -89,7 +89,7 @@ class TestQueueing:
             (DUEL, 4, "too_many_rivals"),
         ],
     )
-    def test_a_race_that_takes_no_such_rivals_refuses_them(self, alice, bob, oval, bell, now, rules, count, code):
+    def test_unsuitable_rivals_are_refused(self, alice, bob, oval, bell, now, rules, count, code):
         with pytest.raises(UserFault) as caught:
             services.queue_evaluation(
                 owner=alice,
@@ -102,7 +102,7 @@ class TestQueueing:
         assert caught.value.code == code
         assert not Evaluation.objects.exists()
 
-    def test_a_model_that_left_its_garage_still_races_against_others_and_not_alone(self, alice, bob, oval, bell, now):
+    def test_a_deleted_model_still_races_others_but_not_alone(self, alice, bob, oval, bell, now):
         mine, other = model_row(alice, onnx=b"a"), model_row(bob, onnx=b"b")
         for model in (mine, other):
             services.delete_model(model=model, now=now)
@@ -113,7 +113,7 @@ class TestQueueing:
         with pytest.raises(UserFault):
             services.queue_evaluation(**{**queue, "model": other}, rivals=[mine])
 
-    def test_one_racers_duels_and_runs_share_their_turns(self, alice, bob, oval, bell, now):
+    def test_duels_and_runs_of_one_racer_share_turns(self, alice, bob, oval, bell, now):
         cars = {racer: model_row(racer, onnx=racer.alias.encode()) for racer in (alice, bob)}
         for second in range(2):
             services.queue_evaluation(
@@ -132,13 +132,13 @@ class TestQueueing:
             order.append(evaluation.owner.alias)
         assert order == ["alice", "bob", "alice"]  # to be a rival takes nobody's turn
 
-    def test_a_duel_is_called_off_by_an_admin_and_by_no_racer_in_it(self, alice, bob, duel):
+    def test_only_an_admin_stops_a_duel_of_several_racers(self, alice, bob, duel):
         assert not selectors.can_stop_evaluation(alice, duel)
         assert not selectors.can_stop_evaluation(bob, duel)
         alice.is_staff = True
         assert selectors.can_stop_evaluation(alice, duel)
 
-    def test_a_racer_stops_a_run_of_nothing_but_their_own_cars(self, alice, oval, bell, now):
+    def test_a_racer_stops_a_run_of_their_own_cars_only(self, alice, oval, bell, now):
         cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
         evaluation = services.queue_evaluation(
             owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=DUEL, now=now
@@ -152,7 +152,7 @@ class TestConstraints:
         with pytest.raises(IntegrityError), transaction.atomic():
             EvaluationRival.objects.update(number=number)
 
-    def test_a_number_is_taken_once(self, duel):
+    def test_a_rivals_number_is_unique(self, duel):
         rival = duel.rivals.get()
         with pytest.raises(IntegrityError), transaction.atomic():
             EvaluationRival.objects.create(evaluation=duel, number=1, model=rival.model, metadata=METADATA)
@@ -161,7 +161,7 @@ class TestConstraints:
         with pytest.raises(IntegrityError), transaction.atomic():
             EvaluationRival.objects.update(metadata={})
 
-    def test_a_first_cars_best_lap_is_there_when_it_has_laps(self, claimed, now):
+    def test_a_first_car_with_laps_has_a_best_lap(self, claimed, now):
         assert finish(claimed, now)
         with pytest.raises(IntegrityError), transaction.atomic():
             Result.objects.update(best_lap_ms=None)
@@ -179,28 +179,28 @@ class TestConstraints:
         ],
         ids=str,
     )
-    def test_a_rivals_result_makes_sense(self, claimed, now, change):
+    def test_a_rivals_contradictory_result_is_refused(self, claimed, now, change):
         assert finish(claimed, now)
         with pytest.raises(IntegrityError), transaction.atomic():
             RivalResult.objects.update(**change)
 
-    def test_a_rivals_result_is_there_once(self, claimed, now):
+    def test_a_rival_has_only_one_result(self, claimed, now):
         assert finish(claimed, now)
         row = RivalResult.objects.get()
         row.pk = None
         with pytest.raises(IntegrityError), transaction.atomic():
             row.save(force_insert=True)
 
-    def test_a_car_retires_for_a_reason(self, claimed, now):
+    def test_a_retired_car_has_a_reason(self, claimed, now):
         assert finish(claimed, now)
         with pytest.raises(IntegrityError), transaction.atomic():
             Result.objects.update(end_reason="retired")
 
-    def test_a_model_that_was_a_rival_is_not_removed(self, duel):
+    def test_a_model_that_was_a_rival_cannot_be_removed(self, duel):
         with pytest.raises(ProtectedError):
             duel.rivals.get().model.delete()
 
-    def test_a_deleted_model_that_was_only_ever_a_rival_outlives_the_purge(self, duel, now):
+    def test_a_deleted_rival_survives_the_purge(self, duel, now):
         model = duel.rivals.get().model
         services.delete_model(model=model, now=now)
         services.purge_garages(now=now + timedelta(days=30))
@@ -209,7 +209,7 @@ class TestConstraints:
 
 
 class TestResult:
-    def test_every_car_has_its_laps_its_line_and_its_trace(self, claimed, now):
+    def test_every_car_has_laps_trajectory_and_trace(self, claimed, now):
         rival = car_outcome(salt=7, laps=(9_000, 8_000, 3_000), unfinished=True)
         assert finish(claimed, now, rivals=[rival], order=[1, 0])
         result = Result.objects.get()
@@ -224,7 +224,7 @@ class TestResult:
         assert row.trace_sha256 == rival.trace_sha256
         assert stored(claimed) == sorted([result.trace.name, row.trace.name])
 
-    def test_a_car_that_retired_says_why(self, claimed, now):
+    def test_a_retired_car_says_why(self, claimed, now):
         assert finish(claimed, now, rivals=[car_outcome(retired="policy_died")])
         (row,) = RivalResult.objects.all()
         assert row.end_reason == "retired"
@@ -235,7 +235,7 @@ class TestResult:
         assert finish(claimed, now, end_reason="retired", retired=retired)
         assert "in step 3" in Result.objects.get().retired
 
-    def test_alone_a_car_has_won(self, alice, oval, bell, now):
+    def test_a_car_alone_has_won(self, alice, oval, bell, now):
         services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
         evaluation = services.EVALUATIONS.claim(worker="w", now=now)
         assert finish(evaluation, now, rivals=[])
@@ -244,7 +244,7 @@ class TestResult:
         assert read_course(result) == {"boxes": [], "bots": []}
         assert stored(evaluation) == [result.trace.name]
 
-    def test_boxes_stand_in_the_row_and_bots_in_a_file(self, claimed, now):
+    def test_boxes_are_kept_in_the_row_and_bots_in_a_file(self, claimed, now):
         poses = [[[round(0.1 * row, 3), 0.5 * bot, 0.0] for row in range(2000)] for bot in range(4)]
         assert finish(claimed, now, rivals=[], course={"boxes": [BOX], "bots": poses})
         result = Result.objects.get()
@@ -252,7 +252,7 @@ class TestResult:
         assert read_course(result) == {"boxes": [BOX], "bots": poses}
         assert stored(claimed) == sorted([result.trace.name, result.bots.name])
 
-    def test_a_result_that_is_not_written_leaves_no_file_of_any_car(self, claimed, now):
+    def test_an_unwritten_result_leaves_no_files(self, claimed, now):
         def refuse(**kwargs):
             raise RuntimeError("a receiver failed")
 
@@ -265,7 +265,7 @@ class TestResult:
         assert stored(claimed) == []
         assert not Result.objects.exists() and not RivalResult.objects.exists()
 
-    def test_a_receiver_sees_the_rivals_results(self, claimed, now):
+    def test_a_signals_receiver_sees_the_rivals_results(self, claimed, now):
         seen = []
 
         def look(result, **kwargs):
@@ -278,7 +278,7 @@ class TestResult:
             evaluation_ended.disconnect(look)
         assert seen == [(1, 9_500)]
 
-    def test_when_the_storage_fails_half_way_nothing_is_left(self, claimed, now, monkeypatch):
+    def test_a_storage_failure_half_way_leaves_nothing(self, claimed, now, monkeypatch):
         storage = Result._meta.get_field("trace").storage
         save, calls = storage.save, []
 
@@ -294,21 +294,21 @@ class TestResult:
         assert caught.value.code == "storage_failed"
         assert len(calls) == 2 and stored(claimed) == []
 
-    def test_what_a_dead_worker_stored_is_swept_away(self, claimed, now):
+    def test_files_of_a_dead_worker_are_swept_away(self, claimed, now):
         course = {"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]}
         store_files(claimed, outcome_of(rivals=[car_outcome(), car_outcome(), car_outcome()], course=course))
         assert stored(claimed) == sorted(file_names(claimed))
         assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
         assert stored(claimed) == []
 
-    def test_a_late_worker_deletes_its_own_files_and_nobody_elses(self, claimed, now):
+    def test_a_late_worker_deletes_only_its_own_files(self, claimed, now):
         services.EVALUATIONS.sweep(now=now + timedelta(seconds=100))
         fast = services.EVALUATIONS.claim(worker="x", now=now + timedelta(seconds=101))
         assert finish(fast, now)
         assert not finish(claimed, now)
         assert stored(fast) == sorted(file_names(fast)[:2])
 
-    def test_a_commit_whose_answer_got_lost_keeps_the_files(self, claimed, now):
+    def test_a_commit_without_an_answer_keeps_the_files(self, claimed, now):
         assert finish(claimed, now, course={"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]})
         before = stored(claimed)
         jobs.delete_files(file_names(claimed))
@@ -321,7 +321,7 @@ class TestResult:
         assert not RivalResult.objects.exists() and stored(claimed) == []
 
 
-def test_files_of_two_attempts_have_names_of_their_own(claimed):
+def test_each_attempt_names_its_files_differently(claimed):
     other = Evaluation(public_id=claimed.public_id, attempt=claimed.attempt, lease=uuid.uuid4())
     assert not set(file_names(claimed)) & set(file_names(other))
     assert len({os.path.basename(name) for name in file_names(claimed)}) == 5

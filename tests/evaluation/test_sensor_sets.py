@@ -110,7 +110,7 @@ def drive(track, package: AdmittedPackage):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensors", SETS, ids="+".join)
-def test_an_onnx_car_with_these_sensors_is_admitted_and_drives(sensors, oval, pinned):
+def test_every_sensor_set_drives_from_onnx(sensors, oval, pinned):
     package = upload(onnx_network(sensors), "car.onnx", metadata_of(sensors))
     outcome = drive(oval, package)
     assert outcome.simulated_ms == 6000 and len(outcome.trace_csv.splitlines()) > 60
@@ -124,7 +124,7 @@ def test_an_onnx_car_with_these_sensors_is_admitted_and_drives(sensors, oval, pi
      ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]],
     ids="+".join,
 )  # fmt: skip
-def test_a_tensorflow_car_with_these_sensors_is_converted_and_drives(sensors, oval, pinned):
+def test_every_sensor_set_drives_from_tensorflow(sensors, oval, pinned):
     metadata = {**metadata_dict(sensors, actions=ACTIONS)}  # the graph's lidar has the field's default configuration
     package = upload(coach_graph(sensors, actions=ACTIONS, middleware=[8]), "model.pb", metadata)
     assert package.source_kind == "tensorflow"
@@ -134,7 +134,7 @@ def test_a_tensorflow_car_with_these_sensors_is_converted_and_drives(sensors, ov
 
 
 @pytest.mark.slow
-def test_layout_and_type_of_an_input_change_nothing_of_what_a_car_sees(oval):
+def test_input_layout_and_type_do_not_change_what_a_car_sees(oval):
     """Two channels, first or last, bytes or floats: the same numbers reach the network."""
     sensors = ["FRONT_FACING_CAMERA", "LIDAR"]
     traces = {
@@ -144,7 +144,7 @@ def test_layout_and_type_of_an_input_change_nothing_of_what_a_car_sees(oval):
     assert len(traces) == 1
 
 
-def test_a_network_that_does_not_read_its_lidar_configuration_is_refused():
+def test_a_network_that_misfits_its_lidar_is_refused():
     sensors = ["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"]
     metadata = metadata_of(sensors)
     metadata["lidar_config"] = {"num_sectors": 8, "num_values_per_sector": 8}
@@ -154,7 +154,7 @@ def test_a_network_that_does_not_read_its_lidar_configuration_is_refused():
     assert fault.value.params["expected"] == "[1, 64]"
 
 
-def test_a_network_that_does_not_read_the_second_sensor_is_refused():
+def test_a_network_ignoring_its_second_sensor_is_refused():
     with pytest.raises(UserFault) as fault:
         upload(onnx_network(["STEREO_CAMERAS"]), "car.onnx", metadata_of(["STEREO_CAMERAS", "LIDAR"]))
     assert fault.value.code == "onnx_inputs"

@@ -46,7 +46,7 @@ def fresh(model: TrainedModel) -> TrainedModel:
     return TrainedModel.objects.select_related("owner").get(pk=model.pk)
 
 
-def test_a_model_is_its_owners_alone_until_it_is_shared_and_again_afterwards(alice, cast, now):
+def test_only_a_shared_model_is_visible_to_others(alice, cast, now):
     model = model_row(alice)
     assert who_sees(model, cast) == {"owner"}
     share_model(model=model, now=now)
@@ -56,28 +56,28 @@ def test_a_model_is_its_owners_alone_until_it_is_shared_and_again_afterwards(ali
     assert who_sees(fresh(model), cast) == {"owner"}
 
 
-def test_a_shared_model_stays_its_owners_to_race_and_change(alice, cast, now):
+def test_only_its_owner_races_and_changes_a_shared_model(alice, cast, now):
     model = model_row(alice)
     share_model(model=model, now=now)
     assert {role for role, racer in cast.items() if can_use_model(racer, model)} == {"owner"}
     assert not any(model in models_of(racer) for role, racer in cast.items() if role != "owner")
 
 
-def test_its_owner_and_admins_may_stop_the_sharing(alice, cast, now):
+def test_its_owner_and_admins_may_end_the_sharing(alice, cast, now):
     model = model_row(alice)
     assert not any(can_stop_sharing(racer, model) for racer in cast.values())
     share_model(model=model, now=now)
     assert {role for role, racer in cast.items() if can_stop_sharing(racer, model)} == {"owner", "admin"}
 
 
-def test_sharing_twice_keeps_the_first_time(alice, now):
+def test_sharing_twice_keeps_the_first_timestamp(alice, now):
     model = model_row(alice)
     share_model(model=model, now=now)
     share_model(model=model, now=now + timedelta(days=1))
     assert model.shared_at == now
 
 
-def test_a_deleted_model_is_not_shared_any_more_and_cannot_be_again(alice, cast, now):
+def test_deletion_ends_sharing_for_good(alice, cast, now):
     model = model_row(alice)
     share_model(model=model, now=now)
     delete_model(model=model, now=now)
@@ -89,7 +89,7 @@ def test_a_deleted_model_is_not_shared_any_more_and_cannot_be_again(alice, cast,
     assert fresh(model).shared_at is None
 
 
-def test_the_database_refuses_a_deleted_model_that_is_shared(alice, now):
+def test_the_database_refuses_a_shared_deleted_model(alice, now):
     model = model_row(alice)
     with pytest.raises(IntegrityError):
         TrainedModel.objects.filter(pk=model.pk).update(deleted_at=now, shared_at=now)
@@ -104,7 +104,7 @@ def test_a_deactivated_racer_shares_nothing(alice, cast, now):
     assert who_sees(model, {role: racer for role, racer in cast.items() if role != "owner"}) == set()
 
 
-def test_the_houses_cars_are_everybodys(alice, bob, cast):
+def test_house_cars_are_visible_to_everybody(alice, bob, cast):
     model = model_row(bob)
     Racer.objects.filter(pk=bob.pk).update(is_house=True)
     model = fresh(model)
@@ -113,14 +113,14 @@ def test_the_houses_cars_are_everybodys(alice, bob, cast):
     assert not can_use_model(alice, model)
 
 
-def test_the_latest_shared_comes_first(alice, bob, now):
+def test_the_most_recently_shared_comes_first(alice, bob, now):
     early, late = model_row(alice, "Early", b"1"), model_row(alice, "Late", b"2")
     share_model(model=late, now=now)
     share_model(model=early, now=now - timedelta(hours=1))
     assert [model.name for model in shared_models(bob)] == ["Late", "Early"]
 
 
-def test_deleting_a_shared_model_that_nobody_began_with_frees_its_network(alice, now):
+def test_deleting_an_uncloned_shared_model_frees_its_network(alice, now):
     model = model_row(alice, at=now - timedelta(days=9))
     Network.objects.update(created_at=now - timedelta(days=9))
     share_model(model=model, now=now - timedelta(days=8))

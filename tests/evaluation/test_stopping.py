@@ -27,7 +27,7 @@ def no_hanging() -> Iterator[None]:
     signal.signal(signal.SIGALRM, before)
 
 
-def test_a_sigterm_within_the_block_is_noted_and_after_it_as_before():
+def test_sigterm_is_noted_inside_the_block_only():
     before = signal.getsignal(signal.SIGTERM)
     with shutdown_flag() as told:
         assert not told()
@@ -36,7 +36,7 @@ def test_a_sigterm_within_the_block_is_noted_and_after_it_as_before():
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_a_second_sigterm_may_come_at_any_line_of_the_handling_of_the_first(no_hanging):
+def test_a_second_sigterm_may_interrupt_the_first_at_any_line(no_hanging):
     """As where a whole group is told: once by the group's signal and once more by the worker, which passes it on."""
     traced = sys.gettrace()
 
@@ -54,7 +54,7 @@ def test_a_second_sigterm_may_come_at_any_line_of_the_handling_of_the_first(no_h
         assert told()
 
 
-def test_what_comes_to_a_worker_that_was_told_before_knows_it_from_the_start(monkeypatch):
+def test_a_task_started_after_the_signal_knows_of_it(monkeypatch):
     monkeypatch.setattr(stopping, "_stopping", bytearray(1))
     monkeypatch.setattr(stopping.billiard, "active_children", list)
     stopping.pass_on_shutdown()

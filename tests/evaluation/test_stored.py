@@ -72,25 +72,25 @@ def damage_of(name: str) -> str:
 
 
 class TestReading:
-    def test_gives_what_was_stored(self):
+    def test_a_stored_file_is_read_as_written(self):
         name = store("traces/one", b"a trace")
         assert read(name) == b"a trace"
         assert StoredFile.objects.get(name=name).size == 7
 
     @pytest.mark.parametrize("harm", [b"", b"a trac\0", b"a trace and more"])
-    def test_refuses_what_was_changed(self, storage, harm, ran):
+    def test_an_altered_file_is_refused(self, storage, harm, ran):
         name = ran.evaluation.result.trace.name
         (storage / name).write_bytes(harm)
         assert code(read, name) == "file_damaged"
         assert damage_of(name) == Damage.ALTERED
 
-    def test_refuses_what_is_gone(self, ran):
+    def test_a_missing_file_is_refused(self, ran):
         name = ran.evaluation.result.trace.name
         default_storage.delete(name)
         assert code(read, name) == "file_damaged"
         assert damage_of(name) == Damage.MISSING
 
-    def test_takes_a_storage_that_is_away_for_no_damage(self, ran, monkeypatch):
+    def test_a_storage_outage_is_not_reported_as_damage(self, ran, monkeypatch):
         name = ran.evaluation.result.trace.name
 
         def away(*_arguments):
@@ -101,14 +101,14 @@ class TestReading:
         assert code(lambda: scrub(now=timezone.now())) == "storage_failed"
         assert damage_of(name) == ""
 
-    def test_takes_a_folder_that_is_not_mounted_for_no_damage(self, ran, storage):
+    def test_an_unmounted_folder_is_not_reported_as_damage(self, ran, storage):
         name = ran.evaluation.result.trace.name
         (storage / "traces").rename(storage / "elsewhere")
         assert code(read, name) == "storage_failed"
         assert code(lambda: scrub(now=timezone.now())) == "storage_failed"
         assert damage_of(name) == ""
 
-    def test_finds_it_whole_once_it_was_put_back(self, storage, ran):
+    def test_a_restored_file_is_whole_again(self, storage, ran):
         name = ran.evaluation.result.trace.name
         good = (storage / name).read_bytes()
         zero(storage, name)
@@ -117,12 +117,12 @@ class TestReading:
         assert read(name) == good
         assert damage_of(name) == ""
 
-    def test_a_file_from_before_there_were_sums_must_at_least_unpack(self, storage):
+    def test_a_file_without_a_checksum_must_at_least_unpack(self, storage):
         for content in (b"", b"no gzip", gzip.compress(b"cut off, " * 99)[:-9]):
             (storage / "old.gz").write_bytes(content)
             assert code(read_gzip, "old.gz") == "file_damaged"
 
-    def test_a_trace_of_no_bytes_is_no_answer(self, storage, ran, admin):
+    def test_an_empty_trace_is_a_503(self, storage, ran, admin):
         address = f"/api/v1/evaluations/{ran.evaluation.public_id}/trace/"
         assert admin.get(address).status_code == 200
         (storage / ran.evaluation.result.trace.name).write_bytes(b"")
@@ -132,7 +132,7 @@ class TestReading:
         page = admin.get(f"/evaluations/{ran.evaluation.public_id}/trace.csv")
         assert page.status_code >= 500
 
-    def test_a_file_that_could_not_be_noted_is_not_kept(self, storage, monkeypatch):
+    def test_a_file_whose_checksum_is_not_recorded_is_not_kept(self, storage, monkeypatch):
         def refuse(*_arguments):
             raise IntegrityError
 
@@ -160,7 +160,7 @@ def test_a_network_with_zeroed_bytes_does_not_race(storage, alice, oval, bell, n
 
 
 class TestScrub:
-    def test_finds_what_nobody_reads(self, storage, ran, now):
+    def test_it_finds_damage_in_unread_files(self, storage, ran, now):
         network = ran.evaluation.model.network.onnx.name
         stored._note(network, ran.evaluation.model.network.sha256, 1)
         assert scrub(now=now) == {"checked": 2, "damaged": 0}
@@ -171,7 +171,7 @@ class TestScrub:
         assert scrub(now=now + timedelta(days=8)) == {"checked": 2, "damaged": 2}
         assert (damage_of(trace), damage_of(network)) == ("altered", "missing")
 
-    def test_goes_on_where_it_ended(self, now):
+    def test_it_continues_where_it_stopped(self, now):
         names = [store(f"traces/{number}", b"%d" % number) for number in range(5)]
         seen = []
         for _ in names:
@@ -180,7 +180,7 @@ class TestScrub:
         assert sorted(seen) == sorted(names)
         assert scrub(now=now, budget_s=0)["checked"] == 0
 
-    def test_looks_at_damaged_ones_daily(self, storage, ran, now):
+    def test_it_checks_damaged_files_daily(self, storage, ran, now):
         trace = ran.evaluation.result.trace.name
         good = (storage / trace).read_bytes()
         zero(storage, trace)
@@ -190,13 +190,13 @@ class TestScrub:
         scrub(now=now + timedelta(days=1, minutes=1))
         assert damage_of(trace) == ""
 
-    def test_forgets_a_file_that_nothing_names(self, now):
+    def test_it_forgets_an_unreferenced_file(self, now):
         name = store("traces/left", b"of a killed worker")
         default_storage.delete(name)
         assert scrub(now=now) == {"checked": 1, "damaged": 0}
         assert not StoredFile.objects.filter(name=name).exists()
 
-    def test_knows_a_network_without_a_sum_by_its_identity(self, alice, now):
+    def test_it_checks_a_network_without_a_checksum_by_identity(self, alice, now):
         onnx = b"canonical bytes"
         sha256 = identity(onnx, parse_metadata(json.dumps(METADATA).encode(), DEFAULT_LIMITS))
         good, bad = model_row(alice, "good", onnx=b"x"), model_row(alice, "bad", onnx=b"y")
@@ -219,7 +219,7 @@ class TestHealing:
         return model
 
     @pytest.mark.parametrize("gone", [True, False])
-    def test_a_network_that_is_uploaded_again_is_stored_again(self, model, storage, gone, monkeypatch, now):
+    def test_a_damaged_network_uploaded_again_is_stored_again(self, model, storage, gone, monkeypatch, now):
         old = model.network.onnx.name
         default_storage.delete(old) if gone else zero(storage, old)
         admitted = AdmittedPackage(
@@ -240,14 +240,14 @@ class TestHealing:
         assert not StoredFile.objects.exclude(damage="").exists()
         assert len(list((storage / "networks").iterdir())) == 1
 
-    def test_one_that_is_whole_is_left_alone(self, model):
+    def test_a_whole_file_is_left_alone(self, model):
         before = model.network.onnx.name
         assert not heal_network(model.network.sha256, b"canonical" * 5000)
         model.network.refresh_from_db()
         assert model.network.onnx.name == before
 
 
-class TestShown:
+class TestDamageShown:
     @pytest.fixture
     def broken(self, storage, ran):
         name = ran.evaluation.result.trace.name
@@ -255,20 +255,20 @@ class TestShown:
         assert code(read, name) == "file_damaged"
         return name
 
-    def test_on_the_page_of_workers(self, broken, admin):
+    def test_the_workers_page_shows_damage(self, broken, admin):
         assert broken in admin.get("/workers/").content.decode()
 
-    def test_in_the_admin_site(self, broken, admin):
+    def test_the_admin_site_shows_damage(self, broken, admin):
         assert broken in admin.get("/admin/evaluation/storedfile/?damage__exact=altered").content.decode()
 
-    def test_by_doctor(self, broken):
+    def test_doctor_shows_damage(self, broken):
         said = io.StringIO()
         with suppress(SystemExit):  # whatever else is missing here
             call_command("doctor", stdout=said)
         assert f"altered {broken}" in " ".join(said.getvalue().split())
 
 
-def test_damage_always_has_a_time(now):
+def test_recorded_damage_always_has_a_time(now):
     with pytest.raises(IntegrityError), transaction.atomic():
         StoredFile.objects.create(name="x", sha256="0" * 64, size=1, damage="altered")
     with pytest.raises(IntegrityError), transaction.atomic():

@@ -39,16 +39,14 @@ def run_next(now):
 
 
 class TestTurns:
-    def test_who_comes_into_a_flood_waits_for_one_of_its_cars_at_most(self, alice, bob, submit, now):
+    def test_a_newcomer_waits_for_one_car_of_a_flood_at_most(self, alice, bob, submit, now):
         for second in range(6):
             submit(alice, second)
         assert [run_next(now) for _ in range(3)] == ["alice"] * 3
         submit(bob, 60)
         assert "bob" in [run_next(now), run_next(now)]
 
-    def test_racers_who_send_one_car_after_the_other_do_not_keep_the_second_of_another_waiting(
-        self, alice, bob, charlie, submit, now
-    ):
+    def test_steady_submitters_do_not_block_anothers_second_car(self, alice, bob, charlie, submit, now):
         submit(alice), submit(alice, 1)
         submit(bob, 2), submit(charlie, 3)
         ran = []
@@ -58,13 +56,13 @@ class TestTurns:
                 submit({"bob": bob, "charlie": charlie}[ran[-1]], second)
         assert ran.count("alice") == 2
 
-    def test_what_a_racer_takes_back_costs_no_turn(self, alice, bob, submit, now):
+    def test_a_withdrawn_car_costs_no_turn(self, alice, bob, submit, now):
         for second in range(5):
             services.stop_evaluation(evaluation=submit(alice, second), now=now)
         mine, other = submit(alice, 10), submit(bob, 11)
         assert (selectors.queue_position(mine), selectors.queue_position(other)) == (1, 2)
 
-    def test_an_empty_queue_forgets_who_drove(self, alice, bob, submit, now):
+    def test_an_empty_queue_resets_the_turns(self, alice, bob, submit, now):
         for second in range(5):
             submit(alice, second)
         for _ in range(5):
@@ -72,12 +70,12 @@ class TestTurns:
         submit(alice, 60), submit(bob, 61)
         assert run_next(now) == "alice"
 
-    def test_a_racer_has_one_car_in_a_round_whatever_writes_it(self, alice, submit):
+    def test_the_database_holds_one_car_per_racer_and_turn(self, alice, submit):
         first = submit(alice)
         with pytest.raises(IntegrityError), transaction.atomic():
             Evaluation.objects.filter(pk=submit(alice, 1).pk).update(turn=first.turn)
 
-    def test_what_the_site_of_before_queues_during_an_upgrade_gets_its_turn(self, alice, bob, submit, now):
+    def test_a_car_queued_by_an_older_release_gets_its_turn(self, alice, bob, submit, now):
         fields = {"model": model_row(alice), "track": submit(bob).track, "spec": {}, "queued_at": now}
         old = [Evaluation.objects.create(owner=alice, **fields) for _ in range(2)]
         services.EVALUATIONS.sweep(now=now)
@@ -87,7 +85,7 @@ class TestTurns:
 
 
 @pytest.mark.django_db(transaction=True)
-def test_cars_queued_in_the_same_moment_get_turns_one_after_the_other(alice, submit):
+def test_cars_queued_together_get_successive_turns(alice, submit):
     model_row(alice)
     ready, failed = threading.Barrier(4), []
 
@@ -111,14 +109,14 @@ def test_cars_queued_in_the_same_moment_get_turns_one_after_the_other(alice, sub
     assert turns == list(range(turns[0], turns[0] + 4))
 
 
-class TestHurry:
-    def test_a_race_that_closes_within_the_hour_goes_before_others(self, alice, bob, submit, now):
+class TestUrgency:
+    def test_a_race_closing_within_the_hour_goes_first(self, alice, bob, submit, now):
         submit(alice)
         hurried = submit(bob, 10, closes_at=now + HOUR)
         assert selectors.queue_position(hurried) == 1
         assert run_next(now) == "bob"
 
-    def test_cars_that_wait_move_forward_when_their_race_comes_to_its_last_hour(self, alice, bob, submit, now):
+    def test_waiting_cars_move_up_in_their_races_last_hour(self, alice, bob, submit, now):
         submit(alice)
         waiting = submit(bob, 10, closes_at=now + 2 * HOUR)
         services.EVALUATIONS.sweep(now=now + HOUR - timedelta(seconds=1))
@@ -126,7 +124,7 @@ class TestHurry:
         services.EVALUATIONS.sweep(now=now + HOUR)
         assert selectors.queue_position(waiting) == 1
 
-    def test_racers_take_turns_among_what_hurries_too(self, alice, bob, submit, now):
+    def test_racers_take_turns_among_urgent_runs_too(self, alice, bob, submit, now):
         for second in range(3):
             submit(alice, second, closes_at=now + 2 * HOUR)
         submit(bob, 20, closes_at=now + 2 * HOUR)
@@ -135,12 +133,12 @@ class TestHurry:
         later = now + HOUR
         assert [run_next(later) for _ in range(5)] == ["alice", "bob", "alice", "bob", "alice"]
 
-    def test_the_race_may_close_at_another_time(self, alice, submit, now):
+    def test_urgency_follows_a_changed_closing_time(self, alice, submit, now):
         submit(alice, closes_at=now + 9 * HOUR)
         services.reschedule(evaluations=Evaluation.objects.all(), closes_at=now + 5 * HOUR)
         assert Evaluation.objects.get().urgent_from == now + 4 * HOUR
 
-    def test_what_is_driven_again_and_house_cars_never_hurry(self, alice, submit, now):
+    def test_repeated_runs_and_house_cars_are_never_urgent(self, alice, submit, now):
         done = submit(alice, closes_at=now + HOUR)
         (copy,) = services.queue_copies(evaluations=[done], priority=line.BACKGROUND, now=now)
         services.EVALUATIONS.sweep(now=now + 3 * HOUR)
@@ -148,23 +146,23 @@ class TestHurry:
         assert (copy.priority, copy.urgent_from, done.priority) == (line.BACKGROUND, None, URGENT)
 
 
-class TestLength:
+class TestLongQueue:
     @pytest.fixture
     def short_front(self, monkeypatch):
         for module in (line, selectors):
             monkeypatch.setattr(module, "FRONT", 3)
 
-    def test_the_place_is_exact_in_front_and_behind_it_only_said_to_be_behind(self, alice, submit, short_front):
+    def test_a_place_is_exact_only_near_the_front(self, alice, submit, short_front):
         waiting = [submit(alice, second) for second in range(6)]
         assert [selectors.queue_position(one) for one in waiting] == [1, 2, 3, 4, 4, 4]
         assert selectors.queue_length() == 4
 
-    def test_who_left_the_queue_behind_its_front_has_no_place(self, alice, submit, short_front, now):
+    def test_a_stopped_run_far_behind_has_no_place(self, alice, submit, short_front, now):
         *_, last = [submit(alice, second) for second in range(6)]
         Evaluation.objects.filter(pk=last.pk).update(state=State.STOPPED, ended_at=now)
         assert selectors.queue_position(last) is None
 
-    def test_a_page_says_so(self):
+    def test_pages_show_the_place_in_words(self):
         assert [in_line(number) for number in (None, 1, 1000, 1001)] == [
             *("", "Next in line.", "Number 1000 in line.", "Behind the first 1,000 in line.")
         ]

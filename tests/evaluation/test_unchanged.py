@@ -49,22 +49,22 @@ def test_a_value_is_made_once_until_somebody_commits(race):
     assert [values.get(key, LONG, make) for key in "aab"] == [3, 3, 4]
 
 
-def test_a_value_ends_by_itself(race):
+def test_a_value_expires(race):
     values, make = Unchanged[int](10), numbered()
     assert [values.get("a", -1.0, make) for _ in range(2)] == [1, 2]
 
 
-def test_what_is_not_for_all_is_given_to_one(race):
+def test_a_private_value_is_not_shared(race):
     values, make = Unchanged[int](10), numbered(for_all=False)
     assert [values.get("a", LONG, make) for _ in range(2)] == [1, 2]
 
 
-def test_the_one_asked_for_longest_ago_makes_way(race):
+def test_the_least_recently_used_value_makes_way(race):
     values, make = Unchanged[int](2), numbered()
     assert [values.get(key, LONG, make) for key in "abacab"] == [1, 2, 1, 3, 1, 4]
 
 
-def test_what_could_not_be_made_is_made_by_the_next(race):
+def test_a_failed_value_is_made_by_the_next_caller(race):
     values = Unchanged[int](2)
 
     def fails():
@@ -75,7 +75,7 @@ def test_what_could_not_be_made_is_made_by_the_next(race):
     assert values.get("a", LONG, numbered()) == 1
 
 
-def test_who_waits_gets_what_was_begun_after_they_asked_though_all_the_time_somebody_commits(race):
+def test_a_waiting_caller_never_gets_a_value_begun_too_early(race):
     """Eight ask while the first value is made: that one is older than their question, the second is for all of them."""
     values, begun, go_on = Unchanged[int](2), threading.Event(), threading.Event()
     made: list[int] = []
@@ -114,7 +114,7 @@ def _all_wait(threads: list[threading.Thread]) -> None:
     assert all(thread.is_alive() for thread in threads)
 
 
-def test_a_transaction_is_not_everybodys(race):
+def test_nothing_is_shared_inside_a_transaction(race):
     assert is_shared()
     with transaction.atomic():
         assert not is_shared()

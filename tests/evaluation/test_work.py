@@ -47,8 +47,8 @@ def run():
     return services.run_next_evaluation(worker="w")
 
 
-class TestAnEvaluationThat:
-    def test_finishes_has_its_result_and_its_trace(self, queued, plays, settings):
+class TestOneEvaluation:
+    def test_a_finished_run_has_its_result_and_trace(self, queued, plays, settings):
         jobs = []
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):
@@ -71,7 +71,7 @@ class TestAnEvaluationThat:
         assert job.metadata == queued.model.metadata
         assert wall_limit_s == settings.EVALUATION_WALL_SECONDS
 
-    def test_is_the_models_fault_fails(self, queued, plays):
+    def test_a_models_fault_fails_the_run(self, queued, plays):
         def play(*args, **kwargs):
             fault = UserFault("policy_died", step=3, how="signal 11")
             fault.add_note("stderr of the policy:\nsegmentation fault")
@@ -87,7 +87,7 @@ class TestAnEvaluationThat:
     @pytest.mark.parametrize(
         "error", [PlatformFault("storage_failed"), RuntimeError("a bug"), MemoryError(), OSError("disk")]
     )
-    def test_fails_through_our_fault_is_tried_again_and_never_given_up(self, queued, plays, error):
+    def test_our_fault_is_retried_and_never_given_up(self, queued, plays, error):
         def play(*args, **kwargs):
             raise error
 
@@ -99,7 +99,7 @@ class TestAnEvaluationThat:
             Evaluation.objects.update(not_before=None)  # its pause is over
         assert type(error).__name__ in queued.operator_detail
 
-    def test_fails_once_and_then_finishes_has_one_result(self, queued, plays):
+    def test_a_run_that_fails_once_has_one_result_in_the_end(self, queued, plays):
         plays(lambda *args, **kwargs: 1 / 0)
         run()
         plays(finishes)
@@ -108,7 +108,7 @@ class TestAnEvaluationThat:
         assert (queued.state, queued.attempt) == (State.FINISHED, 2)
         assert Result.objects.count() == 1
 
-    def test_has_lost_its_networks_file_is_our_fault(self, queued, plays):
+    def test_a_lost_network_file_is_our_fault(self, queued, plays):
         plays(finishes)
         network = queued.model.network
         network.onnx.storage.delete(network.onnx.name)
@@ -117,7 +117,7 @@ class TestAnEvaluationThat:
         assert queued.state == State.QUEUED
         assert "file_damaged" in queued.operator_detail
 
-    def test_was_frozen_on_another_track_is_our_fault(self, queued, plays):
+    def test_a_job_whose_track_changed_is_our_fault(self, queued, plays):
         plays(finishes)
         Evaluation.objects.update(spec={**queued.spec, "track": "0" * 64})
         run()
@@ -125,7 +125,7 @@ class TestAnEvaluationThat:
         assert queued.state == State.QUEUED
         assert "internal_error" in queued.operator_detail
 
-    def test_is_stopped_by_its_owner_ends_at_the_next_beat(self, queued, plays, quick_heart):
+    def test_an_owners_stop_takes_effect_at_the_next_heartbeat(self, queued, plays, quick_heart):
         noticed = []
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):
@@ -142,7 +142,7 @@ class TestAnEvaluationThat:
         assert (queued.state, queued.reason_code) == (State.STOPPED, "stopped")
         assert not Result.objects.exists()
 
-    def test_runs_when_the_worker_is_told_to_stop_goes_back_to_its_place(self, queued, plays):
+    def test_a_stopping_worker_returns_its_run_to_its_place(self, queued, plays):
         told = threading.Event()
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):
@@ -157,8 +157,8 @@ class TestAnEvaluationThat:
         assert (queued.state, queued.attempt) == (State.QUEUED, 0)
 
 
-class TestTheHeart:
-    def test_writes_the_progress_and_prolongs_the_lease(self, queued, plays, quick_heart):
+class TestHeartbeat:
+    def test_it_writes_the_progress_and_extends_the_lease(self, queued, plays, quick_heart):
         seen = []
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):
@@ -172,7 +172,7 @@ class TestTheHeart:
         run()
         assert seen == [({"lap": 2, "percent": 40.0}, True)]
 
-    def test_beats_without_any_progress(self, queued, plays, quick_heart):
+    def test_it_continues_without_any_progress(self, queued, plays, quick_heart):
         def play(job, on_progress, should_stop, wall_limit_s, crew):
             before = Evaluation.objects.get().leased_until
             wait_until(lambda: Evaluation.objects.get().leased_until > before)
@@ -183,7 +183,7 @@ class TestTheHeart:
         queued.refresh_from_db()
         assert queued.state == State.FINISHED
 
-    def test_survives_a_database_that_is_away_for_less_than_a_lease(self, queued, plays, quick_heart, monkeypatch):
+    def test_it_survives_a_short_database_outage(self, queued, plays, quick_heart, monkeypatch):
         calls = []
 
         def failing_twice(**kwargs):
@@ -203,9 +203,7 @@ class TestTheHeart:
         queued.refresh_from_db()
         assert queued.state == State.FINISHED
 
-    def test_gives_up_when_the_database_is_away_for_longer_than_a_lease(
-        self, queued, plays, quick_heart, monkeypatch, settings
-    ):
+    def test_it_gives_up_after_a_database_outage_of_a_lease(self, queued, plays, quick_heart, monkeypatch, settings):
         settings.LEASE_SECONDS = 0.1
         noticed = []
 
@@ -226,13 +224,13 @@ class TestTheHeart:
         assert "lease_expired" in queued.operator_detail
         assert not Result.objects.exists()
 
-    def test_writes_at_most_once_a_second_and_six_times_a_lease(self, settings):
+    def test_it_writes_at_most_once_a_second(self, settings):
         assert services.EVALUATIONS.beat_s >= 1.0
         assert settings.LEASE_SECONDS / heartbeat.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
 
 
-class TestTheTask:
-    def test_works_until_nothing_waits(self, queued, alice, oval, bell, plays):
+class TestTask:
+    def test_it_works_until_nothing_waits(self, queued, alice, oval, bell, plays):
         plays(finishes)
         for _ in range(2):
             services.queue_evaluation(
@@ -241,7 +239,7 @@ class TestTheTask:
         assert tasks.work.apply().get() == 3
         assert set(Evaluation.objects.values_list("state", flat=True)) == {State.FINISHED}
 
-    def test_rings_again_when_its_time_is_up(self, queued, alice, oval, bell, plays, monkeypatch):
+    def test_it_sends_a_wake_up_when_its_time_is_up(self, queued, alice, oval, bell, plays, monkeypatch):
         plays(finishes)
         services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
         monkeypatch.setattr(tasks, "BUDGET_S", 0.0)
@@ -250,21 +248,21 @@ class TestTheTask:
         assert len(bell) == 1
         assert services.EVALUATIONS.sweep(now=timezone.now(), wake=False).waiting == 1
 
-    def test_looks_after_lost_workers_itself(self, queued, plays):
+    def test_it_requeues_runs_of_lost_workers(self, queued, plays):
         plays(finishes)
         services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
         assert tasks.work.apply().get() == 1
         queued.refresh_from_db()
         assert (queued.state, queued.attempt) == (State.FINISHED, 2)
 
-    def test_notes_the_worker_and_its_sandbox(self, queued, plays):
+    def test_it_records_the_worker_and_its_sandbox(self, queued, plays):
         plays(finishes)
         tasks.work.apply()
         node = WorkerNode.objects.get()
         assert node.engine == ENGINE_ID
         assert node.sandbox["level"] == probing.probe().level
 
-    def test_runs_nothing_below_the_sandboxs_minimum(self, queued, plays, monkeypatch, caplog):
+    def test_it_runs_nothing_below_the_minimum_sandbox(self, queued, plays, monkeypatch, caplog):
         plays(finishes)
         monkeypatch.setattr(
             probing,
@@ -277,7 +275,7 @@ class TestTheTask:
         assert not WorkerNode.objects.get().sandbox["sufficient"]
         assert "runs nothing" in caplog.text
 
-    def test_hands_back_on_sigterm_and_claims_no_more(self, queued, alice, oval, plays):
+    def test_sigterm_hands_back_and_claims_no_more(self, queued, alice, oval, plays):
         services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):

@@ -79,11 +79,11 @@ def outcomes(level, paths):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_behind_the_wall_nobody_can(name, outcomes):
+def test_the_sandbox_blocks_every_attempt(name, outcomes):
     assert outcomes[name] != "open"
 
 
-def test_every_attempt_was_made_and_none_was_fatal(outcomes):
+def test_every_attempt_ran_and_none_was_fatal(outcomes):
     assert list(outcomes) == NAMES
 
 
@@ -94,7 +94,7 @@ def test_the_attempts_left_no_trace_on_the_host(outcomes, paths):
     assert not [name for name in os.listdir("/tmp") if name.startswith("paddock-escape")]
 
 
-def test_without_the_wall_the_same_attempts_succeed(paths):
+def test_the_same_attempts_succeed_without_the_sandbox(paths):
     code = f"import sys; from attempts import try_all; print(try_all({paths!r}, {SOUND!r}))"
     environment = {"PYTHONPATH": f"{CHECKOUT}{os.pathsep}{PAYLOADS}", "PATH": os.environ["PATH"]}
     done = subprocess.run(

@@ -62,7 +62,7 @@ def test_a_lead_within_the_bound_is_answered_by_float64():
     assert answer.dtype == np.float32 and int(np.argmax(answer)) == 1  # the first of two equal ones
 
 
-def test_one_that_sits_on_a_boundary_goes_the_exact_way_at_every_step():
+def test_a_tied_network_is_answered_by_float64_at_every_step():
     car = policy(scaled([0.2, 0.2, 0.2]), bound=1e-6)
     for bright in range(50):
         look(car, bright)
@@ -78,26 +78,26 @@ def test_a_continuous_answer_near_a_rounding_is_answered_by_float64():
     assert car.counts[FAST] == 1
 
 
-def test_without_a_bound_every_answer_is_float64s():
+def test_without_a_bound_float64_gives_every_answer():
     car = policy(scaled([0.1, 0.2, 0.3]), bound=None)
     look(car, 100)
     assert car.counts[EXACT] == 1
 
 
-def test_a_bound_that_nobody_knows_is_derived_at_the_start():
+def test_an_unknown_bound_is_derived_at_the_start():
     car = policy(scaled([0.1, 0.2, 0.3]))
     look(car, 100)
     assert car.counts[FAST] == 1
 
 
-def test_a_sample_of_the_steps_is_checked():
+def test_one_step_in_a_sample_is_checked():
     car = policy(scaled([0.1, 0.2, 0.3]), bound=1e-5)
     for step in range(CHECK_EVERY):
         look(car, 1 + step % 255)
     assert car.counts == {FAST: CHECK_EVERY - 1, EXACT: 0, CHECKED: 1, EXCEEDED: 0}
 
 
-def test_a_bound_that_does_not_hold_is_found_and_all_further_answers_are_exact():
+def test_after_a_broken_bound_every_answer_is_exact():
     car = policy(scaled([0.1, 0.2, 0.3]), bound=0.0)
     look(car, 0)  # equal scores: float64, and no error
     look(car, 77)
@@ -110,19 +110,19 @@ def test_a_bound_that_does_not_hold_is_found_and_all_further_answers_are_exact()
     assert car.counts[FAST] == before
 
 
-def test_what_is_too_great_for_float32_is_told_as_it_is():
+def test_an_overflow_in_float32_stays_non_finite():
     car = policy(scaled([1e30, 1e38, 1e38], factor=1e6), bound=None)
     assert not np.isfinite(look(car, 255)).all()
 
 
-def test_a_header_that_judges_nothing_gets_the_runtimes_answer():
+def test_a_header_without_actions_gets_the_runtimes_answer():
     car = policy(scaled([0.2, 0.2, 0.2]), HEADER)
     look(car, 9)
     assert car.counts[FAST] == 1
 
 
 @pytest.mark.parametrize("bright", [1, 7, 100, 255])
-def test_both_answers_are_within_the_bound_of_each_other(bright):
+def test_both_answers_agree_within_the_bound(bright):
     onnx = scaled([0.11, 0.23, 0.37])
     fast, exact = policy(onnx), policy(onnx, bound=None)
     np.testing.assert_allclose(look(fast, bright), look(exact, bright), rtol=1e-6)

@@ -59,14 +59,14 @@ def test_a_frame_larger_than_the_pipe_comes_through(pipe, blocking):
     writer.join()
 
 
-def test_a_frame_above_the_limit_is_refused_before_its_body_is_read(pipe):
+def test_an_oversized_frame_is_refused_before_its_body_is_read(pipe):
     read, write = pipe
     os.write(write, struct.pack("<I", 0xFFFFFFFF))
     with pytest.raises(FrameTooLarge):
         read_frame(read, 1000)
 
 
-def test_a_stream_that_ends_within_a_frame_is_closed(pipe):
+def test_a_stream_ending_within_a_frame_counts_as_closed(pipe):
     read, write = pipe
     os.write(write, struct.pack("<I", 10) + b"half")
     os.close(write)
@@ -82,7 +82,7 @@ def test_waiting_for_the_rest_of_a_frame_ends_at_the_deadline(pipe, sent):
         read_frame(read, 100, soon())
 
 
-def test_bytes_that_drip_do_not_extend_the_deadline(pipe):
+def test_a_trickle_of_bytes_does_not_extend_the_deadline(pipe):
     read, write = pipe
     stop = threading.Event()
 
@@ -102,14 +102,14 @@ def test_bytes_that_drip_do_not_extend_the_deadline(pipe):
 
 
 @pytest.mark.parametrize("blocking", [True, False])
-def test_writing_to_one_who_never_reads_ends_at_the_deadline(pipe, blocking):
+def test_writing_to_a_peer_that_never_reads_times_out(pipe, blocking):
     _, write = pipe
     os.set_blocking(write, blocking)
     with pytest.raises(FrameTimeout):
         write_frame(write, bytes(1_000_000), soon())
 
 
-def test_writing_to_one_who_is_gone_is_closed(pipe):
+def test_writing_to_a_peer_that_is_gone_counts_as_closed(pipe):
     read, write = pipe
     os.close(read)
     with pytest.raises(FrameClosed):
@@ -138,21 +138,21 @@ def test_a_message_carries_its_blobs(pipe):
         b"[" * 100_000,
     ],
 )
-def test_what_is_not_a_message_is_malformed(pipe, body):
+def test_anything_but_a_message_is_malformed(pipe, body):
     read, write = pipe
     threading.Thread(target=write_frame, args=(write, body)).start()
     with pytest.raises(FrameMalformed):
         read_message(read, soon(5))
 
 
-def test_blobs_are_bounded_in_sum(pipe):
+def test_the_total_size_of_blobs_is_bounded(pipe):
     read, write = pipe
     write_frame(write, b'{"blobs": [600, 600]}')
     with pytest.raises(FrameTooLarge):
         read_message(read, soon(), blob_limit=1000)
 
 
-def test_a_blob_of_another_size_than_announced_is_malformed(pipe):
+def test_a_blob_of_an_unannounced_size_is_malformed(pipe):
     read, write = pipe
     write_frame(write, b'{"blobs": [6]}')
     write_frame(write, b"abc")
@@ -160,13 +160,13 @@ def test_a_blob_of_another_size_than_announced_is_malformed(pipe):
         read_message(read, soon())
 
 
-def test_a_number_that_is_not_finite_is_not_sent(pipe):
+def test_a_non_finite_number_is_not_sent(pipe):
     with pytest.raises(ValueError):
         write_message(pipe[1], {"a": float("nan")})
 
 
 @given(st.binary(max_size=4000))
-def test_no_bytes_make_the_reader_do_anything_but_return_or_raise_a_frame_error(data):
+def test_any_bytes_give_a_frame_or_a_frame_error(data):
     read, write = os.pipe()
     try:
         os.write(write, data)

@@ -32,14 +32,14 @@ def start(what, level, limits=SMALL, **options):
     return launch("resources", limits=limits, arguments=[what], python_path=[PAYLOADS], level=level, **options)
 
 
-def test_what_goes_in_comes_out(level):
+def test_input_comes_back_unchanged(level):
     with start("echo", level) as process:
         write_message(process.stdin, {"a": 1}, [b"x" * 300_000], process.deadline)
         assert read_message(process.stdout, process.deadline) == ({"a": 1}, [b"x" * 300_000])
         assert process.wait(5) == 0
 
 
-def test_nothing_of_the_launchers_environment_goes_in(level, monkeypatch):
+def test_the_launchers_environment_stays_outside(level, monkeypatch):
     monkeypatch.setenv("SECRET_KEY", "hunter2")
     monkeypatch.setenv("DATABASE_URL", "postgres://")
     with start("describe", level) as process:
@@ -48,7 +48,7 @@ def test_nothing_of_the_launchers_environment_goes_in(level, monkeypatch):
     assert found["modules"] == []
 
 
-def test_cars_see_inside_what_they_see_outside_drawn_in_the_same_way(level):
+def test_frames_are_drawn_the_same_in_the_sandbox(level):
     with launch("draws", limits=replace(SMALL, address_space_mb=1024), python_path=[PAYLOADS], level=level) as process:
         found, _ = read_message(process.stdout, process.deadline)
     assert found == {"way": best_warp().__name__, "frame": draws.digest()}
@@ -75,33 +75,33 @@ def test_the_locked_process_is_one_thread_without_capabilities(level):
 
 
 @pytest.mark.parametrize("what", ["grow_memory", "grow_memory_by_touching_one_block"])
-def test_memory_ends_at_the_limit(level, what):
+def test_memory_is_limited(level, what):
     with start(what, level) as process:
         assert process.wait(10) == EXIT_MEMORY
 
 
 @pytest.mark.parametrize(("status", "told"), [(127, 127), (128, -31), (137, -31), (200, -31), (-1, -31)])
-def test_no_status_is_taken_for_a_signal_from_outside(level, status, told):
+def test_an_exit_status_cannot_pass_for_an_outside_signal(level, status, told):
     """What would look like one ends it with SIGSYS: 137 is what bubblewrap says of SIGKILL."""
     arguments = ["end_with", str(status)]
     with launch("resources", limits=SMALL, arguments=arguments, python_path=[PAYLOADS], level=level) as process:
         assert process.wait(10) == told
 
 
-def test_processor_time_ends_at_the_limit(level):
+def test_cpu_time_is_limited(level):
     with start("burn_processor_time", level, replace(SMALL, cpu_s=1)) as process:
         assert process.wait(10) == -signal.SIGXCPU
         assert 1 <= process.cpu_s < 2
 
 
-def test_a_flood_of_messages_stops_nobody_and_is_capped(level):
+def test_a_flood_on_stderr_is_capped_and_stops_nobody(level):
     with start("flood_stderr", level) as process:
         assert read_message(process.stdout, process.deadline)[0] == {"done": True}
         assert process.wait(5) == 0
         assert 0 < len(process.stderr_text()) <= STDERR_LIMIT
 
 
-def test_a_flood_that_insists_blocks_only_itself(level):
+def test_an_endless_flood_blocks_only_itself(level):
     with start("flood_stderr_for_ever", level) as process:
         with pytest.raises(FrameTimeout):
             read_message(process.stdout, time.monotonic() + 0.5)
@@ -110,7 +110,7 @@ def test_a_flood_that_insists_blocks_only_itself(level):
         assert len(process.stderr_text()) <= STDERR_LIMIT
 
 
-def test_control_characters_of_a_stranger_do_not_reach_an_operators_terminal(level):
+def test_control_characters_do_not_reach_an_operators_terminal(level):
     with start("paint_the_terminal", level) as process:
         process.wait(5)
         assert process.stderr_text() == "?]0;owned?\N{REPLACEMENT CHARACTER}\nplain"
@@ -175,14 +175,14 @@ def test_killing_the_launcher_kills_the_process(level):
         os.close(fd)
 
 
-def test_leaving_twice_is_harmless(level):
+def test_closing_twice_is_harmless(level):
     process = start("sleep", level)
     process.close()
     process.close()
     assert process.poll() == -signal.SIGKILL
 
 
-def test_a_process_that_is_killed_at_once_leaves_nothing(level):
+def test_a_process_killed_at_once_leaves_nothing(level):
     for _ in range(5):
         start("sleep", level).close()
 
@@ -195,20 +195,20 @@ def test_a_module_that_cannot_be_imported_says_so(level):
         assert "nothing here" in process.stderr_text()
 
 
-def test_a_process_with_a_second_thread_is_not_let_past_the_lock(level):
+def test_a_process_with_two_threads_does_not_pass_the_lock(level):
     with launch("has_a_thread", limits=SMALL, python_path=[PAYLOADS], level=level) as process:
         assert process.wait(5) == EXIT_NOT_LOCKED
         assert "thread" in process.stderr_text()
 
 
 @pytest.mark.parametrize("asked", [0, 1, 4])
-def test_no_level_below_the_minimum_or_above_the_hosts_is_started(asked):
+def test_only_levels_from_the_minimum_to_the_hosts_start(asked):
     with pytest.raises(PlatformFault) as caught:
         start("sleep", asked)
     assert caught.value.code == "sandbox_unavailable"
 
 
-def test_a_module_outside_the_given_path_is_not_there(level):
+def test_a_module_outside_the_given_path_cannot_run(level):
     with launch("tests.shared", limits=SMALL, level=level) as process:
         status = process.wait(5)
     if level >= LEVEL_NAMESPACES:
@@ -217,7 +217,7 @@ def test_a_module_outside_the_given_path_is_not_there(level):
         assert status != 0  # importable before the lock, but it has no main()
 
 
-def test_in_its_namespaces_a_process_sees_code_only_and_can_write_nowhere_even_before_its_lock(level):
+def test_namespaces_show_only_code_and_allow_no_writing(level):
     if level < LEVEL_NAMESPACES:
         pytest.skip("without namespaces the file system is there until the lock")
     with launch("looks_around", limits=SMALL, python_path=[PAYLOADS], level=level) as process:

@@ -23,13 +23,13 @@ def peak_address_space_mb(process):
         return next(int(line.split()[1]) for line in lines if line.startswith("VmPeak:")) / 1024
 
 
-def test_a_network_of_the_consoles_size_needs_less_than_half_of_a_policys_memory(level):
+def test_a_console_network_needs_under_half_of_a_policys_memory(level):
     with PolicyProcess(level=level) as policy:
         policy.load(console_sized_network(), HEADER)
         assert peak_address_space_mb(policy.process) < POLICY.address_space_mb / 2
 
 
-def test_a_large_network_lies_on_large_pages_where_the_host_grants_them(level):
+def test_a_large_network_uses_huge_pages_where_granted(level):
     granted = Path("/sys/kernel/mm/transparent_hugepage/enabled")
     if not granted.is_file() or "[never]" in granted.read_text():
         pytest.skip("this host has no large pages")
@@ -54,7 +54,7 @@ RIVALS = (pipeline.RivalCar(small_network(seed=1), METADATA),) * (MAX_CARS - 1)
     ],
     ids=["alone", "four cars"],
 )
-def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(monkeypatch, rules, rivals):
+def test_the_largest_track_needs_under_half_of_a_runners_memory(monkeypatch, rules, rivals):
     largest = max(CATALOGUE, key=lambda track: track.stated_length_m or 0.0)
     started, peaks = [], []
     launch = crew.launch
@@ -70,11 +70,11 @@ def test_a_race_on_the_largest_track_needs_less_than_half_of_a_runners_memory(mo
     assert max(peaks) < RUNNER.address_space_mb / 2
 
 
-def test_the_kernels_clock_ends_a_process_later_than_the_referee_ends_its_patience():
+def test_the_cpu_limit_exceeds_the_referees_time_budget():
     assert POLICY.cpu_s > 2 * TOTAL_S
     assert RUNNER.cpu_s >= pipeline.WALL_LIMIT_S * MAX_CARS
 
 
 @pytest.mark.parametrize("limits", [POLICY, RUNNER, PROBE])
-def test_limits_cross_to_another_process_unchanged(limits):
+def test_limits_reach_another_process_unchanged(limits):
     assert Limits.from_dict(limits.to_dict()) == limits

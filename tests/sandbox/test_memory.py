@@ -36,17 +36,17 @@ def new_pages(*before: str) -> int:
     return int(done.stdout)
 
 
-def test_memory_that_was_given_back_is_used_again() -> None:
+def test_freed_memory_is_used_again() -> None:
     whole = 2 * COPY // PAGE
     assert new_pages("keep_freed_memory()", "new_pages()") < whole / 20
     assert new_pages("new_pages()") > whole / 2, "this C library keeps it by itself: the function is of no use any more"
 
 
-def test_memory_is_there_before_the_network_comes() -> None:
+def test_memory_is_fetched_before_the_network_arrives() -> None:
     assert new_pages("keep_freed_memory()", "fetch_memory(requests)") < 2 * COPY // PAGE / 20
 
 
-def test_a_request_that_is_there_already_does_not_wait_for_memory() -> None:
+def test_a_pending_request_does_not_wait_for_memory() -> None:
     fetched = "before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt", "fetch_memory(requests)"
     asked = "import sys", "os.write(ask, b'x')", *fetched
     count = "print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)", "sys.exit()"

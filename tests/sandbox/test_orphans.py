@@ -47,7 +47,7 @@ def is_over(pidfd: int) -> bool:
     return bool(select.select([pidfd], [], [], 10.0)[0])
 
 
-def test_a_process_whose_bubblewrap_is_gone_is_ended(orphan):
+def test_a_process_that_lost_its_bubblewrap_is_ended(orphan):
     pidfd = os.pidfd_open(orphan)
     try:
         assert end_orphans(COMMAND) == [orphan]
@@ -56,12 +56,12 @@ def test_a_process_whose_bubblewrap_is_gone_is_ended(orphan):
         os.close(pidfd)
 
 
-def test_nobody_else_s_process_is_touched(orphan):
+def test_processes_of_others_are_left_alone(orphan):
     assert end_orphans("another command") == []
     os.kill(orphan, 0)
 
 
-def test_one_whose_leader_lives_goes_on():
+def test_a_process_with_a_living_leader_goes_on():
     leader = subprocess.Popen([sys.executable, "-c", WAITS, COMMAND], start_new_session=True)
     try:
         assert end_orphans(COMMAND) == []
@@ -71,7 +71,7 @@ def test_one_whose_leader_lives_goes_on():
         leader.wait()
 
 
-def test_sandboxed_processes_that_run_are_no_orphans(level):
+def test_running_sandboxed_processes_are_not_orphans(level):
     with launch("resources", limits=POLICY, arguments=["echo"], python_path=[PAYLOADS], level=level) as process:
         assert not {process.pid, process.inner_pid} & set(end_orphans(OURS))
         write_message(process.stdin, {"a": 1}, [], process.deadline)

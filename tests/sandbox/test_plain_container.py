@@ -44,11 +44,11 @@ def report():
     return inside(REPORT)
 
 
-def test_the_lock_stands(report):
+def test_the_lock_is_available(report):
     assert (report["level"], report["sufficient"]) == (2, True), report
 
 
-def test_the_true_reason_is_told(report):
+def test_the_report_names_the_true_reason(report):
     (missing,) = [layer for layer in report["layers"] if not layer["available"]]
     assert missing["name"] == "namespaces"
     assert missing["detail"].endswith(FILTERED) and "thread" not in missing["detail"]
@@ -56,11 +56,11 @@ def test_the_true_reason_is_told(report):
     assert "**In a container**" in (CHECKOUT / "docs" / "operators.md").read_text()
 
 
-def test_strangers_code_runs_behind_it():
+def test_untrusted_code_runs_behind_the_lock():
     assert inside(CHECKED) == [1.0, 2]
 
 
-def test_a_second_thread_is_still_found():
+def test_a_second_thread_is_still_detected():
     """There the kernel's own answer cannot be had, and the threads are counted."""
     status, said = inside(THREADED)
     assert status == 70 and said.endswith("a thread is already running")

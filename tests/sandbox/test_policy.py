@@ -51,7 +51,7 @@ def assert_a_normal_model_still_drives(level):
 
 
 @pytest.mark.parametrize("onnx", [small_network(), small_network(channels_first=True), console_sized_network()])
-def test_a_model_answers_what_onnxruntime_answers_outside(level, onnx):
+def test_a_model_answers_as_onnxruntime_does_outside(level, onnx):
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = onnxruntime.InferenceSession(onnx, options, providers=["CPUExecutionProvider"])
@@ -67,7 +67,7 @@ def test_a_model_answers_what_onnxruntime_answers_outside(level, onnx):
     assert client.seconds > 0
 
 
-def test_a_model_answers_the_same_bits_at_every_level_and_in_every_process():
+def test_answers_are_bit_identical_across_levels_and_processes():
     from evaluation.sandbox.probe import probe
 
     answers = set()
@@ -79,7 +79,7 @@ def test_a_model_answers_the_same_bits_at_every_level_and_in_every_process():
     assert len(answers) == 1
 
 
-def test_answers_do_not_change_when_the_next_one_comes():
+def test_an_answer_does_not_change_when_the_next_arrives():
     with PolicyProcess() as policy:
         policy.load(small_network(), HEADER)
         client = policy.client(HEADER)
@@ -113,7 +113,7 @@ def test_answers_do_not_change_when_the_next_one_comes():
         ("grow", "policy_memory"),
     ],
 )
-def test_a_policy_that_misbehaves_is_ended_with_its_reason_and_the_next_one_drives(level, kind, code):
+def test_a_misbehaving_policy_ends_with_its_reason(level, kind, code):
     started = time.monotonic()
     with hostile(kind, level) as policy, pytest.raises(UserFault) as caught:
         drive(policy, budget={} if kind == "grow" else BRISK)  # clearing half a gigabyte takes a while
@@ -134,13 +134,13 @@ def test_a_policy_that_misbehaves_is_ended_with_its_reason_and_the_next_one_driv
         ("close_and_run_on", "ran on"),
     ],
 )
-def test_how_a_policy_died_is_told(level, kind, how):
+def test_the_reason_tells_how_a_policy_died(level, kind, how):
     with hostile(kind, level) as policy, pytest.raises(UserFault) as caught:
         drive(policy)
     assert how in caught.value.params["how"]
 
 
-def test_a_policy_that_the_host_kills_is_not_the_racers_fault(level):
+def test_a_policy_killed_by_the_host_is_not_the_racers_fault(level):
     """The kernel does so when memory runs out. No locked process can send itself that signal."""
     with PolicyProcess(level=level) as policy:
         drive(policy, small_network())
@@ -152,19 +152,19 @@ def test_a_policy_that_the_host_kills_is_not_the_racers_fault(level):
 
 
 @pytest.mark.parametrize("kind", ["flood_stderr", "slow_once", "huge_values"])
-def test_what_is_odd_but_in_time_and_finite_is_let_through(level, kind):
+def test_odd_but_timely_finite_answers_are_accepted(level, kind):
     with hostile(kind, level) as policy:
         answers = drive(policy, budget={"step_deadline_s": 0.2, "overage_s": 5.0, "total_s": 20.0})
     assert len(answers) == 6
 
 
-def test_slow_steps_use_up_the_bank(level):
+def test_slow_steps_use_up_the_overage(level):
     with hostile("slow_once", level) as policy, pytest.raises(UserFault) as caught:
         drive(policy, budget={"step_deadline_s": 0.1, "overage_s": 0.05, "total_s": 20.0})
     assert caught.value.code == "policy_late"
 
 
-def test_a_network_that_waits_for_a_busy_host_is_not_called_slow(level, monkeypatch):
+def test_a_network_waiting_for_a_busy_host_is_not_slow(level, monkeypatch):
     """A stopped clock stands for a host that gives the network no time."""
     with hostile("burn", level) as policy, pytest.raises(PlatformFault) as caught:
         monkeypatch.setattr(policy.process, "cpu_seconds", lambda: 0.0)
@@ -179,7 +179,7 @@ def test_a_network_that_sleeps_cannot_blame_the_host(level, monkeypatch):
     assert caught.value.code == "policy_late"
 
 
-def test_steps_within_their_deadline_may_still_not_take_for_ever(level):
+def test_the_total_time_of_all_steps_is_limited(level):
     with hostile("slow_once", level) as policy, pytest.raises(UserFault) as caught:
         drive(policy, budget={"step_deadline_s": 1.0, "overage_s": 10.0, "total_s": 0.2})
     assert caught.value.code == "policy_late"
@@ -196,7 +196,7 @@ def test_steps_within_their_deadline_may_still_not_take_for_ever(level):
         ("refuses_with_a_novel", "policy_refused"),
     ],
 )
-def test_a_policy_that_misbehaves_while_it_loads_is_the_racers_fault(level, kind, code, monkeypatch):
+def test_a_policy_misbehaving_on_load_is_the_racers_fault(level, kind, code, monkeypatch):
     monkeypatch.setattr(policy_module, "LOAD_S", 0.5)
     with hostile(kind, level) as policy, pytest.raises(UserFault) as caught:
         drive(policy)
@@ -204,7 +204,7 @@ def test_a_policy_that_misbehaves_while_it_loads_is_the_racers_fault(level, kind
     assert len(str(caught.value)) < 500
 
 
-def test_what_no_database_or_page_takes_does_not_come_out_of_a_policy(level):
+def test_unprintable_text_does_not_leave_a_policy(level):
     """A NUL byte, half a surrogate pair, a terminal's colours, a turned direction of writing."""
     with hostile("refuses_with_poison", level) as policy, pytest.raises(UserFault) as caught:
         policy.load(b"", HEADER)
@@ -214,7 +214,7 @@ def test_what_no_database_or_page_takes_does_not_come_out_of_a_policy(level):
 
 
 @pytest.mark.parametrize("module", ["never_imports", "has_a_thread"])
-def test_a_process_that_does_not_get_as_far_as_its_lock_is_ours(level, module):
+def test_a_process_failing_before_its_lock_is_our_fault(level, module):
     with (
         PolicyProcess(module=module, python_path=[PAYLOADS], level=level) as policy,
         pytest.raises(PlatformFault) as caught,
@@ -235,14 +235,14 @@ def test_a_process_that_does_not_get_as_far_as_its_lock_is_ours(level, module):
     ],
     ids=["empty", "text", "truncated", "too many outputs"],
 )
-def test_a_network_that_does_not_load_or_fit_is_refused(level, onnx, part):
+def test_a_network_that_fails_to_load_or_fit_is_refused(level, onnx, part):
     with PolicyProcess(level=level) as policy, pytest.raises(UserFault) as caught:
         policy.load(onnx, HEADER)
     assert caught.value.code == "policy_refused"
     assert part.lower() in str(caught.value).lower()
 
 
-def test_a_network_is_refused_for_its_reason_though_its_process_ended_before_it_was_told_the_header(level):
+def test_an_early_end_still_gives_the_networks_reason(level):
     with PolicyProcess(level=level) as policy:
         policy.give(b"not an onnx file")
         assert policy.process.wait(10.0) == 0
@@ -260,7 +260,7 @@ def test_a_network_with_another_input_is_refused(level):
     assert "LIDAR" in caught.value.params["detail"]
 
 
-def test_a_network_for_another_size_of_picture_is_refused(level):
+def test_a_network_for_another_picture_size_is_refused(level):
     header = {"inputs": [{"name": CAMERA, "dtype": "uint8", "shape": [60, 80, 1]}], "outputs": 3}
     with PolicyProcess(level=level) as policy, pytest.raises(UserFault) as caught:
         policy.load(small_network(), header)
@@ -278,14 +278,14 @@ def test_a_network_in_onnxruntimes_own_format_is_refused(level, tmp_path):
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
-def test_a_network_that_answers_no_number_is_told_so(level, value):
+def test_a_network_answering_nan_gets_that_reason(level, value):
     with PolicyProcess(level=level) as policy, pytest.raises(UserFault) as caught:
         drive(policy, constant_network((value, 0.0, 0.0)))
     assert caught.value.code == "non_finite_action"
     assert caught.value.params == {"step": 1}
 
 
-def test_a_network_that_does_not_fit_into_memory_is_told_so(level):
+def test_a_network_too_large_for_memory_gets_that_reason(level):
     limits = replace(POLICY, address_space_mb=190)
     with PolicyProcess(level=level, limits=limits) as policy, pytest.raises(UserFault) as caught:
         policy.load(console_sized_network(), HEADER)
@@ -303,7 +303,7 @@ def test_a_network_that_does_not_fit_into_memory_is_told_so(level):
         {CAMERA: GREY[CAMERA][:, :, 0]},
     ],
 )
-def test_an_observation_that_was_not_agreed_is_our_own_mistake(observation):
+def test_an_unagreed_observation_is_a_programming_error(observation):
     with PolicyProcess() as policy:
         policy.load(small_network(), HEADER)
         with pytest.raises(ValueError):
@@ -316,7 +316,7 @@ def test_a_console_sized_network_fits_with_room_to_spare(level):
         assert 60 < policy.process.peak_mb() < 300
 
 
-def test_starting_a_policy_takes_a_moment_only(level):
+def test_a_policy_starts_quickly(level):
     took = []
     for _ in range(3):
         started = time.monotonic()

@@ -38,7 +38,7 @@ def test_the_report_is_plain_data_and_a_table():
         assert layer.detail
 
 
-def test_looking_takes_less_than_a_second_and_is_done_once():
+def test_probing_takes_under_a_second_and_happens_once():
     started = time.process_time()
     fresh()
     assert time.process_time() - started < 1
@@ -63,13 +63,13 @@ def test_without_libseccomp_nothing_runs(monkeypatch):
     assert "libseccomp2" in report.table()
 
 
-def test_without_both_the_level_is_none(monkeypatch):
+def test_without_landlock_and_libseccomp_the_level_is_none(monkeypatch):
     monkeypatch.setattr(landlock, "abi", lambda: 0)
     monkeypatch.setattr(seccomp, "build", lambda: (_ for _ in ()).throw(OSError("no")))
     assert fresh().level == LEVEL_NONE
 
 
-def test_without_bubblewrap_the_lock_is_left_and_enough(monkeypatch):
+def test_without_bubblewrap_the_lock_is_sufficient(monkeypatch):
     if probe.probe().level < LEVEL_LOCK:
         pytest.skip("this host offers no wall")
     monkeypatch.setattr(bubblewrap, "find", lambda: None)
@@ -79,7 +79,7 @@ def test_without_bubblewrap_the_lock_is_left_and_enough(monkeypatch):
     assert "apt-get install bubblewrap" in report.table()
 
 
-def test_bubblewrap_that_may_not_make_namespaces_is_noticed(monkeypatch, tmp_path):
+def test_a_bubblewrap_without_namespaces_is_detected(monkeypatch, tmp_path):
     if probe.probe().level < LEVEL_LOCK:
         pytest.skip("this host offers no wall")
     refusing = tmp_path / "bwrap"
@@ -91,7 +91,7 @@ def test_bubblewrap_that_may_not_make_namespaces_is_noticed(monkeypatch, tmp_pat
     assert "No permissions to create new namespace" in report.table()
 
 
-def test_a_filter_that_lets_something_through_is_noticed(monkeypatch):
+def test_a_leaking_filter_is_detected(monkeypatch):
     """The lock itself tries its doors: here the filter allows every call, so a socket opens."""
     if probe.probe().level < LEVEL_LOCK:
         pytest.skip("this host offers no wall")
@@ -102,7 +102,7 @@ def test_a_filter_that_lets_something_through_is_noticed(monkeypatch):
     assert "left a door open" in report.table()
 
 
-def test_more_than_the_host_offers_can_be_asked_for_and_then_nothing_runs(monkeypatch):
+def test_requiring_more_than_the_host_offers_stops_everything(monkeypatch):
     monkeypatch.setenv("PADDOCK_SANDBOX_LEVEL", "3")
     monkeypatch.setattr(bubblewrap, "find", lambda: None)
     report = fresh()
@@ -115,20 +115,20 @@ def test_more_than_the_host_offers_can_be_asked_for_and_then_nothing_runs(monkey
 
 
 @pytest.mark.parametrize("text", ["0", "1", "4", "none", "-1", "2.5"])
-def test_less_than_the_minimum_cannot_be_asked_for(monkeypatch, text):
+def test_less_than_the_minimum_cannot_be_configured(monkeypatch, text):
     monkeypatch.setenv("PADDOCK_SANDBOX_LEVEL", text)
     with pytest.raises(ValueError, match="PADDOCK_SANDBOX_LEVEL"):
         probe.minimum_level()
 
 
 @pytest.mark.parametrize("text", ["70000", "a-b", "5-1", "0-100", "500-70000", "70000-"])
-def test_a_range_of_user_ids_that_makes_no_sense_is_told(monkeypatch, text):
+def test_an_invalid_range_of_user_ids_is_refused(monkeypatch, text):
     monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", text)
     with pytest.raises(ValueError, match="PADDOCK_SANDBOX_UIDS"):
         uids.configured_range()
 
 
-def test_user_ids_are_handed_out_once_until_they_are_given_back(monkeypatch):
+def test_a_user_id_is_not_reused_before_it_is_returned(monkeypatch):
     monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "78000-78002")
     held = [uids.claim() for _ in range(3)]
     assert sorted(one.uid for one in held) == [78000, 78001, 78002]
@@ -141,7 +141,7 @@ def test_user_ids_are_handed_out_once_until_they_are_given_back(monkeypatch):
         one.close()
 
 
-def test_user_ids_are_not_handed_out_twice_to_two_processes(monkeypatch):
+def test_two_processes_never_get_the_same_user_id(monkeypatch):
     monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "78010-78011")
     held = uids.claim()
     code = "from evaluation.sandbox import uids; print(uids.claim().uid)"
@@ -150,14 +150,14 @@ def test_user_ids_are_not_handed_out_twice_to_two_processes(monkeypatch):
     held.close()
 
 
-def test_a_user_id_with_an_account_is_not_handed_out(monkeypatch):
+def test_a_user_id_with_an_account_is_never_handed_out(monkeypatch):
     monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "65533-65534")
     with uids.claim() as held:
         assert held.uid == 65533  # 65534 is nobody
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="becoming an ordinary user takes root")
-def test_an_ordinary_user_has_a_wall_too():
+def test_an_ordinary_user_has_a_sandbox_too():
     """The interpreter may lie in root's private home: a mount of our own shows it to the user elsewhere."""
     libraries = os.pathsep.join([str(CHECKOUT), *bubblewrap.python_home().packages])
     executable = os.path.relpath(bubblewrap.python_home().executable, sys.base_prefix)
@@ -190,7 +190,7 @@ def test_an_ordinary_user_has_a_wall_too():
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only a root launcher claims user ids")
-def test_nobody_else_can_take_the_names_that_evaluations_need(monkeypatch):
+def test_other_accounts_cannot_take_our_claim_names(monkeypatch):
     """They were abstract sockets, which any account of the machine may bind."""
     monkeypatch.setenv("PADDOCK_SANDBOX_UIDS", "70990-70991")
     with contextlib.ExitStack() as squatter:
@@ -207,7 +207,7 @@ def test_nobody_else_can_take_the_names_that_evaluations_need(monkeypatch):
             assert core is not None
 
 
-def test_claims_lie_in_a_folder_of_this_user_alone(tmp_path, monkeypatch):
+def test_claims_are_kept_in_a_private_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(claims, "_places", lambda: iter([tmp_path / "link", tmp_path / "file", tmp_path / "open"]))
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
@@ -220,7 +220,7 @@ def test_claims_lie_in_a_folder_of_this_user_alone(tmp_path, monkeypatch):
     claims.claim("name").close()
 
 
-def test_without_a_private_folder_that_is_said(tmp_path, monkeypatch):
+def test_a_missing_private_folder_is_reported(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(claims, "_places", lambda: iter([tmp_path / "file"]))
     with pytest.raises(OSError, match="private to this user"):
