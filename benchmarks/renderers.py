@@ -23,7 +23,7 @@ from paddock.simulator.camera.optics import Optics
 from paddock.simulator.camera.view import Camera
 from paddock.simulator.car import Pose
 from paddock.simulator.clock import STEP_MS
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.sensors import POSE, sensor_spec
 from paddock.simulator.solids import Solid, box
@@ -52,7 +52,7 @@ def compare(car: AdmittedCar, track: TrackGeometry, *, steps: int) -> dict[str, 
         camera = Camera(ground.scene)
         warped = _drive(car, ground, camera.render, steps)
         rules = RaceRules(race_type=OBJECT_AVOIDANCE, random_boxes=BOXES)
-        boxes = tuple(placed.solid for placed in lay_course(ground.track, rules).boxes)
+        boxes = tuple(placed.solid for placed in lay_out(ground.track, rules).boxes)
         six_boxes = _drive(car, ground, camera.render, steps, lambda pose: boxes)
         six_in_view = _drive(car, ground, camera.render, steps, _row_before)
         scene = TinyScene(track, ground.theme)

@@ -43,7 +43,10 @@ TABLES = {
     "league_mail": "league_notice",
 }
 # (new table, new column): old column
-COLUMNS: dict[tuple[str, str], str] = {("league_webhookdelivery", "attempt"): "tries"}
+COLUMNS: dict[tuple[str, str], str] = {
+    ("evaluation_result", "layout"): "course",
+    ("league_webhookdelivery", "attempt"): "tries",
+}
 # (new table, new column): the old columns that it is made of, and how
 MADE: dict[tuple[str, str], tuple[tuple[str, ...], Callable[..., Any]]] = {
     ("races_race", "rules"): (

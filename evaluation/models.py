@@ -342,14 +342,14 @@ class Result(CarResult):
     """What one finished evaluation measured. Written once, by the worker that held the lease; never changed.
 
     Its own columns are car 0's, the evaluation's own model; other submitted cars are rows of :class:`RivalResult`.
-    ``order``: the numbers of all cars, winner first. ``course``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"},
-    ...]}``; ``bots``: the poses of bot cars, a gzipped file. :func:`evaluation.services.results.read_course` has both.
+    ``order``: the numbers of all cars, winner first. ``layout``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"},
+    ...]}``; ``bots``: the poses of bot cars, a gzipped file. :func:`evaluation.services.results.read_layout` has both.
     """
 
     evaluation = models.OneToOneField(Evaluation, models.CASCADE, related_name="result", verbose_name=_("evaluation"))
     lease = models.UUIDField(_("lease"), default=uuid.uuid4, editable=False)
     order = models.JSONField(_("order"), default=alone)
-    course = models.JSONField(_("course"), default=dict, blank=True)
+    layout = models.JSONField(_("layout"), default=dict, blank=True)
     bots = models.FileField(_("bot cars"), upload_to="traces/", blank=True)
     simulated_ms = models.PositiveIntegerField(_("simulated"))
     wall_s = models.FloatField(_("wall seconds"))

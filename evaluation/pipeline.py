@@ -101,7 +101,7 @@ class CarOutcome:
 class EvaluationOutcome:
     """What came of an evaluation: car 0 as in :class:`CarOutcome`, and ``rivals``.
 
-    ``course``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... a row], ... a bot]}`` in
+    ``layout``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... a row], ... a bot]}`` in
     metres and radians. ``order``: the numbers of all cars, winner first. ``simulated_ms`` and ``steps``: until the last
     car was done. ``shares``: wall seconds in ``start`` (processes, loading), ``physics``, ``camera``, ``policy`` (of
     which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
@@ -124,7 +124,7 @@ class EvaluationOutcome:
     shares: dict[str, float]
     peak_mb: float
     retired: dict[str, Any] | None = None
-    course: dict[str, list] = field(default_factory=dict)
+    layout: dict[str, list] = field(default_factory=dict)
     order: list[int] = field(default_factory=lambda: [0])
     rivals: list[CarOutcome] = field(default_factory=list)
     ways: list[list[int]] = field(default_factory=list)
@@ -152,7 +152,7 @@ def evaluate(
 
     Raises UserFault: ``policy_late``, ``policy_died``, ``policy_memory``, ``policy_protocol``, ``policy_refused``,
     ``non_finite_action`` (these only of a car that is alone; one with rivals retires instead), ``stopped``, and what
-    the simulator says of the model or of the course. Raises PlatformFault: ``sandbox_unavailable``,
+    the simulator says of the model or of the layout. Raises PlatformFault: ``sandbox_unavailable``,
     ``sandbox_failed``, ``host_overloaded``, ``runner_timeout``, ``runner_died``, ``runner_protocol``,
     ``runner_error``; notes on it (``__notes__``) carry what the processes wrote to stderr, for operators.
     """
@@ -363,7 +363,7 @@ def _outcome(
     result: dict[str, Any], blobs: list[bytes], retired: dict[int, UserFault], onnxruntime: str, **measured: Any
 ) -> EvaluationOutcome:
     """What the runner's last message says. Raises KeyError, TypeError, ValueError, IndexError for one of no form."""
-    course, *traces = blobs
+    layout, *traces = blobs
     first, *rivals = [
         CarOutcome(**{**car, "retired": _why(car["retired"], retired.get(number))}, trace_csv=trace)
         for number, (car, trace) in enumerate(zip(result.pop("cars"), traces, strict=True))
@@ -372,7 +372,7 @@ def _outcome(
     return EvaluationOutcome(
         **{column.name: getattr(first, column.name) for column in fields(first)},
         **result,
-        course=json.loads(course),
+        layout=json.loads(layout),
         rivals=rivals,
         **measured,
     )

@@ -4,7 +4,7 @@ Started by :mod:`.crew`, used by :mod:`.pipeline`. It reads a message with the j
 (what it will ask each policy, see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for
 ``{"start": true}`` before it asks a policy for the first time, drives, and sends ``{"progress": ...}`` messages,
 ``{"retired": {"car", "error"}}`` for each car that is taken off the track, and then one ``{"result": ...}`` with the
-course and the traces, or one ``{"error": {"code", "fault", "params"}}``.
+layout and the traces, or one ``{"error": {"code", "fault", "params"}}``.
 
 Before the job there may be a message with ``{"venues": [...]}``, where the job may be: they are built up, and a short
 drive on each leaves nothing to be done for the first time in the race.
@@ -112,8 +112,8 @@ def _run(frames_in: int, frames_out: int) -> None:
     telling.finish()
     cars: list[RaceResult | CarResult] = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
-    course = json.dumps(result.course, allow_nan=False, separators=(",", ":")).encode()
-    blobs = [course, *(car.trace.to_csv() for car in cars)]
+    layout = json.dumps(result.layout, allow_nan=False, separators=(",", ":")).encode()
+    blobs = [layout, *(car.trace.to_csv() for car in cars)]
     ways = [[client.counts[way] for way in WAYS] for client in clients]
     write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds, "ways": ways}, blobs)
     with contextlib.suppress(FrameError):  # with this process the policies would end, and nobody could measure them

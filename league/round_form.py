@@ -16,14 +16,14 @@ from zoneinfo import ZoneInfo
 from django.utils import timezone
 from django.utils.datastructures import MultiValueDict
 
+from paddock.rules.race import LAYOUT
 from races.forms import RaceForm
 from races.models import Race
-from races.validation import COURSE_FIELDS
 
 from .services.template import RoundPlan
 
 # What stands on the track is one thing: of a pattern of bots and a change to boxes nothing mixed comes out.
-_TOGETHER = ("race_type", *COURSE_FIELDS)
+_TOGETHER = ("race_type", *LAYOUT)
 MOST_CHARACTERS = 200_000
 _NOT_OF_THE_RACE = ("csrfmiddlewaretoken", "season", "round", "do")
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .selectors.results import Place, Rival
 
 
-def course_facts(race: Race) -> list[str]:
+def layout_facts(race: Race) -> list[str]:
     """What stands and drives on the track besides the car: a few words each, none for an empty track."""
     boxes = len(race.boxes) or race.random_boxes
     if boxes:
@@ -51,7 +51,7 @@ def sensor_words(race: Race) -> list[str]:
     return [_(SENSOR_WORDS.get(name, name)) for name in race.sensors]
 
 
-def course_rules(race: Race) -> list[str]:
+def layout_rules(race: Race) -> list[str]:
     """The same as rules, in whole sentences: what is on the track, and what becomes of a car that runs into it."""
     if race.boxes or race.random_boxes:
         rules = _box_rules(race)
@@ -71,7 +71,7 @@ def fault_words(race: Race) -> str:
     said = [
         _("Off track: back on the lane after %(seconds)s s.") % {"seconds": f"{race.off_track_penalty_ms / 1000:g}"}
     ]
-    if course_facts(race):
+    if layout_facts(race):
         said.append(_("A crash costs %(seconds)s s.") % {"seconds": f"{race.collision_penalty_ms / 1000:g}"})
     return " ".join(said)
 

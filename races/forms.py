@@ -16,9 +16,9 @@ from core.forms import add_fault
 from paddock.errors import UserFault
 from paddock.rules.race import BY_PLACE
 
-from .course_form import DRAWN, FIXED, PROPOSALS, CourseForm
 from .errors import RaceRefused
 from .fields import MomentField
+from .layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm
 from .models import Race, RaceState, RaceType, Visibility
 from .rules.fields import rule_fields
 from .services.races import edition_of
@@ -30,9 +30,9 @@ _NOT_OF_A_RACE = ("track", "time_zone", "box_choice", "edition")
 
 _ELSEWHERE = ("collision_penalty_ms", "max_submissions", "shared_cars", "sensors")
 # What every race has, in rows of three on a page.
-_IN_ROWS = tuple(name for name in BY_PLACE if name not in (*CourseForm.base_fields, *_ELSEWHERE))
+_IN_ROWS = tuple(name for name in BY_PLACE if name not in (*LayoutForm.base_fields, *_ELSEWHERE))
 _FIELDS = rule_fields((*_IN_ROWS, *_ELSEWHERE))
-_RuleFields = new_class("RuleFields", (CourseForm,), exec_body=lambda body: body.update(_FIELDS))
+_RuleFields = new_class("RuleFields", (LayoutForm,), exec_body=lambda body: body.update(_FIELDS))
 
 
 class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]

@@ -7,7 +7,7 @@ from .views import boards, duels, evaluations, organising, races, racing, videos
 urlpatterns = [
     path("races/", races.races, name="races"),
     path("races/new/", organising.race_new, name="race_new"),
-    path("races/course/", organising.race_course, name="race_course"),
+    path("races/layout/", organising.race_layout, name="race_layout"),
     path("races/join/<str:token>/", racing.race_invitation, name="race_invitation"),
     path("races/<slug:slug>/", races.race, name="race"),
     path("races/<slug:slug>/rules/", races.race_rules, name="race_rules"),

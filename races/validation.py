@@ -8,10 +8,10 @@ from functools import partial
 
 from django.core.exceptions import ValidationError
 
-from paddock.rules.race import LAYOUT, RULES
+from paddock.rules.race import RULES
 
-from .course import check_layout
 from .errors import RaceRefused, problem
+from .layout import check_layout
 from .models import Kind, Race, RaceState
 
 MAX_DURATION = timedelta(days=366)
@@ -27,12 +27,10 @@ _TIME_CHECKS: list[ChangeCheck] = []
 Hold = Callable[[Race], None]
 _HOLDS: list[Hold] = []
 
-# What stands and drives on the track.
-COURSE_FIELDS = LAYOUT
 # What moves a lap time or an order: fixed from the first submission on, for everybody.
 RULE_FIELDS = ("track", *(name for name, rule in RULES.items() if rule.fixed))
-# What decides where boxes stand and whether bots have room: a change of these lays the course out and checks it anew.
-LAYOUT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")
+# What decides where boxes stand and whether bots have room: a change of these makes the layout anew and checks it.
+BOX_AND_BOT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")
 # What never changes after a race is made.
 FIXED_FIELDS = ("slug", "kind", "organiser", "created_at")
 # What may be written even when a race is over.
@@ -80,7 +78,7 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
     if not problems.error_dict and before is not None and {"opens_at", "closes_at"} & set(changed_fields(before, race)):
         for check in _TIME_CHECKS:
             _collect(problems, partial(check, race, before))
-    if not problems.error_dict and (before is None or set(changed_fields(before, race)) & set(LAYOUT_FIELDS)):
+    if not problems.error_dict and (before is None or set(changed_fields(before, race)) & set(BOX_AND_BOT_FIELDS)):
         _collect(problems, lambda: check_layout(race))
     if problems.error_dict:
         raise RaceRefused(problems)

@@ -161,13 +161,13 @@
   });
 
   // --- races like the training come first --------------------------------------------------------------------------------
-  document.querySelectorAll("select:has(option[data-course])").forEach((list) => {
+  document.querySelectorAll("select:has(option[data-drives])").forEach((list) => {
     const form = list.closest("form");
     const value = (name) => new FormData(form).get(name);
     const order = [...list.options]; // the league's first, then those that close first
     const unlike = (option) => {
-      if (!option.dataset.course) return -1;
-      const [track, type, direction] = option.dataset.course.split(" ");
+      if (!option.dataset.drives) return -1;
+      const [track, type, direction] = option.dataset.drives.split(" ");
       const [here, same] = [track === value("track"), type === value("race_type")];
       return here && same ? Number(direction !== value("direction")) : 4 - 2 * here - same;
     };

@@ -9,12 +9,12 @@ from evaluation.models import TrainedModel
 from paddock.packages.inputs import lidar_settings
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO
 from paddock.rules.training import DRIVEN_BY, ENDING
-from races.course_form import DRAWN, FIXED
+from races.layout_form import DRAWN, FIXED
 
 from .actions import discrete_actions
 from .cloning import build_of_model
-from .course import LESSON_CODE
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
+from .lessons import LESSON_CODE
 from .models import TrainingJob, Vehicle
 from .rewards.examples import DEFAULT, EXAMPLES
 from .selectors import clonable_models

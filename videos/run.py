@@ -13,7 +13,7 @@ from django.conf import settings
 
 from evaluation.cars import CarRow, car_rows
 from evaluation.models import Evaluation, State
-from evaluation.services.results import read_course, read_trace
+from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
 
 from .hooks import runs
@@ -118,7 +118,7 @@ class FilmedRun:
                 for row in sorted(self.cars, key=lambda row: row.number)
             ],
             followed=car,
-            course=read_course(evaluation.result),
+            layout=read_layout(evaluation.result),
             order=list(evaluation.result.order),
             lap=part or None,
             fastest_sectors_ms=runs().fastest_sectors_ms(evaluation),

@@ -32,7 +32,7 @@ def write_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, fi
     ]
     words = f"{track.length:.1f} m, {'counter-clockwise' if track.direction == 'ccw' else 'clockwise'}"
     try:
-        film(Scene(track, track.name, words, cars, course=outcome.course, order=outcome.order), path)
+        film(Scene(track, track.name, words, cars, layout=outcome.layout, order=outcome.order), path)
     except UserFault as fault:
         raise Refusal(fault) from fault
     except OSError as error:

@@ -107,7 +107,7 @@ class Migration(migrations.Migration):
                 ('metrics', models.JSONField(verbose_name='metrics')),
                 ('lease', models.UUIDField(default=uuid.uuid4, editable=False, verbose_name='lease')),
                 ('order', models.JSONField(default=evaluation.models.alone, verbose_name='order')),
-                ('course', models.JSONField(blank=True, default=dict, verbose_name='course')),
+                ('layout', models.JSONField(blank=True, default=dict, verbose_name='layout')),
                 ('bots', models.FileField(blank=True, upload_to='traces/', verbose_name='bot cars')),
                 ('simulated_ms', models.PositiveIntegerField(verbose_name='simulated')),
                 ('wall_s', models.FloatField(verbose_name='wall seconds')),

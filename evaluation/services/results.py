@@ -48,7 +48,7 @@ def write_result(
         evaluation_id=evaluation_id,
         lease=lease,
         order=outcome.order,
-        course={"boxes": outcome.course.get("boxes", [])},
+        layout={"boxes": outcome.layout.get("boxes", [])},
         bots=files.bots,
         simulated_ms=outcome.simulated_ms,
         wall_s=outcome.wall_s,
@@ -127,7 +127,7 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
     *trace_names, bots_name = file_names(evaluation)
     traces = [outcome.trace_csv, *(car.trace_csv for car in outcome.rivals)]
     contents = dict(zip(trace_names, traces, strict=False))
-    if bots := outcome.course.get("bots"):
+    if bots := outcome.layout.get("bots"):
         contents[bots_name] = json.dumps(bots, separators=(",", ":")).encode()
     stored: list[str] = []
     with ExitStack() as unless_all:
@@ -145,14 +145,14 @@ def read_trace(result: CarResult) -> bytes:
     return read_gzip(result.trace.name or "")
 
 
-def read_course(result: Result) -> dict[str, list]:
+def read_layout(result: Result) -> dict[str, list]:
     """What stood and drove on the track besides submitted cars.
 
     ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... for each row of car 0's trace], ...
     for each bot]}`` in metres and radians. Raises PlatformFault("storage_failed"), ("file_damaged").
     """
     bots = json.loads(read_gzip(result.bots.name or "")) if result.bots else []
-    return {"boxes": result.course.get("boxes", []), "bots": bots}
+    return {"boxes": result.layout.get("boxes", []), "bots": bots}
 
 
 def delete_files(names: list[str]) -> None:

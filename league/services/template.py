@@ -15,10 +15,10 @@ from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
 from paddock.errors import UserFault
+from paddock.rules.race import LAYOUT
 from races.errors import RaceRefused
 from races.models import Kind, Opponents, Race, RaceType
 from races.services.races import free_slug
-from races.validation import COURSE_FIELDS
 from tracks.models import Direction, Track
 
 from ..models import Season, Stage
@@ -27,7 +27,7 @@ from .seasons import create_season, schedule_round, set_stage_rules
 
 WORDS = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale", Stage.CHAMPIONSHIP: "championship"}
 # What a finale takes over from its pro race where nothing else is said.
-_ON_THE_TRACK = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")
+_ON_THE_TRACK = ("track", "direction", "race_type", *LAYOUT, "seed")
 
 
 class Turn(models.TextChoices):
@@ -190,7 +190,7 @@ class SeasonPlan:
         plan = self.stages.get(stage, StagePlan())
         own = plan.fields_of(place)
         if "race_type" in own:  # nothing that its pro race has on the track; every month draws anew
-            race = {name: value for name, value in race.items() if name not in (*COURSE_FIELDS, "seed")}
+            race = {name: value for name, value in race.items() if name not in (*LAYOUT, "seed")}
             own |= {} if own["race_type"] == RaceType.TIME_TRIAL else {"seed": number}
         whole = stage == Stage.CHAMPIONSHIP
         key = word if whole else f"{one.month}-{word}"

@@ -25,7 +25,7 @@ from league.season_form import SeasonForm
 from league.services.template import Previewed, RoundPlan, digest_of, preview_season, schedule_season
 from paddock.errors import UserFault
 from races.audit import log
-from races.course_form import preview as course_of
+from races.layout_form import preview as layout_of
 
 _BUTTONS = ("csrfmiddlewaretoken", "do", "round", "season")
 
@@ -139,7 +139,7 @@ def _change(request: HttpRequest, do: str) -> HttpResponse:
     if do == "keep" and pattern is not None:
         form = RoundForm(request.POST, race=pattern.unsaved(), zone=plan.zone, now=now)
         if form.is_valid():
-            for sentence in course_of(form, submitted=True).problems:
+            for sentence in layout_of(form, submitted=True).problems:
                 form.add_error(None, sentence)
         if form.errors:
             return _render_round(request, data, pattern, form, submitted=True)
@@ -156,7 +156,7 @@ def _render_round(
     context = {
         "form": form,
         "round": round_,
-        "course": course_of(form, submitted=submitted),
+        "layout": layout_of(form, submitted=submitted),
         "season": json.dumps(dict(data.lists())),
     }
     return render(request, "league/season_round_form.html", context, status=422 if form.errors else 200)

@@ -55,7 +55,7 @@ class BoxPlace:
 @dataclass(frozen=True)
 class RaceRules:
     """What a run is told. Raises ValueError at construction when a value makes no sense; whether boxes have room on a
-    certain track is for the simulator's course.
+    certain track is for :mod:`paddock.simulator.layout`.
 
     Defaults: deepracer-simapp, evaluation_worker.py. Penalties are stood still on the track, in whole control steps
     (1/15 s, rounded up). Object avoidance has ``boxes`` or ``random_boxes``, 1 to 10; head-to-head has ``bots``, or

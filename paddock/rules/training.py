@@ -83,7 +83,7 @@ class TrainingSettings:
 
 # Those with bounds and words of their own.
 SETTINGS = rules_in(TrainingSettings)
-# Race rules that a training drives by, all as the course of a race says them.
+# Race rules that a training drives by, all as the layout of a race says them.
 DRIVEN_BY = ("direction", "race_type", "boxes", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes")
 ENDING = tuple(name for name in SETTINGS if name != "seed")
 

@@ -1,7 +1,7 @@
 """Bot cars: kinematic, along the centres of the two lanes, at a constant speed, moved by the seed and the clock alone.
 
 deepracer-simapp, agent_ctrl/bot_cars_agent_ctrl.py. Draws come from :class:`random.Random`, as for boxes (see
-:mod:`paddock.simulator.course`).
+:mod:`paddock.simulator.layout`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import INNER, LANES, RaceRules, penalty_steps
 
 from .car import Pose
-from .course import other_lane, start_places
+from .layout import other_lane, start_places
 from .solids import Solid, car
 
 CHANGE_M = 1.0  # a lane change takes so many metres (simapp, LANE_CHANGE_DISTANCE)

@@ -1,4 +1,4 @@
-"""One car on its way past the boxes of a course: which it has passed, which it hits, where it is put back near one."""
+"""One car on its way past the boxes of a layout: which it has passed, which it hits, where it is put back near one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 from .car import Pose
 from .contact import BOX_NEAR_M2, hits_box, overlaps_box
-from .course import Course, other_lane
+from .layout import Layout, other_lane
 
 # deepracer-simapp, agent_ctrl/constants.py: CLOSEST_OBJ_GAP, RESET_BEHIND_DIST, RESET_AHEAD_DIST.
 NEAR_M = BEHIND_M = AHEAD_M = 1.0
@@ -20,10 +20,10 @@ class BoxWatch:
     A car is never put back before a box that it has passed: ``floor_m`` is the place behind the last one.
     """
 
-    def __init__(self, course: Course, length: float, mercy_resets: int, nose_m: float) -> None:
+    def __init__(self, layout: Layout, length: float, mercy_resets: int, nose_m: float) -> None:
         """``length`` of the track; ``nose_m``: where the nose starts, unwrapped; ``mercy_resets`` of the rules."""
-        self._boxes = course.boxes
-        self._solids = tuple(box.solid for box in course.boxes)
+        self._boxes = layout.boxes
+        self._solids = tuple(box.solid for box in layout.boxes)
         self._length = length
         self._mercy_resets = mercy_resets
         self._resets_here = 0

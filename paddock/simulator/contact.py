@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .car import Pose
-from .course import BOX_HALF_LENGTH_M, BOX_HALF_WIDTH_M
+from .layout import BOX_HALF_LENGTH_M, BOX_HALF_WIDTH_M
 from .solids import Solid, car
 
 _CAR = car(0.0, 0.0, 0.0)

@@ -10,7 +10,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import INNER
 
 from .action import ActionSpace
-from .course import EMPTY, Course
+from .layout import EMPTY, Layout
 from .physics import PADDOCK_CAR
 from .sensors import POSE
 
@@ -42,14 +42,14 @@ class CentreLinePilot:
         direction: str = "ccw",
         speed: float = 1.5,
         offset: float = 0.0,
-        course: Course = EMPTY,
+        layout: Layout = EMPTY,
     ) -> None:
         """``speed`` in m/s on straights (it slows down before bends), ``offset`` in metres to the left of the centre
-        line. Past the boxes of ``course`` it drives in the other lane."""
+        line. Past the boxes of ``layout`` it drives in the other lane."""
         self._track = track.in_direction(direction)
         self._speed = speed
         self._offset = offset
-        self._boxes = course.boxes
+        self._boxes = layout.boxes
         self._index: int | None = None
 
     def __call__(self, readings: dict[str, np.ndarray]) -> np.ndarray:

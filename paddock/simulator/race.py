@@ -114,7 +114,7 @@ class RaceResult:
     """What a race came to; laps, trace and the like are those of the first car. Everything but ``seconds`` is the same
     on every run.
 
-    ``course``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[(x, y, yaw), ...], ...]}``, for each bot
+    ``layout``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[(x, y, yaw), ...], ...]}``, for each bot
     one place for each row of the first car's trace, in metres and radians to a thousandth. ``order``: the cars from the
     winner on, 0 being the first car and 1 the first of ``rivals``.
     """
@@ -127,7 +127,7 @@ class RaceResult:
     engine: str
     versions: dict[str, str]
     seconds: dict[str, float] = field(compare=False)  # of wall time in physics, camera, policy, other: a diagnostic
-    course: dict[str, Any] = field(default_factory=dict)
+    layout: dict[str, Any] = field(default_factory=dict)
     rivals: list[CarResult] = field(default_factory=list)
     order: list[int] = field(default_factory=lambda: [0])
     retired: dict[str, Any] | None = None
@@ -187,7 +187,7 @@ def run_race(
             for number, car in enumerate(race.cars)
         ]
         physics_s = stage.world.seconds
-        course = stage.course.to_dict() | {"bots": _bot_paths(stage)}
+        layout = stage.layout.to_dict() | {"bots": _bot_paths(stage)}
     total_s = perf_counter() - begun
     own = results[0]
     return RaceResult(
@@ -204,7 +204,7 @@ def run_race(
             "policy": race.policy_s,
             "other": total_s - physics_s - race.camera_s - race.policy_s,
         },
-        course=course,
+        layout=layout,
         rivals=results[1:],
         order=race.order(),
         retired=own.retired,

@@ -17,7 +17,7 @@ from paddock.rules.race import INNER, LANES, OUTER, RaceRules, penalty_steps
 from .boxes import BEYOND_M, BoxWatch
 from .car import Pose
 from .clock import STEP_MS, milliseconds
-from .course import EMPTY, Course, other_lane
+from .layout import EMPTY, Layout, other_lane
 from .physics import CarPhysics
 from .progress import Odometer, Reach
 from .trace import CRASHED, IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PARK, PAUSE, REVERSED, TIME_UP
@@ -73,7 +73,7 @@ class Referee:
         start_m: float = 0.0,
         clear_m: float = 0.0,
         *,
-        course: Course = EMPTY,
+        layout: Layout = EMPTY,
         free: Callable[[Pose], bool] = _always,
         grid: int | None = None,
     ) -> None:
@@ -106,7 +106,7 @@ class Referee:
         self.laps = [Lap(1, 0)]
         self._free = free
         self._owed = False
-        self.boxes = BoxWatch(course, track.length, rules.mercy_resets, start_m + physics.nose_x)
+        self.boxes = BoxWatch(layout, track.length, rules.mercy_resets, start_m + physics.nose_x)
         self._noses: tuple[tuple[float, float], ...] = ()
         start = self._start(grid)
         self.place(*start)

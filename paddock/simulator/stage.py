@@ -15,7 +15,7 @@ from .camera.theme import OFFICIAL, Theme
 from .camera.view import Scene
 from .car import Pose
 from .contestant import Contestant
-from .course import lay_course
+from .layout import lay_out
 from .physics import PADDOCK_CAR, CarPhysics
 from .progress import Reach, clear_distance
 from .referee import Referee
@@ -62,7 +62,7 @@ class Ground:
 
 
 class Stage:
-    """One run: a fresh world, the course with its boxes and bots, and the contestants. Use it as a context manager or
+    """One run: a fresh world, the layout with its boxes and bots, and the contestants. Use it as a context manager or
     call :meth:`close`."""
 
     def __init__(
@@ -71,7 +71,7 @@ class Stage:
         """``world``: one of the same ``physics`` that several stages share; their cars neither meet nor see each other.
         Who shares it moves it, between :meth:`command` and :meth:`judge` of all its stages, and closes it.
 
-        Raises UserFault where boxes or bots have no room, see :func:`paddock.simulator.course.lay_course`.
+        Raises UserFault where boxes or bots have no room, see :func:`paddock.simulator.layout.lay_out`.
         """
         self.ground = ground
         self.contestants: list[Contestant] = []
@@ -82,11 +82,11 @@ class Stage:
     def _lay(self, rules: RaceRules, control_hz: float) -> None:
         ground = self.ground
         self.rules = rules
-        self.course = lay_course(ground.track, rules)
+        self.layout = lay_out(ground.track, rules)
         self.bots = Bots(ground.lanes, rules, control_hz) if rules.bots else None
         self.bot_rows: list[tuple[Pose, ...]] = []  # where the bots were at each row of the first contestant's trace
         self._traffic = Traffic(ground.track.length, self.contestants, self.bots)
-        self._box_solids = tuple(box.solid for box in self.course.boxes)
+        self._box_solids = tuple(box.solid for box in self.layout.boxes)
         self._solids = self._standing_solids()
 
     def _standing_solids(self) -> tuple[Solid, ...]:
@@ -112,7 +112,7 @@ class Stage:
             ground.reach,
             start_m,
             ground.clear_m,
-            course=self.course,
+            layout=self.layout,
             free=self._traffic.free_for(lambda: mine),
             grid=grid,
         )

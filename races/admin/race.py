@@ -20,9 +20,9 @@ from django.utils.translation import gettext_lazy, ngettext
 from paddock.errors import PaddockError
 from paddock.rules.race import LAYOUT, RULES, RUN_RULES
 
-from ..course import check_layout
 from ..errors import problem
 from ..fields import BoxesField
+from ..layout import check_layout
 from ..models import Kind, Race, RaceState, RaceType, Visibility
 from ..rules.fields import rule_fields
 from ..sensors import OFFERABLE

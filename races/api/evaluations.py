@@ -23,7 +23,7 @@ from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
-from evaluation.services.results import read_course, read_trace
+from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 
@@ -155,7 +155,7 @@ class ResultSerializer(CarResultSerializer):
     engine = serializers.CharField()
     versions = serializers.DictField(child=serializers.CharField())
     cpu_model = serializers.CharField(allow_blank=True)
-    boxes = PlacedBoxSerializer(source="course.boxes", many=True, default=[])
+    boxes = PlacedBoxSerializer(source="layout.boxes", many=True, default=[])
     order = serializers.ListField(child=serializers.IntegerField(), help_text="The cars' numbers, winner first.")
     rivals = RivalResultSerializer(many=True)
 
@@ -313,7 +313,7 @@ class MetricsView(APIView):
         return Response(car.metrics, headers=_as_file(f"{public_id}{suffix}-metrics.json"))
 
 
-class DrivenCourseSerializer(serializers.Serializer):
+class DrivenLayoutSerializer(serializers.Serializer):
     """What stood and drove on the track besides submitted cars."""
 
     boxes = PlacedBoxSerializer(many=True)
@@ -323,19 +323,19 @@ class DrivenCourseSerializer(serializers.Serializer):
     )
 
 
-class CourseView(APIView):
+class LayoutView(APIView):
     """Boxes and bot cars."""
 
     permission_classes = [AllowAny]
 
     @extend_schema(
-        operation_id="read_course",
+        operation_id="read_layout",
         summary="Where boxes stood and bot cars drove in a finished evaluation",
-        responses=DrivenCourseSerializer,
+        responses=DrivenLayoutSerializer,
         tags=["evaluations"],
     )
     def get(self, request: Request, public_id: str) -> Response:
-        return Response(read_course(_result(request, public_id)))
+        return Response(read_layout(_result(request, public_id)))
 
 
 class TraceView(FileView):

@@ -22,7 +22,7 @@ from tracks.models import Track
 
 from .. import services
 from ..audit import log
-from ..course import box_rows
+from ..layout import box_rows
 from ..models import Division, Entry, Kind, Race, RaceState, RaceType, Visibility
 from ..ranking import order_rule, rule_for
 from ..rules.serializers import with_rules

@@ -4,7 +4,7 @@ import django.db.models.expressions
 import django.db.models.functions.comparison
 import django.db.models.lookups
 import django.utils.timezone
-import races.models.course
+import races.models.layout
 import races.models.race
 import races.models.rules
 from django.conf import settings
@@ -320,7 +320,7 @@ class Migration(migrations.Migration):
         ),
         migrations.AddConstraint(
             model_name='race',
-            constraint=models.CheckConstraint(condition=models.Q(('imported_at__isnull', False), django.db.models.lookups.LessThanOrEqual(races.models.course._Length('boxes'), 10), _connector='OR'), name='race_box_count'),
+            constraint=models.CheckConstraint(condition=models.Q(('imported_at__isnull', False), django.db.models.lookups.LessThanOrEqual(races.models.layout._Length('boxes'), 10), _connector='OR'), name='race_box_count'),
         ),
         migrations.AddConstraint(
             model_name='race',

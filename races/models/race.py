@@ -18,7 +18,7 @@ from paddock.rules.race import RULES
 
 from ..errors import problem
 from ..sensors import OFFERABLE, sensors_make_sense
-from . import course
+from . import layout
 from .choices import Division, Kind, RaceState, Visibility
 from .rules import inside_a_race, lap_problems, laps_constraints, with_rules, within
 
@@ -115,7 +115,7 @@ class Race(with_rules(RULES, inside_a_race)):  # type: ignore[misc]
                     condition=within("off_track_penalty_ms") & within("collision_penalty_ms"),
                     name="race_penalty_range",
                 ),
-                *course.CONSTRAINTS,
+                *layout.CONSTRAINTS,
             ),
             models.CheckConstraint(condition=Q(next_engine="") | ~Q(engine=""), name="race_driven_again_was_driven"),
             models.CheckConstraint(
@@ -149,7 +149,7 @@ class Race(with_rules(RULES, inside_a_race)):  # type: ignore[misc]
             problems["sensors"] = problem("race_sensors", known=", ".join(OFFERABLE))
         if self.track_id is not None and not self.track.has_shape:
             problems["track"] = problem("race_track_without_shape", track=self.track.name)
-        problems |= course.problems_of(self)
+        problems |= layout.problems_of(self)
         if problems:
             raise ValidationError(problems)
 

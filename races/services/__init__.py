@@ -4,7 +4,7 @@ Rows are always locked in the order evaluation, entry, race, so that no two writ
 an entry or a race and wants an evaluation stopped does so after the commit.
 """
 
-from ..course import race_rules
+from ..layout import race_rules
 from .duels import draw_duels, drive_all_on, drive_on, record_ended_duel
 from .entries import accept_invitation, enter_race, give_field, remove_entry, restore_entry, take_out, withdraw
 from .races import (

@@ -21,12 +21,12 @@ from evaluation.models import Evaluation, Result, State
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
 
-from ..course import race_rules
 from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of
 from ..duels.points import Drive, places, points_lap_time
 from ..duels.schedule import Heat, round_robin
 from ..engines import keeps_engine
 from ..events import DUEL_DECIDED, DUELS_DRAWN, DUELS_OVER, of_race
+from ..layout import race_rules
 from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
 from ..ranking import drawn_rank
 from .gates import moment

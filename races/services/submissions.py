@@ -13,9 +13,9 @@ from evaluation.selectors import can_use_model
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
 
-from ..course import race_rules
 from ..eligibility import check_eligible
 from ..engines import is_over, keeps_engine, site_engine
+from ..layout import race_rules
 from ..models import Draw, Entry, Race, Submission
 from ..sensors import not_offered
 from .cars import note_refused, take_place

@@ -16,8 +16,8 @@ from django.utils.translation import gettext_noop
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
 from races import facts, ranking
-from races.course import box_marks
 from races.engines import hidden_runs
+from races.layout import box_marks
 from races.models import Entry, Race, RaceState
 from races.selectors import evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
@@ -113,8 +113,8 @@ def race_map(race: Race, *, numbered: bool = False) -> SafeString:
 
 
 @register.simple_tag
-def course_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: bool = False) -> SafeString:
-    """The map of a course: a track with boxes on it, and its two lanes where somebody chooses between them."""
+def layout_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: bool = False) -> SafeString:
+    """The map of a layout: a track with boxes on it, and its two lanes where somebody chooses between them."""
     return _map(track.geometry, direction, track.name, boxes, lanes)
 
 
@@ -132,9 +132,9 @@ def _map(geometry: TrackGeometry, direction: str, title: str, boxes: tuple[BoxMa
 
 
 @register.filter
-def course_facts(race: Race) -> list[str]:
+def layout_facts(race: Race) -> list[str]:
     """What stands and drives on the track besides the car, a few words each."""
-    return facts.course_facts(race)
+    return facts.layout_facts(race)
 
 
 @register.filter
@@ -144,9 +144,9 @@ def sensor_words(race: Race) -> list[str]:
 
 
 @register.filter
-def course_rules(race: Race) -> list[str]:
+def layout_rules(race: Race) -> list[str]:
     """The same as rules, a sentence each."""
-    return facts.course_rules(race)
+    return facts.layout_rules(race)
 
 
 @register.filter

@@ -18,9 +18,9 @@ from evaluation.files import logs_of
 from evaluation.models import CarResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
-from evaluation.services.results import read_course, read_trace
-from races.course import awaited_boxes, driven_boxes
+from evaluation.services.results import read_layout, read_trace
 from races.honours import race_of_marks
+from races.layout import awaited_boxes, driven_boxes
 from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
 from races.selectors import replaced_by
 from races.selectors.results import HeatResult, RunResult, heat_of, result_of
@@ -85,7 +85,7 @@ def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
     response = get_conditional_response(request, etag=etag)
     if response is None:
         rivals = {rival.number: read_trace(rival) for rival in result.rivals.all()}
-        response = JsonResponse(replay_data(shown.track, read_trace(result), read_course(result)["bots"], rivals))
+        response = JsonResponse(replay_data(shown.track, read_trace(result), read_layout(result)["bots"], rivals))
     response["ETag"] = etag
     response["Cache-Control"] = "private, max-age=0, must-revalidate"
     return response
@@ -167,7 +167,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "colour": colour,
             "lap": number,
             "lines": driven_lines(car.result.line, colour, number),
-            "boxes": driven_boxes(shown.result.course),
+            "boxes": driven_boxes(shown.result.layout),
             "bot_count": shown.spec["rules"].get("bots", 0),
             "cars": rows,
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,

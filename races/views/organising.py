@@ -16,8 +16,8 @@ from accounts.who import racer_of
 from paddock.errors import UserFault
 from races import services
 from races.audit import log_if_admin
-from races.course_form import CourseForm, preview
 from races.forms import RaceForm, ReasonForm, locked_fields
+from races.layout_form import LayoutForm, preview
 from races.models import Entry, Kind, Race, RaceState
 from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
@@ -46,15 +46,15 @@ def race_new(request: HttpRequest) -> HttpResponse:
         else:
             messages.success(request, _("The race is made."))
             return redirect("race_edit" if race.visibility == "invitation" else "race", race.slug)
-    context = {"form": form, "course": preview(form, submitted=form.is_bound)}
+    context = {"form": form, "layout": preview(form, submitted=form.is_bound)}
     return render(request, "races/form.html", context, status=422 if form.errors else 200)
 
 
 @login_required
 @require_POST
-def race_course(request: HttpRequest) -> HttpResponse:
-    """The course that a form says, not saved: a map with its boxes, or why it cannot be so."""
-    return render(request, "races/parts/course.html", {"course": preview(CourseForm(request.POST), submitted=False)})
+def race_layout(request: HttpRequest) -> HttpResponse:
+    """The layout that a form says, not saved: a map with its boxes, or why it cannot be so."""
+    return render(request, "races/parts/layout.html", {"layout": preview(LayoutForm(request.POST), submitted=False)})
 
 
 @login_required
@@ -77,7 +77,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     state = race.state_at(now)
     context = {
         "form": form,
-        "course": preview(form, submitted=form.is_bound),
+        "layout": preview(form, submitted=form.is_bound),
         "race": race,
         "invitation_url": request.build_absolute_uri(_invitation_path(race)),
         "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),

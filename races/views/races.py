@@ -15,8 +15,8 @@ from django.views.decorators.http import require_safe
 from accounts.who import racer_of
 from core.forms import explain
 from evaluation.selectors import models_of
-from races.course import box_marks
 from races.eligibility import refusal
+from races.layout import box_marks
 from races.models import Entry, Kind, Race, RaceState, RaceType
 from races.ranking import order_rule, rule_for
 from races.selectors import (

@@ -84,7 +84,7 @@ ONLY_ON_PAGES: dict[str, str] = {
     "mfa_reauthenticate": "of a browser's session",
     "mfa_reauthenticate_webauthn": "of a browser's session",
     "notices_stop": "the link in a mail, which works without logging in; choose_notices does the same",
-    "race_course": "draws the map of a form that is being filled in; it changes nothing",
+    "race_layout": "draws the map of a form that is being filled in; it changes nothing",
     "reward_lab": "draws a map of a reward function along a drive; it changes nothing",
     "failed_runs": "for who runs the site",
     "season_new": "an admin's form",

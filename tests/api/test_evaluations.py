@@ -161,8 +161,8 @@ def duel(alice, bob, now, bell):
         now=now,
     )
     claimed = EVALUATIONS.claim(worker="w", now=now)
-    course = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
-    outcome = outcome_of(rivals=[car_outcome(salt=1, retired="policy_died")], course=course)
+    layout = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
+    outcome = outcome_of(rivals=[car_outcome(salt=1, retired="policy_died")], layout=layout)
     assert finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome, now=now)
     return evaluation
 
@@ -183,7 +183,7 @@ def test_every_car_of_a_race_has_its_result_and_its_files(alice, bob, duel, as_r
     assert (other["retired"]["code"], other["retired"]["fault"]) == ("policy_died", "user")
     assert "step 50" in other["retired"]["sentence"]
 
-    assert read(client, duel, "course/").json() == {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
+    assert read(client, duel, "layout/").json() == {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]]}
     trace = read(client, duel, "trace/?car=1")
     assert trace.content == trace_csv(salt=1)
     assert trace["Content-Disposition"] == f'attachment; filename="{duel.public_id}-car1-sim-trace.csv"'
@@ -201,11 +201,11 @@ def test_a_car_that_is_not_in_the_race_is_refused_with_those_that_are(bob, duel,
 
 def test_a_course_is_empty_where_nothing_else_was_on_the_track(bob, now, as_racer):
     evaluation = drive(a_race(now), bob, laps(11_000), now).evaluation
-    assert read(as_racer(bob), evaluation, "course/").json() == {"boxes": [], "bots": []}
+    assert read(as_racer(bob), evaluation, "layout/").json() == {"boxes": [], "bots": []}
     assert read(as_racer(bob), evaluation).data["result"]["boxes"] == []
 
 
 def test_a_course_is_seen_by_who_sees_the_evaluation_and_not_before_its_end(alice, bob, now, duel, as_racer):
     waiting = sent(bob, now).evaluation
-    assert read(as_racer(bob), waiting, "course/").status_code == 404
-    assert read(as_racer(None), duel, "course/").status_code == 404
+    assert read(as_racer(bob), waiting, "layout/").status_code == 404
+    assert read(as_racer(None), duel, "layout/").status_code == 404

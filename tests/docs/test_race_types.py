@@ -5,7 +5,7 @@ import re
 import pytest
 
 from paddock.rules.race import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
-from paddock.simulator import bots, boxes, course, referee
+from paddock.simulator import bots, boxes, layout, referee
 from paddock.simulator.solids import box
 
 from .pages import section, text
@@ -25,10 +25,10 @@ def test_boxes():
     for fact in (
         f"1 to {MAX_BOXES} boxes",
         f"{2 * solid.half_width} m across the road, {2 * solid.half_length} m along it and {solid.height} m high",
-        f"at least {course.START_CLEAR_M} m from the finish line (`box_on_start_line`)",
-        f"at least {course.BOX_SPACING_M} m of track between any two (`boxes_overlap`)",
-        f"from {course.RANDOM_START_CLEAR_M} m after the line to {course.START_CLEAR_M} m before it",
-        f"rectangle of {2 * course.BOX_HALF_LENGTH_M} m along the road and {2 * course.BOX_HALF_WIDTH_M} m across it",
+        f"at least {layout.START_CLEAR_M} m from the finish line (`box_on_start_line`)",
+        f"at least {layout.BOX_SPACING_M} m of track between any two (`boxes_overlap`)",
+        f"from {layout.RANDOM_START_CLEAR_M} m after the line to {layout.START_CLEAR_M} m before it",
+        f"rectangle of {2 * layout.BOX_HALF_LENGTH_M} m along the road and {2 * layout.BOX_HALF_WIDTH_M} m across it",
         f"less than {boxes.NEAR_M} m away along the track: the car is put {boxes.BEHIND_M} m before the box",
         f"A car whose nose is past a box, {boxes.PASSED_M} m beyond its middle",
         f"the nearest place behind a box is {boxes.BEYOND_M} m beyond its middle",
@@ -43,8 +43,8 @@ def test_bots():
     for fact in (
         f"1 to {MAX_BOTS} bot cars",
         "({:g} to {:g} m/s)".format(*BOT_SPEED_RANGE_MPS),
-        f"from {course.BOTS_START_M} m after the finish line to {course.BOTS_END_M} m before it",
-        f"at least {course.BOT_SPACING_M:g} m apart (`bots_do_not_fit`",
+        f"from {layout.BOTS_START_M} m after the finish line to {layout.BOTS_END_M} m before it",
+        f"at least {layout.BOT_SPACING_M:g} m apart (`bots_do_not_fit`",
         f"every {least:g} to {most:g} s",
         f"over {bots.CHANGE_M} m of road",
         f"free for {bots.CLEAR_M} m before and behind",

@@ -74,7 +74,7 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
             threading.Event().wait(0.05)
         raise UserFault("stopped")
     bots = [[[0.0, 0.0, 0.0]]] if job.rivals else []
-    return outcome_of(salt=job.rules.seed, rivals=[car_outcome() for _ in job.rivals], course={"bots": bots})
+    return outcome_of(salt=job.rules.seed, rivals=[car_outcome() for _ in job.rivals], layout={"bots": bots})
 
 
 if "REAL_RUNS" not in os.environ:

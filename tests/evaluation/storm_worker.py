@@ -66,7 +66,7 @@ def refuse(seed: int) -> None:
 def driven(seed: int, rivals: int):
     """What came of an evaluation, told by its seed."""
     cars = [car_outcome(salt=seed + number) for number in range(1, rivals + 1)]
-    return outcome_of(salt=seed, rivals=cars, course={"boxes": [], "bots": [[[seed, 0, 0]]]})
+    return outcome_of(salt=seed, rivals=cars, layout={"boxes": [], "bots": [[[seed, 0, 0]]]})
 
 
 def store_files_and_perhaps_die(*args, store=jobs.store_files):

@@ -82,9 +82,9 @@ def test_levels_and_busy_cores_do_not_change_the_result(job):
     assert len({digest(outcome) for outcome in results}) == 1
     outcome = results[0]
     assert outcome.laps and outcome.retired is None
-    assert len(outcome.course["bots"]) == job.rules.bots
-    assert all(len(path) == outcome.trace_csv.count(b"\n") - 1 for path in outcome.course["bots"])
-    assert len(outcome.course["boxes"]) == len(job.rules.boxes) + job.rules.random_boxes
+    assert len(outcome.layout["bots"]) == job.rules.bots
+    assert all(len(path) == outcome.trace_csv.count(b"\n") - 1 for path in outcome.layout["bots"])
+    assert len(outcome.layout["boxes"]) == len(job.rules.boxes) + job.rules.random_boxes
     assert sorted(outcome.order) == list(range(1 + len(job.rivals)))
 
 
@@ -92,4 +92,4 @@ def test_another_seed_places_the_boxes_elsewhere():
     car, (rules, _) = CARS[0], RACES["boxes in drawn places"]
     drawn = [RaceRules(**{**vars(rules), "seed": seed}) for seed in (3, 4)]
     places = [evaluate(RaceJob(by_slug("oval").geometry(), one, car.onnx, car.metadata)) for one in drawn]
-    assert places[0].course != places[1].course
+    assert places[0].layout != places[1].layout

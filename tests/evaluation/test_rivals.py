@@ -14,7 +14,7 @@ from django.db.models import ProtectedError
 from evaluation import selectors, services
 from evaluation.models import Evaluation, EvaluationRival, Result, RivalResult, State
 from evaluation.services import jobs
-from evaluation.services.results import file_names, read_course, read_trace, store_files
+from evaluation.services.results import file_names, read_layout, read_trace, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.race import BoxPlace, RaceRules
@@ -241,15 +241,15 @@ class TestResult:
         assert finish(evaluation, now, rivals=[])
         result = Result.objects.get()
         assert (result.order, result.retired, result.bots.name) == ([0], "", "")
-        assert read_course(result) == {"boxes": [], "bots": []}
+        assert read_layout(result) == {"boxes": [], "bots": []}
         assert stored(evaluation) == [result.trace.name]
 
     def test_boxes_are_kept_in_the_row_and_bots_in_a_file(self, claimed, now):
         poses = [[[round(0.1 * row, 3), 0.5 * bot, 0.0] for row in range(2000)] for bot in range(4)]
-        assert finish(claimed, now, rivals=[], course={"boxes": [BOX], "bots": poses})
+        assert finish(claimed, now, rivals=[], layout={"boxes": [BOX], "bots": poses})
         result = Result.objects.get()
-        assert result.course == {"boxes": [BOX]}
-        assert read_course(result) == {"boxes": [BOX], "bots": poses}
+        assert result.layout == {"boxes": [BOX]}
+        assert read_layout(result) == {"boxes": [BOX], "bots": poses}
         assert stored(claimed) == sorted([result.trace.name, result.bots.name])
 
     def test_an_unwritten_result_leaves_no_files(self, claimed, now):
@@ -259,7 +259,7 @@ class TestResult:
         evaluation_ended.connect(refuse)
         try:
             with pytest.raises(RuntimeError):
-                finish(claimed, now, course={"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]})
+                finish(claimed, now, layout={"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]})
         finally:
             evaluation_ended.disconnect(refuse)
         assert stored(claimed) == []
@@ -295,8 +295,8 @@ class TestResult:
         assert len(calls) == 2 and stored(claimed) == []
 
     def test_files_of_a_dead_worker_are_swept_away(self, claimed, now):
-        course = {"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]}
-        store_files(claimed, outcome_of(rivals=[car_outcome(), car_outcome(), car_outcome()], course=course))
+        layout = {"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]}
+        store_files(claimed, outcome_of(rivals=[car_outcome(), car_outcome(), car_outcome()], layout=layout))
         assert stored(claimed) == sorted(file_names(claimed))
         assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
         assert stored(claimed) == []
@@ -309,7 +309,7 @@ class TestResult:
         assert stored(fast) == sorted(file_names(fast)[:2])
 
     def test_a_commit_without_an_answer_keeps_the_files(self, claimed, now):
-        assert finish(claimed, now, course={"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]})
+        assert finish(claimed, now, layout={"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]})
         before = stored(claimed)
         jobs.delete_files(file_names(claimed))
         assert stored(claimed) == before and len(before) == 3

@@ -13,7 +13,7 @@ from django.utils import timezone
 
 from evaluation import services
 from evaluation.models import Evaluation, Result, State
-from evaluation.services.results import read_course, read_trace
+from evaluation.services.results import read_layout, read_trace
 from paddock.rules.race import RaceRules
 from tests.evaluation.processes import environment, kill_session, session_of
 from tests.evaluation.stubs import trace_csv
@@ -49,7 +49,7 @@ def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie
         cars = [result, *rivals]
         assert [rival.number for rival in rivals] == [*range(1, max(1, seed % 4))]
         assert [read_trace(car) for car in cars] == [trace_csv(salt=seed + number) for number in range(len(cars))]
-        assert read_course(result)["bots"] == [[[seed, 0, 0]]]
+        assert read_layout(result)["bots"] == [[[seed, 0, 0]]]
         kept |= {file.name.removeprefix("traces/") for file in (result.bots, *(car.trace for car in cars))}
     mine = {evaluation.public_id for evaluation in Evaluation.objects.all()}
     files = [name for name in default_storage.listdir("traces")[1] if name.partition("-")[0] in mine]

@@ -21,7 +21,7 @@ from league.services import enter_house_cars, house_cars, open_demo_season
 from league.services import house as house_services
 from league.services.house import HOUSE_CARS_DIR
 from paddock.errors import PlatformFault
-from races.course import race_rules
+from races.layout import race_rules
 from races.models import Entry, Kind, Race, RaceState
 from races.selectors import racing_now
 from races.sensors import OFFERABLE
@@ -167,7 +167,7 @@ def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_ever
     for pro, finale in zip(pros, finales, strict=True):
         assert race_rules(finale) == race_rules(pro), "a finale is driven as its qualifier was"
         assert set(pro.sensors) == set(finale.sensors) == set(OFFERABLE)
-    assert len({race_rules(pro).seed for pro in pros}) == 12, "every month has its own course"
+    assert len({race_rules(pro).seed for pro in pros}) == 12, "every month has its own layout"
     (last,) = races(Stage.CHAMPIONSHIP)
     assert (last.opponents, last.duel_format) == ("models", "bracket")
 

@@ -12,7 +12,7 @@ from django.utils import timezone
 from config.management.commands import evaluate as command
 from evaluation import services
 from evaluation.models import Result, RivalResult
-from evaluation.services.results import read_course
+from evaluation.services.results import read_layout
 from league.services import house_cars
 from paddock.packages.read import UploadPart
 from paddock.rules.race import BoxPlace, RaceRules
@@ -35,8 +35,8 @@ def jobs(monkeypatch):
     def play(job, **kwargs):
         seen.append(job)
         rivals = [car_outcome(salt=number, retired="policy_died") for number, _ in enumerate(job.rivals, 1)]
-        course = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]] * job.rules.bots}
-        return outcome_of(rivals=rivals, course=course, order=[*range(len(rivals), -1, -1)])
+        layout = {"boxes": [BOX], "bots": [[[0.0, 0.0, 0.0]]] * job.rules.bots}
+        return outcome_of(rivals=rivals, layout=layout, order=[*range(len(rivals), -1, -1)])
 
     monkeypatch.setattr(command, "evaluate", play)
     return seen
@@ -88,10 +88,10 @@ class TestReport:
 
     def test_the_course_is_told_with_a_number_for_all_of_it(self, jobs):
         first = drive(*DUEL, "--bots", "2")
-        assert first["course"] == {"boxes": [BOX], "bots": 2}
+        assert first["layout"] == {"boxes": [BOX], "bots": 2}
         assert first["rivals"] == [] and first["order"] == [0]
-        assert first["course_sha256"] == drive(*DUEL, "--bots", "2")["course_sha256"]
-        assert first["course_sha256"] != drive(*DUEL, "--bots", "3")["course_sha256"]
+        assert first["layout_sha256"] == drive(*DUEL, "--bots", "2")["layout_sha256"]
+        assert first["layout_sha256"] != drive(*DUEL, "--bots", "3")["layout_sha256"]
 
     def test_a_table_names_each_car_and_its_place(self, jobs):
         out = drive(*DUEL, "--rival", RIVAL, json_=False)
@@ -207,9 +207,9 @@ class TestTheSite:
         evaluation = run(rules)
         report = drive(*options)
         assert report["trace_sha256"] == evaluation.result.trace_sha256
-        assert report["course"]["boxes"] == evaluation.result.course["boxes"]
+        assert report["layout"]["boxes"] == evaluation.result.layout["boxes"]
         assert report["crashes"] == evaluation.result.crashes
-        assert report["course"]["bots"] == len(read_course(evaluation.result)["bots"]) == rules.bots
+        assert report["layout"]["bots"] == len(read_layout(evaluation.result)["bots"]) == rules.bots
         assert verify(evaluation)[0] == 0
 
     def test_agrees_on_a_duel_and_names_what_differs_in_any_car(self, run, models):
@@ -223,7 +223,7 @@ class TestTheSite:
         assert verify(evaluation)[0] == 0
 
         RivalResult.objects.update(trace_sha256="0" * 64, end_reason="retired", retired_code="policy_died")
-        Result.objects.update(order=[*reversed(report["order"])], course={"boxes": [BOX]})
+        Result.objects.update(order=[*reversed(report["order"])], layout={"boxes": [BOX]})
         status, said = verify(evaluation)
         assert status == 1
         for part in (

@@ -27,7 +27,7 @@ def drive(monkeypatch):
     def call(*arguments: str, seconds: float = 0.4, trace: bytes | None = None) -> str:
         def play(job, **kwargs):
             rivals = [car_outcome() for _ in job.rivals]
-            outcome = outcome_of(rivals=rivals, course={"boxes": [], "bots": []})
+            outcome = outcome_of(rivals=rivals, layout={"boxes": [], "bots": []})
             changed = {"trace_csv": car(driven(seconds)).trace if trace is None else trace, "laps": [lap(1, 0, 400)]}
             for result in (outcome, *rivals):
                 for name, value in changed.items():

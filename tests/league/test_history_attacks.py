@@ -85,7 +85,7 @@ def test_a_link_inside_the_folder_is_read(folder):
     assert proof_of(bring(folder)[0])["results"] == 37
 
 
-@pytest.mark.parametrize("stem", ["new", "mine", "course", "api"])
+@pytest.mark.parametrize("stem", ["new", "mine", "layout", "api"])
 def test_a_race_never_takes_an_address_that_a_page_has(folder, stem):
     (folder / RESULTS).rename(folder / "results" / f"{stem}.csv")
     change(folder, "races.csv", 2, file=f"results/{stem}.csv")

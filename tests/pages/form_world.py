@@ -25,7 +25,7 @@ from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
 from tests.pages.conftest import World
 from tests.training.jobs import a_training
-from training.course import LESSONS
+from training.lessons import LESSONS
 from training.models import JobState, TrainingJob
 from training.vehicles import save_vehicle
 from videos.services import ask_for_video, run_next_video

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from django.utils import timezone
 
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from races.models import Race
 from races.services import race_rules
 from tests.factories import a_race, a_racer, a_track, drive, lap
@@ -19,7 +19,7 @@ from tests.pages.test_races import form
 BOXES = [{"fraction": 0.25, "lane": "inner"}, {"fraction": 0.6, "lane": "outer"}]
 
 
-def course_form(**changes: str) -> dict[str, object]:
+def layout_form(**changes: str) -> dict[str, object]:
     """What the form of an object avoidance race sends: the rows of its boxes among all the rest."""
     rows = {"boxes-1-percent": "25", "boxes-1-lane": "inner", "boxes-2-percent": "60", "boxes-2-lane": "outer"}
     return form(timezone.now(), **({"race_type": "object_avoidance", "box_choice": "fixed"} | rows | changes))
@@ -61,7 +61,7 @@ def _left(track, k: int, lane: str) -> float:
 @pytest.mark.parametrize("lane", ["inner", "outer"])
 def test_a_lane_name_means_the_same_everywhere(world: World, direction: str, lane: str) -> None:
     client = world.client("alice")
-    data = course_form(direction=direction, **{"boxes-1-lane": lane, "boxes-2-percent": ""})
+    data = layout_form(direction=direction, **{"boxes-1-lane": lane, "boxes-2-percent": ""})
     assert client.post("/races/new/", data).status_code == 302
     by_form = Race.objects.get(name="Friday night")
     answer = client.post(
@@ -83,7 +83,7 @@ def test_a_lane_name_means_the_same_everywhere(world: World, direction: str, lan
     borders = dense(track)
     assert by_form.boxes == by_api.boxes == [{"fraction": 0.25, "lane": lane}]
 
-    placed = lay_course(track, race_rules(by_form)).boxes[0].solid
+    placed = lay_out(track, race_rules(by_form)).boxes[0].solid
     assert nearer_border(borders, placed.x, placed.y) == lane
     told = answer.json()["placed_boxes"][0]
     assert told["lane"] == lane and nearer_border(borders, told["x"], told["y"]) == lane
@@ -92,7 +92,7 @@ def test_a_lane_name_means_the_same_everywhere(world: World, direction: str, lan
     maps = (
         client.get(by_form.get_absolute_url()).content.decode(),
         client.get(by_api.get_absolute_url()).content.decode(),
-        client.post("/races/course/", data).content.decode(),
+        client.post("/races/layout/", data).content.decode(),
     )
     for html in maps:
         ((x, y),) = box_middles(html)
@@ -102,14 +102,14 @@ def test_a_lane_name_means_the_same_everywhere(world: World, direction: str, lan
 
 def test_an_organiser_makes_a_race_with_boxes_and_edits_them(world: World) -> None:
     client = world.client("newcomer")
-    assert client.post("/races/new/", course_form()).status_code == 302
+    assert client.post("/races/new/", layout_form()).status_code == 302
     race = Race.objects.get(name="Friday night")
     assert (race.race_type, race.boxes, race.random_boxes) == ("object_avoidance", BOXES, 0)
     page = client.get(f"{race.get_absolute_url()}edit/").content.decode()
     assert 'name="boxes-1-percent" value="25"' in page and 'name="boxes-2-percent" value="60"' in page
     assert (
         client.post(
-            f"{race.get_absolute_url()}edit/", course_form(box_choice="drawn", random_boxes="3", box_distance_m="2")
+            f"{race.get_absolute_url()}edit/", layout_form(box_choice="drawn", random_boxes="3", box_distance_m="2")
         ).status_code
         == 302
     )
@@ -117,7 +117,7 @@ def test_an_organiser_makes_a_race_with_boxes_and_edits_them(world: World) -> No
     assert (race.boxes, race.random_boxes) == ([], 3)
     bots = {"opponents": "bots", "bots": "2", "bot_speed_mps": "0.7", "bot_lane_changes": "on"}
     assert (
-        client.post(f"{race.get_absolute_url()}edit/", course_form(race_type="head_to_head", **bots)).status_code == 302
+        client.post(f"{race.get_absolute_url()}edit/", layout_form(race_type="head_to_head", **bots)).status_code == 302
     )
     race.refresh_from_db()
     assert (race.boxes, race.random_boxes, race.bots, race.bot_speed_mps, race.bot_lane_changes) == (
@@ -155,16 +155,16 @@ def test_fields_of_another_race_type_are_dropped_even_if_invalid(world: World) -
 )
 def test_form_and_preview_report_the_same_layout_errors(world: World, changes: dict[str, str], code: str) -> None:
     client = world.client("newcomer")
-    response = client.post("/races/new/", course_form(**changes))
+    response = client.post("/races/new/", layout_form(**changes))
     assert response.status_code == 422 and not Race.objects.filter(name="Friday night").exists()
     fields = response.context["form"].errors.as_data()
     codes = {error.code: str(error.messages[0]) for errors in fields.values() for error in errors}
     assert set(codes) == {code} and "__all__" not in fields
-    assert codes[code] in response.context["course"].problems
-    preview = client.post("/races/course/", course_form(**changes))
+    assert codes[code] in response.context["layout"].problems
+    preview = client.post("/races/layout/", layout_form(**changes))
     assert preview.status_code == 200
     if code != "race_needs_boxes":  # what is still to be filled in is no problem before the form is sent
-        assert codes[code] in preview.context["course"].problems
+        assert codes[code] in preview.context["layout"].problems
     assert "track-road" in preview.content.decode()
 
 
@@ -174,34 +174,34 @@ NO_BOXES = {"boxes-1-percent": "", "boxes-2-percent": ""}
 @pytest.mark.parametrize("changes", [NO_BOXES, {"box_choice": "drawn", "random_boxes": ""}, {"box_choice": ""}])
 def test_missing_boxes_are_a_hint_until_the_form_is_sent(world: World, changes: dict[str, str]) -> None:
     client = world.client("newcomer")
-    course = client.post("/races/course/", course_form(**(NO_BOXES | changes)))
-    assert course.context["course"].problems == [] and 'class="bad"' not in course.content.decode()
-    assert "No boxes yet." in course.content.decode() and "track-road" in course.content.decode()
-    sent = client.post("/races/new/", course_form(**(NO_BOXES | changes)))
+    layout = client.post("/races/layout/", layout_form(**(NO_BOXES | changes)))
+    assert layout.context["layout"].problems == [] and 'class="bad"' not in layout.content.decode()
+    assert "No boxes yet." in layout.content.decode() and "track-road" in layout.content.decode()
+    sent = client.post("/races/new/", layout_form(**(NO_BOXES | changes)))
     assert sent.status_code == 422
     assert '<p class="bad">Object avoidance needs boxes' in sent.content.decode()
     assert "No boxes yet." not in sent.content.decode()
 
 
 def test_asking_for_zero_drawn_boxes_is_an_error_immediately(world: World) -> None:
-    course = world.client("newcomer").post("/races/course/", course_form(box_choice="drawn", random_boxes="0"))
-    assert course.context["course"].problems and course.context["course"].hint == ""
+    layout = world.client("newcomer").post("/races/layout/", layout_form(box_choice="drawn", random_boxes="0"))
+    assert layout.context["layout"].problems and layout.context["layout"].hint == ""
 
 
 def test_an_invalid_box_among_empty_rows_is_an_error_immediately(world: World) -> None:
-    data = course_form(**{"boxes-1-percent": "2", "boxes-2-percent": ""})
-    course = world.client("newcomer").post("/races/course/", data).context["course"]
-    assert course.problems and course.hint == ""
+    data = layout_form(**{"boxes-1-percent": "2", "boxes-2-percent": ""})
+    layout = world.client("newcomer").post("/races/layout/", data).context["layout"]
+    assert layout.problems and layout.hint == ""
 
 
 @pytest.mark.parametrize("step", ["table", "validate"])
 def test_the_training_wizard_treats_missing_boxes_the_same_way(world: World, step: str) -> None:
     sent = {"do": step, "track": "oval", "race_type": "object_avoidance", "box_choice": "fixed"}
     page = world.client("alice").post("/train/new/", sent)
-    assert page.status_code == 200 and page.context["course"].hint
+    assert page.status_code == 200 and page.context["layout"].hint
     del sent["do"]
     page = world.client("alice").post("/train/new/", sent)
-    assert page.status_code == 422 and page.context["course"].problems and not page.context["course"].hint
+    assert page.status_code == 422 and page.context["layout"].problems and not page.context["layout"].hint
 
 
 @pytest.mark.parametrize(
@@ -218,26 +218,26 @@ def test_the_training_wizard_treats_missing_boxes_the_same_way(world: World, ste
     ],
 )
 def test_the_preview_shows_valid_boxes_and_marks_invalid_ones(world: World, changes, good, wrong) -> None:
-    preview = world.client("newcomer").post("/races/course/", course_form(**changes))
+    preview = world.client("newcomer").post("/races/layout/", layout_form(**changes))
     html = preview.content.decode()
     shown = {
         mark: re.findall(rf'<g class="{mark}">.*?>(\d+)</text>', html) for mark in ("track-box", "track-box wrong")
     }
     assert shown == {"track-box": [str(n) for n in good], "track-box wrong": [str(n) for n in wrong]}
     assert html.count('<li class="bad">') == len(wrong)
-    assert preview.context["course"].problems
+    assert preview.context["layout"].problems
 
 
 def test_two_misplaced_boxes_are_both_reported(world: World) -> None:
     changes = {"boxes-1-percent": "4", "boxes-2-percent": "95"}
-    told = world.client("newcomer").post("/races/course/", course_form(**changes)).context["course"].problems
+    told = world.client("newcomer").post("/races/layout/", layout_form(**changes)).context["layout"].problems
     assert len(told) == 2 and "1" in told[0] and "2" in told[1]
 
 
 def test_the_preview_needs_a_track_and_a_log_in(world: World) -> None:
-    assert "Choose a track" in world.client("newcomer").post("/races/course/", {}).content.decode()
-    assert world.client("anonymous").post("/races/course/", course_form()).status_code == 302
-    assert world.client("newcomer").get("/races/course/").status_code == 405
+    assert "Choose a track" in world.client("newcomer").post("/races/layout/", {}).content.decode()
+    assert world.client("anonymous").post("/races/layout/", layout_form()).status_code == 302
+    assert world.client("newcomer").get("/races/layout/").status_code == 405
 
 
 def test_the_layout_of_a_race_with_cars_is_shown_but_fixed(world: World) -> None:
@@ -247,7 +247,7 @@ def test_the_layout_of_a_race_with_cars_is_shown_but_fixed(world: World) -> None
     page = client.get("/races/boxed/edit/")
     assert len(box_middles(page.content.decode())) == 2
     assert page.context["form"].fields["boxes"].disabled and page.context["form"].fields["race_type"].disabled
-    sent = course_form(race_type="time_trial", name="Boxed") | {"boxes-1-percent": "80"}
+    sent = layout_form(race_type="time_trial", name="Boxed") | {"boxes-1-percent": "80"}
     assert client.post("/races/boxed/edit/", sent).status_code == 302
     race.refresh_from_db()
     assert (race.name, race.race_type, race.boxes) == ("Boxed", "object_avoidance", BOXES)

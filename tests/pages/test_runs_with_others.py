@@ -10,7 +10,7 @@ from django.utils import timezone
 from evaluation.models import Evaluation, RivalResult, TrainedModel
 from evaluation.services import finish_evaluation, queue_evaluation
 from paddock.rules.race import BoxPlace, RaceRules
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from races.models import Duel
 from races.replay import map_point
 from tests.evaluation.stubs import car_outcome, outcome_of
@@ -39,10 +39,10 @@ def boss(world: World):
 
 
 def test_a_run_shows_its_boxes_on_the_map_and_its_crashes(world: World, boss) -> None:
-    course = lay_course(a_track().geometry.in_direction("ccw"), BOXES)
-    shown = run(world.alice, BOXES, course=course.to_dict())
+    layout = lay_out(a_track().geometry.in_direction("ccw"), BOXES)
+    shown = run(world.alice, BOXES, layout=layout.to_dict())
     html = boss.get(shown.get_absolute_url()).content.decode()
-    for drawn, placed in zip(box_middles(html), course.boxes, strict=True):
+    for drawn, placed in zip(box_middles(html), layout.boxes, strict=True):
         assert drawn == pytest.approx(map_point(a_track(), placed.solid.x, placed.solid.y), abs=0.02)
     assert "2 boxes" in html and 'title="Crashes"' in html
     assert "Box 2: 60 % of the lap, outer lane" in html
@@ -134,7 +134,7 @@ def test_the_page_of_a_duel_is_headed_by_its_racers(world: World, boss) -> None:
 def test_bots_appear_in_the_replay(world: World, boss) -> None:
     rules = RaceRules(race_type="head_to_head", bots=2)
     bots = [[[1.0, 2.0, 0.5]] * 10, [[-1.0, 0.0, -0.25]] * 10]
-    shown = run(world.alice, rules, course={"boxes": [], "bots": bots})
+    shown = run(world.alice, rules, layout={"boxes": [], "bots": bots})
     assert "2 bots" in boss.get(shown.get_absolute_url()).content.decode()
     replay = boss.get(f"{shown.get_absolute_url()}replay.json").json()
     first, second = replay["bots"]

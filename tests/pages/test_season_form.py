@@ -11,16 +11,16 @@ from league.models import Season, Stage
 from league.services import open_demo_season
 from league.services.demo import OPEN_TRACKS, PRO_TRACKS
 from league.services.template import Turning
+from paddock.rules.race import LAYOUT
 from races.models import Race
 from races.sensors import OFFERABLE
-from races.validation import COURSE_FIELDS
 from tests.factories import a_racer, a_track
 from tests.pages.test_seasons import form_data, logged_in, make
 
 pytestmark = pytest.mark.django_db
 NOW = datetime(2026, 11, 15, 12, tzinfo=UTC)
 OF_A_RACE = (
-    *("race_type", *COURSE_FIELDS, "seed", "direction", "sensors", "laps", "minimum_laps", "ranking_method"),
+    *("race_type", *LAYOUT, "seed", "direction", "sensors", "laps", "minimum_laps", "ranking_method"),
     *("off_track_penalty_ms", "collision_penalty_ms", "max_simulated_ms", "max_resets", "max_submissions"),
     *("opens_at", "closes_at"),
 )

@@ -21,8 +21,8 @@ from tests.pages.test_pages import INLINE
 from tests.rows import track_row
 from tests.training.jobs import REWARD, a_training
 from tracks.models import Track
-from training.course import LESSONS
 from training.graph import MOST_CLOUDS, draw_graph, points_of, smoothed
+from training.lessons import LESSONS
 from training.models import JobState, TrainingIteration, TrainingJob, Vehicle
 from training.templatetags.training import span
 from training.views import learn

@@ -99,7 +99,7 @@ def test_the_wizard_lists_similar_races_first(world):
     assert names.index("open-race") < names.index(here.slug) < names.index(elsewhere.slug)
     assert offered("?track=kuei-raceway")[0] == elsewhere.slug
     assert offered("?race_type=object_avoidance")[0] == here.slug
-    assert 'data-course="kuei-raceway time_trial ccw"' in page(world)
+    assert 'data-drives="kuei-raceway time_trial ccw"' in page(world)
 
 
 @pytest.mark.parametrize(

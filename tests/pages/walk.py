@@ -22,7 +22,7 @@ from tests.happened import tell_what_happened
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
 from tests.training.jobs import a_training
-from training.course import LESSONS
+from training.lessons import LESSONS
 from training.models import TrainingJob
 from training.vehicles import save_vehicle
 from videos.services import ask_for_video, run_next_video
@@ -33,7 +33,7 @@ NO_PAGES = {
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
     "evaluation_trace",
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_package", "model_sensors", "model_share"),
-    *("notice_open", "notices_read", "race_course", "race_draw", "race_invitation_reset", "race_live"),
+    *("notice_open", "notices_read", "race_layout", "race_draw", "race_invitation_reset", "race_live"),
     *("race_racer_restore", "reward_validate", "season_calendar_file", "season_now", "set_language"),
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),

@@ -16,8 +16,8 @@ from league.models import Stage, StageRules
 from league.stage_fields import PROPOSALS as OF_A_SEASON
 from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RACE_TYPES, RaceRules
 from paddock.simulator.envs.setting import head_to_head, object_avoidance, rules_of_episodes
-from races.course import race_rules
 from races.forms import RaceForm
+from races.layout import race_rules
 from races.models import Race
 from tests.factories import a_track
 from training.forms.training import INITIAL

@@ -78,7 +78,7 @@ def test_a_bracket_with_more_than_two_cars_a_heat_is_refused(now):
 
 
 def race_problems(race: Race) -> dict:
-    from races.models.course import problems_of
+    from races.models.layout import problems_of
 
     return problems_of(race)
 

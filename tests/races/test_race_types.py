@@ -8,10 +8,10 @@ import pytest
 from django.db import IntegrityError, transaction
 from django.test import override_settings
 
-from paddock.simulator.course import lay_course
-from races.course import box_marks, box_rows
+from paddock.simulator.layout import lay_out
 from races.errors import RaceRefused
-from races.facts import course_facts, course_rules
+from races.facts import layout_facts, layout_rules
+from races.layout import box_marks, box_rows
 from races.models import Race
 from races.services import clone_race, create_community_race, edit_race, race_rules
 from tests.factories import a_race, a_track, drive, lap
@@ -50,14 +50,14 @@ def test_every_race_type_passes_its_rules_to_the_simulator(alice, now, options):
     assert rules.race_type == options.get("race_type", "time_trial")
     assert [{"fraction": box.fraction, "lane": box.lane} for box in rules.boxes] == options.get("boxes", [])
     assert (rules.random_boxes, rules.bots) == (options.get("random_boxes", 0), options.get("bots", 0))
-    lay_course(race.track.geometry.in_direction(race.direction), rules)
+    lay_out(race.track.geometry.in_direction(race.direction), rules)
 
 
 def test_boxes_are_listed_and_marked_where_the_simulator_has_them(alice, now):
     race = make(alice, now, **BOXES, direction="cw")
-    course = lay_course(race.track.geometry.in_direction("cw"), race_rules(race))
+    layout = lay_out(race.track.geometry.in_direction("cw"), race_rules(race))
     assert [row["fraction"] for row in box_rows(race)] == [0.25, 0.6]
-    for row, mark, placed in zip(box_rows(race), box_marks(race, numbered=True), course.boxes, strict=True):
+    for row, mark, placed in zip(box_rows(race), box_marks(race, numbered=True), layout.boxes, strict=True):
         assert (row["x"], row["y"]) == (round(placed.solid.x, 3), round(placed.solid.y, 3))
         assert (mark.x, mark.y, mark.yaw) == (placed.solid.x, placed.solid.y, placed.solid.yaw)
     assert [mark.number for mark in box_marks(race, numbered=True)] == [1, 2]
@@ -192,12 +192,12 @@ def test_the_board_shows_the_crashes_of_the_counting_run(alice, bob, now):
 @override_settings(LANGUAGE_CODE="en")
 def test_a_race_describes_its_layout_in_words(alice, now, options, facts, rule):
     race = make(alice, now, **options)
-    assert course_facts(race) == facts
-    told = " ".join(course_rules(race))
+    assert layout_facts(race) == facts
+    told = " ".join(layout_rules(race))
     assert rule in told if rule else not told
     assert "%" not in told
 
 
 def test_without_resets_a_crash_ends_the_run(alice, now):
-    rules = course_rules(make(alice, now, **BOXES, max_resets=0))
+    rules = layout_rules(make(alice, now, **BOXES, max_resets=0))
     assert rules[-1] == "A crash is a fault like leaving the track, and ends the run."

@@ -11,7 +11,7 @@ import pytest
 
 from training.house_cars.__main__ import main
 from training.house_cars.driving import OnnxDriver, Score
-from training.house_cars.environment import SENSOR, Daylight, Forward, make_course, pool, top_speed
+from training.house_cars.environment import SENSOR, Daylight, Forward, make_env, pool, top_speed
 from training.house_cars.files import KEY, write_table
 from training.house_cars.recipes import BRISK, FLYER, STEADY, Recipe
 
@@ -83,7 +83,7 @@ def test_leaving_the_track_earns_nothing() -> None:
 
 
 def test_light_varies_by_episode_and_repeats_with_the_seed() -> None:
-    env = make_course(STEADY, "oval", "ccw")()
+    env = make_env(STEADY, "oval", "ccw")()
     try:
         assert isinstance(env, Daylight)
         first, _ = env.reset(seed=1, options={"start_m": 3.0})
@@ -140,7 +140,7 @@ def test_the_exported_network_answers_as_the_trained_one(recipe: Recipe) -> None
     from training.house_cars.network import SmallEyes, to_onnx
 
     torch.manual_seed(5)
-    env = make_course(recipe, "oval", "ccw")()
+    env = make_env(recipe, "oval", "ccw")()
     policy = ActorCriticPolicy(
         env.observation_space,
         env.action_space,

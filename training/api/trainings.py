@@ -261,7 +261,7 @@ class TrainingEvaluationsView(APIView):
     @extend_schema(
         operation_id="evaluate_training",
         summary="Drive the best or the last model of a training by the referee of races",
-        description="Three laps on the track and the course that it was trained on. The evaluation is seen by you "
+        description="Three laps on the track and the layout that it was trained on. The evaluation is seen by you "
         "and by admins, and stands on no board.",
         request=EvaluateBody,
         responses={201: EvaluationSerializer},

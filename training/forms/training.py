@@ -17,8 +17,8 @@ from core.forms import add_fault
 from paddock.errors import UserFault
 from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
 from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS
-from races.course_form import DRAWN, CourseForm
 from races.fields import PlainNumberField
+from races.layout_form import DRAWN, LayoutForm
 from races.models import Opponents, Race, RaceType
 from races.names import named, names_track
 from races.rules.fields import rule_field
@@ -51,11 +51,11 @@ DISCRETE, CONTINUOUS = "discrete", "continuous"
 _COMMAS_OF_2018 = 11  # its twelve arguments: rewards.function.POSITIONAL_NAMES, which brings the physics along
 _ARGUMENTS = re.compile(r"^def[ \t]+reward_function[ \t]*\(([^)]*)\)", re.MULTILINE)
 RANGES = ("steering_low", "steering_high", "speed_low", "speed_high")
-COURSE = tuple(name for name in DRIVEN_BY if name not in ("direction", "race_type"))
+LAYOUT = tuple(name for name in DRIVEN_BY if name not in ("direction", "race_type"))
 # The steps of the wizard by the ids of their sections, each with its fields; every other field belongs to "how".
 STEPS: dict[str, tuple[str, ...]] = {
     "what": ("name", "description", "clone"),
-    "where": ("track", "direction", "race_type", "box_choice", "opponents", *COURSE),
+    "where": ("track", "direction", "race_type", "box_choice", "opponents", *LAYOUT),
     "how": ("algorithm",),
     "actions": ("action_space_type", "actions", *RANGES),
     "vehicle": ("vehicle",),
@@ -75,7 +75,7 @@ def _number(label: Any, least: float, most: float, step: float = 1, kind: type =
 
 
 @dataclass(frozen=True)
-class Course:
+class DrivenTrack:
     """Where a training drives."""
 
     track_id: int
@@ -84,21 +84,21 @@ class Course:
 
 
 class RaceSelect(forms.Select):
-    """Races, each with its course for the script of the page, which puts those first that are like the training."""
+    """Races, each with where it drives: the script of the page puts those first that are like the training."""
 
     def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, Any]:
-        """As Django's, with ``data-course``: track, race type and direction."""
+        """As Django's, with ``data-drives``: track, race type and direction."""
         option = super().create_option(name, value, *args, **kwargs)
         race = getattr(value, "instance", None)
         if race is not None:
-            option["attrs"]["data-course"] = f"{race.track.slug} {race.race_type} {race.direction}"
+            option["attrs"]["data-drives"] = f"{race.track.slug} {race.race_type} {race.direction}"
         return option
 
 
 _Ending = type(forms.Form)("Ending", (forms.Form,), {name: rule_field(SETTINGS[name]) for name in ENDING})
 
 
-class TrainingForm(HyperparametersForm, CourseForm, _Ending):  # type: ignore[misc, valid-type]
+class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[misc, valid-type]
     """Everything that a training is made of. Values of choices not taken are dropped, whatever they are."""
 
     name = forms.RegexField(
@@ -175,15 +175,17 @@ class TrainingForm(HyperparametersForm, CourseForm, _Ending):  # type: ignore[mi
         self.fields["vehicle"].queryset = vehicles_of(owner)
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
         self.fields["clone"].offer(owner, self["clone"].value())
-        self.fields["submit_to_race"].queryset = likest_first(enterable_now(now, owner), self._course())
+        self.fields["submit_to_race"].queryset = likest_first(enterable_now(now, owner), self._driven_track())
         self.fields["submit_to_race"].label_from_instance = lambda race: (
             named(race.name) if names_track(race.name, race.track.name) else f"{named(race.name)} · {race.track.name}"
         )
 
-    def _course(self) -> Course:
+    def _driven_track(self) -> DrivenTrack:
         """Where it will learn, as far as the form says: races like that are offered first."""
         slug, direction, race_type = (str(self[name].value()) for name in ("track", "direction", "race_type"))
-        return Course(Track.objects.filter(slug=slug).values_list("pk", flat=True).first() or 0, direction, race_type)
+        return DrivenTrack(
+            Track.objects.filter(slug=slug).values_list("pk", flat=True).first() or 0, direction, race_type
+        )
 
     def ending_rows(self) -> list[list[forms.BoundField]]:
         """When it ends and what is the best of it, three to a row."""
@@ -234,7 +236,7 @@ class TrainingForm(HyperparametersForm, CourseForm, _Ending):  # type: ignore[mi
             RaceType.OBJECT_AVOIDANCE: (other_boxes, "opponents", "bots", "bot_speed_mps", "bot_lane_changes"),
             RaceType.HEAD_TO_HEAD: ("boxes", "random_boxes"),
         }
-        return *names.get(cleaned.get("race_type"), (*COURSE, "opponents")), *_NEVER
+        return *names.get(cleaned.get("race_type"), (*LAYOUT, "opponents")), *_NEVER
 
     def make_table(self) -> list[dict[str, float]]:
         """The table of actions that the granularities on the form make, usual ones in place of nonsense."""
@@ -269,7 +271,7 @@ class TrainingForm(HyperparametersForm, CourseForm, _Ending):  # type: ignore[mi
             return "actions" if self.cleaned_data.get("action_space_type") == DISCRETE else f"{short}_high"
         if fault.code == "training_hyperparameter":
             return named_in(fault)
-        if fault.code in COURSE_CODES:
+        if fault.code in LAYOUT_CODES:
             boxes = "random_boxes" if self.cleaned_data.get("box_choice") == DRAWN else "boxes"
             return {RaceType.OBJECT_AVOIDANCE: boxes, RaceType.HEAD_TO_HEAD: "bots"}.get(
                 self.cleaned_data.get("race_type"), "race_type"
@@ -291,7 +293,7 @@ def named_in(fault: UserFault) -> str:
 
 
 # What is wrong with what stands or drives on the track.
-COURSE_CODES = (
+LAYOUT_CODES = (
     *("training_course", "bots_do_not_fit", "boxes_do_not_fit", "boxes_overlap", "box_on_start_line", "box_off_track"),
 )
 PLACES = {

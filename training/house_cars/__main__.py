@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
             measured = measure_car(options.folder, name)
             drives = [found for ways in measured.values() for found in ways.values()]
             clean = sum(found["complete_laps"] == LAPS and not found["resets"] for found in drives)
-            print(f"{name}: {clean} of {len(drives)} courses without a reset")
+            print(f"{name}: {clean} of {len(drives)} routes without a reset")
         write_table(options.folder)
     except PaddockError as fault:
         print(f"{fault.code}: {fault}", file=sys.stderr)

@@ -35,24 +35,24 @@ class OnnxDriver:
 
 @dataclass(frozen=True)
 class Score:
-    """How a network drove one lap of each course, stopped at its first fault. Greater is better."""
+    """How a network drove one lap of each route, stopped at its first fault. Greater is better."""
 
-    clean: int  # courses finished without a fault
-    speed: float  # mean over all courses, m/s; a course not finished counts nothing
+    clean: int  # routes finished without a fault
+    speed: float  # mean over all routes, m/s; a route not finished counts nothing
     distance: float  # mean share of the lap that was driven
 
     @property
     def key(self) -> tuple[float, float]:
-        """Clean courses first; then speed where they are equal, and distance before any is clean."""
+        """Clean routes first; then speed where they are equal, and distance before any is clean."""
         return (self.clean + self.distance / 100.0 if not self.clean else float(self.clean), self.speed)
 
 
-def score(onnx: bytes, metadata: dict[str, Any], courses: Sequence[tuple[str, str]]) -> Score:
+def score(onnx: bytes, metadata: dict[str, Any], routes: Sequence[tuple[str, str]]) -> Score:
     """Drive one lap from a standing start on each (slug, direction)."""
     space = ActionSpace.from_metadata(metadata)
     driver = OnnxDriver(onnx)
     clean, speed, distance = 0, 0.0, 0.0
-    for slug, direction in courses:
+    for slug, direction in routes:
         track = _TRACKS[slug].geometry()
         rules = RaceRules.of_an_episode(max_simulated_ms=120_000, direction=direction)
         lap = run_race(track, rules, space, [SENSOR], driver).laps[0]
@@ -60,4 +60,4 @@ def score(onnx: bytes, metadata: dict[str, Any], courses: Sequence[tuple[str, st
         if lap.complete:
             clean += 1
             speed += track.length / (lap.time_ms / 1000.0)
-    return Score(clean, speed / len(courses), distance / len(courses))
+    return Score(clean, speed / len(routes), distance / len(routes))

@@ -20,7 +20,7 @@ from .recipes import Recipe
 SENSOR = "FRONT_FACING_CAMERA"
 POOL = 4  # the network sees the mean of 4 x 4 pixels; pooled here, learning stores a sixteenth
 EPISODE_MS = 20_000
-COURSES: tuple[tuple[str, str], ...] = tuple((entry.slug, way) for entry in CATALOGUE for way in ("ccw", "cw"))
+ROUTES: tuple[tuple[str, str], ...] = tuple((entry.slug, way) for entry in CATALOGUE for way in ("ccw", "cw"))
 
 
 def pool(frame: np.ndarray) -> np.ndarray:
@@ -83,7 +83,7 @@ class Daylight(gymnasium.Wrapper):
         return ((small - 0.5) * self._contrast + 0.5 + self._brightness + noise).astype(np.float32)
 
 
-def make_course(recipe: Recipe, slug: str, direction: str) -> Callable[[], gymnasium.Env]:
+def make_env(recipe: Recipe, slug: str, direction: str) -> Callable[[], gymnasium.Env]:
     """A maker of one environment: random starts, an episode ends off the track or after 20 simulated seconds."""
 
     def make() -> gymnasium.Env:

@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from .driving import Score, score
-from .environment import COURSES, make_course
+from .environment import ROUTES, make_env
 from .network import SmallEyes, to_onnx
 from .recipes import Recipe
 
@@ -32,16 +32,16 @@ class Trained:
 
 
 def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained:
-    """Train on all courses for the recipe's steps, or until ``seconds`` of wall time are over, whichever is first.
+    """Train on all routes for the recipe's steps, or until ``seconds`` of wall time are over, whichever is first.
 
-    Every 20,000 steps the network as it is drives a lap of each course; the best one is kept. The same seed gives the
+    Every 20,000 steps the network as it is drives a lap of each route; the best one is kept. The same seed gives the
     same network on the same machine, unless the wall time ended it.
     """
     torch.set_num_threads(1)  # more threads spin against every other process of the machine
-    courses = DummyVecEnv([make_course(recipe, slug, direction) for slug, direction in COURSES])
+    routes = DummyVecEnv([make_env(recipe, slug, direction) for slug, direction in ROUTES])
     learner = PPO(
         "MlpPolicy",
-        courses,
+        routes,
         learning_rate=lambda left: recipe.learning_rate * max(left, 0.1),
         n_steps=128,
         batch_size=256,
@@ -61,7 +61,7 @@ def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained
     try:
         learner.learn(recipe.steps, callback=looks)
     finally:
-        courses.close()
+        routes.close()
     looks.look()
     assert looks.best is not None
     onnx, steps, best = looks.best
@@ -87,9 +87,9 @@ class _Looks(BaseCallback):
             self.look()
 
     def look(self) -> None:
-        """Drive the courses with the present network."""
+        """Drive the routes with the present network."""
         onnx = to_onnx(self.model.policy)
-        found = score(onnx, self._recipe.metadata, COURSES)
+        found = score(onnx, self._recipe.metadata, ROUTES)
         if self.best is None or found.key >= self.best[2].key:
             self.best = (onnx, self.num_timesteps, found)
         _say(self._recipe.name, self.num_timesteps, time.perf_counter() - self.begun, found)
@@ -97,7 +97,7 @@ class _Looks(BaseCallback):
 
 def _say(name: str, steps: int, seconds: float, found: Score, **_: Any) -> None:
     print(
-        f"{name}: {steps:>7} steps, {seconds:5.0f} s, {found.clean}/{len(COURSES)} courses clean, "
+        f"{name}: {steps:>7} steps, {seconds:5.0f} s, {found.clean}/{len(ROUTES)} routes clean, "
         f"{found.distance:4.0%} of the way, {found.speed:.2f} m/s",
         file=sys.stderr,
         flush=True,

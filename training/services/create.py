@@ -20,7 +20,7 @@ from paddock.errors import PlatformFault, UserFault
 from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
 from paddock.rules.race import RaceRules
 from paddock.rules.training import DRIVEN_BY, ENDING, TrainingSettings
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
 from races.sensors import not_offered
@@ -64,7 +64,7 @@ def create_training(
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
     ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``,
     what a race says that is not open, does not offer the sensors or not to this racer, and what
-    :func:`paddock.simulator.course.lay_course` says of boxes.
+    :func:`paddock.simulator.layout.lay_out` says of boxes.
     """
     refuse_when_closed()
     if not NAME.fullmatch(name):
@@ -97,7 +97,7 @@ def create_training(
         **_worn(vehicle),
     )
     _check_sensors(job)
-    check_course(job)
+    check_layout(job)
     if submit_to_race is not None:
         _check_race(job, submit_to_race, now)
     if clone_from is not None:
@@ -144,32 +144,32 @@ def clone_settings(model: TrainedModel) -> dict[str, Any]:
     return settings_
 
 
-def check_course(job: TrainingJob) -> None:
+def check_layout(job: TrainingJob) -> None:
     """Whether race type, boxes and bots go together and have room. Raises UserFault."""
     if not job.track.has_shape:
         raise UserFault("race_track_without_shape", track=job.track.name)
     if job.race_type == RaceType.HEAD_TO_HEAD and not job.bots:
         raise UserFault("training_course", problem="no bot cars")
     try:
-        rules = RaceRules.from_dict({**course_of(job), "race_type": job.race_type, "direction": job.direction})
+        rules = RaceRules.from_dict({**layout_of(job), "race_type": job.race_type, "direction": job.direction})
     except (ValueError, TypeError) as error:
         raise UserFault("training_course", problem=str(error)[:200]) from None
-    lay_course(job.track.geometry.in_direction(job.direction), rules)
+    lay_out(job.track.geometry.in_direction(job.direction), rules)
 
 
-def course_of(job: TrainingJob) -> dict[str, Any]:
+def layout_of(job: TrainingJob) -> dict[str, Any]:
     """The rules of what stands and drives on the track, as the race type's environment takes them; nothing for a time
     trial without any."""
-    course: dict[str, Any] = {}
+    layout: dict[str, Any] = {}
     if job.boxes or job.random_boxes:
-        course |= {"boxes": job.boxes, "random_boxes": job.random_boxes}
+        layout |= {"boxes": job.boxes, "random_boxes": job.random_boxes}
     if job.bots:
-        course |= {
+        layout |= {
             "bots": job.bots,
             "bot_speed_mps": job.bot_speed_mps,
             "bot_lane_changes": job.bot_lane_changes,
         }
-    return course
+    return layout
 
 
 def _worn(vehicle: Vehicle | None) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 
 from ..models import TrainingJob
-from .create import course_of
+from .create import layout_of
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -22,7 +22,7 @@ LAPS_OF_A_TEST = 3
 def evaluate_training(
     *, job: TrainingJob, which: Literal["best", "last"] = "best", by: Racer, now: datetime
 ) -> Evaluation:
-    """Queue three laps of the best or the last model on the track and the course that it was trained on.
+    """Queue three laps of the best or the last model on the track and the layout that it was trained on.
 
     Raises UserFault("training_no_model") while there is none, ("model_not_yours") for who does not own it.
     """
@@ -30,7 +30,7 @@ def evaluate_training(
     if model is None or model.deleted_at is not None:
         raise UserFault("training_no_model")
     rules = RaceRules.from_dict(
-        {**course_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
+        {**layout_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
         | ({"seed": job.seed} if job.random_boxes or job.bots else {})
     )
     return queue_evaluation(owner=by, model=model, track=job.track, rules=rules, now=now)

@@ -19,8 +19,8 @@ from races.sensors import not_offered
 from tracks.models import Direction, Track
 from tracks.services import load_catalogue
 
-from ..course import QUICK
 from ..hyperparameters import DEFAULT_ACTIONS
+from ..lessons import QUICK
 from ..models import JobState, TrainingJob
 from ..models.vehicle import default_sensors
 from ..rewards.examples import DEFAULT

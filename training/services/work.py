@@ -21,7 +21,7 @@ from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, Sa
 from ..trainer.messages import Prints
 from ..trainer.network import OURS
 from ..trainer.spec import TrainerSpec
-from .create import course_of
+from .create import layout_of
 from .jobs import TRAININGS, TrainingHeartbeat, verdict
 from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration, record_prints
 from .results import admit_networks, finish_training, keep_sb3
@@ -50,7 +50,7 @@ def spec_of(job: TrainingJob, checkpoint: Checkpoint | None = None) -> TrainerSp
     return TrainerSpec(
         track=job.track.geometry.in_direction(job.direction).to_dict(),
         race_type=job.race_type,
-        course=course_of(job),
+        layout=layout_of(job),
         metadata=job.metadata,
         algorithm=job.algorithm,
         hyperparameters=job.hyperparameters,

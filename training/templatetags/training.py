@@ -72,13 +72,13 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
         "first_race": begun.race,
         "has_car": begun.has_car,
         "house_cars": [model for model in house if race is None or not not_offered(model.sensors, race.sensors)],
-        "course": course_query(race),
+        "layout": layout_query(race),
         "csrf_token": get_token(request),
     }
 
 
 @register.filter
-def course_query(race: Race | None) -> str:
+def layout_query(race: Race | None) -> str:
     """What the wizard is asked for so that it trains for ``race``, as the query of its address."""
     if race is None:
         return ""

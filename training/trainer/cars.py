@@ -67,7 +67,7 @@ class Cars(SB3VecEnv):
             start="random",
             reward_function=list(rewards),
             theme=THEMES[spec.look],
-            **spec.course,
+            **spec.layout,
         )
         self._senses, self._seed = senses, seed
         super().__init__(env, observation_space=row_space(senses))

@@ -98,7 +98,7 @@ class Judge:
             max_simulated_ms=laps * lap_limit_ms(track, space),
             reward_function=reward,
             theme=THEMES[self._spec.look],
-            **self._spec.course,
+            **self._spec.layout,
         )
 
     def look(self, act: Act) -> Verdict:

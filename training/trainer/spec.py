@@ -22,7 +22,7 @@ class TrainerSpec:
 
     ``look``: what cameras see of it, a name of ``paddock.simulator.camera.theme.THEMES``.
 
-    ``course``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
+    ``layout``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
     ``model_metadata.json`` of the model to be made. ``hyperparameters``: checked, see :mod:`training.hyperparameters`.
     ``build``: how the network is built, a name of :data:`.network.BUILDS`.
     ``reward_code``: the source of the reward function; ``""`` is the console's default, which needs no stranger's code.
@@ -38,7 +38,7 @@ class TrainerSpec:
     algorithm: str
     hyperparameters: dict[str, Any]
     reward_code: str = ""
-    course: dict[str, Any] = field(default_factory=dict)
+    layout: dict[str, Any] = field(default_factory=dict)
     stop_seconds: float = 600.0
     stop_steps: int | None = None
     stop_clean_laps: int | None = None

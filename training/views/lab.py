@@ -18,7 +18,7 @@ from django.views.decorators.http import require_http_methods
 
 from core.forms import explain
 from evaluation.models import Evaluation, State
-from evaluation.services.results import read_course, read_trace
+from evaluation.services.results import read_layout, read_trace
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.simulator.solids import box
 from races.engines import hidden_runs
@@ -156,7 +156,7 @@ def _drive(form: LabForm) -> tuple[Any, list[dict[str, Any]]]:
 
     rows = list(csv.DictReader(io.StringIO(read_trace(run.result).decode())))
     columns = {name: [_value(row[name]) for row in rows] for name in rows[0]} if rows else {}
-    solids = [box(each["x"], each["y"], each["yaw"]) for each in read_course(run.result).get("boxes", ())]
+    solids = [box(each["x"], each["y"], each["yaw"]) for each in read_layout(run.result).get("boxes", ())]
     track = run.track.geometry.in_direction(run.spec["rules"].get("direction", "ccw"))
     return track, params_along(track, columns, solids=solids, episode=0)
 

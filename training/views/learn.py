@@ -9,7 +9,7 @@ from django.shortcuts import render
 from django.utils.translation import get_language
 from django.views.decorators.http import require_safe
 
-from training.course import BY_SLUG, LESSONS
+from training.lessons import BY_SLUG, LESSONS
 
 from .common import closed_because
 

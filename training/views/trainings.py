@@ -18,7 +18,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from accounts.storage import MEGABYTE
 from core.forms import explain
 from paddock.errors import PaddockError, UserFault
-from races.course import box_marks
+from races.layout import box_marks
 from races.models import Race, RaceType
 from races.names import named
 from races.replay import map_point, map_size
@@ -191,7 +191,7 @@ def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
         "can_delete": can_delete_training(request.user, job),
         "is_mine": mine,
         "map_size": map_size(job.track),
-        "course_boxes": _boxes(job),
+        "layout_boxes": _boxes(job),
         "ending": how_it_ended(job, request.user),
         "model": job.best_model if mine else None,
     }
@@ -233,7 +233,7 @@ def _drive(job: TrainingJob) -> list[list[float]]:
 
 
 def _boxes(job: TrainingJob) -> tuple[BoxMark, ...]:
-    """The boxes of its course on the map."""
+    """The boxes of its layout on the map."""
     if job.race_type != RaceType.OBJECT_AVOIDANCE:
         return ()
     names = ("track", "direction", "race_type", "boxes", "random_boxes", "seed")

@@ -17,7 +17,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 from core.forms import add_fault, explain
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.rules.training import taken_from
-from races.course_form import preview
+from races.layout_form import preview
 from races.models import RaceType
 from training.checks import one_check, refusals
 from training.forms.fields import MOST
@@ -78,7 +78,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         form = TrainingForm(owner=owner, now=now, initial=initial)
     context = {
         "form": form,
-        "course": preview(form, submitted=status != 200),
+        "layout": preview(form, submitted=status != 200),
         "original": Vehicle(),
         "steps": STEP_TITLES,
         "vehicles": {vehicle.public_id: vehicle for vehicle in vehicles_of(owner)},

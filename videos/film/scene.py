@@ -21,7 +21,7 @@ CARD_MS = 2500  # the card with the figures stands so long at the end
 PX_PER_M = 330.0  # of a picture of 720 lines, at usual zoom; the car is then 109 px long
 BAR = 92  # px of 720 lines: the height of the bar above
 
-_NO_COURSE: Mapping[str, list] = MappingProxyType({})
+_NO_LAYOUT: Mapping[str, list] = MappingProxyType({})
 
 
 class Stopped(Exception):
@@ -93,8 +93,8 @@ class Scene:
     """A run as it is filmed.
 
     ``track``: in the driven direction (``geometry.in_direction``). ``title``, ``subtitle``: say the race and the track.
-    ``cars``: one to four; ``followed``: the ``number`` of the one that the picture follows. ``course``: boxes and bots
-    as in ``EvaluationOutcome.course`` (:func:`evaluation.services.results.read_course`), in metres and radians, a bot
+    ``cars``: one to four; ``followed``: the ``number`` of the one that the picture follows. ``layout``: boxes and bots
+    as in ``EvaluationOutcome.layout`` (:func:`evaluation.services.results.read_layout`), in metres and radians, a bot
     with a pose for each row of car 0's trace. ``order``: the numbers of the cars, winner first (empty: as in ``cars``).
     ``lap``: show this lap of the followed car only (from 1); None for the whole run. ``fastest_sectors_ms``: of
     everybody in the race, for the purple of the sectors; None or empty where the run has no race.
@@ -107,7 +107,7 @@ class Scene:
     subtitle: str
     cars: Sequence[FilmedCar]
     followed: int = 0
-    course: Mapping[str, list] = field(default_factory=lambda: _NO_COURSE)
+    layout: Mapping[str, list] = field(default_factory=lambda: _NO_LAYOUT)
     order: Sequence[int] = ()
     lap: int | None = None
     fastest_sectors_ms: Sequence[int | None] = ()

@@ -91,7 +91,7 @@ def prepare(scene: Scene, form: Form) -> Take:
         for car in scene.cars
     ]
     clock = steps.get(0, hero_steps)  # bots have a pose for each row of car 0
-    bots = [poses_at(clock, times, places) for places in scene.course.get("bots") or ()]
+    bots = [poses_at(clock, times, places) for places in scene.layout.get("bots") or ()]
     return Take(
         scene,
         form,
@@ -99,7 +99,7 @@ def prepare(scene: Scene, form: Form) -> Take:
         actors,
         next(actor for actor in actors if actor.car.number == scene.followed),
         [bot for bot in bots if len(bot)],
-        [(float(box["x"]), float(box["y"]), float(box["yaw"])) for box in scene.course.get("boxes") or ()],
+        [(float(box["x"]), float(box["y"]), float(box["yaw"])) for box in scene.layout.get("boxes") or ()],
         follow(hero_steps, times, form.fps, _view_m(form)),
         round(CARD_MS * form.fps / 1000.0),
         scene.words if is_drawable("".join(vars(scene.words).values())) else Words(),

@@ -29,7 +29,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.packages.read import UploadPart
 from paddock.rules.race import MAX_CARS
 from paddock.simulator.camera.theme import THEMES
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 
 
 class Command(JsonCommand):
@@ -90,7 +90,7 @@ class Command(JsonCommand):
             check_rivals(rules, len(options["rival"]))
             found = find_track(track)
             geometry = found.geometry.in_direction(rules.direction)
-            lay_course(geometry, rules)  # before anything takes long
+            lay_out(geometry, rules)  # before anything takes long
             started = time.monotonic()
             paths = [path for path in (package, metadata, options["weights"]) if path is not None]
             cars = [_admit(paths, options["checkpoint"])]
@@ -163,16 +163,16 @@ def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s:
     """The field's metrics JSON with our figures beside it.
 
     ``wall_seconds``: of the whole evaluation, its processes' start included; reading and checking the models before it
-    took ``admission_seconds``. ``course_sha256``: of all boxes and of every pose of every bot car. ``order``: the
+    took ``admission_seconds``. ``layout_sha256``: of all boxes and of every pose of every bot car. ``order``: the
     numbers of the cars, winner first; car 0 is the one whose figures stand outside of ``rivals``.
     """
-    course = json.dumps(outcome.course, sort_keys=True, separators=(",", ":")).encode()
+    layout = json.dumps(outcome.layout, sort_keys=True, separators=(",", ":")).encode()
     return {
         **_car_report(outcome, cars[0]),
         "order": outcome.order,
         "rivals": [_car_report(car, package) for car, package in zip(outcome.rivals, cars[1:], strict=True)],
-        "course": {"boxes": outcome.course.get("boxes", []), "bots": len(outcome.course.get("bots", []))},
-        "course_sha256": hashlib.sha256(course).hexdigest(),
+        "layout": {"boxes": outcome.layout.get("boxes", []), "bots": len(outcome.layout.get("bots", []))},
+        "layout_sha256": hashlib.sha256(layout).hexdigest(),
         "engine": outcome.engine,
         "versions": outcome.versions,
         "cpu_model": outcome.cpu_model,

@@ -13,7 +13,7 @@ from django.core.management.base import BaseCommand, CommandError
 from evaluation.models import CarResult, Evaluation, Result
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, evaluate
 from evaluation.services import job_of
-from evaluation.services.results import read_course
+from evaluation.services.results import read_layout
 from paddock.errors import PlatformFault, UserFault
 from races.engines import site_engine
 from races.selectors import replaced_by
@@ -84,9 +84,9 @@ def differing(result: Result, outcome: EvaluationOutcome) -> dict[str, tuple[Any
         pairs |= _car_pairs(f"car {number}: ", rivals[number], car)
     if rivals:
         pairs["order of the cars"] = (result.order, outcome.order)
-    course, driven = read_course(result), {"boxes": [], "bots": []} | outcome.course
-    pairs["boxes"] = (course["boxes"], driven["boxes"])
-    pairs["bot cars"] = (_digest(course["bots"]), _digest(driven["bots"]))
+    layout, driven = read_layout(result), {"boxes": [], "bots": []} | outcome.layout
+    pairs["boxes"] = (layout["boxes"], driven["boxes"])
+    pairs["bot cars"] = (_digest(layout["bots"]), _digest(driven["bots"]))
     for library in sorted({*result.versions, *outcome.versions}):
         pairs[f"version of {library}"] = (result.versions.get(library), outcome.versions.get(library))
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}

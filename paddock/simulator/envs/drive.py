@@ -20,7 +20,7 @@ from ..trace import TIME_UP
 from ..world import World
 from .setting import Readings, Setting
 
-_COURSES = 20  # seeds that an episode tries until random boxes have room
+_LAYOUTS = 20  # seeds that an episode tries until random boxes have room
 
 
 class Outcome(NamedTuple):
@@ -81,7 +81,7 @@ class Drive:
     def _lay(self, rng: np.random.Generator) -> None:
         """Clear the stage for the next episode; where drawn boxes find no room, draw again."""
         setting = self._setting
-        for attempts_left in reversed(range(_COURSES)):
+        for attempts_left in reversed(range(_LAYOUTS)):
             rules = setting.episode_rules(rng)
             try:
                 if self._stage is None:
@@ -90,7 +90,7 @@ class Drive:
                     self._stage.clear(rules)
                 return
             except UserFault:
-                if not attempts_left or not setting.draws_course:
+                if not attempts_left or not setting.draws_layout:
                     raise
 
     def observe(self) -> Readings:

@@ -30,7 +30,7 @@ from paddock.rules.race import (
 
 from ..action import DISCRETE, ActionSpace
 from ..camera.theme import OFFICIAL, Theme
-from ..course import lay_course
+from ..layout import lay_out
 from ..physics import PADDOCK_CAR, CarPhysics
 from ..rewards import RewardFunction, avoid_objects, follow_centre_line
 from ..sensors import sensor_spec
@@ -62,7 +62,7 @@ class Setting:
     actions: ActionSpace
     physics: CarPhysics
     random_start: bool
-    course_seed: int | None
+    layout_seed: int | None
     reward_function: RewardFunction
     observation: str = DICT
 
@@ -116,15 +116,15 @@ class Setting:
         return float(rng.uniform(0.0, self.ground.track.length)) if self.random_start else 0.0
 
     def episode_rules(self, rng: np.random.Generator) -> RaceRules:
-        """The rules of one episode: with another seed for boxes and bots in each, unless ``course_seed`` fixes it."""
-        if not self.draws_course:
+        """The rules of one episode: with another seed for boxes and bots in each, unless ``layout_seed`` fixes it."""
+        if not self.draws_layout:
             return self.rules
         return dataclasses.replace(self.rules, seed=int(rng.integers(0, 2**31)))
 
     @property
-    def draws_course(self) -> bool:
+    def draws_layout(self) -> bool:
         """Whether every episode draws its own boxes or bots."""
-        return self.rules.race_type != TIME_TRIAL and self.course_seed is None
+        return self.rules.race_type != TIME_TRIAL and self.layout_seed is None
 
 
 def time_trial(**options: Any) -> Setting:
@@ -140,7 +140,7 @@ def object_avoidance(
     **options: Any,
 ) -> Setting:
     """Laps past boxes: at fixed places (fraction of the lap, lane), or ``random_boxes`` of them (6 unless told
-    otherwise) in other places in every episode, drawn from the seed of ``reset``; always the same with ``course_seed``.
+    otherwise) in other places in every episode, drawn from the seed of ``reset``; always the same with ``layout_seed``.
 
     ``options``: as for :func:`race_setting`.
     """
@@ -153,7 +153,7 @@ def head_to_head(
     *, bots: int = PROPOSED_BOTS, reward_function: RewardFunction = avoid_objects, **options: Any
 ) -> Setting:
     """Laps among bot cars, which draw their lanes and lane changes from the seed of ``reset``, anew in every episode;
-    always the same with ``course_seed``. ``options``: as for :func:`race_setting`."""
+    always the same with ``layout_seed``. ``options``: as for :func:`race_setting`."""
     if not bots:
         raise ValueError("bots must be at least 1: other models do not drive in an environment")
     return race_setting(HEAD_TO_HEAD, bots=bots, reward_function=reward_function, **options)
@@ -171,7 +171,7 @@ def race_setting(
     track: Track = "oval",
     metadata: Mapping[str, Any] = DEFAULT_METADATA,
     start: str = "fixed",
-    course_seed: int | None = None,
+    layout_seed: int | None = None,
     reward_function: RewardFunction = follow_centre_line,
     observation: str = DICT,
     theme: Theme = OFFICIAL,
@@ -184,12 +184,12 @@ def race_setting(
     as three equal channels, for wrappers that want a colour picture. ``rules``: see :func:`rules_of_episodes`.
 
     Raises TypeError for a rule that this type of race does not have, ValueError for a wrong argument or for metadata
-    that an upload would be refused for, UserFault for a track file or a course that is refused.
+    that an upload would be refused for, UserFault for a track file or a layout that is refused.
     """
     usual = rules_of_episodes(race_type)
     if unknown := rules.keys() - usual.keys():
         raise TypeError(f"{race_type} takes no {', '.join(sorted(unknown))}; its rules are {', '.join(usual)}")
-    told = RaceRules(race_type=race_type, seed=course_seed or 0, **{**usual, **rules})
+    told = RaceRules(race_type=race_type, seed=layout_seed or 0, **{**usual, **rules})
     if start not in ("fixed", "random"):
         raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
     checked = check_metadata(metadata)
@@ -201,12 +201,12 @@ def race_setting(
         actions=ActionSpace.from_metadata(checked.to_dict()),
         physics=physics,
         random_start=start == "random",
-        course_seed=course_seed,
+        layout_seed=layout_seed,
         reward_function=reward_function,
         observation=observation,
     )
-    if setting.rules.boxes or setting.rules.bots or course_seed is not None:
-        lay_course(setting.ground.track, setting.rules)  # refuse now what every episode would be refused for
+    if setting.rules.boxes or setting.rules.bots or layout_seed is not None:
+        lay_out(setting.ground.track, setting.rules)  # refuse now what every episode would be refused for
     return setting
 
 

@@ -324,7 +324,7 @@ def pilot_race(track=TRACK, speed=2.0, offset=0.0, **rules):
 def test_bots_have_a_place_for_every_row_of_the_trace():
     result, told = pilot_race(bots=3, speed=2.0, offset=0.25, laps=2, bot_lane_changes=True)
     assert result.end_reason == LAPS_DONE
-    bots = result.course["bots"]
+    bots = result.layout["bots"]
     assert len(bots) == 3 and all(len(path) == len(result.trace) for path in bots)
     assert all(len(place) == 3 and round(place[0], 3) == place[0] for path in bots for place in path)
     steps = np.linalg.norm(np.diff(np.array(bots)[:, :, :2], axis=1), axis=2)

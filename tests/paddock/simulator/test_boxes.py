@@ -12,7 +12,7 @@ from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.car import Pose
 from paddock.simulator.contact import hits_box, overlaps_box
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach
@@ -39,7 +39,7 @@ def rules_of(*boxes, **rules):
 
 def referee(*boxes, start_m=0.0, **rules):
     rules = rules_of(*boxes, **rules)
-    return Referee(TRACK, rules, PADDOCK_CAR, REACH, start_m, course=lay_course(TRACK, rules))
+    return Referee(TRACK, rules, PADDOCK_CAR, REACH, start_m, layout=lay_out(TRACK, rules))
 
 
 def side(lane):
@@ -289,15 +289,15 @@ def test_the_crash_is_in_trace_metrics_and_course():
     assert statuses[first + 1 : first + 45] == ["pause"] * 44
     counter = trace["obstacle_crash_counter"]
     assert (counter[first - 1], counter[first], counter[-1]) == (0, 1, result.laps[0].crashes)
-    assert result.course["bots"] == []
-    (placed,) = result.course["boxes"]
+    assert result.layout["bots"] == []
+    (placed,) = result.layout["boxes"]
     assert placed["lane"] == "outer" and placed["fraction"] == pytest.approx(4.0 / LENGTH, abs=1e-6)
     assert (placed["x"], placed["y"]) == pytest.approx(TRACK.lane_centre(4.0, "outer")[:2], abs=1e-3)
 
 
 def test_a_time_trial_has_an_empty_course_and_nothing_to_see():
     result = run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, (), lambda readings: np.float32([1.0]))
-    assert result.course == {"boxes": [], "bots": []}
+    assert result.layout == {"boxes": [], "bots": []}
     assert (result.order, result.rivals, result.retired) == ([0], [], None)
     with Stage(Ground(TRACK), RaceRules()) as stage:
         assert stage.solids(stage.add(())) == ()
@@ -305,21 +305,21 @@ def test_a_time_trial_has_an_empty_course_and_nothing_to_see():
 
 def test_every_entrant_meets_the_same_boxes():
     rules = RaceRules(race_type="object_avoidance", random_boxes=4, seed=12, max_simulated_ms=3000)
-    courses = [run_race(TRACK, rules, *_along(rules, offset)).course for offset in (-0.3, 0.0, 0.3)]
-    assert courses[0] == courses[1] == courses[2]
-    assert len(courses[0]["boxes"]) == 4
+    layouts = [run_race(TRACK, rules, *_along(rules, offset)).layout for offset in (-0.3, 0.0, 0.3)]
+    assert layouts[0] == layouts[1] == layouts[2]
+    assert len(layouts[0]["boxes"]) == 4
 
 
 def test_the_stage_shows_the_boxes_of_the_course():
     rules = rules_of((4.0, "outer"), (9.0, "inner"))
     with Stage(Ground(TRACK), rules) as stage:
         car = stage.add(())
-        assert stage.solids(car) == tuple(placed.solid for placed in lay_course(TRACK, rules).boxes)
+        assert stage.solids(car) == tuple(placed.solid for placed in lay_out(TRACK, rules).boxes)
 
 
 def test_a_pilot_that_sees_the_boxes_drives_round_them():
     rules = rules_of((7.8, "inner"), (14.2, "outer"), laps=2)
-    pilot = CentreLinePilot(TRACK, speed=1.5, course=lay_course(TRACK, rules))
+    pilot = CentreLinePilot(TRACK, speed=1.5, layout=lay_out(TRACK, rules))
     result = run_race(TRACK, rules, pilot.action_space, pilot.sensors, pilot)
     assert result.end_reason == LAPS_DONE
     assert [(lap.crashes, lap.resets) for lap in result.laps] == [(0, 0), (0, 0)]
@@ -334,7 +334,7 @@ def test_on_every_catalogue_track_a_car_put_back_is_on_the_road_and_in_no_box(en
     reach, passed = Reach(driven), []
     for seed in range(4):
         rules = RaceRules(race_type="object_avoidance", random_boxes=6, seed=seed, direction=direction)
-        judge = Referee(driven, rules, PADDOCK_CAR, reach, course=lay_course(driven, rules))
+        judge = Referee(driven, rules, PADDOCK_CAR, reach, layout=lay_out(driven, rules))
         for metres in np.arange(0.3, driven.length - 0.5, 0.21).tolist():
             for offset in (-0.3, 0.0, 0.3):
                 x, y, heading = driven.point_at(metres, offset)
@@ -362,7 +362,7 @@ def test_on_every_catalogue_track_even_a_car_that_knows_no_boxes_finishes_and_ne
     result = run_race(track, rules, pilot.action_space, pilot.sensors, pilot)
     assert result.end_reason == LAPS_DONE
     progress = result.trace["progress"] * driven.length / 100
-    for placed in lay_course(driven, rules).boxes:
+    for placed in lay_out(driven, rules).boxes:
         passed = np.nonzero(progress > placed.metres + 0.2)[0]
         assert np.all(progress[passed[0] :] >= placed.metres + 0.2 - 1e-6)
     driving = result.trace["episode_status"][:-1] == IN_PROGRESS

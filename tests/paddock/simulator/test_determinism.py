@@ -73,13 +73,13 @@ class SeeingPilot:
 
 
 def race_of(kind):
-    """(the hashes of all cars and of the course, the result) of one race."""
+    """(the hashes of all cars and of the layout, the result) of one race."""
     space, sensors = SeeingPilot.action_space, SeeingPilot.sensors
     speeds = (1.0, 1.8, 2.4) if kind == "models" else ()
     rivals = [Entrant(space, sensors, SeeingPilot(speed)) for speed in speeds]
     result = run_race(stadium(), TYPES[kind], space, sensors, SeeingPilot(2.0), rivals=rivals)
-    course = hashlib.sha256(json.dumps(result.course).encode()).hexdigest()
-    return [result.trace.sha256, *(rival.trace.sha256 for rival in result.rivals), course], result
+    layout = hashlib.sha256(json.dumps(result.layout).encode()).hexdigest()
+    return [result.trace.sha256, *(rival.trace.sha256 for rival in result.rivals), layout], result
 
 
 @pytest.fixture(scope="module")

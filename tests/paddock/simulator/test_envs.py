@@ -247,10 +247,10 @@ def test_boxes_stay_and_bots_drive():
 
 @pytest.mark.parametrize("kind", ["ObjectAvoidance", "HeadToHead"])
 def test_a_course_seed_keeps_what_stands_on_the_track(kind):
-    env = make_kind(kind, reward_function=Watch(), course_seed=5)
+    env = make_kind(kind, reward_function=Watch(), layout_seed=5)
     assert objects_seen(env, 1) == objects_seen(env, 2)
     other = make_kind(
-        kind, reward_function=Watch(), course_seed=6, **({"bot_lane_changes": True} if "H" in kind else {})
+        kind, reward_function=Watch(), layout_seed=6, **({"bot_lane_changes": True} if "H" in kind else {})
     )
     assert objects_seen(other, 1) != objects_seen(env, 1)
 
@@ -284,7 +284,7 @@ def test_a_box_ahead_crashes_the_car_and_ends_the_episode():
 def test_object_avoidance_is_the_race_that_is_judged():
     """The same actions past the same boxes give the same laps as a race."""
     actions = np.random.default_rng(5).integers(0, 10, 400)
-    env = make_kind("ObjectAvoidance", course_seed=8, max_resets=50, max_simulated_ms=20_000).unwrapped
+    env = make_kind("ObjectAvoidance", layout_seed=8, max_resets=50, max_simulated_ms=20_000).unwrapped
     env.reset()
     done, taken = False, 0
     while not done:

@@ -14,7 +14,7 @@ from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.car import Pose
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach, clear_distance
@@ -33,7 +33,7 @@ TRACKS = [entry.geometry() for entry in CATALOGUE]
 def referee(track=STADIUM, **rules):
     rules = RaceRules(**rules)
     reach = REACH.get(track) or Reach(track)
-    return Referee(track, rules, PADDOCK_CAR, reach, 0.0, clear_distance(track), course=lay_course(track, rules))
+    return Referee(track, rules, PADDOCK_CAR, reach, 0.0, clear_distance(track), layout=lay_out(track, rules))
 
 
 def pose_at(track, metres, offset=0.0, turned=0.0):

@@ -11,7 +11,7 @@ from paddock.simulator.action import ActionSpace
 from paddock.simulator.bots import Bots, LanePaths
 from paddock.simulator.car import Pose
 from paddock.simulator.contact import cars_touch
-from paddock.simulator.course import lay_course
+from paddock.simulator.layout import lay_out
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.progress import Reach, clear_distance
 from paddock.simulator.race import run_race
@@ -80,7 +80,7 @@ def test_boxes_and_bots_have_room_on_every_track_and_bots_keep_apart(track, dire
     driven = loaded(track).in_direction(direction)
     for seed in range(5):
         rules = RaceRules(race_type="object_avoidance", random_boxes=5, seed=seed, direction=direction)
-        assert len(lay_course(driven, rules).boxes) == 5
+        assert len(lay_out(driven, rules).boxes) == 5
     count = 6 if driven.length > 18 else 4
     rules = RaceRules(race_type="head_to_head", bots=count, bot_speed_mps=3.0, bot_lane_changes=True, seed=2)
     bots = Bots(LanePaths(driven), rules, 15.0)

@@ -327,7 +327,7 @@ def test_every_car_has_its_own_metrics():
 def test_boxes_bots_and_rivals_go_together():
     result = race(pilot(2.0, -0.25), pilot(1.5, 0.25), laps=1, bots=2, bot_speed_mps=0.5)
     assert {result.end_reason, result.rivals[0].end_reason} == {"laps_done"}
-    assert all(len(path) == len(result.trace) for path in result.course["bots"])
+    assert all(len(path) == len(result.trace) for path in result.layout["bots"])
 
 
 @pytest.mark.slow

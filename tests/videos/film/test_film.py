@@ -177,9 +177,9 @@ class TestThePicture:
     def test_boxes_and_bots_are_seen(self):
         plain = still(scene())
         x, y, yaw = OVAL.point_at(2.6, 0.2)
-        box = still(scene(course={"boxes": [{"fraction": 0.1, "lane": "inner", "x": x, "y": y, "yaw": yaw}]}))
+        box = still(scene(layout={"boxes": [{"fraction": 0.1, "lane": "inner", "x": x, "y": y, "yaw": yaw}]}))
         assert count(box, "#d99a3d") > 500 > count(plain, "#d99a3d")
-        bot = still(scene(course={"bots": [[[x, y, yaw]] * 31]}))
+        bot = still(scene(layout={"bots": [[[x, y, yaw]] * 31]}))
         assert count(bot, "#27445f") > 300 > count(plain, "#27445f")
 
     def test_a_reset_is_a_cut(self):
@@ -282,14 +282,14 @@ class TestWhatCannotBeFilmed:
 
     def test_laps_and_courses_of_nonsense_are_left_out(self):
         laps = [{"number": 1}, {}, lap(1, 0, 2000)]
-        course = {"bots": [[], [[float("nan")] * 3], [[1.0]]]}
-        assert still(scene(car(laps=laps), course=course)).any()
+        layout = {"bots": [[], [[float("nan")] * 3], [[1.0]]]}
+        assert still(scene(car(laps=laps), layout=layout)).any()
 
     def test_four_cars_six_bots_and_boxes_are_no_trouble(self):
         cars = [car(driven(1.0, 1.0 + 0.3 * number), number, name="x" * 64) for number in range(4)]
         poses = [[list(OVAL.point_at(metres)) for _ in range(16)] for metres in range(6)]
         boxes = [{"x": x, "y": y, "yaw": yaw} for x, y, yaw in (OVAL.point_at(2.0 * k, 0.2) for k in range(8))]
-        facts = film(scene(*cars, course={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
+        facts = film(scene(*cars, layout={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
         assert facts.frames == 30 + CARD_FRAMES
 
     def test_when_it_is_stopped_nothing_is_left(self, tmp_path):

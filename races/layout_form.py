@@ -11,28 +11,27 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from paddock.rules.race import MAX_BOXES, RULES
+from paddock.rules.race import LAYOUT, MAX_BOXES, RULES
 from tracks.drawing import BoxMark
 from tracks.models import Track
 
-from .course import box_marks, check_layout, typed_boxes
+from .layout import box_marks, check_layout, typed_boxes
 from .models import Opponents, Race, RaceType
-from .models.course import problems_of
+from .models.layout import problems_of
 from .models.rules import usual
 from .rules.fields import rule_fields
-from .validation import COURSE_FIELDS
 
 FIXED, DRAWN = "fixed", "drawn"
 _BOXES = ("boxes", "random_boxes", "box_distance_m")
-_BOTS = tuple(name for name in COURSE_FIELDS if name.startswith("bot"))
-_DUELS = tuple(name for name in COURSE_FIELDS if name.startswith("duel"))
+_BOTS = tuple(name for name in LAYOUT if name.startswith("bot"))
+_DUELS = tuple(name for name in LAYOUT if name.startswith("duel"))
 # What a form proposes for a race that has none of it yet.
 PROPOSALS = {name: rule.proposed for name, rule in RULES.items() if rule.proposed is not None}
-_FIELDS = rule_fields(("direction", "race_type", *COURSE_FIELDS, "seed"))
+_FIELDS = rule_fields(("direction", "race_type", *LAYOUT, "seed"))
 _RuleFields = new_class("RuleFields", (forms.Form,), exec_body=lambda body: body.update(_FIELDS))
 
 
-class CourseForm(_RuleFields):  # type: ignore[misc, valid-type]
+class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
     """Track, type of race, and what belongs to that type. Values of other types are dropped, whatever they are."""
 
     track = forms.ModelChoiceField(
@@ -56,7 +55,7 @@ class CourseForm(_RuleFields):  # type: ignore[misc, valid-type]
         for name in self._foreign(cleaned):
             self.errors.pop(name, None)
             cleaned[name] = usual(name)
-        for name in (*COURSE_FIELDS, "seed"):
+        for name in (*LAYOUT, "seed"):
             if name not in self.errors and cleaned.get(name) is None:
                 cleaned[name] = usual(name)
         return cleaned
@@ -75,12 +74,12 @@ class CourseForm(_RuleFields):  # type: ignore[misc, valid-type]
         if race_type == RaceType.HEAD_TO_HEAD:
             others: dict[str | None, tuple[str, ...]] = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
             return (*_BOXES, *others.get(cleaned.get("opponents"), (*_BOTS, *_DUELS)))
-        return COURSE_FIELDS
+        return LAYOUT
 
 
 @dataclass(frozen=True)
 class Preview:
-    """What a form's course looks like. ``race``: unsaved, None without a track; ``problems``: why it cannot be driven
+    """What a form's layout looks like. ``race``: unsaved, None without a track; ``problems``: why it cannot be driven
     so, a sentence each; ``boxes``: where they stand, in the order driven; as long as there are problems those in fixed
     places only, in the order typed, the wrong ones marked; ``hint``: what is still to be filled in, which is no problem
     before the form is sent."""
@@ -91,8 +90,8 @@ class Preview:
     hint: str = ""
 
 
-def preview(form: CourseForm, *, submitted: bool) -> Preview:
-    """The course that a form says now: of what was typed if it is bound, else of its initial values.
+def preview(form: LayoutForm, *, submitted: bool) -> Preview:
+    """The layout that a form says now: of what was typed if it is bound, else of its initial values.
 
     ``submitted``: whether the form was sent to be saved. Before that, boxes that nobody has placed yet are no problem.
     """
@@ -115,7 +114,7 @@ def preview(form: CourseForm, *, submitted: bool) -> Preview:
             check_layout(race)
         except ValidationError as error:
             problems = error.error_dict
-    own = {name: form.errors[name].as_data()[0] for name in COURSE_FIELDS if form.is_bound and name in form.errors}
+    own = {name: form.errors[name].as_data()[0] for name in LAYOUT if form.is_bound and name in form.errors}
     if not own and not submitted and _waits_for_boxes(form, problems):
         hint = _("No boxes yet. Place 1 to %(most)s on the track, or have their places drawn from the seed.")
         return Preview(race, [], (), hint % {"most": MAX_BOXES})
@@ -129,15 +128,15 @@ def preview(form: CourseForm, *, submitted: bool) -> Preview:
     return Preview(race, list(dict.fromkeys([*sentences, *all_of_them])), boxes)
 
 
-def _waits_for_boxes(form: CourseForm, problems: dict[str, Any]) -> bool:
+def _waits_for_boxes(form: LayoutForm, problems: dict[str, Any]) -> bool:
     """Whether all that is wrong is that no box was placed, and nothing was typed that says so."""
     errors = [error for each in problems.values() for error in (each if isinstance(each, list) else [each])]
     typed = form["random_boxes"].value() if form["box_choice"].value() == DRAWN else None
     return [error.code for error in errors] == ["race_needs_boxes"] and typed in (None, "")
 
 
-def _meant(form: CourseForm, name: str, value: Any) -> Any:
-    """An initial value as the course takes it: an address may fill in any text, or none."""
+def _meant(form: LayoutForm, name: str, value: Any) -> Any:
+    """An initial value as the layout takes it: an address may fill in any text, or none."""
     if name in ("track", "boxes") or not (value is None or isinstance(value, str)):
         return value
     try:
@@ -147,7 +146,7 @@ def _meant(form: CourseForm, name: str, value: Any) -> Any:
     return usual(name) if cleaned is None else cleaned
 
 
-_DRAWN_BY = ("track", "direction", "race_type", *COURSE_FIELDS, "seed")
+_DRAWN_BY = ("track", "direction", "race_type", *LAYOUT, "seed")
 
 
 def _sentences(problems: dict[str, Any]) -> list[str]:

@@ -69,7 +69,7 @@ CONSTRAINTS = (
 
 def problems_of(race: Race) -> dict[str, ValidationError]:
     """What contradicts itself in a race's boxes, bots and opponents, by the field to change. Values alone: whether the
-    boxes have room on the track is for :func:`races.course.check_course`."""
+    boxes have room on the track is for :func:`races.layout.check_layout`."""
     problems = _range_problems(race)
     if race.race_type == RaceType.OBJECT_AVOIDANCE:
         problems |= _box_problems(race)

@@ -12,13 +12,13 @@ from django.utils.translation import gettext as _
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RULES, RUN_RULES, BoxPlace, RaceRules
-from paddock.simulator.course import Course, box_faults, lay_course, place_box
+from paddock.simulator.layout import Layout, box_faults, lay_out, place_box
 from paddock.simulator.solids import Solid, box
 from tracks.drawing import BoxMark
 
 from .errors import problem
 from .models import Lane
-from .models.course import misplaced
+from .models.layout import misplaced
 
 if TYPE_CHECKING:
     from tracks.models import Track
@@ -32,15 +32,15 @@ def race_rules(race: Race) -> RaceRules:
     return RaceRules(**told, boxes=tuple(BoxPlace(float(one["fraction"]), one["lane"]) for one in race.boxes))
 
 
-def laid_out(race: Race) -> Course:
-    """The course of a race, boxes in the order driven. Raises UserFault when boxes or bots have no room, with the codes
-    of :func:`paddock.simulator.course.lay_course`."""
+def laid_out(race: Race) -> Layout:
+    """The layout of a race, boxes in the order driven. Raises UserFault when boxes or bots have no room, with the codes
+    of :func:`paddock.simulator.layout.lay_out`."""
     return _lay(race.track.geometry, race_rules(race))
 
 
 @lru_cache(maxsize=256)
-def _lay(geometry: TrackGeometry, rules: RaceRules) -> Course:
-    return lay_course(geometry.in_direction(rules.direction), rules)
+def _lay(geometry: TrackGeometry, rules: RaceRules) -> Layout:
+    return lay_out(geometry.in_direction(rules.direction), rules)
 
 
 def check_layout(race: Race) -> None:
@@ -105,15 +105,15 @@ def typed_boxes(race: Race, places: Sequence[Mapping[str, Any] | None]) -> tuple
 
 def awaited_boxes(track: Track, rules: Mapping[str, Any]) -> tuple[BoxMark, ...]:
     """The boxes of an evaluation that has no result yet (``rules`` of its spec), for the map of its run."""
-    course = _lay(track.geometry, RaceRules.from_dict(rules))
-    return _marks(course, numbered=True)
+    layout = _lay(track.geometry, RaceRules.from_dict(rules))
+    return _marks(layout, numbered=True)
 
 
-def driven_boxes(course: Mapping[str, Any]) -> tuple[BoxMark, ...]:
-    """The boxes of a recorded course (``Result.course``) for the map of a run."""
+def driven_boxes(layout: Mapping[str, Any]) -> tuple[BoxMark, ...]:
+    """The boxes of a recorded layout (``Result.layout``) for the map of a run."""
     return tuple(
         _mark(box(each["x"], each["y"], each["yaw"]), number, box_title(number, each["fraction"], each["lane"]))
-        for number, each in enumerate(course.get("boxes", ()), start=1)
+        for number, each in enumerate(layout.get("boxes", ()), start=1)
     )
 
 
@@ -126,10 +126,10 @@ def box_title(number: int, fraction: float, lane: str) -> str:
     }
 
 
-def _marks(course: Course, *, numbered: bool) -> tuple[BoxMark, ...]:
+def _marks(layout: Layout, *, numbered: bool) -> tuple[BoxMark, ...]:
     return tuple(
         _mark(placed.solid, number if numbered else 0, box_title(number, placed.fraction, placed.lane))
-        for number, placed in enumerate(course.boxes, start=1)
+        for number, placed in enumerate(layout.boxes, start=1)
     )
 
 

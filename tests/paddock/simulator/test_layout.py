@@ -12,14 +12,14 @@ from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import read_npy
 from paddock.rules.race import BoxPlace, RaceRules
-from paddock.simulator.course import (
+from paddock.simulator.layout import (
     BOTS_END_M,
     BOTS_START_M,
     BOX_SPACING_M,
     RANDOM_START_CLEAR_M,
     START_CLEAR_M,
-    Course,
-    lay_course,
+    Layout,
+    lay_out,
     start_places,
 )
 from tests.shared import CHECKOUT, SHARED, needs_shared
@@ -39,19 +39,19 @@ def drawn(count, **rules):
 
 def refusal(track, rules):
     with pytest.raises(UserFault) as caught:
-        lay_course(track, rules)
+        lay_out(track, rules)
     return caught.value
 
 
 def test_a_time_trial_has_an_empty_course():
-    assert lay_course(TRACK, RaceRules()) == Course(())
+    assert lay_out(TRACK, RaceRules()) == Layout(())
 
 
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 @pytest.mark.parametrize("lane", ["inner", "outer"])
 def test_a_box_stands_in_the_middle_of_its_lane_at_its_share_of_the_lap_driven(direction, lane):
     track = TRACK.in_direction(direction)
-    (box,) = lay_course(track, avoidance((0.25, lane), direction=direction)).boxes
+    (box,) = lay_out(track, avoidance((0.25, lane), direction=direction)).boxes
     assert (box.solid.x, box.solid.y, box.solid.yaw) == track.lane_centre(0.25 * track.length, lane)
     place = track.project(box.solid.x, box.solid.y)
     assert place.distance == pytest.approx(0.25 * track.length)
@@ -61,7 +61,7 @@ def test_a_box_stands_in_the_middle_of_its_lane_at_its_share_of_the_lap_driven(d
 
 
 def test_boxes_are_in_driving_order_whatever_the_order_of_the_rules():
-    boxes = lay_course(TRACK, avoidance((0.7, "inner"), (0.2, "outer"), (0.45, "inner"))).boxes
+    boxes = lay_out(TRACK, avoidance((0.7, "inner"), (0.2, "outer"), (0.45, "inner"))).boxes
     assert [box.fraction for box in boxes] == [0.2, 0.45, 0.7]
     assert [box.lane for box in boxes] == ["outer", "inner", "inner"]
 
@@ -78,7 +78,7 @@ def test_boxes_that_block_the_road_together_are_refused(lanes):
     fault = refusal(TRACK, avoidance((0.05 + apart + 0.1, lanes[0]), (0.15, lanes[1])))
     assert fault.code == "boxes_overlap"
     assert (fault.params["number"], fault.params["other"]) == (1, 2)
-    assert lay_course(TRACK, avoidance((0.15, lanes[0]), (0.15 + 1.05 * BOX_SPACING_M / TRACK.length, lanes[1])))
+    assert lay_out(TRACK, avoidance((0.15, lanes[0]), (0.15 + 1.05 * BOX_SPACING_M / TRACK.length, lanes[1])))
 
 
 def test_boxes_on_two_parts_of_the_track_that_lie_alongside_may_not_overlap():
@@ -93,7 +93,7 @@ def test_a_box_that_no_car_can_pass_is_refused():
     fault = refusal(narrow, avoidance((0.3, "inner")))
     assert (fault.code, fault.params["number"]) == ("box_off_track", 1)
     assert fault.params["width_m"] == pytest.approx(0.5, abs=0.01)
-    assert lay_course(stadium(width=0.6), avoidance((0.3, "inner")))
+    assert lay_out(stadium(width=0.6), avoidance((0.3, "inner")))
 
 
 def test_more_random_boxes_than_the_track_has_room_for_are_refused():
@@ -138,35 +138,35 @@ def test_six_bots_have_room_on_the_shortest_track_of_the_official_league():
 @settings(max_examples=150, deadline=None)
 def test_random_boxes_keep_their_distance_also_across_the_line_and_leave_the_start_free(seed, count, distance):
     rules = drawn(count, seed=seed, box_distance_m=distance)
-    boxes = lay_course(TRACK, rules).boxes
+    boxes = lay_out(TRACK, rules).boxes
     assert len(boxes) == count
     metres = [box.metres for box in boxes]
     assert metres[0] >= RANDOM_START_CLEAR_M - 1e-3 and metres[-1] <= TRACK.length - START_CLEAR_M
     after = [*metres[1:], metres[0] + TRACK.length]
     assert min(b - a for a, b in zip(metres, after, strict=True)) >= max(distance, BOX_SPACING_M) or count == 1
-    # What was drawn can be written down as fixed places and gives the same course.
+    # What was drawn can be written down as fixed places and gives the same layout.
     fixed = avoidance(*((box.fraction, box.lane) for box in boxes))
-    assert lay_course(TRACK, fixed) == lay_course(TRACK, rules)
+    assert lay_out(TRACK, fixed) == lay_out(TRACK, rules)
 
 
 def test_a_wide_distance_holds_across_the_line():
     for seed in range(200):
-        first, second, third = (box.metres for box in lay_course(TRACK, drawn(3, seed=seed, box_distance_m=4.5)).boxes)
+        first, second, third = (box.metres for box in lay_out(TRACK, drawn(3, seed=seed, box_distance_m=4.5)).boxes)
         assert min(second - first, third - second, first + TRACK.length - third) >= 4.5
 
 
 def test_a_seed_is_one_course_and_seeds_differ():
-    courses = {lay_course(TRACK, drawn(4, seed=seed)) for seed in range(50)}
-    assert len(courses) == 50
-    assert {box.lane for course in courses for box in course.boxes} == {"inner", "outer"}
-    assert lay_course(TRACK, drawn(4, seed=7)) == lay_course(TRACK, drawn(4, seed=7))
+    layouts = {lay_out(TRACK, drawn(4, seed=seed)) for seed in range(50)}
+    assert len(layouts) == 50
+    assert {box.lane for layout in layouts for box in layout.boxes} == {"inner", "outer"}
+    assert lay_out(TRACK, drawn(4, seed=7)) == lay_out(TRACK, drawn(4, seed=7))
 
 
 def test_a_seed_draws_the_same_boxes_in_every_process_and_version():
     expected = [(0.406151, "outer"), (0.620561, "outer"), (0.899156, "outer")]
     code = (
-        "from tests.paddock.simulator.test_course import TRACK, drawn, lay_course;"
-        "print([(box.fraction, box.lane) for box in lay_course(TRACK, drawn(3, seed=42)).boxes])"
+        "from tests.paddock.simulator.test_layout import TRACK, drawn, lay_out;"
+        "print([(box.fraction, box.lane) for box in lay_out(TRACK, drawn(3, seed=42)).boxes])"
     )
     for hash_seed in ("0", "1"):
         done = subprocess.run(
@@ -186,14 +186,14 @@ def test_a_seed_draws_the_same_boxes_in_every_process_and_version():
 def test_every_catalogue_track_has_room_for_six_random_boxes(entry, direction):
     track = entry.geometry().in_direction(direction)
     for seed in range(20):
-        boxes = lay_course(track, drawn(6, seed=seed, direction=direction)).boxes
+        boxes = lay_out(track, drawn(6, seed=seed, direction=direction)).boxes
         assert len(boxes) == 6
         assert all(track.on_road(box.solid.x, box.solid.y) for box in boxes)
 
 
 def test_a_course_is_plain_json_to_a_millimetre():
-    (box,) = lay_course(TRACK, avoidance((0.3, "outer"))).boxes
-    assert Course((box,)).to_dict() == {
+    (box,) = lay_out(TRACK, avoidance((0.3, "outer"))).boxes
+    assert Layout((box,)).to_dict() == {
         "boxes": [
             {
                 "fraction": 0.3,

@@ -44,7 +44,7 @@ class PlacedBox(NamedTuple):
     solid: Solid
 
 
-class Course(NamedTuple):
+class Layout(NamedTuple):
     """What stands on the track, in driving order."""
 
     boxes: tuple[PlacedBox, ...] = ()
@@ -65,11 +65,11 @@ class Course(NamedTuple):
         }
 
 
-EMPTY = Course()
+EMPTY = Layout()
 
 
-def lay_course(track: TrackGeometry, rules: RaceRules) -> Course:
-    """The course of a race on ``track``, which is already in the driven direction; the same for every entrant.
+def lay_out(track: TrackGeometry, rules: RaceRules) -> Layout:
+    """The layout of a race on ``track``, which is already in the driven direction; the same for every entrant.
 
     Boxes stand in the middle of their lanes, square to the track. Raises UserFault ``box_on_start_line``,
     ``boxes_overlap`` or ``box_off_track`` for fixed places (boxes are counted from 1 in the order of the rules),
@@ -85,7 +85,7 @@ def lay_course(track: TrackGeometry, rules: RaceRules) -> Course:
         boxes = _draw_boxes(track, rules)
     else:
         return EMPTY
-    return Course(tuple(sorted(boxes, key=lambda box: box.metres)))
+    return Layout(tuple(sorted(boxes, key=lambda box: box.metres)))
 
 
 def place_box(track: TrackGeometry, fraction: float, lane: str) -> PlacedBox:
@@ -107,7 +107,7 @@ def start_places(length: float, bots: int) -> list[float]:
 
 
 def box_faults(track: TrackGeometry, boxes: Sequence[PlacedBox]) -> Iterator[tuple[int, UserFault]]:
-    """What is wrong with boxes in fixed places, in the order in which :func:`lay_course` would refuse them: the index
+    """What is wrong with boxes in fixed places, in the order in which :func:`lay_out` would refuse them: the index
     of a box and why it cannot stand there. Of two that are too near each other it is the later one."""
     for number, placed in enumerate(boxes, 1):
         if min(placed.metres, track.length - placed.metres) < START_CLEAR_M:
