@@ -39,14 +39,14 @@ def link_in(text: str) -> str:
     return re.search(r"(https?://\S+?)/accounts/", text)[1]
 
 
-def test_no_mail_carries_a_port_or_host_that_nobody_has_configured(alice):
+def test_no_mail_links_to_an_unconfigured_host_or_port(alice):
     text = sent_by(FORGED)
     assert "666" not in text
     assert link_in(text) == SITE
     assert "race.example.org:8443" in text  # below the mail
 
 
-def test_a_mail_to_somebody_unknown_carries_it_no_more_than_others(db):
+def test_a_mail_to_an_unknown_address_has_no_forged_host(db):
     assert "666" not in sent_by(FORGED)
 
 
@@ -64,16 +64,16 @@ def test_a_mail_to_somebody_unknown_carries_it_no_more_than_others(db):
         ("other.example.org:444", True, "https://other.example.org:444"),
     ],
 )
-def test_links_begin_with_what_is_configured(alice, host, secure, origin):
+def test_links_start_with_the_configured_address(alice, host, secure, origin):
     assert link_in(sent_by(host, secure)) == origin
 
 
-def test_a_site_that_answers_to_any_name_links_to_its_own(alice, settings):
+def test_a_site_answering_to_any_host_links_to_its_own(alice, settings):
     settings.ALLOWED_HOSTS = ["*"]
     assert link_in(sent_by("evil.example.com")) == SITE
 
 
-def test_neither_pages_nor_feeds_nor_the_api_carry_it(alice):
+def test_pages_feeds_and_api_have_no_forged_host(alice):
     race = a_race(timezone.now(), slug="friends", organiser=alice, visibility=Visibility.INVITATION)
     a_race(timezone.now(), slug="open")
     client = Client(headers={"host": FORGED})
@@ -87,11 +87,11 @@ def test_neither_pages_nor_feeds_nor_the_api_carry_it(alice):
     assert client.get("/api/v1/races/?page_size=1").json()["next"] in (None, f"{SITE}/api/v1/races/?page=2&page_size=1")
 
 
-def test_a_host_that_is_not_allowed_is_refused(alice):
+def test_a_disallowed_host_is_refused(alice):
     assert Client(headers={"host": "evil.example.com"}).get("/about/").status_code == 400
 
 
-def test_forms_are_taken_at_a_port_that_is_forwarded(alice):
+def test_forms_work_through_a_forwarded_port(alice):
     client = Client(headers={"host": "localhost:9000", "origin": "http://localhost:9000"}, enforce_csrf_checks=True)
     page = client.get("/accounts/login/").content.decode()
     token = re.search(r'name="csrfmiddlewaretoken" value="(\w+)"', page)[1]

@@ -46,7 +46,7 @@ def test_every_page_of_the_admin_site_opens(boss, now):
             assert boss.get(reverse(f"{base}_add")).status_code == 200, model
 
 
-def test_email_addresses_are_on_no_list_but_the_racers(boss, now):
+def test_only_the_list_of_racers_shows_email_addresses(boss, now):
     racer = a_racer("shy")
     drive(a_race(now, organiser=racer), racer, laps(9_000, 9_000, 9_000), now)
     season = Season.objects.create(slug="s", name="S", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
@@ -59,7 +59,7 @@ def test_email_addresses_are_on_no_list_but_the_racers(boss, now):
     assert showing == {"Racer"}
 
 
-def test_an_admin_makes_a_racer_and_the_alias_stays(boss):
+def test_an_admin_creates_a_racer_whose_alias_is_fixed(boss):
     data = {"alias": "fresh", "email": "Fresh@Example.org", "usable_password": "true"}
     data |= {"password1": "a long enough secret", "password2": "a long enough secret"}
     response = boss.post(reverse("admin:accounts_racer_add"), data)
@@ -69,7 +69,7 @@ def test_an_admin_makes_a_racer_and_the_alias_stays(boss):
     assert 'name="email"' in page and 'name="alias"' not in page
 
 
-def test_who_has_raced_is_deactivated_and_not_deleted(boss, now):
+def test_a_racer_with_results_is_deactivated_not_deleted(boss, now):
     racer = a_racer()
     drive(a_race(now), racer, laps(9_000, 9_000, 9_000), now)
     assert boss.post(reverse("admin:accounts_racer_delete", args=[racer.pk]), {"post": "yes"}).status_code == 403
@@ -82,7 +82,7 @@ def test_who_has_raced_is_deactivated_and_not_deleted(boss, now):
     assert racer.is_active
 
 
-def test_only_superusers_give_power(client):
+def test_only_superusers_grant_permissions(client):
     helper = a_racer("helper", is_staff=True)
     helper.user_permissions.set(Permission.objects.filter(content_type__app_label__in=("accounts", "league")))
     client.force_login(helper)
@@ -109,7 +109,7 @@ NUMBERS = {
 }
 
 
-def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(boss, now):
+def test_a_season_takes_one_league_race_per_stage_and_number(boss, now):
     opened = a_race(now, kind="league", division="open")
     again = a_race(now, kind="league", division="open")
     community = a_race(now)
@@ -160,7 +160,7 @@ def test_a_season_takes_league_races_as_rounds_one_for_each_division_and_number(
         ("championship_places", "17", "cannot qualify more"),
     ],
 )
-def test_numbers_that_make_no_season_are_told_on_their_field(boss, field, value, told):
+def test_invalid_season_numbers_are_reported_on_their_field(boss, field, value, told):
     data = {"slug": "x", "name": "X", "starts_on": "2026-01-01", "ends_on": "2026-02-01"} | NUMBERS
     data |= {"rounds-TOTAL_FORMS": "0", "rounds-INITIAL_FORMS": "0", field: value}
     page = boss.post(reverse("admin:league_season_add"), data)
@@ -168,7 +168,7 @@ def test_numbers_that_make_no_season_are_told_on_their_field(boss, field, value,
     assert not Season.objects.exists()
 
 
-class TestASeasonThatHasResults:
+class TestSeasonWithResults:
     """What its official rounds were worked out from stays as it was."""
 
     @pytest.fixture
@@ -185,7 +185,7 @@ class TestASeasonThatHasResults:
         data |= {"rounds-0-stage": round_.stage, "rounds-0-name": round_.name}
         return data | changes
 
-    def test_its_numbers_are_shown_and_not_changed(self, boss, round_):
+    def test_its_numbers_are_read_only(self, boss, round_):
         address = reverse("admin:league_season_change", args=[round_.season_id])
         html = boss.get(address).content.decode()
         assert 'name="points"' not in html and 'name="promotion_percent"' not in html and 'name="prizes"' in html
@@ -195,12 +195,12 @@ class TestASeasonThatHasResults:
         assert season.points == [10, 6, 3, 1] and season.promotion_percent == 20 and season.prizes == "A mug"
 
     @pytest.mark.parametrize("changes", [{"rounds-0-DELETE": "on"}, {"rounds-0-number": "2"}])
-    def test_its_official_rounds_are_not_taken_out_or_moved(self, boss, round_, changes):
+    def test_its_official_rounds_cannot_be_removed_or_moved(self, boss, round_, changes):
         page = boss.post(reverse("admin:league_season_change", args=[round_.season_id]), self.form(round_, **changes))
         assert page.status_code == 200 and "official" in page.content.decode()
         assert Round.objects.get().number == 1 and Membership.objects.count() == 2
 
-    def test_a_race_that_is_not_official_is_taken_out(self, boss, round_):
+    def test_a_round_that_is_not_official_can_be_removed(self, boss, round_):
         other = a_round(round_.season, 2, Stage.OPEN)
         data = self.form(round_) | {"rounds-TOTAL_FORMS": "2", "rounds-INITIAL_FORMS": "2", "rounds-1-number": "2"}
         data |= {"rounds-1-id": str(other.pk), "rounds-1-season": str(round_.season_id), "rounds-1-DELETE": "on"}
@@ -208,7 +208,7 @@ class TestASeasonThatHasResults:
         assert boss.post(reverse("admin:league_season_change", args=[round_.season_id]), data).status_code == 302
         assert list(Round.objects.values_list("pk", flat=True)) == [round_.pk]
 
-    def test_a_promoted_racer_is_put_back_into_the_open_division_by_hand_and_leaves_the_pro_race(self, boss, round_):
+    def test_a_racer_moved_back_to_open_leaves_the_pro_race(self, boss, round_):
         pro = a_round(round_.season, 2, Stage.PRO)
         member = Membership.objects.first()
         stand(pro.race, member.racer, 20_000)
@@ -218,7 +218,7 @@ class TestASeasonThatHasResults:
         assert member.division == "open" and member.promoted_in is None
         assert pro.race.entries.get(racer=member.racer).removed_at is not None
 
-    def test_a_promotion_is_never_deleted_and_a_division_by_hand_is(self, boss, round_, alice):
+    def test_a_division_set_by_hand_can_be_deleted_but_no_promotion(self, boss, round_, alice):
         member = Membership.objects.first()
         assert (
             boss.post(reverse("admin:league_membership_delete", args=[member.pk]), {"post": "yes"}).status_code == 403
@@ -228,7 +228,7 @@ class TestASeasonThatHasResults:
         assert not Membership.objects.filter(racer=alice).exists()
 
 
-class TestTwoAdminsAtASeason:
+class TestTwoAdmins:
     """The second to save is told, and overwrites nothing."""
 
     @pytest.fixture
@@ -252,7 +252,7 @@ class TestTwoAdminsAtASeason:
         assert form.errors, answer.context["errors"]
         return [error.code for errors in form.errors.as_data().values() for error in errors]
 
-    def test_the_second_one_is_refused_and_the_first_change_stands(self, boss, round_):
+    def test_the_second_save_is_refused_and_the_first_stands(self, boss, round_):
         season = round_.season
         first, second = self.opened(boss, season), self.opened(boss, season)
         assert self.save(boss, season, first | {"prizes": "A mug"}) == []
@@ -263,7 +263,7 @@ class TestTwoAdminsAtASeason:
         season.refresh_from_db()
         assert (season.prizes, season.name) == ("A mug", "Another")
 
-    def test_a_round_that_was_added_moved_or_made_official_counts_as_a_change(self, boss, round_):
+    def test_adding_moving_or_closing_a_round_counts_as_a_change(self, boss, round_):
         season = round_.season
         other = a_round(season, 2, Stage.OPEN)
         seen = self.opened(boss, season)
@@ -278,7 +278,7 @@ class TestTwoAdminsAtASeason:
         season.refresh_from_db()
         assert season.points == [10, 6, 3, 1]
 
-    def test_what_follows_from_a_race_is_no_change(self, boss, round_):
+    def test_consequences_of_a_race_do_not_count_as_a_change(self, boss, round_):
         """An hour later more cars have been sent, and another round has become official."""
         season = round_.season
         Round.objects.filter(pk=round_.pk).update(closed_at=round_.race.closes_at)
@@ -288,12 +288,12 @@ class TestTwoAdminsAtASeason:
         Round.objects.filter(pk=other.pk).update(closed_at=other.race.closes_at)
         assert self.save(boss, season, seen | {"prizes": "A mug"}) == []
 
-    def test_a_form_that_was_not_changed_is_saved_again_and_again(self, boss, round_):
+    def test_an_unchanged_form_can_be_saved_repeatedly(self, boss, round_):
         for _ in range(2):
             assert self.save(boss, round_.season, self.opened(boss, round_.season)) == []
 
 
-def test_a_season_that_ends_before_it_starts_gives_a_readable_error(boss):
+def test_a_season_ending_before_its_start_gives_a_readable_error(boss):
     data = {"slug": "x", "name": "X", "starts_on": "2026-02-01", "ends_on": "2026-01-01"}
     data |= {"rounds-TOTAL_FORMS": "0", "rounds-INITIAL_FORMS": "0"}
     page = boss.post(reverse("admin:league_season_add"), data).content.decode()

@@ -91,7 +91,7 @@ def command(environment, *arguments: str) -> subprocess.CompletedProcess:
 
 
 @pytest.mark.slow
-def test_a_restored_site_answers_every_page_and_every_file_as_the_first_one_did(race, file, tmp_path):
+def test_a_restored_site_serves_the_same_pages_and_files(race, file, tmp_path):
     asked = addresses()
     before = answers("racer-0-of-backup", asked)
     assert {status for status, _ in before.values()} == {200}
@@ -144,7 +144,7 @@ def writing_on(race):
     assert driven
 
 
-def test_every_file_that_its_database_refers_to_is_in_a_backup_made_while_others_write(race, file):
+def test_a_backup_during_writes_holds_every_referenced_file(race, file):
     with writing_on(race) as driven:
         while not driven:
             pass
@@ -156,7 +156,7 @@ def test_every_file_that_its_database_refers_to_is_in_a_backup_made_while_others
         assert all(archive.FILES + name in backup for name in backup.files)
 
 
-def test_a_file_that_comes_and_goes_between_the_lots_makes_it_take_a_newer_moment(race, file, monkeypatch):
+def test_a_file_vanishing_midway_makes_the_backup_start_over(race, file, monkeypatch):
     moments = []
 
     @contextmanager
@@ -179,7 +179,7 @@ def test_a_file_that_comes_and_goes_between_the_lots_makes_it_take_a_newer_momen
     assert made.lost == []
 
 
-def test_a_file_that_is_lost_is_named_and_the_rest_is_saved(race, file):
+def test_a_lost_file_is_named_and_the_rest_is_saved(race, file):
     lost = Result.objects.order_by("pk").first().trace.name
     default_storage.delete(lost)
     said = StringIO()
@@ -192,7 +192,7 @@ def test_a_file_that_is_lost_is_named_and_the_rest_is_saved(race, file):
         assert len(backup.files) == 5
 
 
-def test_a_file_that_is_damaged_is_saved_as_it_is_and_named(race, file, storage):
+def test_a_damaged_file_is_saved_as_it_is_and_named(race, file, storage):
     damaged = Result.objects.order_by("pk").first().trace.name
     (storage / damaged).write_bytes(b"")
     made = back_up(path=file, now=timezone.now())
@@ -201,14 +201,14 @@ def test_a_file_that_is_damaged_is_saved_as_it_is_and_named(race, file, storage)
         assert damaged in backup.files
 
 
-def test_a_file_that_is_there_is_not_overwritten(race, file):
+def test_an_existing_file_is_not_overwritten(race, file):
     file.write_text("precious")
     with pytest.raises(Refusal, match="backup_exists"):
         call_command("backup", str(file))
     assert file.read_text() == "precious"
 
 
-def test_nothing_is_left_of_a_backup_that_fails(race, file, monkeypatch):
+def test_a_failed_backup_leaves_nothing_behind(race, file, monkeypatch):
     def away(self, name, mode="rb"):
         raise OSError("the bucket does not answer")
 
@@ -218,20 +218,20 @@ def test_nothing_is_left_of_a_backup_that_fails(race, file, monkeypatch):
     assert sorted(path.name for path in file.parent.iterdir()) == ["files"]
 
 
-def test_a_folder_that_is_not_there_is_named(race, tmp_path):
+def test_a_missing_folder_is_named(race, tmp_path):
     with pytest.raises(Refusal, match="file_unwritable"):
         call_command("backup", str(tmp_path / "none" / "site.backup"))
 
 
 class TestRestoring:
-    def test_is_refused_where_there_is_a_database(self, race, file):
+    def test_restoring_over_a_database_is_refused(self, race, file):
         back_up(path=file, now=timezone.now())
         with pytest.raises(PaddockError) as refused:
             restoring.restore(path=file)
         assert refused.value.code == "restore_not_empty"
         assert Submission.objects.count() == 3
 
-    def test_is_refused_where_there_are_other_files(self, race, file, monkeypatch, storage):
+    def test_restoring_over_other_files_is_refused(self, race, file, monkeypatch, storage):
         back_up(path=file, now=timezone.now())
         monkeypatch.setattr(databases, "is_empty", lambda: True)
         monkeypatch.setattr(databases, "restore_from", lambda path: pytest.fail("not to be restored"))
@@ -240,7 +240,7 @@ class TestRestoring:
             restoring.restore(path=file)
         assert refused.value.code == "restore_not_empty"
 
-    def test_that_was_cut_off_may_be_begun_again(self, race, file, monkeypatch, storage, settings, tmp_path):
+    def test_an_interrupted_restore_can_be_repeated(self, race, file, monkeypatch, storage, settings, tmp_path):
         back_up(path=file, now=timezone.now())
         next((storage / "traces").iterdir()).unlink()  # as if it had come so far
         restored = []
@@ -258,7 +258,7 @@ class TestRestoring:
             ({"migrations": ["evaluation.9999_later"]}, "backup_newer"),
         ],
     )
-    def test_is_refused_for_what_this_site_cannot_take(self, change, code, file):
+    def test_restoring_an_unsuitable_backup_is_refused(self, change, code, file):
         facts = {"made_at": "", "database": connection.vendor, "migrations": [], "files": [], "lost": []}
         with file.open("xb") as target:
             archive.Writer(target, 0).seal(facts | change)
@@ -268,7 +268,7 @@ class TestRestoring:
 
 
 @pytest.mark.skipif("connection.vendor != 'sqlite'")
-def test_a_damaged_database_is_not_taken_for_a_backup(race, file, tmp_path, monkeypatch):
+def test_a_damaged_database_is_not_restored(race, file, tmp_path, monkeypatch):
     broken = tmp_path / "broken.sqlite3"
     with databases.snapshot(tmp_path) as moment:
         content = bytearray(moment.path.read_bytes())
@@ -284,7 +284,7 @@ def test_a_damaged_database_is_not_taken_for_a_backup(race, file, tmp_path, monk
     assert not file.exists()
 
 
-def test_without_tools_as_new_as_the_server_it_says_which_package(monkeypatch, tmp_path):
+def test_missing_or_old_postgresql_tools_are_named_with_a_package(monkeypatch, tmp_path):
     server = SimpleNamespace(pg_version=99_0001, ensure_connection=lambda: None)
     monkeypatch.setattr(databases, "connection", server)
     with pytest.raises(PaddockError, match="postgresql-client-99"):
@@ -295,8 +295,8 @@ def test_without_tools_as_new_as_the_server_it_says_which_package(monkeypatch, t
 @pytest.mark.postgres
 def test_the_same_on_postgresql(again_on_postgresql):
     tests = (
-        test_a_restored_site_answers_every_page_and_every_file_as_the_first_one_did,
-        test_every_file_that_its_database_refers_to_is_in_a_backup_made_while_others_write,
-        TestRestoring.test_is_refused_where_there_is_a_database,
+        test_a_restored_site_serves_the_same_pages_and_files,
+        test_a_backup_during_writes_holds_every_referenced_file,
+        TestRestoring.test_restoring_over_a_database_is_refused,
     )
     again_on_postgresql(*(f"{__file__}::{test.__qualname__.replace('.', '::')}" for test in tests))

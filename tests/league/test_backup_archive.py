@@ -25,32 +25,32 @@ def made(tmp_path) -> Path:
     return file
 
 
-def test_a_backup_is_whole_to_begin_with(made):
+def test_a_fresh_backup_is_intact(made):
     with archive.opened(made) as backup:
         assert backup.open("files/traces/one").read() == b"x" * 5000
 
 
 @pytest.mark.parametrize("what", [b"xxxx", b"yyyy", b'"made_at"', b"traces/one"])
-def test_a_backup_is_refused_with_one_byte_changed(made, what):
+def test_a_backup_with_one_changed_byte_is_refused(made, what):
     content = made.read_bytes()
     made.write_bytes(content.replace(what, b"?" + what[1:], 1))
     refused(made)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.6, 0.95])
-def test_a_backup_is_refused_when_its_end_is_missing(made, share):
+def test_a_truncated_backup_is_refused(made, share):
     content = made.read_bytes()
     made.write_bytes(content[: int(len(content.rstrip(b"\0")) * share)])
     refused(made)
 
 
-def test_a_backup_is_refused_with_a_member_too_many(made):
+def test_a_backup_with_an_extra_member_is_refused(made):
     with tarfile.open(made, "a") as tar:
         tar.addfile(tarfile.TarInfo("files/more"), io.BytesIO())
     refused(made)
 
 
-def test_what_is_no_backup_is_refused(made):
+def test_a_file_that_is_not_a_backup_is_refused(made):
     made.write_text("no backup")
     refused(made)
 

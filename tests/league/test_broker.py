@@ -13,12 +13,12 @@ from config import broker
 from tests import servers
 
 
-def test_the_socket_lies_in_the_data_folder_when_its_path_fits():
+def test_the_socket_is_in_the_data_folder_if_its_path_fits():
     assert broker.socket_path(Path("/data/valkey")) == Path("/data/valkey/valkey.sock")
 
 
 @pytest.mark.parametrize("letter", ["x", "자"])
-def test_a_path_too_long_for_a_socket_moves_it_below_tmp(letter):
+def test_a_path_too_long_for_a_socket_moves_it_to_tmp(letter):
     folders = [Path("/data") / (letter * length) for length in range(20, 200)]
     for folder in folders:
         path = broker.socket_path(folder)
@@ -47,7 +47,7 @@ def test_celery_and_the_cache_find_the_server(name):
             path.parent.rmdir()
 
 
-def test_a_folder_made_by_somebody_else_is_not_used(tmp_path):
+def test_a_folder_owned_by_somebody_else_is_not_used(tmp_path):
     target = tmp_path / "theirs"
     target.mkdir()
     link = tmp_path / "link"

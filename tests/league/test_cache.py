@@ -54,7 +54,7 @@ def new(server, request, monkeypatch):
 
 
 @pytest.mark.parametrize("fault", [NobodyThere("refused"), ResponseError("OOM"), OSError("gone")])
-def test_what_cannot_be_asked_of_the_server_is_kept_here(cache, server, fault, caplog) -> None:
+def test_without_its_server_the_cache_works_in_memory(cache, server, fault, caplog) -> None:
     server.fault = fault
     cache.set("a", 1)
     assert (cache.get("a"), cache.incr("a"), cache.add("a", 9), cache.get_or_set("b", 7)) == (1, 2, False, 7)
@@ -62,7 +62,7 @@ def test_what_cannot_be_asked_of_the_server_is_kept_here(cache, server, fault, c
     assert [record.levelno for record in caplog.records] == [logging.ERROR]
 
 
-def test_what_was_kept_meanwhile_is_forgotten_once_it_is_back(cache, server, caplog) -> None:
+def test_entries_kept_in_memory_are_dropped_once_it_returns(cache, server, caplog) -> None:
     server.fault = NobodyThere("refused")
     cache.set("a", 1)
     server.fault = None
@@ -72,7 +72,7 @@ def test_what_was_kept_meanwhile_is_forgotten_once_it_is_back(cache, server, cap
     assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING", "ERROR"]
 
 
-def test_a_server_that_hangs_is_asked_once_in_a_while_by_all_threads_together(new, server, monkeypatch) -> None:
+def test_a_hanging_server_is_tried_rarely_across_all_threads(new, server, monkeypatch) -> None:
     monkeypatch.setattr(steady, "AWAY_S", 60.0)
     server.fault = NobodyThere("timeout")
     for _ in range(9):

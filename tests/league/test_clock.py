@@ -24,7 +24,7 @@ def kinds() -> list[str]:
     return list(Event.objects.exclude(kind="race.board").order_by("pk").values_list("kind", flat=True))
 
 
-def test_a_race_opens_comes_to_its_end_closes_and_is_official_each_once(now):
+def test_each_stage_of_a_race_is_announced_once(now):
     race = a_race(now, opens_at=now, closes_at=now + timedelta(days=5))
     for moment in (now - HOUR, now, now + HOUR, race.closes_at - HOUR, race.closes_at, race.closes_at + HOUR):
         tick(now=moment)
@@ -33,7 +33,7 @@ def test_a_race_opens_comes_to_its_end_closes_and_is_official_each_once(now):
     assert (at["race.opened"], at["race.closed"]) == (race.opens_at, race.closes_at)
 
 
-def test_a_postponed_race_opens_again_and_one_that_is_called_off_does_nothing(now):
+def test_a_postponed_race_opens_again_and_a_cancelled_one_does_not(now):
     race = a_race(now, opens_at=now)
     a_race(now, opens_at=now, cancelled_at=now, cancel_reason="Rain")
     assert tick(now=now) == 1
@@ -41,7 +41,7 @@ def test_a_postponed_race_opens_again_and_one_that_is_called_off_does_nothing(no
     assert tick(now=now + HOUR) == 1 and kinds() == ["race.opened"] * 2
 
 
-def test_a_race_that_waits_for_a_car_is_official_when_it_is_timed(bell, alice, now):
+def test_a_race_becomes_official_when_its_last_car_is_timed(bell, alice, now):
     race = a_race(now, closes_at=now + HOUR)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     tick(now=now + HOUR)
@@ -51,7 +51,7 @@ def test_a_race_that_waits_for_a_car_is_official_when_it_is_timed(bell, alice, n
     assert kinds()[-1] == "race.official"
 
 
-def test_a_clock_that_stood_still_for_days_catches_up_and_not_for_ever(now):
+def test_a_stopped_clock_catches_up_only_for_recent_days(now):
     a_race(now, opens_at=now, closes_at=now + timedelta(days=20))
     assert tick(now=now + timedelta(days=2)) == 1
     a_race(now, opens_at=now, closes_at=now + timedelta(days=20))
@@ -59,7 +59,7 @@ def test_a_clock_that_stood_still_for_days_catches_up_and_not_for_ever(now):
     assert clock() == 0
 
 
-def test_closing_makes_a_round_official_and_who_is_in_it_hears_of_it():
+def test_closing_makes_a_round_official_and_notifies_its_racers():
     round_, cast = a_round(a_season(), 1, "open-qualifier"), racers(5)
     board(round_.race, cast)
     now = after(round_)
@@ -72,7 +72,7 @@ def test_closing_makes_a_round_official_and_who_is_in_it_hears_of_it():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_several_clocks_and_readers_at_once_write_and_tell_each_thing_once(bell, now):
+def test_concurrent_clocks_and_readers_tell_each_thing_once(bell, now):
     race = a_race(now, opens_at=now)
     board(race, [a_racer() for _ in range(3)])
 
@@ -86,7 +86,7 @@ def test_several_clocks_and_readers_at_once_write_and_tell_each_thing_once(bell,
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_reader_that_is_killed_in_the_middle_tells_it_all_the_next_time_and_nothing_twice(monkeypatch):
+def test_a_killed_reader_tells_everything_once_next_time(monkeypatch):
     round_, cast = a_round(a_season(), 1, "open-qualifier"), racers(20)
     board(round_.race, cast)
     close_round(round=round_, now=after(round_))

@@ -40,7 +40,7 @@ def everything() -> list[list]:
     return [list(model.objects.order_by("pk").values()) for model in models]
 
 
-def test_the_best_fifth_of_the_open_race_is_promoted_when_it_becomes_official(season):
+def test_the_best_of_the_open_race_are_promoted_when_official(season):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     before = outcome_of(january)
@@ -57,7 +57,7 @@ def test_the_best_fifth_of_the_open_race_is_promoted_when_it_becomes_official(se
     assert outcome_of(closed) == before, "official results say the same when asked again"
 
 
-def test_a_round_becomes_official_once_whoever_is_asked_how_often(season):
+def test_a_round_becomes_official_only_once(season):
     january = a_round(season, 1, "open-qualifier")
     board(january.race, racers(10))
     first = close_round(round=january, now=after(january))
@@ -68,7 +68,7 @@ def test_a_round_becomes_official_once_whoever_is_asked_how_often(season):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_six_who_ask_at_the_same_moment_close_a_round_once(season):
+def test_six_concurrent_closings_close_a_round_once(season):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     closed = at_once([lambda: close_round(round=january, now=after(january))] * 6)
@@ -84,7 +84,7 @@ def test_nothing_is_official_before_the_race_closes(season):
     assert close_due_rounds(now=january.race.closes_at) == [january]
 
 
-def test_a_car_that_was_sent_in_time_is_waited_for(season):
+def test_closing_waits_for_a_car_sent_in_time(season):
     january, racer = a_round(season, 1, "open-qualifier"), a_racer()
     sent = january.race.closes_at - HOUR
     submission = submit_model(race=january.race, racer=racer, model=a_model(racer), now=sent)
@@ -95,7 +95,7 @@ def test_a_car_that_was_sent_in_time_is_waited_for(season):
     assert pros(season) == [racer.alias]
 
 
-def test_rounds_become_official_in_turn(season):
+def test_rounds_become_official_in_order(season):
     january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
     assert refused("round_out_of_order", close_round, round=february, now=after(february)).params == {
         "race": january.race.name
@@ -103,7 +103,7 @@ def test_rounds_become_official_in_turn(season):
     assert close_due_rounds(now=after(february)) == [january, february]
 
 
-def test_a_cancelled_race_comes_to_nothing_and_holds_nobody_up(season):
+def test_a_cancelled_race_has_no_effect_and_delays_no_round(season):
     january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
     ten = racers(10)
     board(january.race, ten)
@@ -115,7 +115,7 @@ def test_a_cancelled_race_comes_to_nothing_and_holds_nobody_up(season):
     assert pros(season) == sorted(one.alias for one in ten[-2:])
 
 
-def test_who_was_promoted_before_is_not_promoted_again_and_takes_no_place_away(season):
+def test_an_earlier_promotion_takes_no_place_away(season):
     january, february = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
     ten = racers(10)
     board(january.race, ten)
@@ -125,7 +125,7 @@ def test_who_was_promoted_before_is_not_promoted_again_and_takes_no_place_away(s
     assert Membership.objects.get(racer=ten[0]).promoted_in == january
 
 
-def test_an_admins_division_is_not_overwritten(season):
+def test_a_division_set_by_an_admin_is_not_overwritten(season):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     put_in_division(season=season, racer=ten[0], division="open", now=JANUARY)
@@ -134,7 +134,7 @@ def test_an_admins_division_is_not_overwritten(season):
     assert pros(season) == [ten[1].alias]
 
 
-def test_house_cars_and_who_left_are_neither_promoted_nor_counted(season):
+def test_house_cars_and_leavers_are_neither_promoted_nor_counted(season):
     january = a_round(season, 1, "open-qualifier")
     nine, house, gone = racers(9), a_racer(is_house=True), a_racer()
     board(january.race, [house], first_ms=1000, is_baseline=True)
@@ -153,7 +153,7 @@ def a_pro_month(season, number, order):
     return round_
 
 
-def test_the_best_of_the_pro_race_are_entered_in_its_finale_and_nobody_else(season):
+def test_only_the_best_of_the_pro_race_enter_its_finale(season):
     five = racers(5)
     january = a_pro_month(season, 1, five)
     finale = a_round(season, 1, "pro-finale")
@@ -174,7 +174,7 @@ def test_the_best_of_the_pro_race_are_entered_in_its_finale_and_nobody_else(seas
     assert submit_model(race=finale.race, racer=five[2], model=a_model(five[2]), now=finale.race.opens_at)
 
 
-def test_a_finale_that_is_scheduled_late_gets_its_field_at_once(season):
+def test_a_finale_scheduled_late_gets_its_field_immediately(season):
     january = a_pro_month(season, 1, racers(5))
     close_round(round=january, now=after(january))
     finale = a_round(season, 1, "pro-finale")
@@ -190,7 +190,7 @@ def test_a_finale_cannot_open_before_its_qualifier_closes(season):
     assert not Round.objects.filter(stage="pro-finale").exists()
 
 
-def test_the_first_of_a_finale_qualify_and_leave_the_next_field_to_others(season):
+def test_finale_winners_qualify_and_leave_later_fields_to_others(season):
     six = racers(6)
     january, february = a_pro_month(season, 1, six), a_pro_month(season, 2, six)
     finale = a_round(season, 1, "pro-finale")
@@ -204,7 +204,7 @@ def test_the_first_of_a_finale_qualify_and_leave_the_next_field_to_others(season
     assert list(field) == [six[1].pk, six[3].pk, six[4].pk]
 
 
-def test_who_qualified_and_only_they_drive_the_championship(season):
+def test_only_qualified_racers_drive_the_championship(season):
     four = racers(4)
     january, finale = a_pro_month(season, 1, four), a_round(season, 1, "pro-finale")
     championship = a_round(season, 2, "championship")
@@ -220,7 +220,7 @@ def test_who_qualified_and_only_they_drive_the_championship(season):
     assert hall.divisions == {"pro": four[0]}
 
 
-def test_asking_for_a_place_makes_nothing_official_and_the_promoted_get_in_once_it_is(season):
+def test_an_eligibility_check_closes_no_round(season):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     february = a_round(season, 2, "pro-qualifier")
@@ -232,14 +232,14 @@ def test_asking_for_a_place_makes_nothing_official_and_the_promoted_get_in_once_
     refused("race_pro_only", enter_race, race=february.race, racer=ten[5], now=january.race.closes_at)
 
 
-def test_a_race_of_all_divisions_is_everybodys(season):
+def test_everybody_may_enter_a_race_of_all_divisions(season):
     single, racer, pro = a_round(season, 1, "single"), a_racer(), a_racer()
     put_in_division(season=season, racer=pro, division="pro", now=JANUARY)
     for one in (racer, pro):
         assert enter_race(race=single.race, racer=one, now=JANUARY + HOUR)
 
 
-def test_the_cut_line_moves_with_the_board_and_stays_when_official(season):
+def test_the_promotion_line_moves_until_results_are_official(season):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     assert cut_of(january).last_rank == 0
     board(january.race, ten)
@@ -251,7 +251,7 @@ def test_the_cut_line_moves_with_the_board_and_stays_when_official(season):
     assert cut_of(january).official and cut_of(january).racers == cut.racers
 
 
-def test_the_line_of_a_pro_race_lies_below_the_last_who_comes_in(season):
+def test_a_pro_races_line_is_below_the_last_finalist(season):
     six = racers(6)
     january, february = a_pro_month(season, 1, six), a_pro_month(season, 2, six)
     finale = a_round(season, 1, "pro-finale")
@@ -283,7 +283,7 @@ def test_standings_add_the_points_of_official_rounds(season):
     assert [(one.who, one.points) for one in team_standings(season, "open")] == [("red bulls", 22)]
 
 
-def test_a_racers_season_tells_every_round(season, django_assert_max_num_queries):
+def test_a_racers_season_lists_every_round(season, django_assert_max_num_queries):
     ten = racers(10)
     january, pro = a_round(season, 1, "open-qualifier"), a_round(season, 2, "pro-qualifier")
     finale = a_round(season, 2, "pro-finale")
@@ -304,7 +304,7 @@ def test_a_racers_season_tells_every_round(season, django_assert_max_num_queries
     assert racer_season(season, a_racer()) == []
 
 
-def test_months_hold_the_races_of_each_stage(season, django_assert_num_queries):
+def test_a_month_holds_the_races_of_each_stage(season, django_assert_num_queries):
     for number, stage in ((1, "open-qualifier"), (1, "pro-qualifier"), (1, "pro-finale"), (2, "single")):
         a_round(season, number, stage)
     with django_assert_num_queries(1):
@@ -317,7 +317,7 @@ def test_months_hold_the_races_of_each_stage(season, django_assert_num_queries):
     assert second.open is None and [one.stage for one in second] == ["single"]
 
 
-def test_the_rules_of_a_season_are_told_from_its_settings(season):
+def test_the_rules_of_a_season_follow_its_settings(season):
     sentences = rules_of(season)
     assert len(sentences) == 5
     assert (
@@ -328,7 +328,7 @@ def test_the_rules_of_a_season_are_told_from_its_settings(season):
     )
 
 
-def test_the_rules_of_a_stage_are_taken_over_by_its_races(season):
+def test_races_take_the_rules_of_their_stage(season):
     set_stage_rules(season=season, stage="pro-finale", ranking_method="best", laps=15, minimum_laps=1)
     finale = a_round(season, 1, "pro-finale").race
     assert (finale.ranking_method, finale.laps, finale.minimum_laps) == ("best", 15, 1)
@@ -353,7 +353,7 @@ def test_the_rules_of_a_stage_are_taken_over_by_its_races(season):
         ({"finale_size": 2, "championship_places": 3}, "championship_places", "season_more_places_than_cars"),
     ],
 )
-def test_numbers_that_make_no_season_are_refused_on_their_field(db, settings, field, code):
+def test_invalid_season_numbers_are_refused_on_their_field(db, settings, field, code):
     with pytest.raises(ValidationError) as caught:
         a_season(**settings)
     assert code in [error.code for error in caught.value.error_dict[field]]
@@ -370,13 +370,13 @@ def test_races_of_one_stage_do_not_overlap(season):
     assert a_round(season, 1, "pro-qualifier"), "another division races at the same time"
 
 
-def test_a_stage_belongs_to_its_division(season):
+def test_a_race_of_another_division_cannot_take_a_stage(season):
     with pytest.raises(ValidationError) as caught:
         a_round(season, 1, "pro-finale", division="open")
     assert caught.value.error_dict["stage"][0].code == "round_of_another_division"
 
 
-def test_closing_a_month_of_many_costs_few_queries(season, django_assert_max_num_queries):
+def test_closing_a_month_with_many_racers_needs_few_queries(season, django_assert_max_num_queries):
     january = a_round(season, 1, "open-qualifier")
     board(january.race, racers(60))
     with django_assert_max_num_queries(22):

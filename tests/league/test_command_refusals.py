@@ -28,7 +28,7 @@ REFUSED_LINES = {
 
 @pytest.mark.django_db  # a track that is none is looked for among the site's own
 @pytest.mark.parametrize("case", REFUSED_LINES)
-def test_a_refusal_is_told_as_json_with_a_code(case, tmp_path, monkeypatch):
+def test_a_refusal_is_printed_as_json_with_a_code(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     out = io.StringIO()
     with pytest.raises(Refusal) as refusal:
@@ -40,7 +40,7 @@ def test_a_refusal_is_told_as_json_with_a_code(case, tmp_path, monkeypatch):
 
 
 @pytest.mark.django_db
-def test_a_track_that_is_none_and_a_season_that_is_none_are_told_as_json(tmp_path):
+def test_invalid_tracks_and_seasons_are_reported_as_json(tmp_path):
     (tmp_path / "bad.npy").write_bytes(b"not a track")
     for line in (("import_track", str(tmp_path / "bad.npy")), ("import_season", str(tmp_path))):
         out = io.StringIO()
@@ -51,7 +51,7 @@ def test_a_track_that_is_none_and_a_season_that_is_none_are_told_as_json(tmp_pat
         assert refusal.value.returncode == REFUSED
 
 
-def test_without_json_nothing_but_the_sentence_is_told(tmp_path, monkeypatch):
+def test_without_json_only_the_sentence_is_printed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     out = io.StringIO()
     with pytest.raises(Refusal, match=r"^file_unreadable: car\.zip cannot be read: No such file"):
@@ -60,7 +60,7 @@ def test_without_json_nothing_but_the_sentence_is_told(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("command", ["evaluate", "replay_trace", "import_track", "import_season", "doctor"])
-def test_an_option_that_does_not_exist_is_told_as_json(command, capsys, monkeypatch):
+def test_an_unknown_option_is_reported_as_json(command, capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["manage.py", command, "--json", "--no-such-option"])
     with pytest.raises(SystemExit) as ended:
         execute_from_command_line(sys.argv)
@@ -69,7 +69,7 @@ def test_an_option_that_does_not_exist_is_told_as_json(command, capsys, monkeypa
 
 
 @pytest.mark.slow
-def test_a_process_of_its_own_tells_and_ends_the_same(tmp_path):
+def test_a_separate_process_prints_and_exits_the_same(tmp_path):
     ran = subprocess.run(
         [sys.executable, "manage.py", "evaluate", "--json", "--no-such-option"],
         cwd=settings.BASE_DIR,

@@ -78,12 +78,12 @@ def model_hash(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def test_a_season_of_one_calendar_year_is_named_by_it():
+def test_a_season_of_one_calendar_year_is_named_after_it():
     season = open_demo_season(now=datetime(2027, 1, 1, tzinfo=UTC))
     assert (season.slug, season.ends_on) == ("2027", date(2028, 1, 20))
 
 
-def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
+def test_months_begin_at_midnight_in_the_sites_time_zone(settings):
     settings.TIME_ZONE = "Asia/Seoul"
     timezone.get_default_timezone.cache_clear()
     try:
@@ -95,13 +95,13 @@ def test_months_begin_at_midnight_of_the_site_s_time_zone(settings):
         timezone.get_default_timezone.cache_clear()
 
 
-def test_an_operator_s_own_season_is_left_alone(now):
+def test_a_season_made_by_the_operator_is_left_alone(now):
     mine = Season.objects.create(slug="mine", name="Mine", starts_on=date(2020, 1, 1), ends_on=date(2020, 12, 31))
     assert open_demo_season(now=now) == mine
     assert not Race.objects.exists()
 
 
-def test_house_cars_stay_out_of_racers_own_races(now, stable):
+def test_house_cars_do_not_enter_racers_own_races(now, stable):
     racer = a_racer()
     create_community_race(
         organiser=racer, now=now, name="Mine", track=a_track(), opens_at=now, closes_at=now + timedelta(days=1)
@@ -109,7 +109,7 @@ def test_house_cars_stay_out_of_racers_own_races(now, stable):
     assert enter_house_cars(now=now, folder=stable).submitted == 0
 
 
-def test_a_racer_who_has_a_house_car_s_name_keeps_it(now, stable):
+def test_a_racer_with_a_house_cars_alias_keeps_it(now, stable):
     a_racer("steady")
     open_demo_season(now=now)
     enter_house_cars(now=now, folder=stable)
@@ -155,7 +155,7 @@ def test_each_month_has_a_finale_and_the_season_a_championship(season):
     assert last.opens_at > finales[-1].race.closes_at and last.closes_at.date() <= season.ends_on
 
 
-def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_every_sensor(season):
+def test_the_season_has_races_of_every_type(season):
 
     def races(stage: str) -> list[Race]:
         return [one.race for one in season.rounds.filter(stage=stage).select_related("race").order_by("number")]
@@ -172,13 +172,13 @@ def test_the_season_has_races_of_every_type_and_all_but_the_open_ones_offer_ever
     assert (last.opponents, last.duel_format) == ("models", "bracket")
 
 
-def test_a_finale_is_no_less_a_race_of_the_league_for_house_cars(season, stable):
+def test_house_cars_enter_finales_too(season, stable):
     finale = season.rounds.get(number=1, stage=Stage.FINALE).race
     enter_house_cars(now=finale.opens_at, folder=stable)
     assert {entry.racer.alias for entry in finale.entries.filter(is_baseline=True)} == {"Steady", "Quick"}
 
 
-def test_the_community_races_are_open_now_and_rank_in_every_way(season, now):
+def test_community_races_are_open_and_cover_all_ranking_methods(season, now):
     races = Race.objects.filter(kind=Kind.COMMUNITY)
     assert {race.ranking_method for race in races} == {"average", "best", "total"}
     assert all(race.state_at(now) == RaceState.OPEN and race.organiser.is_house for race in races)
@@ -193,7 +193,7 @@ def test_the_community_races_are_open_now_and_rank_in_every_way(season, now):
     assert organiser.is_house and not organiser.has_usable_password()
 
 
-def test_doing_it_again_changes_nothing(season, now):
+def test_opening_the_season_twice_changes_nothing(season, now):
     before = everything()
     open_demo_season(now=now + timedelta(days=100))
     assert everything() == before
@@ -212,7 +212,7 @@ def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(season,
     assert Evaluation.objects.filter(state="queued", priority__lt=0).count() == 16
 
 
-def test_sending_the_house_cars_again_sends_none_until_another_race_opens(season, now, stable):
+def test_house_cars_are_sent_again_only_to_newly_opened_races(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     before = everything()
     assert enter_house_cars(now=now, folder=stable).submitted == 0
@@ -222,13 +222,13 @@ def test_sending_the_house_cars_again_sends_none_until_another_race_opens(season
     assert TrainedModel.objects.count() == 2
 
 
-def test_a_house_racer_that_an_admin_deactivated_stays_at_home(season, now, stable):
+def test_a_deactivated_house_racer_is_not_sent(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     Racer.objects.filter(alias="Quick").update(is_active=False)
     assert enter_house_cars(now=now + timedelta(days=30), folder=stable).submitted == 2
 
 
-def test_without_house_cars_the_season_opens_all_the_same(season, now, tmp_path, caplog):
+def test_the_season_opens_even_without_house_cars(season, now, tmp_path, caplog):
     with caplog.at_level("INFO"):
         assert enter_house_cars(now=now, folder=tmp_path).submitted == 0
         assert enter_house_cars(now=now, folder=tmp_path / "none").cars == 0
@@ -236,7 +236,7 @@ def test_without_house_cars_the_season_opens_all_the_same(season, now, tmp_path,
     assert not Entry.objects.exists()
 
 
-def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(season, now, stable, monkeypatch, caplog):
+def test_a_broken_house_car_is_logged_and_the_others_race(season, now, stable, monkeypatch, caplog):
     (stable / "broken.onnx").write_bytes(b"broken")
     (stable / "broken.json").write_text("{")
     shutil.copy(stable / "steady.onnx", stable / "lonely.onnx")
@@ -254,7 +254,7 @@ def test_a_car_that_cannot_be_read_or_run_is_logged_and_the_others_race(season, 
     assert "broken" in caplog.text and "lonely" in caplog.text
 
 
-def test_the_pro_race_is_refused_to_everybody_at_first(season, now, alice):
+def test_nobody_may_enter_the_first_pro_race_yet(season, now, alice):
     pro = Race.objects.get(slug="2026-11-pro")
     with pytest.raises(Exception, match="pro division"):
         check_division(pro, alice, now)

@@ -43,14 +43,14 @@ def test_everybody_starts_in_the_open_division(season, alice, now):
     refused("race_pro_only", submit_model, race=pro, racer=alice, model=a_model(alice), now=now)
 
 
-def test_who_is_pro_races_the_pro_race_and_only_that(season, alice, now):
+def test_a_pro_racer_enters_the_pro_race_and_no_other(season, alice, now):
     open_race, pro = november(season, "open", now), november(season, "pro", now)
     put_in_division(season=season, racer=alice, division="pro", now=now)
     assert submit_model(race=pro, racer=alice, model=a_model(alice), now=now)
     refused("race_open_only", enter_race, race=open_race, racer=alice, now=now)
 
 
-def test_a_division_is_for_one_season(season, alice, now):
+def test_a_division_applies_to_one_season(season, alice, now):
     put_in_division(season=season, racer=alice, division="pro", now=now)
     following = create_season(slug="2027", name="2027", starts_on=date(2027, 1, 1), ends_on=date(2027, 12, 31))
     assert division_of(following, alice) == "open"
@@ -58,20 +58,20 @@ def test_a_division_is_for_one_season(season, alice, now):
     assert enter_race(race=race, racer=alice, now=now)
 
 
-def test_community_races_and_house_cars_know_no_division(season, alice, now):
+def test_community_races_and_house_cars_ignore_divisions(season, alice, now):
     put_in_division(season=season, racer=alice, division="pro", now=now)
     assert enter_race(race=a_race(now), racer=alice, now=now)
     house = a_racer(is_house=True)
     assert enter_race(race=november(season, "pro", now), racer=house, now=now).is_baseline
 
 
-def test_a_pro_race_outside_any_season_is_nobody_s(alice, now):
+def test_nobody_may_enter_a_pro_race_outside_any_season(alice, now):
     race = a_race(now, kind="league", division="pro")
     assert season_of(race) is None
     refused("race_pro_only", enter_race, race=race, racer=alice, now=now)
 
 
-def test_putting_a_racer_where_they_are_changes_nothing(season, alice, now):
+def test_setting_a_racers_current_division_changes_nothing(season, alice, now):
     first = put_in_division(season=season, racer=alice, division="pro", now=now)
     again = put_in_division(season=season, racer=alice, division="pro", now=now + timedelta(days=1))
     assert again == first and again.since == now
@@ -79,7 +79,7 @@ def test_putting_a_racer_where_they_are_changes_nothing(season, alice, now):
     assert Membership.objects.get().division == "open"
 
 
-def test_a_division_has_one_race_in_a_round(season, now):
+def test_a_round_has_one_race_per_division(season, now):
     november(season, "open", now)
     november(season, "pro", now)
     november(season, "open", now, number=2, opens_at=now + timedelta(days=10), closes_at=now + timedelta(days=20))
@@ -89,13 +89,13 @@ def test_a_division_has_one_race_in_a_round(season, now):
     assert Round.objects.count() == 3 and season.rounds.count() == 3
 
 
-def test_a_refused_race_leaves_no_round(season, now):
+def test_a_refused_race_leaves_no_round_behind(season, now):
     with pytest.raises(RaceRefused):
         november(season, "open", now, laps=2, minimum_laps=3)
     assert not Round.objects.exists()
 
 
-def test_a_community_race_is_no_round(season, now):
+def test_a_community_race_cannot_be_a_round(season, now):
     with pytest.raises(ValidationError) as caught:
         Round(season=season, number=1, race=a_race(now)).full_clean()
     assert "race" in caught.value.message_dict

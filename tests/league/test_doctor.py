@@ -47,7 +47,7 @@ def test_a_sound_installation_is_healthy():
     assert {found["status"] for found in report["findings"]} <= {"ok", "warn"}
 
 
-def test_the_tables_first_word_of_a_line_is_its_status():
+def test_each_line_of_the_table_starts_with_its_status():
     out = StringIO()
     call_command("doctor", stdout=out)
     lines = [line for line in out.getvalue().splitlines() if line.startswith("  ")]
@@ -56,7 +56,7 @@ def test_the_tables_first_word_of_a_line_is_its_status():
     assert out.getvalue().endswith("Paddock can run here.\n")
 
 
-def test_a_host_below_the_sandboxs_minimum_fails(monkeypatch):
+def test_a_host_below_the_sandbox_minimum_fails(monkeypatch):
     report = SandboxReport([Layer("Landlock", False, "not in this kernel")], 0, 2)
     monkeypatch.setattr(doctor, "probe", lambda: report)
     status, report = examine()
@@ -70,7 +70,7 @@ def test_a_host_below_the_sandboxs_minimum_fails(monkeypatch):
     }
 
 
-def test_a_sound_installation_is_exact_and_says_so(monkeypatch):
+def test_a_sound_installation_passes_its_golden_runs(monkeypatch):
     monkeypatch.setattr(doctor, "prove", golden_runs)
     status, report = examine()
     assert finding(report, "golden runs") == {
@@ -82,7 +82,7 @@ def test_a_sound_installation_is_exact_and_says_so(monkeypatch):
     assert report["proof"]["exact"] and status == 0
 
 
-def test_a_host_whose_golden_runs_differ_fails_and_says_which_and_what_to_do(monkeypatch, settings):
+def test_differing_golden_runs_fail_with_names_and_advice(monkeypatch, settings):
     differs = Proof(ENGINE_ID, 3, 2, ("a duel",), "a duel: trace_sha256 of car 0 is this and was that")
     monkeypatch.setattr(doctor, "prove", lambda: differs)
     status, report = examine()
@@ -97,19 +97,19 @@ def test_a_host_whose_golden_runs_differ_fails_and_says_which_and_what_to_do(mon
     assert "work all the same" in finding(report, "golden runs")["detail"]
 
 
-def test_nothing_is_driven_below_the_sandboxs_minimum(monkeypatch):
+def test_no_golden_run_is_driven_below_the_sandbox_minimum(monkeypatch):
     monkeypatch.setattr(doctor, "probe", lambda: SandboxReport([Layer("Landlock", False, "none")], 0, 2))
     monkeypatch.setattr(doctor, "prove", lambda: pytest.fail("it was driven"))
     assert "not driven" in finding(examine()[1], "golden runs")["detail"]
 
 
-def test_a_machine_of_another_kind_is_told_that_nothing_is_pinned_there(monkeypatch):
+def test_another_architecture_is_warned_that_nothing_is_pinned(monkeypatch):
     monkeypatch.setattr(doctor.platform, "machine", lambda: "aarch64")
     found = finding(examine()[1], "arithmetic")
     assert found["status"] == "warn" and "pinned for x86-64 with glibc only" in found["detail"]
 
 
-def test_storage_that_cannot_be_written_fails(settings, tmp_path):
+def test_unwritable_storage_fails(settings, tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     settings.STORAGES = {
@@ -121,7 +121,7 @@ def test_storage_that_cannot_be_written_fails(settings, tmp_path):
     assert finding(report, "storage")["status"] == "fail"
 
 
-def test_a_camera_that_is_not_compiled_is_a_warning_with_what_to_do(monkeypatch):
+def test_an_uncompiled_camera_is_a_warning_with_advice(monkeypatch):
     monkeypatch.setattr(doctor.compiled, "load", lambda: None)
     status, report = examine()
     assert status == 0
@@ -149,7 +149,7 @@ def test_a_missing_package_fails(monkeypatch):
     assert finding(report, "no-such-package")["status"] == "fail"
 
 
-def test_a_database_and_a_broker_that_do_not_answer_are_named(tmp_path):
+def test_an_unreachable_database_or_broker_is_named(tmp_path):
     environment = {
         **os.environ,
         "DJANGO_SETTINGS_MODULE": "config.settings",
@@ -167,7 +167,7 @@ def test_a_database_and_a_broker_that_do_not_answer_are_named(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-def test_a_machine_without_an_encoder_for_videos_is_told_so_and_can_run_all_the_same(monkeypatch, settings):
+def test_a_missing_video_encoder_is_only_a_warning(monkeypatch, settings):
     from videos.services import work
 
     assert finding(examine()[1], "encoder")["status"] == "ok"
@@ -180,14 +180,14 @@ def test_a_machine_without_an_encoder_for_videos_is_told_so_and_can_run_all_the_
 
 
 @pytest.mark.parametrize(("queues", "status"), [(["messages"], "ok"), (["celery"], "warn"), (None, "warn")])
-def test_it_says_when_nobody_sends_webhooks_and_mails(queues, status):
+def test_it_says_if_no_worker_sends_webhooks_and_mails(queues, status):
     if queues is not None:
         start_worker(name="messenger@here", queues=queues, processes=8)
     (found,) = doctor.messages()
     assert found.status == status and ("nobody sends" in found.detail) is (status == "warn")
 
 
-def test_a_messenger_that_died_sends_nothing():
+def test_a_dead_messenger_is_a_warning():
     start_worker(name="messenger@here", queues=["messages"], processes=8)
     beat_worker(name="messenger@here", now=timezone.now() - 2 * SILENT_AFTER)
     (found,) = doctor.messages()

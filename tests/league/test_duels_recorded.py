@@ -49,13 +49,13 @@ def driven(entry: Entry) -> tuple:
         ),
     ),
 )
-def test_a_score_of_duels_says_what_went_into_it(bracket, cars, what):
+def test_a_duel_score_encodes_what_went_into_it(bracket, cars, what):
     score = DuelScore(bracket, cars, **what)
     assert FIRST <= score.number <= LAST and read_duel_score(score.number) == score
 
 
 @given(st.integers(FIRST, LAST))
-def test_a_number_that_no_duels_could_have_given_is_none(number):
+def test_an_impossible_duel_score_is_not_read(number):
     read = read_duel_score(number)
     assert read is None or read.number == number
 
@@ -71,11 +71,11 @@ def test_a_number_that_no_duels_could_have_given_is_none(number):
         ({"time_ms": 1}, {"time_ms": 2}),
     ],
 )
-def test_scores_of_duels_stand_in_the_order_of_the_board(first, second):
+def test_duel_scores_sort_in_board_order(first, second):
     assert DuelScore(False, 2, **first).number < DuelScore(False, 2, **second).number < 2**62
 
 
-def test_a_round_of_duels_comes_back_in_the_order_of_its_points(now, tmp_path, bell):
+def test_an_imported_round_of_duels_keeps_its_order_of_points(now, tmp_path, bell):
     season = create_season(slug="duels", name="Duels", starts_on=date(2020, 1, 1), ends_on=date(2040, 1, 1))
     race = a_duel_race(now, kind="league", division="all", organiser=None)
     Round.objects.create(season=season, number=1, race=race)

@@ -22,7 +22,7 @@ def test_a_number_out_of_range_is_refused(monkeypatch, value, problem):
         env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
 
 
-def test_a_number_in_range_is_taken_and_none_is_the_default(monkeypatch):
+def test_a_number_in_range_is_accepted_and_none_is_the_default(monkeypatch):
     monkeypatch.setenv("PADDOCK_DUELS_IN_ROUND_ROBIN", "32")
     assert env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32) == 32
     monkeypatch.delenv("PADDOCK_DUELS_IN_ROUND_ROBIN")
@@ -78,7 +78,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("reader", "value"), REFUSED)
-def test_what_cannot_be_meant_is_refused_with_the_name_of_the_variable(monkeypatch, reader, value):
+def test_an_invalid_value_is_refused_naming_the_variable(monkeypatch, reader, value):
     monkeypatch.setenv("PADDOCK_ANYTHING", value)
     with pytest.raises(ImproperlyConfigured, match=r"^PADDOCK_ANYTHING must be ") as refusal:
         reader("PADDOCK_ANYTHING")
@@ -97,12 +97,12 @@ def test_what_cannot_be_meant_is_refused_with_the_name_of_the_variable(monkeypat
         (level, "DEBUG"),
     ],
 )
-def test_what_can_be_meant_is_taken(monkeypatch, reader, value):
+def test_a_valid_value_is_accepted(monkeypatch, reader, value):
     monkeypatch.setenv("PADDOCK_ANYTHING", value)
     reader("PADDOCK_ANYTHING")
 
 
-def test_a_refusal_of_an_address_never_repeats_the_password_in_it(monkeypatch):
+def test_a_refused_url_is_not_printed_with_its_password(monkeypatch):
     monkeypatch.setenv("DATABASE_URL", "postgres://paddock:hunter2@h:port/db")
     for reader in (database, url):
         with pytest.raises(ImproperlyConfigured) as refusal:
@@ -110,7 +110,7 @@ def test_a_refusal_of_an_address_never_repeats_the_password_in_it(monkeypatch):
         assert "hunter2" not in str(refusal.value)
 
 
-def test_a_new_folder_is_its_owners_alone(monkeypatch, tmp_path):
+def test_a_new_folder_is_accessible_to_its_owner_only(monkeypatch, tmp_path):
     monkeypatch.setenv("PADDOCK_DATA", str(tmp_path / "new" / "data"))
     assert folder("PADDOCK_DATA").stat().st_mode & 0o777 == 0o700
 
@@ -127,7 +127,7 @@ def test_a_new_folder_is_its_owners_alone(monkeypatch, tmp_path):
         "PADDOCK_SANDBOX_UIDS=5-1",
     ],
 )
-def test_the_command_line_says_what_is_wrong_in_one_line_and_without_a_traceback(setting, tmp_path):
+def test_the_command_line_prints_one_line_without_a_traceback(setting, tmp_path):
     name, value = setting.split("=", 1)
     environment = {
         **os.environ,
@@ -143,7 +143,7 @@ def test_the_command_line_says_what_is_wrong_in_one_line_and_without_a_traceback
     assert done.stderr.startswith(f"Paddock cannot start: {name}") and done.stderr.count("\n") == 1
 
 
-class TestAFolderOfSecrets:
+class TestSecretsFolder:
     @pytest.fixture
     def open_one(self, tmp_path: Path) -> Path:
         made = tmp_path / "data"
@@ -152,7 +152,7 @@ class TestAFolderOfSecrets:
         return made
 
     @pytest.mark.parametrize("inside", [[], ["secret-key", "notes.txt"]], ids=["empty", "Paddock's"])
-    def test_one_that_others_can_read_is_closed_and_that_is_said(self, open_one, inside, capsys):
+    def test_a_folder_readable_by_others_is_closed_and_reported(self, open_one, inside, capsys):
         for name in inside:
             (open_one / name).touch()
         assert env.private_folder("PADDOCK_DATA", open_one) == open_one
@@ -169,19 +169,19 @@ class TestAFolderOfSecrets:
         ],
         ids=["somebody's home", "a folder for all"],
     )
-    def test_one_that_others_may_need_is_left_open_and_refused(self, open_one, change, why):
+    def test_a_folder_others_may_need_is_refused_and_left_open(self, open_one, change, why):
         change(open_one)
         mode = open_one.stat().st_mode
         with pytest.raises(ImproperlyConfigured, match=why):
             env.private_folder("PADDOCK_DATA", open_one)
         assert open_one.stat().st_mode == mode
 
-    def test_one_of_somebody_else_is_refused(self, open_one, monkeypatch):
+    def test_a_folder_of_another_user_is_refused(self, open_one, monkeypatch):
         monkeypatch.setattr(env.os, "geteuid", lambda: open_one.stat().st_uid + 1)
         with pytest.raises(ImproperlyConfigured, match="belongs to somebody else"):
             env.private_folder("PADDOCK_DATA", open_one)
 
-    def test_one_that_cannot_be_closed_is_refused(self, open_one, monkeypatch):
+    def test_a_folder_that_cannot_be_closed_is_refused(self, open_one, monkeypatch):
         def refuse(self: Path, mode: int) -> None:
             raise PermissionError(1, "Operation not permitted")
 

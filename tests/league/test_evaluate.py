@@ -58,7 +58,7 @@ def verify(evaluation) -> tuple[int, str]:
 
 class TestEvaluate:
     @needs_shared
-    def test_the_consoles_car_laps_the_same_on_every_run_in_a_process_without_site_or_database(self):
+    def test_a_console_car_laps_identically_without_a_database(self):
         track = SHARED / "tracks" / "reInvent2019_wide.npy"
         arguments = ["evaluate", str(CONSOLE_CAR), "--track", str(track), "--json"]
         environment = {
@@ -84,13 +84,13 @@ class TestEvaluate:
         same = ("metrics", "average_lap_ms", "best_lap_ms", "total_ms", "trace_sha256", "simulated_seconds", "versions")
         assert {key: first[key] for key in same} == {key: second[key] for key in same}
 
-    def test_a_table_for_people(self):
+    def test_it_prints_a_readable_table(self):
         status, out, _ = evaluate(*CAR_FILES, "--track", "oval", "--laps", "1")
         assert status == 0
         assert out.startswith("Paddock Oval, ")
         assert "Lap complete" in out and "times real time" in out
 
-    def test_options_reach_the_rules_and_the_trace_its_file(self, monkeypatch, tmp_path):
+    def test_options_reach_the_rules_and_the_trace_is_written(self, monkeypatch, tmp_path):
         jobs = []
 
         def play(job, **kwargs):
@@ -135,7 +135,7 @@ class TestEvaluate:
         status, _, err = evaluate(*CAR_FILES, "--track", str(track))
         assert (status, err.split(":")[0]) == (2, "track_not_npy")
 
-    def test_a_models_fault_on_track_exits_2_and_ours_3(self, monkeypatch):
+    def test_a_fault_of_the_model_exits_2_and_ours_3(self, monkeypatch):
         fault = UserFault("policy_died", step=3, how="signal 11")
         fault.add_note("what our processes said")
         monkeypatch.setattr(command, "evaluate", refuse(fault))
@@ -163,12 +163,12 @@ class TestEvaluate:
             ((*CAR_FILES, "--track", "oval", "--collision-penalty", "-1"), "collision_penalty_ms must be a whole"),
         ],
     )
-    def test_a_mistaken_call_says_what_is_wrong(self, arguments, says):
+    def test_invalid_arguments_are_explained(self, arguments, says):
         with pytest.raises(CommandError, match=says) as caught:
             evaluate(*arguments)
         assert caught.value.returncode == 2
 
-    def test_where_the_trace_cannot_be_written_the_figures_have_been_told(self, monkeypatch):
+    def test_figures_are_printed_even_if_the_trace_cannot_be_written(self, monkeypatch):
         monkeypatch.setattr(command, "evaluate", lambda job, **kwargs: outcome_of())
         out = StringIO()
         arguments = (*CAR_FILES, "--track", "oval", "--laps", "1", "--trace", "/no/such/folder/x", "--json")
@@ -193,7 +193,7 @@ class TestVerify:
         assert evaluation.state == "finished", evaluation.operator_detail
         return evaluation
 
-    def test_the_site_the_command_line_and_a_second_run_agree(self, evaluation):
+    def test_site_command_line_and_a_second_run_agree(self, evaluation):
         result = evaluation.result
         status, out, _ = evaluate(*CAR_FILES, "--track", "oval", "--laps", "2", "--json")
         assert status == 0
@@ -206,7 +206,7 @@ class TestVerify:
             f"Evaluation {evaluation.public_id} is the same: engine {result.engine}, trace {result.trace_sha256}\n",
         )
 
-    def test_what_differs_is_named(self, evaluation):
+    def test_differences_are_named(self, evaluation):
         Result.objects.update(trace_sha256="0" * 64, cpu_model="another", versions={"numpy": "1"})
         status, said = verify(evaluation)
         assert status == 1
@@ -217,21 +217,21 @@ class TestVerify:
         assert "lap times" not in said
         assert "(processor: was another, is " in said
 
-    def test_a_result_of_another_engine_is_told_as_that_and_not_run(self, evaluation, monkeypatch):
+    def test_a_result_of_another_engine_is_reported_and_not_run(self, evaluation, monkeypatch):
         monkeypatch.setattr(verifying, "evaluate", refuse(AssertionError("it was run")))
         Result.objects.update(engine="paddock-v0")
         status, said = verify(evaluation)
         assert (status, "different" in said) == (3, False)
         assert f"is of the engine paddock-v0, and this site drives with {ENGINE_ID}" in said
 
-    def test_a_run_that_now_ends_otherwise_is_different_and_our_fault_is_neither(self, evaluation, monkeypatch):
+    def test_a_different_ending_differs_and_our_fault_is_neither(self, evaluation, monkeypatch):
         monkeypatch.setattr(verifying, "evaluate", refuse(UserFault("policy_died", step=3, how="signal 11")))
         status, said = verify(evaluation)
         assert (status, "policy_died" in said) == (1, True)
         monkeypatch.setattr(verifying, "evaluate", refuse(PlatformFault("storage_failed")))
         assert verify(evaluation)[0] == 3
 
-    def test_only_what_has_a_result_can_be_verified(self, evaluation):
+    def test_only_runs_with_results_can_be_verified(self, evaluation):
         queued = Evaluation.objects.create(
             owner=evaluation.owner, model=evaluation.model, track=evaluation.track, spec=evaluation.spec
         )

@@ -53,28 +53,28 @@ class TestOptions:
         drive(*AVOID, "--obstacles", "6", "--obstacle-distance", "1.5", "--seed", "7")
         assert jobs[0].rules == RaceRules(race_type="object_avoidance", random_boxes=6, box_distance_m=1.5, seed=7)
 
-    def test_boxes_stand_where_they_are_put(self, jobs):
+    def test_boxes_stay_where_they_are_placed(self, jobs):
         drive(*AVOID, "--box", "0.25:inner", "--box", "0.5:outer")
         boxes = (BoxPlace(0.25, "inner"), BoxPlace(0.5, "outer"))
         assert jobs[0].rules == RaceRules(race_type="object_avoidance", boxes=boxes)
 
-    def test_bots_drive_as_they_are_told(self, jobs):
+    def test_bots_drive_as_configured(self, jobs):
         drive(*DUEL, "--bots", "4", "--bot-speed", "1.5", "--lane-changes")
         assert jobs[0].rules == RaceRules(race_type="head_to_head", bots=4, bot_speed_mps=1.5, bot_lane_changes=True)
 
-    def test_rivals_are_read_like_the_car_itself(self, jobs):
+    def test_rivals_are_read_like_the_first_car(self, jobs):
         drive(*DUEL, "--rival", RIVAL, "--rival", ",".join(CAR_FILES))
         (job,) = jobs
         assert [rival.onnx == job.onnx for rival in job.rivals] == [False, True]
         assert job.rivals[1].metadata == job.metadata
 
-    def test_a_car_of_head_to_head_may_drive_alone(self, jobs):
+    def test_a_head_to_head_car_may_drive_alone(self, jobs):
         drive(*DUEL)
         assert jobs[0].rules == RaceRules(race_type="head_to_head")
 
 
 class TestReport:
-    def test_every_car_has_its_figures_and_its_number(self, jobs, tmp_path):
+    def test_every_car_has_its_number_and_figures(self, jobs, tmp_path):
         report = drive(*DUEL, "--rival", RIVAL, "--trace", str(tmp_path / "run.csv"))
         assert report["order"] == [1, 0]
         assert report["crashes"] == 0 and report["retired"] is None
@@ -86,14 +86,14 @@ class TestReport:
         assert rival["model_sha256"] != report["model_sha256"]
         assert sorted(path.name for path in tmp_path.iterdir()) == ["run-car1.csv", "run.csv"]
 
-    def test_the_course_is_told_with_a_number_for_all_of_it(self, jobs):
+    def test_the_layout_is_reported_with_its_seed(self, jobs):
         first = drive(*DUEL, "--bots", "2")
         assert first["layout"] == {"boxes": [BOX], "bots": 2}
         assert first["rivals"] == [] and first["order"] == [0]
         assert first["layout_sha256"] == drive(*DUEL, "--bots", "2")["layout_sha256"]
         assert first["layout_sha256"] != drive(*DUEL, "--bots", "3")["layout_sha256"]
 
-    def test_a_table_names_each_car_and_its_place(self, jobs):
+    def test_the_table_names_each_car_and_its_place(self, jobs):
         out = drive(*DUEL, "--rival", RIVAL, json_=False)
         assert "car 0, place 2" in out and "car 1, place 1" in out
         assert "retired: policy_died: " in out
@@ -133,7 +133,7 @@ class TestBadInput:
         ],
         ids=str,
     )
-    def test_what_cannot_be_is_refused_with_its_code(self, jobs, arguments, code):
+    def test_an_impossible_layout_is_refused_with_its_code(self, jobs, arguments, code):
         status, out, err = evaluate(*CAR_FILES, "--track", "oval", *arguments, "--json")
         assert status == 2
         assert json.loads(out)["error"]["code"] == code
@@ -148,11 +148,11 @@ class TestBadInput:
             ((*AVOID, "--obstacles", "6", "--obstacle-distance", "-1"), "box_distance_m must be a number"),
         ],
     )
-    def test_a_mistaken_call_says_what_is_wrong(self, jobs, arguments, says):
+    def test_invalid_arguments_are_explained(self, jobs, arguments, says):
         with pytest.raises(CommandError, match=says):
             evaluate(*CAR_FILES, "--track", "oval", *arguments)
 
-    def test_a_rival_that_is_no_model_is_refused_like_any_upload(self, jobs, tmp_path):
+    def test_an_invalid_rival_is_refused_like_any_upload(self, jobs, tmp_path):
         package = tmp_path / "rival.tar.gz"
         package.write_bytes(b"<html>")
         status, out, _ = evaluate(*CAR_FILES, "--track", "oval", *DUEL, "--rival", str(package), "--json")
@@ -160,7 +160,7 @@ class TestBadInput:
 
 
 @pytest.mark.django_db(transaction=True)
-class TestTheSite:
+class TestSite:
     """The worker's code, the command line and a second run agree."""
 
     @pytest.fixture
@@ -203,7 +203,7 @@ class TestTheSite:
         ],
         ids=["boxes", "bots"],
     )
-    def test_agrees_on_boxes_and_bots(self, run, rules, options):
+    def test_the_site_agrees_on_boxes_and_bots(self, run, rules, options):
         evaluation = run(rules)
         report = drive(*options)
         assert report["trace_sha256"] == evaluation.result.trace_sha256
@@ -212,7 +212,7 @@ class TestTheSite:
         assert report["layout"]["bots"] == len(read_layout(evaluation.result)["bots"]) == rules.bots
         assert verify(evaluation)[0] == 0
 
-    def test_agrees_on_a_duel_and_names_what_differs_in_any_car(self, run, models):
+    def test_the_site_agrees_on_a_duel_and_names_differences(self, run, models):
         evaluation = run(RaceRules(race_type="head_to_head", laps=1), rivals=models[1:])
         report = drive(*DUEL, "--laps", "1", "--rival", RIVAL)
         stored = evaluation.result.rivals.get()

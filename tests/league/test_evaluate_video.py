@@ -47,7 +47,7 @@ def drive(monkeypatch):
     return call
 
 
-def test_a_duel_is_filmed_over_what_was_there(drive, tmp_path):
+def test_a_video_of_a_duel_overwrites_an_existing_file(drive, tmp_path):
     path = tmp_path / "run.mp4"
     path.write_bytes(b"an older one")
     assert "the figures" in drive(*DUEL, "--video", str(path))
@@ -56,7 +56,7 @@ def test_a_duel_is_filmed_over_what_was_there(drive, tmp_path):
 
 
 @pytest.mark.parametrize("where", ["nowhere/run.mp4", "folder"])
-def test_where_it_cannot_be_written_the_figures_have_been_told(drive, tmp_path, where):
+def test_figures_are_printed_even_if_the_video_cannot_be_written(drive, tmp_path, where):
     (tmp_path / "folder").mkdir()
     with pytest.raises(CommandError, match=r"cannot be written: \w+") as caught:
         drive("--video", str(tmp_path / where))
@@ -66,7 +66,7 @@ def test_where_it_cannot_be_written_the_figures_have_been_told(drive, tmp_path, 
 
 
 @pytest.mark.parametrize(("trace", "code"), [(b"", "video_no_steps"), (None, "video_too_long")])
-def test_a_run_that_cannot_be_filmed_is_refused_with_its_code(drive, tmp_path, trace, code):
+def test_a_run_without_a_possible_video_is_refused_with_its_code(drive, tmp_path, trace, code):
     if code == "video_too_long":
         rows = driven(0.4)
         trace = car([*rows, rows[-1]._replace(tstamp=MAX_SECONDS + 2.0)]).trace

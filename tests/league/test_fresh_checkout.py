@@ -70,12 +70,12 @@ def said(done: subprocess.CompletedProcess) -> str:
     return lines[0]
 
 
-def test_every_command_is_tried_here():
+def test_every_command_is_tested():
     assert set(COMMANDS) == {*GIVEN, *ASKS}
 
 
 @pytest.mark.parametrize("command", GIVEN)
-def test_without_a_database(run, command):
+def test_every_command_explains_a_missing_database(run, command):
     sentence = said(run(command, *GIVEN[command]))
     assert "database_not_ready" in sentence or "cannot be " in sentence or "import_no_folder" in sentence
     asking = ("backup", "export_season", "forget_second_factor", "import_track", "verify")
@@ -87,27 +87,27 @@ def test_without_a_database(run, command):
     ["postgres://127.0.0.1:1/none", "sqlite:////nowhere/at/all.sqlite3", f"sqlite:///{__file__}"],
     ids=["no server", "no folder", "another file"],
 )
-def test_with_a_database_that_cannot_be_had(run, database):
+def test_an_unreachable_database_is_explained(run, database):
     assert "database_not_ready: " in said(run("verify", "abcdefghijkl", DATABASE_URL=database))
 
 
-def test_djangos_own_commands_say_it_too(run):
+def test_djangos_own_commands_explain_it_too(run):
     assert "database_not_ready: " in said(run("clearsessions"))
 
 
-def test_json_says_it_on_standard_output(run):
+def test_with_json_the_explanation_is_on_standard_output(run):
     done = run("import_track", "track.npy", "--json")
     assert said(done)
     error = json.loads(done.stdout)["error"]
     assert (error["code"], error["fault"]) == ("database_not_ready", "platform")
 
 
-def test_a_traceback_is_there_for_who_asks(run):
+def test_a_traceback_is_printed_on_request(run):
     assert "Traceback" in run("verify", "abcdefghijkl", "--traceback").stderr
 
 
 @pytest.mark.parametrize("command", GIVEN)
-def test_without_its_arguments(command, capsys):
+def test_missing_arguments_are_named(command, capsys):
     with pytest.raises(SystemExit) as ended:
         execute_from_command_line(["manage.py", command])
     assert ended.value.code == 2
@@ -115,7 +115,7 @@ def test_without_its_arguments(command, capsys):
 
 
 @pytest.mark.slow
-def test_with_an_empty_database(run, folder, new_data):
+def test_commands_work_on_an_empty_database(run, folder, new_data):
     database = f"sqlite:///{new_data(folder / 'empty') / 'paddock.sqlite3'}"
     assert run("migrate", "--verbosity", "0", DATABASE_URL=database).returncode == 0
     for command, sentence in {

@@ -53,7 +53,7 @@ def _noting(render: Callable, paths: list[str]) -> Callable:
     return noted
 
 
-def test_a_board_is_made_once_for_all_guests_without_a_cookie(race, made):
+def test_a_board_is_rendered_once_for_all_guests(race, made):
     client = Client()  # the pages are kept by a site: each client has one of its own
     at = race.get_absolute_url()
     answers = [client.get(at) for _ in range(3)]
@@ -67,7 +67,7 @@ def test_a_board_is_made_once_for_all_guests_without_a_cookie(race, made):
     assert (unchanged.status_code, unchanged.content) == (304, b"")
 
 
-def test_a_board_that_changed_is_made_anew_at_once(race, made, now, bell):
+def test_a_changed_board_is_rendered_again_immediately(race, made, now, bell):
     client, at = Client(), race.get_absolute_url()
     before = client.get(at)
     drive(race, a_racer("newcomer"), laps(9000, 9100, 9200), now)
@@ -77,7 +77,7 @@ def test_a_board_that_changed_is_made_anew_at_once(race, made, now, bell):
 
 
 @pytest.mark.parametrize("how", [{"visibility": Visibility.INVITATION}, {"name": "Another name"}])
-def test_what_is_taken_back_is_not_shown_once_more(race, how):
+def test_a_withdrawn_race_disappears_from_cached_pages(race, how):
     client, other = Client(), Client()
     assert b"Open race" in client.get("/").content
     Race.objects.filter(pk=race.pk).update(**how)
@@ -85,7 +85,7 @@ def test_what_is_taken_back_is_not_shown_once_more(race, how):
     assert b"Open race" not in other.get("/").content
 
 
-def test_a_change_that_is_not_committed_is_shown_to_nobody_and_kept_by_nobody(race):
+def test_an_uncommitted_change_is_neither_shown_nor_cached(race):
     client = Client()
     with pytest.raises(RuntimeError), transaction.atomic():
         Race.objects.filter(pk=race.pk).update(name="Never was")
@@ -94,7 +94,7 @@ def test_a_change_that_is_not_committed_is_shown_to_nobody_and_kept_by_nobody(ra
     assert b"Never was" not in client.get("/").content
 
 
-def test_a_private_race_is_its_members_and_never_a_guests(now, made):
+def test_a_private_race_is_never_cached_for_guests(now, made):
     owner, stranger = a_racer("owner"), a_racer("stranger")
     steward = a_racer("steward", is_staff=True, is_superuser=True)
     private = a_race(now, name="Secret race", visibility=Visibility.INVITATION, organiser=owner)
@@ -107,7 +107,7 @@ def test_a_private_race_is_its_members_and_never_a_guests(now, made):
     assert seen == {"guest": 404, "stranger": 404, "owner": 200, "steward": 200, "guest again": 404}
 
 
-def test_a_racers_page_is_their_own_and_is_not_kept(race, made):
+def test_a_logged_in_racers_page_is_not_cached(race, made):
     alice = a_racer("alice")
     guest, racer = Client(), _client(alice)
     at = race.get_absolute_url()
@@ -116,7 +116,7 @@ def test_a_racers_page_is_their_own_and_is_not_kept(race, made):
     assert len(made) >= 3, "the racer's each time"
 
 
-def test_languages_and_themes_are_pages_of_their_own(race):
+def test_each_language_and_theme_is_cached_separately(race):
     client = Client()
     english = client.get("/").content
     korean = client.get("/", headers={"Accept-Language": "ko"}).content
@@ -128,7 +128,7 @@ def test_languages_and_themes_are_pages_of_their_own(race):
     assert client.get("/?show=closed").content != korean, "the address is in the links of the page"
 
 
-def test_a_page_lives_no_longer_than_its_times_are_right(race, made, monkeypatch):
+def test_a_cached_page_expires_with_its_times(race, made, monkeypatch):
     monkeypatch.setattr(guests, "LIVES_S", 0.0)
     client = Client()
     client.get("/")
@@ -136,7 +136,7 @@ def test_a_page_lives_no_longer_than_its_times_are_right(race, made, monkeypatch
     assert made == ["/", "/"]
 
 
-def test_a_racer_gets_the_shared_board_with_a_row_of_their_own(race, now, bell):
+def test_a_racer_sees_the_shared_board_with_their_own_row(race, now, bell):
     alice, bob = a_racer("alice"), a_racer("bob")
     for place, racer in enumerate((alice, bob, a_racer("carol"))):
         drive(race, racer, laps(*(9000 + 100 * place + n for n in range(3))), now)
@@ -153,7 +153,7 @@ def test_a_racer_gets_the_shared_board_with_a_row_of_their_own(race, now, bell):
     assert "Watch the run" not in korean, "a row in another language is another row"
 
 
-def test_a_racer_of_a_later_page_sees_their_row_beside_the_shared_one(race, now, bell, monkeypatch):
+def test_a_racer_on_a_later_page_sees_their_row_beside_the_board(race, now, bell, monkeypatch):
     racers = [a_racer(f"racer-{number}") for number in range(4)]
     for place, racer in enumerate(racers):
         drive(race, racer, laps(*(9000 + 100 * place + n for n in range(3))), now)

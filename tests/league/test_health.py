@@ -57,7 +57,7 @@ def broken() -> set[str]:
     return {name for name, good in health.look().parts.items() if not good}
 
 
-def test_it_says_live_and_ready(client) -> None:
+def test_a_healthy_site_is_live_and_ready(client) -> None:
     assert client.get("/health/live").content == b"ok\n"
     ready = client.get("/health/ready")
     found = ready.json()
@@ -65,7 +65,7 @@ def test_it_says_live_and_ready(client) -> None:
     assert (ready.status_code, found) == (200, dict.fromkeys(PARTS, True))
 
 
-def test_a_database_that_is_gone_is_named(client, monkeypatch, caplog) -> None:
+def test_a_missing_database_is_named(client, monkeypatch, caplog) -> None:
     def gone() -> bool:
         raise DatabaseError("gone")
 
@@ -75,12 +75,12 @@ def test_a_database_that_is_gone_is_named(client, monkeypatch, caplog) -> None:
     assert "not ready: database" in caplog.text
 
 
-def test_a_broker_that_does_not_answer_is_named_soon(monkeypatch) -> None:
+def test_an_unresponsive_broker_is_named_quickly(monkeypatch) -> None:
     monkeypatch.undo()
     assert "broker" in broken()
 
 
-def test_a_cache_that_does_not_answer_is_named(monkeypatch) -> None:
+def test_an_unresponsive_cache_is_named(monkeypatch) -> None:
     def gone(*arguments: object) -> None:
         raise NobodyThere("refused")
 
@@ -90,7 +90,7 @@ def test_a_cache_that_does_not_answer_is_named(monkeypatch) -> None:
 
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.skipif("postgresql" in settings.DATABASES["default"]["ENGINE"], reason="about SQLite's one writer")
-def test_a_database_that_is_read_and_cannot_be_written_is_named(monkeypatch) -> None:
+def test_a_read_only_database_is_named(monkeypatch) -> None:
     monkeypatch.setattr(health, "WRITE_TIMEOUT_S", 0)
     name = connection.settings_dict["NAME"]
     if "memory" in str(name):
@@ -102,7 +102,7 @@ def test_a_database_that_is_read_and_cannot_be_written_is_named(monkeypatch) -> 
     assert broken() == set()
 
 
-def test_a_part_that_drips_keeps_one_request_waiting_and_no_other(monkeypatch) -> None:
+def test_a_slow_part_delays_only_one_request(monkeypatch) -> None:
     asked: list[health.Readiness] = []
     before = health.Readiness({"storage": True})
 
@@ -120,7 +120,7 @@ def test_a_part_that_drips_keeps_one_request_waiting_and_no_other(monkeypatch) -
     assert asked == [before] * 3
 
 
-def test_a_damaged_page_is_named_until_all_are_found_whole(monkeypatch, tmp_path) -> None:
+def test_a_damaged_database_page_is_named_until_repaired(monkeypatch, tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / "damaged")) as database:
         database.execute("CREATE TABLE cars AS SELECT 1 AS car")
         database.commit()
@@ -135,12 +135,12 @@ def test_a_damaged_page_is_named_until_all_are_found_whole(monkeypatch, tmp_path
     assert broken() == set()
 
 
-def test_migrations_that_have_not_run_are_named() -> None:
+def test_unapplied_migrations_are_named() -> None:
     MigrationRecorder.Migration.objects.filter(app="evaluation").last().delete()
     assert broken() == {"migrations"}
 
 
-def test_a_storage_that_does_not_answer_is_named(monkeypatch) -> None:
+def test_an_unresponsive_storage_is_named(monkeypatch) -> None:
     def full(*arguments: object) -> str:
         raise OSError(28, "no space left on device")
 
@@ -148,12 +148,12 @@ def test_a_storage_that_does_not_answer_is_named(monkeypatch) -> None:
     assert broken() == {"storage"}
 
 
-def test_as_long_as_evaluations_are_held_back_the_storage_is_not_well(now) -> None:
+def test_the_storage_is_unhealthy_while_evaluations_are_paused(now) -> None:
     Outage.objects.create(part=Outage.Part.STORAGE, since=now, look_at=now + timedelta(seconds=5))
     assert broken() == {"storage"}
 
 
-def test_a_disk_that_fills_up_is_named_before_it_is_full(monkeypatch) -> None:
+def test_a_nearly_full_disk_is_named(monkeypatch) -> None:
     free = namedtuple("usage", "total used free")(2**40, 2**40 - 2**29, 2**29)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: free)
     assert broken() == {"disk"} and health.look().figures["disk_free_mb"] == 512
@@ -166,17 +166,17 @@ class TestWorkers:
         start_worker(name="worker@here", queues=["celery"], processes=1)
         WorkerNode.objects.update(**changes) if changes else None
 
-    def test_one_that_fell_silent_is_named_until_it_beats_again(self) -> None:
+    def test_a_silent_worker_is_named_until_its_next_heartbeat(self) -> None:
         self.start(seen_at=timezone.now() - timedelta(minutes=2))
         assert broken() == {"workers"}
         self.start()
         assert broken() == set() and health.look().figures["workers"] == 1
 
-    def test_one_that_takes_no_work_is_no_help(self) -> None:
+    def test_a_worker_that_refuses_work_does_not_count(self) -> None:
         self.start(sandbox={"sufficient": False})
         assert broken() == {"workers"}
 
-    def test_one_that_was_shut_down_is_missed_once_somebody_waits(self, waits) -> None:
+    def test_a_stopped_worker_is_missed_once_a_run_waits(self, waits) -> None:
         self.start(stopped_at=timezone.now())
         assert broken() == set()
         waits(minutes=2)
@@ -194,12 +194,12 @@ class TestQueue:
         waits(minutes=31)
         assert broken() == {"queue"} and 1860 <= health.look().figures["oldest_waits_s"] < 1900
 
-    def test_what_nobody_waits_for_may_wait(self, waits) -> None:
+    def test_background_runs_may_wait(self, waits) -> None:
         waits(minutes=600, priority=BACKGROUND)
         assert broken() == set()
 
 
-def test_who_asks_again_and_again_is_told_what_was_found_just_now(client, monkeypatch) -> None:
+def test_repeated_requests_get_the_cached_answer(client, monkeypatch) -> None:
     monkeypatch.setattr(health, "KEPT_S", 60.0)
     monkeypatch.setattr(health, "_last", None)
     looked = []

@@ -24,7 +24,7 @@ from tests.rows import track_row
 pytestmark = pytest.mark.django_db
 
 
-def test_an_imported_season_is_raced_through_by_our_own_rules(folder):
+def test_an_imported_season_is_replayed_by_our_rules(folder):
     (season,) = bring(folder)
     proof = proof_of(season)
     assert {name: proof[name] for name in ("races", "results", "racers")} == {"races": 3, "results": 37, "racers": 31}
@@ -39,7 +39,7 @@ def test_an_imported_season_is_raced_through_by_our_own_rules(folder):
     assert not season.rounds.filter(closed_at=None).exists()
 
 
-def test_an_imported_race_is_a_real_one(folder, django_assert_max_num_queries):
+def test_an_imported_race_is_a_normal_race(folder, django_assert_max_num_queries):
     bring(folder)
     race = Race.objects.get(round__stage="open-qualifier")
     assert race.imported_at == START and race.division == "open" and race.name == "Month 1 · open"
@@ -54,7 +54,7 @@ def test_an_imported_race_is_a_real_one(folder, django_assert_max_num_queries):
     assert (last.rank, last.alias) == (None, "racer-00002") and last.entry.rank_score == NOT_CLASSIFIED - 2
 
 
-def test_working_out_an_imported_race_anew_keeps_its_results(folder):
+def test_recomputing_an_imported_race_keeps_its_results(folder):
     bring(folder)
     before = everything()
     for race in Race.objects.all():
@@ -62,14 +62,14 @@ def test_working_out_an_imported_race_anew_keeps_its_results(folder):
     assert everything() == before
 
 
-def test_racers_of_a_record_cannot_log_in(folder, client):
+def test_imported_racers_cannot_log_in(folder, client):
     bring(folder)
     racer = Racer.objects.get(alias="racer-00001")
     assert not racer.is_active and not racer.has_usable_password() and racer.record_id == "racer-00001"
     assert racer.email.endswith("@record.invalid") and not client.login(username="racer-00001", password="!")
 
 
-def test_a_racer_who_has_the_alias_already_keeps_it(folder):
+def test_an_existing_racer_keeps_an_imported_alias(folder):
     mine = a_racer("Racer-00001")
     bring(folder)
     other = Racer.objects.get(record_id="racer-00001")
@@ -77,7 +77,7 @@ def test_a_racer_who_has_the_alias_already_keeps_it(folder):
     assert not mine.entries.exists()
 
 
-def test_a_track_is_found_by_its_name_or_kept_as_a_name_alone(tmp_path, client):
+def test_a_track_is_found_by_name_or_stored_as_a_name_only(tmp_path, client):
     oval = track_row("oval")
     write_season(tmp_path, [month(0, "single", [(1, 9000)], track="Oval"), month(1, "single", [(1, 9000)])])
     bring(tmp_path)
@@ -101,7 +101,7 @@ def test_importing_twice_changes_nothing(folder):
     assert everything() == before and again.slug == "2031"
 
 
-def test_a_season_is_imported_once(folder):
+def test_a_season_cannot_be_imported_twice(folder):
     bring(folder)
     rows = read_csv(folder / FEW[0].file)
     rows[0]["SubmissionCount"] = "7"
@@ -109,12 +109,12 @@ def test_a_season_is_imported_once(folder):
     assert refused(folder) == {"season": "2031"}, "import_season_differs"
 
 
-def test_a_season_of_ones_own_is_not_overwritten(folder):
+def test_an_import_does_not_overwrite_a_local_season(folder):
     seasons.create_season(slug="2031", name="Ours", starts_on=START.date(), ends_on=START.date() + timedelta(days=9))
     refused(folder, "import_season_exists")
 
 
-def test_the_numbers_of_the_season_can_be_given(folder):
+def test_season_numbers_can_be_passed_in(folder):
     (season,) = bring(folder, promotion_percent=50, finale_size=2, championship_places=1, points=[3, 1])
     assert Membership.objects.filter(season=season).count() == 15
     assert FinalePlace.objects.count() == 2 and ChampionshipPlace.objects.count() == 1
@@ -130,13 +130,13 @@ def test_the_numbers_of_the_season_can_be_given(folder):
         ({"points": ["x"]}, "season_points_shape"),
     ],
 )
-def test_numbers_that_make_no_season_import_nothing(folder, options, code):
+def test_invalid_season_numbers_import_nothing(folder, options, code):
     with pytest.raises(RaceRefused) as caught:
         bring(folder, **options)
     assert caught.value.code == code and not Season.objects.exists() and not Race.objects.exists()
 
 
-def test_equal_scores_may_have_any_order_and_a_score_that_is_no_time_is_told(tmp_path):
+def test_equal_scores_may_be_in_any_order(tmp_path):
     race = month(0, "open-qualifier", [(1, 30_000), (2, 30_000), (3, 31_000)])
     write_season(tmp_path, [race])
     rows = result_rows(race)
@@ -149,7 +149,7 @@ def test_equal_scores_may_have_any_order_and_a_score_that_is_no_time_is_told(tmp
 
 
 @pytest.mark.parametrize("names", [("Monthly", "Monthly"), ("Qualifier {}", "Finale {}"), ("Race {}", "Race {}")])
-def test_a_finale_is_of_the_pro_race_before_it_however_the_races_are_called(tmp_path, names):
+def test_a_finale_belongs_to_the_preceding_pro_race(tmp_path, names):
     races = []
     for number in range(3):
         called, finale = (name.format(number) for name in names)

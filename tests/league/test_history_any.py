@@ -35,7 +35,7 @@ pytestmark = pytest.mark.django_db
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(seed=st.integers(0, 2**32), percent=st.integers(1, 99), size=st.integers(1, 12), places=st.integers(1, 12))
-def test_any_season_keeps_the_rules(db, seed, percent, size, places):
+def test_any_imported_season_keeps_the_rules(db, seed, percent, size, places):
     numbers = {"promotion_percent": percent, "finale_size": size, "championship_places": min(places, size)}
     races = random_season(seed)
     with TemporaryDirectory() as name, transaction.atomic():

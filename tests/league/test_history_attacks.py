@@ -51,13 +51,13 @@ def rewritten(path: Path, call) -> None:
     ids=["byte order mark", "unix lines", "old lines", "empty lines at the end", "everything quoted"],
 )
 @pytest.mark.parametrize("name", ["races.csv", RESULTS])
-def test_the_same_table_written_by_another_program_is_the_same_season(folder, name, written):
+def test_other_csv_dialects_give_the_same_season(folder, name, written):
     rewritten(folder / name, written)
     proof = proof_of(bring(folder)[0])
     assert (proof["races"], proof["results"]) == (3, 37) and proof["order"]["pairs"] == proof["order"]["agree"]
 
 
-def test_columns_in_another_order_and_columns_that_nobody_knows_are_read_over(folder):
+def test_reordered_and_unknown_columns_are_tolerated(folder):
     for name in ("races.csv", RESULTS):
         rows = read_csv(folder / name)
         mixed = [{"note": "two\nlines", **dict(reversed(row.items()))} for row in rows]
@@ -68,7 +68,7 @@ def test_columns_in_another_order_and_columns_that_nobody_knows_are_read_over(fo
 @pytest.mark.parametrize(
     "alias", ["Łukasz", "日本の車", "O'Neil, Jr.", "<b>bold</b>", "=1+1", "a" * 64, "../../etc", "é́"]
 )
-def test_an_alias_that_nobody_could_choose_here_is_kept_in_the_record_alone(folder, alias, client):
+def test_an_invalid_alias_is_kept_only_in_the_record(folder, alias, client):
     change(folder, RESULTS, 2, Alias=alias)
     bring(folder)
     racer = Racer.objects.get(record_id="racer-00001")
@@ -78,7 +78,7 @@ def test_an_alias_that_nobody_could_choose_here_is_kept_in_the_record_alone(fold
     assert client.get(race.get_absolute_url()).status_code == 200
 
 
-def test_a_link_inside_the_folder_is_read(folder):
+def test_a_symlink_inside_the_folder_is_read(folder):
     (folder / "elsewhere").mkdir()
     (folder / RESULTS).rename(folder / "elsewhere" / "open.csv")
     (folder / RESULTS).symlink_to(folder / "elsewhere" / "open.csv")
@@ -86,7 +86,7 @@ def test_a_link_inside_the_folder_is_read(folder):
 
 
 @pytest.mark.parametrize("stem", ["new", "mine", "layout", "api"])
-def test_a_race_never_takes_an_address_that_a_page_has(folder, stem):
+def test_a_race_never_takes_the_address_of_a_page(folder, stem):
     (folder / RESULTS).rename(folder / "results" / f"{stem}.csv")
     change(folder, "races.csv", 2, file=f"results/{stem}.csv")
     bring(folder)
@@ -107,7 +107,7 @@ def test_a_race_never_takes_an_address_that_a_page_has(folder, stem):
     ],
 )
 @pytest.mark.parametrize("column", ["opens", "closes"])
-def test_a_time_that_no_league_ever_had_is_refused(folder, column, time):
+def test_an_implausible_time_is_refused(folder, column, time):
     change(folder, "races.csv", 2, **{column: time})
     params = refused(folder, "import_value")
     assert (params["row"], params["column"], params["value"]) == (2, column, time)
@@ -117,7 +117,7 @@ def test_a_time_that_no_league_ever_had_is_refused(folder, column, time):
     "value", ["-Infinity", "NaN", "1e999999999", "0e-99999999999", "9" * 5000, "1,000", " ", "٣", "+-3"]
 )
 @pytest.mark.parametrize("column", ["TotalLapTime", "RankingScore", "AvgResets"])
-def test_a_number_that_is_none_is_refused_at_once(folder, column, value):
+def test_an_invalid_number_is_refused_immediately(folder, column, value):
     if (column, value) == ("AvgResets", " ") or (column, value) == ("TotalLapTime", " "):
         value = "-"
     change(folder, RESULTS, 7, **{column: value})
@@ -126,7 +126,7 @@ def test_a_number_that_is_none_is_refused_at_once(folder, column, value):
 
 
 @pytest.mark.parametrize("zero", ["0e999", "0.0e-999", "0000000000000000000000"])
-def test_a_zero_written_at_length_is_zero(folder, zero):
+def test_a_zero_with_many_digits_is_zero(folder, zero):
     change(folder, RESULTS, 7, AvgResets=zero, ResetCount=zero)
     bring(folder)
     assert Entry.objects.get(racer__alias="racer-00006", race__round__stage="open-qualifier").resets == 0
@@ -154,7 +154,7 @@ def into_etc(path: Path) -> None:
     ],
     ids=["a link to itself", "a link outside", "a folder", "a pipe", "nothing", "zeros", "UTF-16", "packed"],
 )
-def test_what_is_no_file_of_the_folder_is_refused(folder, instead, code):
+def test_a_path_that_is_not_a_file_of_the_folder_is_refused(folder, instead, code):
     (folder / RESULTS).unlink()
     instead(folder / RESULTS)
     refused(folder, code)
@@ -164,13 +164,13 @@ def test_what_is_no_file_of_the_folder_is_refused(folder, instead, code):
 
 
 @pytest.mark.parametrize("file", ["results/../races.csv", "races.csv", "./races.csv", "results//../races.csv"])
-def test_the_index_is_nobodys_results(folder, file):
+def test_an_index_file_cannot_serve_as_results(folder, file):
     change(folder, "races.csv", 2, file=file)
     refused(folder, "import_file_twice")
 
 
 @pytest.mark.parametrize("file", ["results\0.csv", "results/a\nb.csv", "a" * 201, "", "results/" + "a" * 190])
-def test_a_file_name_that_is_none_is_refused(folder, file):
+def test_an_invalid_file_name_is_refused(folder, file):
     if "\0" in file:
         rewritten(folder / "races.csv", lambda data: data.replace(RESULTS.encode(), file.encode()))
     else:
@@ -179,7 +179,7 @@ def test_a_file_name_that_is_none_is_refused(folder, file):
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_a_file_that_was_cut_off_is_refused(folder, share):
+def test_a_truncated_file_is_refused(folder, share):
     for name in (RESULTS, FEW[1].file):
         whole = (folder / name).read_bytes()
         (folder / name).write_bytes(whole[: int(share * len(whole))])
@@ -189,7 +189,7 @@ def test_a_file_that_was_cut_off_is_refused(folder, share):
 
 
 @pytest.mark.parametrize("name", [RESULTS, "races.csv"])
-def test_a_column_that_is_there_twice_is_refused(folder, name):
+def test_a_duplicate_column_is_refused(folder, name):
     rewritten(folder / name, lambda data: b"\r\n".join(line + b"," + line.split(b",")[0] for line in data.splitlines()))
     assert "twice" in refused(folder, "import_not_text")["problem"]
 
@@ -199,7 +199,7 @@ def test_a_cell_of_a_megabyte_is_refused(folder):
     refused(folder)
 
 
-def test_a_season_under_an_address_that_a_page_has_is_refused(folder):
+def test_a_season_at_the_address_of_a_page_is_refused(folder):
     rows = read_csv(folder / "races.csv")
     for row in rows:
         row["season"] = "New"
@@ -207,7 +207,7 @@ def test_a_season_under_an_address_that_a_page_has_is_refused(folder):
     refused(folder, "import_season_exists")
 
 
-def test_importing_again_with_other_numbers_is_refused_and_changes_nothing(folder):
+def test_importing_again_with_other_numbers_is_refused(folder):
     bring(folder, promotion_percent=20)
     before = everything()
     assert refused(folder, "import_numbers_differ", promotion_percent=30) == {
@@ -222,7 +222,7 @@ def test_importing_again_with_other_numbers_is_refused_and_changes_nothing(folde
 # --- a record is driven ---------------------------------------------------------------------------------------------
 
 
-def test_nobody_enters_a_race_that_was_driven_elsewhere_even_if_it_closes_later(tmp_path, alice):
+def test_nobody_can_enter_an_imported_race(tmp_path, alice):
     track_row("oval")
     write_season(tmp_path, [month(0, "single", [(1, 9000)], track="Oval")])
     bring(tmp_path, now=START + timedelta(days=3))
@@ -231,7 +231,7 @@ def test_nobody_enters_a_race_that_was_driven_elsewhere_even_if_it_closes_later(
     assert caught.value.code == "race_recorded"
 
 
-def test_racers_of_a_record_may_be_deleted_and_the_season_goes_on(folder, client):
+def test_deleting_an_imported_racer_keeps_the_season(folder, client):
     bring(folder)
     Racer.objects.get(record_id="racer-00001").delete()
     race = Race.objects.get(round__stage="open-qualifier")
@@ -240,13 +240,13 @@ def test_racers_of_a_record_may_be_deleted_and_the_season_goes_on(folder, client
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_folder_that_two_import_at_once_comes_in_once(folder):
+def test_concurrent_imports_of_a_folder_import_it_once(folder):
     found = at_once([lambda: import_folder(folder=folder, now=START)] * 3)
     assert [one.slug for each in found for one in each] == ["2031"] * 3
     assert Season.objects.count() == 1 and Round.objects.count() == 3 and Entry.objects.count() == 37
 
 
-def test_a_season_may_not_be_made_where_a_page_is(db):
+def test_a_season_cannot_take_the_address_of_a_page(db):
     for slug in ("new", "now"):
         with pytest.raises(Exception) as caught:
             create_season(slug=slug, name="x", starts_on=START.date(), ends_on=(START + timedelta(days=9)).date())
@@ -254,7 +254,7 @@ def test_a_season_may_not_be_made_where_a_page_is(db):
 
 
 @pytest.mark.parametrize("score", [2**61, 2**61 + 2**60 + 30_000, 2**62 - 1, 2**60])
-def test_a_score_of_duels_stands_in_no_other_race(folder, score):
+def test_a_duel_score_in_another_race_type_is_refused(folder, score):
     change(folder, RESULTS, 31, RankingScore=str(score))
     params = refused(folder, "import_value")
     assert (params["row"], params["column"]) == (31, "RankingScore")

@@ -37,7 +37,7 @@ def run(*arguments: object, **options) -> str:
     return out.getvalue()
 
 
-def test_the_command_prints_the_agreement_and_the_same_again(folder):
+def test_importing_prints_the_same_agreement_again(folder):
     first = run("import_season", folder, "--season", "2031", "--json")
     data = json.loads(first)
     assert data["order"]["pairs"] == data["order"]["agree"] and data["championship"] == 2
@@ -45,7 +45,7 @@ def test_the_command_prints_the_agreement_and_the_same_again(folder):
     assert "promotion: 3 of 4 agree" in run("import_season", folder)
 
 
-def test_several_seasons_are_summed(folder):
+def test_agreement_is_summed_over_several_seasons(folder):
     rows = read_csv(folder / "races.csv")
     rows[0]["season"] = "2030"
     write_csv(folder / "races.csv", list(rows[0]), rows)
@@ -70,7 +70,7 @@ def test_the_command_refuses_with_a_code(folder, arguments, code):
     assert not Season.objects.exists()
 
 
-def test_export_needs_a_season_and_an_empty_folder(folder, tmp_path):
+def test_exporting_needs_a_season_and_an_empty_folder(folder, tmp_path):
     with pytest.raises(CommandError, match=r"There is no season x\. There is: none"):
         run("export_season", "x", tmp_path / "new")
     run("import_season", folder)
@@ -82,13 +82,13 @@ def test_export_needs_a_season_and_an_empty_folder(folder, tmp_path):
 # --- the way back ----------------------------------------------------------------------------------------------------
 
 
-def test_an_export_is_what_was_imported_to_the_byte(folder, tmp_path):
+def test_an_export_equals_the_import_byte_for_byte(folder, tmp_path):
     (season,) = bring(folder)
     export_season(season=season, folder=tmp_path / "out")
     assert contents(tmp_path / "out") == contents(folder)
 
 
-def test_who_was_disqualified_is_no_longer_in_the_record(folder, tmp_path):
+def test_a_disqualified_racer_is_not_exported(folder, tmp_path):
     (season,) = bring(folder)
     Entry.objects.filter(racer__alias="racer-00002").update(withdrawn_at=START, removed_at=START)
     export_season(season=season, folder=tmp_path / "out")
@@ -98,7 +98,7 @@ def test_who_was_disqualified_is_no_longer_in_the_record(folder, tmp_path):
     read_folder(tmp_path / "out")
 
 
-def test_a_season_that_was_raced_here_goes_out_and_comes_back(tmp_path, bell):
+def test_a_season_raced_here_survives_export_and_import(tmp_path, bell):
     season = seasons.a_season()
     january, pro = seasons.a_round(season, 1, "open-qualifier"), seasons.a_round(season, 1, "pro-qualifier")
     upcoming = seasons.a_round(season, 2, "open-qualifier", ranking_method="total")

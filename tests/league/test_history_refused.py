@@ -28,7 +28,7 @@ pytestmark = pytest.mark.django_db
         ("UserId", "x" * 65),
     ],
 )
-def test_a_cell_that_cannot_be_is_refused_by_file_row_and_column(folder, column, value):
+def test_an_invalid_cell_is_refused_by_file_row_and_column(folder, column, value):
     change(folder, RESULTS, 5, **{column: value})
     params = refused(folder, "import_value")
     assert (params["file"], params["row"], params["column"]) == (RESULTS, 5, column)
@@ -50,7 +50,7 @@ def test_a_cell_that_cannot_be_is_refused_by_file_row_and_column(folder, column,
         ("season", ""),
     ],
 )
-def test_a_race_that_cannot_be_is_refused_by_row_and_column(folder, column, value):
+def test_an_invalid_race_is_refused_by_row_and_column(folder, column, value):
     change(folder, "races.csv", 3, **{column: value})
     params = refused(folder, "import_value")
     assert (params["file"], params["row"], params["column"]) == ("races.csv", 3, column)
@@ -70,7 +70,7 @@ def test_a_missing_column_is_refused_by_name(folder, column):
     assert refused(folder, "import_columns") == {"file": "races.csv", "columns": "file"}
 
 
-def test_a_racer_twice_is_refused_with_both_rows(folder):
+def test_a_racer_listed_twice_is_refused_naming_both_rows(folder):
     change(folder, RESULTS, 9, UserId="racer-00002")
     params = refused(folder, "import_duplicate_racer")
     assert (params["file"], params["row"], params["other"]) == (RESULTS, 9, 3)
@@ -78,7 +78,7 @@ def test_a_racer_twice_is_refused_with_both_rows(folder):
     assert refused(folder, "import_duplicate_racer")["row"] == 9
 
 
-def test_a_rank_that_contradicts_the_score_is_refused(folder):
+def test_a_rank_contradicting_the_score_is_refused(folder):
     change(folder, RESULTS, 5, Rank="5")
     change(folder, RESULTS, 6, Rank="4")
     params = refused(folder, "import_rank")
@@ -88,7 +88,7 @@ def test_a_rank_that_contradicts_the_score_is_refused(folder):
     assert refused(folder, "import_rank")["other_rank"] == 4
 
 
-def test_a_file_that_is_not_whole_is_refused(folder):
+def test_an_incomplete_file_is_refused(folder):
     rows = read_csv(folder / RESULTS)
     write_csv(folder / RESULTS, list(rows[0]), rows[:-1])
     assert refused(folder, "import_row_count") == {"file": RESULTS, "found": 29, "said": 30}
@@ -109,12 +109,12 @@ def test_single_races_may_overlap(tmp_path):
 
 
 @pytest.mark.parametrize("file", ["../outside.csv", "/etc/passwd", "results/../../outside.csv"])
-def test_no_file_outside_the_folder_is_read(folder, file):
+def test_files_outside_the_folder_are_not_read(folder, file):
     change(folder, "races.csv", 2, file=file)
     assert refused(folder, "import_path") == {"row": 2, "file": file}
 
 
-def test_a_file_that_is_missing_twice_named_or_no_table_is_refused(folder):
+def test_a_missing_repeated_or_malformed_file_is_refused(folder):
     change(folder, "races.csv", 2, file=FEW[1].file)
     assert refused(folder, "import_file_twice")["row"] == 3
     change(folder, "races.csv", 2, file="results/none.csv")
@@ -128,13 +128,13 @@ def test_a_file_that_is_missing_twice_named_or_no_table_is_refused(folder):
     refused(folder, "import_columns")
 
 
-def test_a_row_of_another_length_is_refused(folder):
+def test_a_row_of_the_wrong_length_is_refused(folder):
     with (folder / RESULTS).open("a") as file:
         file.write("racer-1,2,3\r\n")
     assert refused(folder, "import_cells") == {"file": RESULTS, "row": 32, "found": 3, "columns": 16}
 
 
-def test_a_season_that_is_not_there_is_refused_with_those_that_are(folder, tmp_path):
+def test_a_missing_season_is_refused_listing_existing_ones(folder, tmp_path):
     assert refused(folder, "import_no_season", season="1999") == {"season": "1999", "seasons": "2031"}
     refused(tmp_path / "nothing", "import_no_folder")
     rows = read_csv(folder / "races.csv")
@@ -142,7 +142,7 @@ def test_a_season_that_is_not_there_is_refused_with_those_that_are(folder, tmp_p
     refused(folder, "import_empty")
 
 
-def test_one_bad_season_of_a_folder_imports_none(folder):
+def test_one_invalid_season_in_a_folder_imports_none(folder):
     rows = read_csv(folder / "races.csv")
     rows[2]["season"] = "2032"
     write_csv(folder / "races.csv", list(rows[0]), rows)

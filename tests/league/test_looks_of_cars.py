@@ -19,7 +19,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 HOUSE_CARS = Path(__file__).resolve().parents[2] / "training" / "house_cars"
 
 
-def test_the_models_of_a_training_wear_the_shell_and_colour_of_its_vehicle(settings):
+def test_trained_models_get_the_look_of_their_vehicle(settings):
     settings.TRAINING, settings.TRAINING_PAUSED = True, False
     now = timezone.now()
     job = a_training(a_racer("alice"), a_track(), now)
@@ -30,7 +30,7 @@ def test_the_models_of_a_training_wear_the_shell_and_colour_of_its_vehicle(setti
     assert {model.look for model in models} == {Look("buggy", "#aa00ff")}
 
 
-def test_each_house_car_has_a_look_of_its_own_and_one_from_before_gets_it():
+def test_each_house_car_gets_its_own_look():
     now = timezone.now()
     cars = house_cars()
     assert {car.name: car.look for car in cars} == LOOKS and len(set(LOOKS.values())) == 3

@@ -26,7 +26,7 @@ def refusal(round_, **changes) -> tuple[str, str]:
     return caught.value.code, field
 
 
-def test_rounds_of_a_stage_cannot_be_moved_into_each_other(season):
+def test_rounds_of_a_stage_cannot_be_made_to_overlap(season):
     first, second = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
     assert refusal(first, closes_at=second.race.opens_at + HOUR) == ("rounds_overlap", "closes_at")
     assert refusal(second, opens_at=first.race.closes_at - HOUR) == ("rounds_overlap", "opens_at")
@@ -35,7 +35,7 @@ def test_rounds_of_a_stage_cannot_be_moved_into_each_other(season):
     assert first.race.closes_at == second.race.opens_at, "one may begin when the other ends"
 
 
-def test_rounds_of_different_stages_and_races_of_their_own_run_side_by_side(season):
+def test_rounds_of_different_stages_may_overlap(season):
     open_, pro = a_round(season, 1, "open-qualifier"), a_round(season, 1, "pro-qualifier")
     one, other = a_round(season, 3, "single"), a_round(season, 4, "single")
     edit_race(race=pro.race, now=NOW, closes_at=pro.race.closes_at + HOUR)
@@ -43,7 +43,7 @@ def test_rounds_of_different_stages_and_races_of_their_own_run_side_by_side(seas
     edit_race(race=one.race, now=NOW, closes_at=other.race.closes_at)
 
 
-def test_a_finale_does_not_begin_before_its_qualifier_closes_whichever_is_moved(season):
+def test_a_finale_cannot_start_before_its_qualifier_closes(season):
     pro, finale = a_round(season, 1, "pro-qualifier"), a_round(season, 1, "pro-finale")
     assert refusal(finale, opens_at=pro.race.closes_at - HOUR) == ("finale_before_qualifier", "opens_at")
     assert refusal(pro, closes_at=finale.race.opens_at + HOUR) == ("finale_before_qualifier", "closes_at")
@@ -51,14 +51,14 @@ def test_a_finale_does_not_begin_before_its_qualifier_closes_whichever_is_moved(
     edit_race(race=finale.race, now=NOW, description="Of January.")
 
 
-def test_a_qualifier_is_not_scheduled_behind_its_finale(season):
+def test_a_qualifier_cannot_be_scheduled_after_its_finale(season):
     finale = a_round(season, 1, "pro-finale")
     with pytest.raises(ValidationError) as caught:
         a_round(season, 1, "pro-qualifier", closes_at=finale.race.opens_at + HOUR)
     assert caught.value.error_dict["race"][0].code == "finale_before_qualifier"
 
 
-def test_a_cancelled_round_is_in_nobodys_way(season):
+def test_a_cancelled_round_blocks_no_other(season):
     first, second = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
     cancel_race(race=second.race, reason="No track.", now=NOW)
     edit_race(race=first.race, now=NOW, closes_at=second.race.closes_at)

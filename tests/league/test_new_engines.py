@@ -65,7 +65,7 @@ def told(racer: Racer, now) -> list[str]:
 
 
 class TestWhoIsTold:
-    def test_each_whose_time_changed_once_with_both_times_and_places_and_nobody_else(self, cast, site, now):
+    def test_only_racers_whose_time_changed_are_told_once(self, cast, site, now):
         race = filled(a_race(now, name="Night Race"), cast, now)
         tell_what_happened(now=now)
         upgraded(race, site, now + MINUTE, 12_500, 11_000, 8_000)
@@ -79,14 +79,14 @@ class TestWhoIsTold:
         assert not Notice.objects.filter(racer=bob, kind="retimed").exists()
         assert tell_what_happened(now=later + MINUTE) == 0
 
-    def test_who_led_is_not_told_that_somebody_drove_past(self, cast, site, now):
+    def test_a_former_leader_is_not_told_of_being_overtaken(self, cast, site, now):
         race = filled(a_race(now), cast, now)
         tell_what_happened(now=now)
         upgraded(race, site, now + MINUTE, 10_000, 9_000, 12_000)
         assert told(cast[0], now + 2 * MINUTE) == []
         assert Lead.objects.get(race=race).racer == cast[1]
 
-    def test_a_better_car_sent_meanwhile_is_not_what_the_engine_did(self, cast, site, now):
+    def test_a_better_car_sent_meanwhile_is_not_a_retiming(self, cast, site, now):
         race = filled(a_race(now, name="Night Race"), cast[:1], now)
         tell_what_happened(now=now)
         site(NEW)
@@ -98,7 +98,7 @@ class TestWhoIsTold:
         assert again[0].startswith(result) and again[0].endswith("2.000 s faster than before.")
         assert again[1].endswith(f"You had 0:10.000 (place 1) with {OLD}, and have 0:09.000.")
 
-    def test_why_a_car_has_no_time_any_more(self, cast, site, now):
+    def test_a_racer_is_told_why_a_car_lost_its_time(self, cast, site, now):
         race = filled(a_race(now), cast[:1], now)
         tell_what_happened(now=now)
         site(NEW)
@@ -108,14 +108,14 @@ class TestWhoIsTold:
         (said,) = told(cast[0], now + MINUTE)
         assert "You had 0:10.000 (place 1)" in said and "have no classified time. " in said and "signal 11" in said
 
-    def test_who_has_left_is_told_nothing(self, cast, site, now):
+    def test_a_racer_who_left_is_told_nothing(self, cast, site, now):
         race = filled(a_race(now), cast, now)
         tell_what_happened(now=now)
         withdraw(entry=race.entries.get(racer=cast[0]), now=now)
         upgraded(race, site, now + MINUTE, 9_000, 9_100, 9_200)
         assert told(cast[0], now + 2 * MINUTE) == []
 
-    def test_the_result_of_a_car_sent_meanwhile_is_told_when_it_counts(self, cast, site, now):
+    def test_a_result_sent_meanwhile_is_announced_when_it_counts(self, cast, site, now):
         race = filled(a_race(now, name="Night Race"), cast[:2], now)
         tell_what_happened(now=now)
         site(NEW)
@@ -129,13 +129,13 @@ class TestWhoIsTold:
             "Your car in Night Race: 0:09.000. You are in place 1 of 3. Your first result in this race."
         ]
 
-    def test_a_result_that_nobody_was_told_of_before_is_told_once(self, cast, site, now):
+    def test_a_result_not_announced_before_is_announced_once(self, cast, site, now):
         race = filled(a_race(now), cast[:1], now)
         upgraded(race, site, now, 10_000)
         assert len([said for said in told(cast[0], now + MINUTE) if said.startswith("Your car in")]) == 1
         assert told(cast[0], now + 2 * MINUTE) == []
 
-    def test_webhooks_are_told_of_no_run_that_was_driven_again(self, cast, site, now):
+    def test_webhooks_are_not_told_of_redriven_runs(self, cast, site, now):
         organiser = a_racer("organiser")
         race = filled(a_race(now, organiser=organiser), cast, now)
         hooks = [Webhook.objects.create(owner=one, url="https://example.org") for one in (organiser, cast[0])]
@@ -149,7 +149,7 @@ class TestWhoIsTold:
 
 
 class TestOfficialResults:
-    def test_wait_until_the_race_is_driven_again_and_are_of_one_engine(self, cast, site):
+    def test_results_become_official_only_after_the_redrive(self, cast, site):
         round_ = a_round(a_season(), 1, "open-qualifier")
         race, during = round_.race, round_.race.closes_at - MINUTE
         filled(race, cast, during)
@@ -166,7 +166,7 @@ class TestOfficialResults:
         assert close_due_rounds(now=closed) == [round_]
         assert Race.objects.get(pk=race.pk).engine == NEW
 
-    def test_are_never_driven_again(self, cast, site):
+    def test_official_results_are_never_redriven(self, cast, site):
         round_ = a_round(a_season(), 1, "open-qualifier")
         filled(round_.race, cast, round_.race.closes_at - MINUTE)
         close_round(round=round_, now=after(round_))
@@ -178,7 +178,7 @@ class TestOfficialResults:
         race = Race.objects.get(pk=round_.race_id)
         assert (shown(race), race.engine, race.next_engine) == (before, OLD, "")
 
-    def test_of_a_race_that_has_closed_and_waits_for_nothing_are_of_its_engine(self, cast, site):
+    def test_a_closed_race_without_pending_runs_keeps_its_engine(self, cast, site):
         round_ = a_round(a_season(), 1, "open-qualifier")
         filled(round_.race, cast, round_.race.closes_at - MINUTE)
         before = everything(round_.race)
@@ -187,7 +187,7 @@ class TestOfficialResults:
         assert close_due_rounds(now=after(round_)) == [round_]
         assert everything(round_.race) == before
 
-    def test_of_a_community_race_and_its_honours_wait_as_well(self, cast, site, now):
+    def test_community_races_and_honours_wait_for_the_redrive_too(self, cast, site, now):
         race = filled(a_race(now), cast, now)
         site(NEW)
         sweep_redrives(now=now)

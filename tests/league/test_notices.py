@@ -38,8 +38,8 @@ def confirmed(racer: Racer) -> Racer:
     return racer
 
 
-class TestARaceInCommunity:
-    def test_who_is_in_it_is_told_that_it_opens_that_it_closes_and_how_it_ended(self, now):
+class TestCommunityRace:
+    def test_its_racers_are_told_of_opening_closing_and_result(self, now):
         race = a_race(now, opens_at=now, closes_at=now + timedelta(days=5))
         racer, stranger = racers(2)
         board(race, [racer])
@@ -50,7 +50,7 @@ class TestARaceInCommunity:
         assert told(racer) == ["opens", "closes", "official"]
         assert told(stranger) == []
 
-    def test_each_is_told_once_whoever_looks_how_often(self, now):
+    def test_each_racer_is_told_once(self, now):
         race = a_race(now, opens_at=now, closes_at=now + timedelta(days=5))
         board(race, racers(3))
         assert tell_what_happened(now=now) == 3
@@ -59,7 +59,7 @@ class TestARaceInCommunity:
         with pytest.raises(IntegrityError), transaction.atomic():
             Notice.objects.create(racer=first.racer, kind=first.kind, about=first.about, at=now)
 
-    def test_a_scheduler_that_stood_still_tells_late_and_not_for_ever(self, now):
+    def test_a_late_scheduler_tells_only_recent_things(self, now):
         race = a_race(now, opens_at=now, closes_at=now + timedelta(days=20))
         (racer,) = racers(1)
         board(race, [racer])
@@ -70,7 +70,7 @@ class TestARaceInCommunity:
         tell_what_happened(now=now + timedelta(days=2))
         assert told(racer) == ["opens", "opens"]
 
-    def test_a_postponed_race_opens_again(self, now):
+    def test_a_postponed_race_is_announced_again(self, now):
         race = a_race(now, opens_at=now, closes_at=now + timedelta(days=9))
         (racer,) = racers(1)
         board(race, [racer])
@@ -79,7 +79,7 @@ class TestARaceInCommunity:
         tell_what_happened(now=now + timedelta(days=1))
         assert told(racer) == ["opens", "opens"]
 
-    def test_a_cancelled_race_says_why_and_nothing_else(self, now):
+    def test_a_cancelled_race_announces_only_its_reason(self, now):
         race = a_race(now, opens_at=now)
         (racer,) = racers(1)
         board(race, [racer])
@@ -88,7 +88,7 @@ class TestARaceInCommunity:
         assert tell_what_happened(now=race.closes_at) == 0
         assert told(racer) == ["cancelled"] and sentence(Notice.objects.get()) == f"{race.name} is cancelled: Rain"
 
-    def test_a_result_is_told_to_its_owner(self, now):
+    def test_an_owner_is_told_of_a_result(self, now):
         race, racer = a_race(now), a_racer()
         drive(race, racer, laps(9_000, 9_000, 9_000), now)
         tell_what_happened(now=now + HOUR)
@@ -96,7 +96,7 @@ class TestARaceInCommunity:
         notice = Notice.objects.get(racer=racer, kind="result")
         assert notice.path.startswith("/evaluations/")
 
-    def test_who_loses_the_lead_is_told_each_time_and_who_never_had_it_is_not(self, now):
+    def test_a_racer_is_told_each_time_they_lose_the_lead(self, now):
         race = a_race(now)
         first, second, third = racers(3)
         board(race, [first, second, third])
@@ -116,8 +116,8 @@ class TestARaceInCommunity:
         assert not Notice.objects.exists()
 
 
-class TestASeason:
-    def test_open_race_promotion_finale_qualification_and_official_results(self):
+class TestSeason:
+    def test_every_stage_of_a_season_is_announced(self):
         season = a_season()
         opened, pro = a_round(season, 1, Stage.OPEN), a_round(season, 1, Stage.PRO)
         finale = a_round(season, 1, Stage.FINALE)
@@ -135,7 +135,7 @@ class TestASeason:
         tell_what_happened(now=after(finale))
         assert "qualified" in told(field[1]) and "qualified" not in told(field[2])
 
-    def test_what_came_of_a_round_is_told_once_after_weeks_without_a_scheduler_whoever_tells_it(self):
+    def test_outcomes_of_a_round_are_told_once_even_weeks_later(self):
         season = a_season()
         opened, pro = a_round(season, 1, Stage.OPEN), a_round(season, 1, Stage.PRO)
         field = racers(10)
@@ -151,7 +151,7 @@ class TestASeason:
         tell_what_happened(now=now + timedelta(days=29))
         assert sorted(told(field[0])) == ["finale", "official", "official", "promoted"]
 
-    def test_weeks_later_it_is_told_at_the_cost_of_a_few_queries(self, django_assert_max_num_queries):
+    def test_telling_weeks_later_needs_few_queries(self, django_assert_max_num_queries):
         season = a_season()
         opened = a_round(season, 1, Stage.OPEN)
         board(opened.race, racers(10))
@@ -160,7 +160,7 @@ class TestASeason:
         with django_assert_max_num_queries(20):
             assert tell_what_happened(now=after(opened, days=10)) == 0
 
-    def test_the_division_of_who_looks_in_decides_whom_an_open_race_is_told(self):
+    def test_an_open_race_is_announced_to_recently_active_racers(self):
         season = a_season()
         opened = a_round(season, 1, Stage.OPEN)
         now = opened.race.opens_at
@@ -171,7 +171,7 @@ class TestASeason:
         assert told(lately) == ["opens"] and told(long_ago) == []
 
 
-class TestADecisionOfStewards:
+class TestStewardDecision:
     @pytest.fixture
     def month(self):
         """An official round, three racers and a steward."""
@@ -181,7 +181,7 @@ class TestADecisionOfStewards:
         round_.refresh_from_db()
         return round_, three, a_racer(is_staff=True)
 
-    def test_who_is_disqualified_reads_why_and_until_when_it_can_be_changed(self, month):
+    def test_a_disqualified_racer_reads_the_reason_and_the_deadline(self, month):
         round_, (racer, other, _), steward = month
         now = round_.closed_at + HOUR
         disqualify(round=round_, racer=racer, by=steward, reason="Two accounts", now=now)
@@ -194,7 +194,7 @@ class TestADecisionOfStewards:
         )
         assert "disqualified" not in told(other)
 
-    def test_each_decision_is_told_once_and_so_is_its_end(self, month):
+    def test_each_decision_and_its_reversal_are_told_once(self, month):
         round_, (racer, *_), steward = month
         now = round_.closed_at + HOUR
         for turn in range(2):
@@ -209,7 +209,7 @@ class TestADecisionOfStewards:
         said = [sentence(one) for one in Notice.objects.filter(kind="restored")]
         assert said == [f"You are no longer disqualified from {round_.race.name} (Our mistake)."] * 2
 
-    def test_before_the_results_are_official_no_end_is_named(self):
+    def test_before_official_results_no_deadline_is_named(self):
         round_, (racer,) = a_round(a_season(), 1, Stage.OPEN), racers(1)
         board(round_.race, [racer])
         now = round_.race.opens_at + HOUR
@@ -217,13 +217,13 @@ class TestADecisionOfStewards:
         tell_what_happened(now=now)
         assert sentence(Notice.objects.get(kind="disqualified")).endswith("they can put you back.")
 
-    def test_what_is_told_after_the_window_promises_nothing(self, month):
+    def test_a_notice_after_the_window_names_no_deadline(self, month):
         round_, (racer, *_), steward = month
         disqualify(round=round_, racer=racer, by=steward, reason="Two accounts.", now=round_.closed_at + HOUR)
         tell_what_happened(now=round_.settled_at)
         assert sentence(Notice.objects.get(kind="disqualified")).endswith("(Two accounts.).")
 
-    def test_it_goes_by_mail_to_a_confirmed_address_and_can_be_turned_off(self, month):
+    def test_it_is_mailed_to_a_confirmed_address_unless_turned_off(self, month):
         round_, (reader, off, silent), steward = month
         for racer in (reader, off):
             confirmed(racer)
@@ -238,14 +238,14 @@ class TestADecisionOfStewards:
         assert sent.to == [reader.email] and "실격" in sent.subject and "disqualified" not in sent.body
         assert told(off, "disqualified") == [] and told(silent, "disqualified") == ["disqualified"]
 
-    def test_thirty_days_later_nothing_is_told_any_more(self, month):
+    def test_nothing_is_told_after_thirty_days(self, month):
         round_, (racer, *_), steward = month
         now = round_.closed_at + HOUR
         disqualify(round=round_, racer=racer, by=steward, reason="Two accounts", now=now)
         tell_what_happened(now=now + timedelta(days=30))
         assert told(racer, "disqualified") == []
 
-    def test_a_decision_that_is_taken_back_with_its_transaction_is_told_to_nobody(self, month):
+    def test_a_rolled_back_decision_is_told_to_nobody(self, month):
         round_, (racer, *_), steward = month
         with pytest.raises(UserFault):
             disqualify(round=round_, racer=racer, by=steward, reason=" ", now=round_.closed_at + HOUR)
@@ -254,7 +254,7 @@ class TestADecisionOfStewards:
 
 
 class TestMail:
-    def test_it_goes_to_confirmed_addresses_once_in_the_chosen_language(self, now):
+    def test_it_is_sent_once_to_confirmed_addresses_in_their_language(self, now):
         race = a_race(now, opens_at=now, name="Night race")
         reader, stranger = confirmed(a_racer()), a_racer()
         choose_notices(racer=reader, site_off=[], mail_off=[], language="ko")
@@ -265,7 +265,7 @@ class TestMail:
         assert sent.to == [reader.email] and "열렸" in sent.subject and "Night race" in sent.body
         assert race.get_absolute_url() in sent.body and "/settings/notices/" in sent.body
 
-    def test_the_link_in_a_mail_turns_its_kind_off_without_a_log_in_and_only_by_a_post(self, now):
+    def test_the_unsubscribe_link_needs_a_post_but_no_log_in(self, now):
         race = a_race(now, opens_at=now)
         reader = confirmed(a_racer())
         choose_notices(racer=reader, site_off=["closes"], mail_off=["result"], language="ko")
@@ -285,7 +285,7 @@ class TestMail:
         client.post(path)
         assert choice_of(reader).mail_off == ["opens", "result"]
 
-    def test_a_link_that_the_site_did_not_write_turns_nothing_off(self, alice):
+    def test_a_forged_unsubscribe_link_turns_nothing_off(self, alice):
         token = stopping_token(alice.pk, "opens")
         for forged in (token[:-1] + ("A" if token[-1] != "A" else "B"), "x", signing.dumps([alice.pk, "opens"])):
             assert Client().post(f"/notices/stop/{forged}/").status_code == 404
@@ -293,7 +293,7 @@ class TestMail:
         Racer.objects.filter(pk=alice.pk).update(is_active=False)
         assert Client().get(f"/notices/stop/{token}/").status_code == 404
 
-    def test_a_name_cannot_add_a_header(self, now):
+    def test_a_name_cannot_inject_a_header(self, now):
         reader = confirmed(a_racer())
         Notice.objects.create(
             racer=reader,
@@ -306,7 +306,7 @@ class TestMail:
         assert send_mails(now=now) == 0 and not mail.outbox
         assert Mail.objects.get().state in ("due", "failed")
 
-    def test_a_kind_that_is_turned_off_is_neither_shown_nor_mailed(self, now):
+    def test_a_disabled_kind_is_neither_shown_nor_mailed(self, now):
         race = a_race(now, opens_at=now)
         reader = confirmed(a_racer())
         choose_notices(racer=reader, site_off=["opens"], mail_off=["opens"], language="en")
@@ -314,7 +314,7 @@ class TestMail:
         tell_what_happened(now=now)
         assert told(reader) == [] and send_mails(now=now) == 0
 
-    def test_by_mail_only(self, now):
+    def test_a_kind_may_be_mailed_without_being_shown(self, now):
         race = a_race(now, opens_at=now)
         reader = confirmed(a_racer())
         choose_notices(racer=reader, site_off=["opens"], mail_off=[], language="en")
@@ -322,7 +322,7 @@ class TestMail:
         tell_what_happened(now=now)
         assert told(reader) == [] and send_mails(now=now) == 1
 
-    def test_a_mail_server_that_refuses_is_asked_three_times(self, now, monkeypatch):
+    def test_a_refusing_mail_server_is_tried_three_times(self, now, monkeypatch):
         race = a_race(now, opens_at=now)
         board(race, [confirmed(a_racer())])
         tell_what_happened(now=now)
@@ -335,7 +335,7 @@ class TestMail:
         mail_of_it = Mail.objects.get()
         assert mail_of_it.state == "failed" and mail_of_it.attempt == 3
 
-    def test_a_mail_whose_sender_was_killed_is_not_sent_twice(self, now):
+    def test_a_mail_is_not_sent_twice_if_its_sender_is_killed(self, now):
         race = a_race(now, opens_at=now)
         board(race, [confirmed(a_racer())])
         tell_what_happened(now=now)
@@ -344,14 +344,14 @@ class TestMail:
         lost.refresh_from_db()
         assert lost.state == "failed" and not mail.outbox
 
-    def test_results_are_mailed_to_who_asks_for_it_only(self, now):
+    def test_results_are_mailed_only_on_request(self, now):
         racer = confirmed(a_racer())
         assert "result" in choice_of(racer).mail_off
         drive(a_race(now), racer, laps(9_000, 9_000, 9_000), now)
         tell_what_happened(now=now + HOUR)
         assert not Mail.objects.filter(notice=Notice.objects.get(racer=racer, kind="result")).exists()
 
-    def test_nonsense_is_refused(self, alice):
+    def test_invalid_settings_are_refused(self, alice):
         for site, language in ((["nonsense"], "en"), ([], "xx")):
             with pytest.raises(ValueError):
                 choose_notices(racer=alice, site_off=site, mail_off=[], language=language)
@@ -364,7 +364,7 @@ class TestPages:
         client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
         return client
 
-    def test_the_bell_counts_what_is_unread_and_the_list_marks_it_read(self, client, alice, now):
+    def test_the_header_counts_unread_notices_and_the_list_clears_it(self, client, alice, now):
         for number in range(3):
             Notice.objects.create(
                 racer=alice, kind=NoticeKind.OPENS, about=str(number), params={"race": "X"}, path="/races/", at=now
@@ -378,7 +378,7 @@ class TestPages:
         client.post("/notices/read/")
         assert "bell-count" not in client.get("/about/").content.decode()
 
-    def test_nobody_reads_or_marks_the_notices_of_others(self, client, bob, now):
+    def test_racers_cannot_read_or_mark_notices_of_others(self, client, bob, now):
         notice = Notice.objects.create(racer=bob, kind=NoticeKind.OPENS, about="1", params={"race": "Y"}, at=now)
         assert "Y is open" not in client.get("/notices/").content.decode()
         assert client.post(f"/notices/{notice.pk}/").status_code == 404
@@ -388,7 +388,7 @@ class TestPages:
         assert Client().get("/notices/").status_code == 302
         assert mark_read(racer=bob, now=now) == 1
 
-    def test_kinds_are_turned_off_in_the_settings(self, client, alice):
+    def test_kinds_can_be_turned_off_in_the_settings(self, client, alice):
         page = client.get("/settings/notices/").content.decode()
         assert page.count('type="checkbox"') == 2 * len(NoticeKind)
         client.post("/settings/notices/", {"language": "ko", "site_opens": "on", "mail_official": "on"})
@@ -396,6 +396,6 @@ class TestPages:
         assert "opens" not in chosen.site_off and "closes" in chosen.site_off
         assert "official" not in chosen.mail_off and "opens" in chosen.mail_off and chosen.language == "ko"
 
-    def test_an_old_notice_without_a_parameter_still_reads(self, client, alice, now):
+    def test_an_old_notice_with_a_missing_parameter_is_readable(self, client, alice, now):
         Notice.objects.create(racer=alice, kind=NoticeKind.LOST_LEAD, about="1", at=now)
         assert client.get("/notices/").status_code == 200

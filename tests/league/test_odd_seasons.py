@@ -56,7 +56,7 @@ def code_of(call) -> str:
 @pytest.mark.parametrize(
     "percent, classified, moved", [(50, 5, 3), (50, 1, 1), ("99.9", 10, 10), ("0.1", 10, 1), (50, 0, 0), ("12.5", 4, 1)]
 )
-def test_the_share_that_moves_is_rounded_half_up_and_at_least_one(percent, classified, moved):
+def test_the_promoted_share_is_rounded_half_up_and_at_least_one(percent, classified, moved):
     round_ = a_round(a_season(promotion_percent=Decimal(percent)), 1, "open-qualifier")
     cast = racers(classified)
     board(round_.race, cast)
@@ -64,7 +64,7 @@ def test_the_share_that_moves_is_rounded_half_up_and_at_least_one(percent, class
     assert promoted() == [one.pk for one in cast[:moved]]
 
 
-def test_only_cars_that_were_not_classified_promote_nobody_and_give_no_points():
+def test_a_round_without_classified_cars_has_no_consequences():
     round_ = a_round(a_season(), 1, "open-qualifier")
     for racer in racers(5):
         Entry.objects.create(
@@ -74,7 +74,7 @@ def test_only_cars_that_were_not_classified_promote_nobody_and_give_no_points():
     assert promoted() == [] and not RoundPoints.objects.exists()
 
 
-def test_a_season_whose_pro_races_nobody_drives_comes_to_its_end():
+def test_a_season_with_empty_pro_races_can_finish():
     season = a_season()
     rounds = [a_round(season, 1, stage) for stage in ("open-qualifier", "pro-qualifier", "pro-finale")]
     rounds.append(a_round(season, 2, "championship"))
@@ -85,7 +85,7 @@ def test_a_season_whose_pro_races_nobody_drives_comes_to_its_end():
     assert hall.champion is None and hall.finales == []
 
 
-def test_house_cars_stand_on_a_board_and_count_for_nothing():
+def test_house_cars_are_on_a_board_but_count_for_nothing():
     round_ = a_round(a_season(promotion_percent=50), 1, "open-qualifier")
     cast, house = racers(4), [a_racer(is_house=True) for _ in range(6)]
     board(round_.race, house, first_ms=1000, is_baseline=True)
@@ -99,7 +99,7 @@ def test_house_cars_stand_on_a_board_and_count_for_nothing():
 # --- ties ----------------------------------------------------------------------------------------------------------
 
 
-def test_equal_cars_at_the_line_are_parted_by_lap_then_resets_then_time_of_sending_then_entry():
+def test_ties_at_the_promotion_line_follow_the_tie_breakers():
     round_ = a_round(a_season(promotion_percent=20), 1, "open-qualifier")
     first, *tied = racers(10)
     stand(round_.race, first, 20_000)
@@ -119,7 +119,7 @@ def test_equal_cars_at_the_line_are_parted_by_lap_then_resets_then_time_of_sendi
     assert promoted() == [first.pk, tied[2].pk]
 
 
-def test_three_who_tie_for_the_last_place_of_a_finale_are_parted_and_one_qualifies():
+def test_a_tie_for_the_last_finale_place_is_broken():
     season = a_season()
     pro, finale = a_round(season, 1, "pro-qualifier"), a_round(season, 1, "pro-finale")
     cast = racers(3)
@@ -156,7 +156,7 @@ def raced():
     return season, cast, (open_, pro, finale, final)
 
 
-def test_a_champion_who_is_disqualified_leaves_the_crown_to_the_next(raced, steward):
+def test_disqualifying_the_champion_crowns_the_next(raced, steward):
     _season, cast, (*_rounds, final) = raced
     assert hall_of_fame()[0].champion.racer == cast[0]
     disqualify(round=final, racer=cast[0], by=steward, reason="Cut.", now=after(final, hours=1))
@@ -165,7 +165,7 @@ def test_a_champion_who_is_disqualified_leaves_the_crown_to_the_next(raced, stew
     assert hall_of_fame()[0].champion.racer == cast[0]
 
 
-def test_a_finalist_who_is_disqualified_in_the_window_leaves_the_place_and_after_it_keeps_it(raced, steward):
+def test_a_finalist_loses_the_place_only_within_the_window(raced, steward):
     season, cast, (_open, _pro, finale, final) = raced
     disqualify(round=finale, racer=cast[1], by=steward, reason="Cut.", now=after(finale, hours=1))
     qualified = list(ChampionshipPlace.objects.filter(season=season).order_by("place").values_list("racer", flat=True))
@@ -177,7 +177,7 @@ def test_a_finalist_who_is_disqualified_in_the_window_leaves_the_place_and_after
     assert field_of(final) == qualified
 
 
-def test_a_promoted_racer_who_is_disqualified_loses_what_followed_from_it_while_the_windows_are_open(raced, steward):
+def test_a_disqualification_undoes_what_followed_a_promotion(raced, steward):
     _season, cast, (open_, *_rounds) = raced
     Round.objects.update(closed_at=after(raced[2][-1]))  # all became official late, so all of it can be corrected
     disqualify(round=open_, racer=cast[0], by=steward, reason="Cut.", now=after(raced[2][-1], hours=1))
@@ -185,7 +185,7 @@ def test_a_promoted_racer_who_is_disqualified_loses_what_followed_from_it_while_
     assert set(outcome_of(Round.objects.get(pk=open_.pk)).promoted) == {(1, cast[1].pk), (2, cast[2].pk)}
 
 
-def test_only_the_last_round_is_taken_back_and_comes_back_the_same(raced, steward):
+def test_only_the_last_round_can_be_reopened_and_closes_the_same(raced, steward):
     _season, _cast, (_open, pro, finale, final) = raced
     Round.objects.update(closed_at=after(final))
     now = after(final, hours=1)
@@ -202,7 +202,7 @@ def test_only_the_last_round_is_taken_back_and_comes_back_the_same(raced, stewar
 # --- the moment of closing -----------------------------------------------------------------------------------------
 
 
-def test_the_last_moment_is_just_before_the_closing_and_a_car_under_way_counts_when_it_is_timed():
+def test_a_car_sent_just_before_the_close_counts():
     season = a_season()
     round_, late, intime = a_round(season, 1, "open-qualifier"), a_racer(), a_racer()
     closes = round_.race.closes_at
@@ -216,7 +216,7 @@ def test_the_last_moment_is_just_before_the_closing_and_a_car_under_way_counts_w
     assert close_due_rounds(now=closes + timedelta(hours=5)) == [round_] and promoted() == [intime.pk]
 
 
-def test_a_postponed_round_closes_later_and_a_cancelled_one_never():
+def test_a_postponed_round_closes_late_and_a_cancelled_one_never():
     season = a_season()
     first, second = (
         a_round(season, 1, "open-qualifier"),
@@ -235,7 +235,7 @@ def test_a_postponed_round_closes_later_and_a_cancelled_one_never():
     )
 
 
-def test_a_clone_of_a_round_s_race_is_no_round_and_changes_no_season():
+def test_cloning_the_race_of_a_round_does_not_change_the_season():
     season = a_season()
     round_ = a_round(season, 1, "open-qualifier")
     board(round_.race, racers(5))
@@ -244,7 +244,7 @@ def test_a_clone_of_a_round_s_race_is_no_round_and_changes_no_season():
     assert clone.entries.count() == 0 and season.rounds.count() == 1
 
 
-def test_months_follow_the_wall_clock_of_their_zone_through_both_changes_of_it():
+def test_months_follow_the_wall_clock_through_daylight_saving():
     zone = ZoneInfo("America/New_York")
     track = a_track()
     months = [MonthPlan(month, track, track, "ccw") for month in range(1, 13)]
@@ -264,7 +264,7 @@ def test_months_follow_the_wall_clock_of_their_zone_through_both_changes_of_it()
 # --- racers who change ---------------------------------------------------------------------------------------------
 
 
-def test_who_changes_team_and_country_keeps_what_was_won_for_the_old_ones():
+def test_changing_team_or_country_keeps_earlier_points():
     season = a_season(promotion_percent=1)
     first, second = a_round(season, 1, "open-qualifier"), a_round(season, 2, "open-qualifier")
     winner, mate, other = (
@@ -284,7 +284,7 @@ def test_who_changes_team_and_country_keeps_what_was_won_for_the_old_ones():
     assert season_standings(season, "open")[0].who == winner.pk
 
 
-def test_a_racer_who_is_deleted_leaves_the_others_their_places():
+def test_deleting_a_racer_keeps_the_places_of_the_others():
     season = a_season()
     round_ = a_round(season, 1, "open-qualifier")
     cast = racers(10)
@@ -297,7 +297,7 @@ def test_a_racer_who_is_deleted_leaves_the_others_their_places():
     assert racer_season(season, cast[1])[0].rank == 1
 
 
-def test_nobody_is_ever_in_two_divisions_and_a_pro_does_not_enter_the_open_race():
+def test_nobody_is_ever_in_two_divisions():
     season = a_season()
     first, second, pro = (
         a_round(season, 1, "open-qualifier"),

@@ -26,19 +26,19 @@ class TestAddresses:
         assert not outgoing.is_public(address)
 
     @pytest.mark.parametrize("address", ["8.8.8.8", "2606:4700:4700::1111"])
-    def test_a_public_one_is(self, address):
+    def test_a_public_address_is_public(self, address):
         assert outgoing.is_public(address)
 
     @pytest.mark.parametrize(
         "url",
         ["ftp://example.org/", "http://", "http://user:word@example.org/", "file:///etc/passwd", "http://x:99999/"],
     )
-    def test_what_is_no_web_address_is_refused(self, url):
+    def test_an_invalid_url_is_refused(self, url):
         with pytest.raises(UserFault) as refused:
             outgoing.checked(url)
         assert refused.value.code == "webhook_address"
 
-    def test_a_name_that_leads_home_is_refused_and_nothing_is_connected(self, listener, monkeypatch):
+    def test_a_name_of_a_private_address_is_refused_unconnected(self, listener, monkeypatch):
         def resolve(host: str, port: int, **kwargs: object) -> list:
             return [(0, 0, 0, "", (address, port)) for address in ("8.8.8.8", "127.0.0.1")]
 
@@ -47,7 +47,7 @@ class TestAddresses:
             outgoing.post(f"http://innocent.example:{listener.server.server_port}/", b"", {})
         assert refused.value.code == "webhook_private" and not listener.heard
 
-    def test_the_connection_goes_to_the_address_that_was_looked_at(self, monkeypatch):
+    def test_the_connection_uses_the_address_that_was_checked(self, monkeypatch):
         asked, connected = [], []
 
         def resolve(host: str, port: int | None, **kwargs: object) -> list:
@@ -88,7 +88,7 @@ class TestAddresses:
         assert refused.value.code == "webhook_private"
         assert outgoing.public_addresses(host, allow_private=True) == [address]
 
-    def test_another_public_address_is_not(self, settings, monkeypatch):
+    def test_another_public_address_is_allowed(self, settings, monkeypatch):
         settings.SITE_URL, settings.ALLOWED_HOSTS = "https://paddock.example.org", ["gone.example"]
 
         def resolve(name: str, port: int | None, **kwargs: object) -> list:
@@ -100,7 +100,7 @@ class TestAddresses:
         assert outgoing.public_addresses("elsewhere.example") == ["8.8.4.4"]
 
     @pytest.mark.parametrize(("address", "ours"), [("127.0.0.1", True), ("::ffff:127.0.0.1", True), ("8.8.8.8", False)])
-    def test_the_kernel_says_which_addresses_are_this_machines(self, address, ours):
+    def test_the_kernel_lists_the_addresses_of_this_machine(self, address, ours):
         assert own_addresses.is_of_this_machine(address) is ours
 
 
@@ -135,13 +135,13 @@ class TestTime:
         thread.join()
 
     @pytest.mark.parametrize("scheme", ["http", "https"])
-    def test_a_server_that_drips_is_cut_off(self, dripping, scheme):
+    def test_a_slow_dripping_server_is_cut_off(self, dripping, scheme):
         began = monotonic()
         with pytest.raises(TimeoutError):
             outgoing.post(f"{scheme}://127.0.0.1:{dripping}/", b"{}", {}, allow_private=True)
         assert monotonic() - began < 2
 
-    def test_a_resolver_that_does_not_answer_is_not_waited_for(self, monkeypatch):
+    def test_an_unresponsive_resolver_is_not_awaited(self, monkeypatch):
         monkeypatch.setattr(outgoing, "LOOKUP_S", 0.1)
         stop = Event()
         monkeypatch.setattr(socket, "getaddrinfo", lambda *args, **kwargs: stop.wait(30) and [])
@@ -152,6 +152,6 @@ class TestTime:
         assert monotonic() - began < 2
 
     @pytest.mark.parametrize("host", ["a..b", "x" * 64 + ".example"])
-    def test_a_name_that_cannot_be_is_no_such_name(self, host):
+    def test_an_invalid_host_name_is_reported_as_unknown(self, host):
         with pytest.raises(socket.gaierror):
             outgoing.addresses_of(host)

@@ -60,7 +60,7 @@ def kept(season: Season) -> list[tuple]:
     return list(DuelRating.objects.filter(season=season).order_by("racer").values_list("racer", "mu", "sigma", "duels"))
 
 
-def test_ratings_come_with_the_last_duel_of_a_race(season, racers, now):
+def test_ratings_are_written_with_the_last_duel_of_a_race(season, racers, now):
     race = a_round(season, racers, now)
     first = driving(race)
     for duel in first:
@@ -71,7 +71,7 @@ def test_ratings_come_with_the_last_duel_of_a_race(season, racers, now):
     assert {duels for *_, duels in table(season)} == {4}
 
 
-def test_ratings_go_on_from_race_to_race(season, racers, now):
+def test_ratings_carry_over_from_race_to_race(season, racers, now):
     end_all(a_round(season, racers, now), now, choose=max)
     before = season_ratings(season)[0].shown
     end_all(a_round(season, racers, now + timedelta(days=1), number=2), now, choose=max)
@@ -79,7 +79,7 @@ def test_ratings_go_on_from_race_to_race(season, racers, now):
     assert (after.racer.alias, after.duels) == ("car-3", 8) and after.shown > before > 0
 
 
-def test_the_same_duels_give_the_same_ratings_whenever_they_are_worked_out(season, racers, now):
+def test_recomputed_ratings_are_the_same(season, racers, now):
     end_all(a_round(season, racers, now), now, choose=max)
     end_all(a_round(season, racers, now + timedelta(days=1), number=2), now, choose=min)
     before = kept(season)
@@ -98,7 +98,7 @@ def test_ratings_do_not_depend_on_which_race_ended_first(season, racers, now):
     assert kept(season) == kept(other)
 
 
-def test_community_races_rate_nobody(season, racers, now):
+def test_community_races_are_not_rated(season, racers, now):
     race = a_duel_race(now)
     qualify(race, racers, now)
     draw_duels(race=race, now=race.closes_at)
@@ -107,13 +107,13 @@ def test_community_races_rate_nobody(season, racers, now):
     assert not DuelRating.objects.exists()
 
 
-def test_walkovers_rate_nobody(season, racers, now):
+def test_walkovers_are_not_rated(season, racers, now):
     race = a_round(season, racers[:2], now)
     remove_entry(entry=Entry.objects.get(race=race, seed=2), by=a_racer("sam", is_staff=True), now=now)
     assert not DuelRating.objects.exists() and season_ratings(season) == []
 
 
-def test_a_racer_s_page_shows_the_place_in_each_season(client, season, racers, now):
+def test_a_racers_page_shows_their_rating_in_each_season(client, season, racers, now):
     end_all(a_round(season, racers, now), now, choose=max)
     (rating,) = racer_ratings(racers[2])
     assert (rating.place, rating.season) == (1, season)
@@ -123,7 +123,7 @@ def test_a_racer_s_page_shows_the_place_in_each_season(client, season, racers, n
     assert "Rating in duels" not in client.get(a_racer("newcomer").get_absolute_url()).content.decode()
 
 
-def test_a_racer_has_one_rating_a_season(season, racers, now):
+def test_a_racer_has_one_rating_per_season(season, racers, now):
     DuelRating.objects.create(season=season, racer=racers[0], mu=25, sigma=8, duels=1)
     with pytest.raises(IntegrityError), transaction.atomic():
         DuelRating.objects.create(season=season, racer=racers[0], mu=25, sigma=8, duels=1)
@@ -131,7 +131,7 @@ def test_a_racer_has_one_rating_a_season(season, racers, now):
         DuelRating.objects.create(season=season, racer=racers[1], mu=25, sigma=0, duels=1)
 
 
-def test_the_duels_of_a_round_show_the_season_s_ratings_and_other_races_none(client, season, racers, now):
+def test_only_duels_of_a_round_show_ratings(client, season, racers, now):
     race = a_round(season, racers, now)
     assert "Rating in duels" not in client.get(f"/races/{race.slug}/duels/").content.decode()
     end_all(race, now, choose=max)

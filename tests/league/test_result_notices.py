@@ -30,7 +30,7 @@ def alice(bell) -> Racer:
     return a_racer("alice")
 
 
-def test_it_says_what_ranks_the_place_and_what_changed(alice, now):
+def test_it_names_the_score_the_place_and_what_changed(alice, now):
     race = a_race(now, name="Oval")
     drive(race, a_racer(), laps(11_000, 11_000, 11_000), now)
     drive(race, alice, laps(12_000, 13_000, 12_500), now)
@@ -43,14 +43,14 @@ def test_it_says_what_ranks_the_place_and_what_changed(alice, now):
     )
 
 
-def test_it_says_what_a_car_lacks_that_is_not_classified(alice, now):
+def test_it_says_what_an_unclassified_car_lacks(alice, now):
     drive(a_race(now, name="Oval"), alice, [lap(1), lap(2, complete=False, percentage=40)], now)
     assert said(alice, now) == (
         "Your car in Oval is not classified: 1 of 3 complete laps in a row. Your first result in this race."
     )
 
 
-def test_it_says_why_a_car_was_not_timed_in_the_reader_s_language(alice, now):
+def test_it_says_why_a_car_was_not_timed_in_the_readers_language(alice, now):
     race = a_race(now, name="Oval")
     failed = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(failed, UserFault("non_finite_action", step=7), now)
@@ -60,6 +60,6 @@ def test_it_says_why_a_car_was_not_timed_in_the_reader_s_language(alice, now):
         assert reason not in said(alice, now)
 
 
-def test_a_notice_of_before_says_what_it_said(alice, now):
+def test_an_old_notice_keeps_its_text(alice, now):
     notice = Notice(racer=alice, kind="result", about="x", params={"race": "Oval"}, at=now - timedelta(days=9))
     assert sentence(notice) == "The result of your car in Oval is in."

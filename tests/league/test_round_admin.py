@@ -56,7 +56,7 @@ def act(client: Client, round_: Round, action: str, **given: str):
     return client.post(reverse(LIST), {"action": action, "_selected_action": [round_.pk], **given}, follow=True)
 
 
-def test_publishing_says_who_is_promoted_before_it_does_anything(boss, played):
+def test_publishing_first_shows_who_would_be_promoted(boss, played):
     round_, field = played
     page = act(boss, round_, "publish").content.decode()
     assert f"{field[0].alias} is now promoted" in page and f"{field[2].alias} is now promoted" not in page
@@ -66,7 +66,7 @@ def test_publishing_says_who_is_promoted_before_it_does_anything(boss, played):
     assert "Publish results" in LogEntry.objects.get().change_message
 
 
-def test_a_disqualification_is_shown_first_and_moves_the_next_one_up(boss, played):
+def test_a_disqualification_is_previewed_and_moves_the_next_up(boss, played):
     round_, field = played
     close_round(round=round_, now=after(round_))
     assert "Fill in all fields" in act(boss, round_, "disqualify", step="asked", racer="").content.decode()
@@ -83,7 +83,7 @@ def test_a_disqualification_is_shown_first_and_moves_the_next_one_up(boss, playe
     assert set(Membership.objects.values_list("racer", flat=True)) == {field[0].pk, field[1].pk}
 
 
-def test_a_steward_chooses_from_the_board(boss, played):
+def test_a_steward_picks_the_racer_from_the_board(boss, played):
     round_, field = played
     page = act(boss, round_, "disqualify").content.decode()
     offered = re.findall(r'type="radio" name="racer" value="([^"]+)"', page)
@@ -100,14 +100,14 @@ def test_a_steward_chooses_from_the_board(boss, played):
     assert re.findall(r'name="racer" value="([^"]+)"', page) == [field[0].alias] and "Two accounts" in page
 
 
-class TestFromTheRace:
+class TestRacePage:
     """Everything on a round is one click from its board, and ends there."""
 
     def actions(self, client: Client, round_: Round) -> list[str]:
         html = client.get(round_.race.get_absolute_url()).content.decode()
         return re.findall(r'name="action" value="(\w+)"', html)
 
-    def test_the_board_offers_what_makes_sense_at_the_moment_and_to_admins_alone(self, boss, played, set_clock):
+    def test_the_board_offers_only_admins_the_possible_actions(self, boss, played, set_clock):
         round_, field = played
         assert self.actions(boss, round_) == ["publish", "disqualify", "put_back", "announce"]
         close_round(round=round_, now=after(round_))
@@ -123,7 +123,7 @@ class TestFromTheRace:
         Round.objects.update(closed_at=None)
         assert self.actions(boss, round_) == ["postpone", "announce"]
 
-    def test_a_steward_comes_back_to_the_board(self, boss, played):
+    def test_an_action_leads_back_to_the_board(self, boss, played):
         round_, field = played
         page = act(boss, round_, "disqualify", back="race")
         assert page.status_code == 200 and 'name="back" value="race"' in page.content.decode()
@@ -132,7 +132,7 @@ class TestFromTheRace:
         assert done.redirect_chain == [(round_.race.get_absolute_url(), 302)]
         assert "Two accounts" in done.content.decode() or field[0].alias not in done.content.decode()
 
-    def test_looking_at_an_action_and_a_forged_post_do_nothing(self, boss, played):
+    def test_viewing_an_action_or_forging_a_post_changes_nothing(self, boss, played):
         round_, _field = played
         boss.get(reverse(LIST), {"action": "publish", "_selected_action": round_.pk, "step": "confirmed"})
         forged = Client(enforce_csrf_checks=True)
@@ -141,7 +141,7 @@ class TestFromTheRace:
         assert forged.post(reverse(LIST), data).status_code == 403
         assert Round.objects.get().closed_at is None and not Membership.objects.exists()
 
-    def test_removing_a_racer_says_what_it_means_for_the_season_and_does_nothing_before(self, boss, played, set_clock):
+    def test_removing_a_racer_first_shows_the_consequences(self, boss, played, set_clock):
         round_, field = played
         address = reverse("race_racer_remove", args=[round_.race.slug, field[0].alias])
         assert "For the season this means" not in boss.get(address).content.decode()
@@ -156,7 +156,7 @@ class TestFromTheRace:
         last = reverse("race_racer_remove", args=[round_.race.slug, field[1].alias])
         assert "The results are final" in boss.get(last).content.decode()
 
-    def test_cancelling_says_what_it_means_for_the_season(self, boss, set_clock):
+    def test_cancelling_first_shows_the_consequences(self, boss, set_clock):
         round_ = a_round(a_season(), 1, Stage.OPEN)
         set_clock(round_.race.opens_at + HOUR)
         html = boss.get(reverse("race_cancel", args=[round_.race.slug])).content.decode()
@@ -166,7 +166,7 @@ class TestFromTheRace:
         assert "Nobody is promoted from this open race." in html
 
 
-def test_what_cannot_be_done_is_said_and_not_offered(boss, played):
+def test_an_impossible_action_is_explained_and_not_offered(boss, played):
     round_, _field = played
     page = act(boss, round_, "disqualify", step="confirmed", racer="nobody", reason="x").content.decode()
     assert "This cannot be done" in page and "There is no racer nobody." in page
@@ -175,7 +175,7 @@ def test_what_cannot_be_done_is_said_and_not_offered(boss, played):
     assert "not official yet" in page and 'value="confirmed"' not in page
 
 
-def test_locked_results_stay(boss, played):
+def test_locked_results_cannot_change(boss, played):
     round_, field = played
     close_round(round=round_, now=after(round_))
     act(boss, round_, "lock", step="confirmed", reason="All checked")
@@ -189,7 +189,7 @@ def test_locked_results_stay(boss, played):
     assert refused.value.code == "steward_window_over"
 
 
-def test_only_official_results_are_locked(played):
+def test_only_official_results_can_be_locked(played):
     round_, _field = played
     with pytest.raises(UserFault) as refused:
         lock_round(round=round_, by=a_racer(is_staff=True), reason="x", now=after(round_))
@@ -197,7 +197,7 @@ def test_only_official_results_are_locked(played):
 
 
 class TestPostponing:
-    def test_the_race_moves_and_its_racers_read_why(self, boss, set_clock):
+    def test_postponing_moves_the_race_and_tells_its_racers_why(self, boss, set_clock):
         round_ = a_round(a_season(), 1, Stage.OPEN)
         field = racers(2)
         board(round_.race, field)
@@ -209,13 +209,13 @@ class TestPostponing:
         assert "The track is wet" in Notice.objects.get(racer=field[0]).params["text"]
         assert "48" in LogEntry.objects.get().change_message
 
-    def test_an_open_race_closes_later_only(self):
+    def test_postponing_an_open_race_moves_only_its_close(self):
         round_ = a_round(a_season(), 1, Stage.OPEN)
         opens, closes = round_.race.opens_at, round_.race.closes_at
         race = postpone_round(round=round_, hours=5, reason="x", now=opens + HOUR)
         assert (race.opens_at, race.closes_at) == (opens, closes + 5 * HOUR)
 
-    def test_not_into_the_next_round_nor_after_the_end_nor_by_nothing(self, boss, set_clock):
+    def test_postponing_into_the_next_round_or_past_the_end_is_refused(self, boss, set_clock):
         season = a_season()
         first = a_round(season, 1, Stage.OPEN)
         a_round(season, 2, Stage.OPEN)
@@ -239,14 +239,14 @@ def test_an_announcement_reaches_everybody_in_the_race(boss, played):
     assert Notice.objects.filter(kind="message").count() == len(field)
 
 
-def test_trying_changes_nothing(played):
+def test_previewing_changes_nothing(played):
     round_, _field = played
     lines = consequences_of(lambda: close_round(round=round_, now=after(round_)), round_.season)
     assert len(lines) == 2 + 4 and not Membership.objects.exists()
     assert consequences_of(lambda: None, round_.season) == ["No promotion, field, qualification or points change."]
 
 
-def test_helpers_without_the_permission_do_nothing(played):
+def test_staff_without_the_permission_can_do_nothing(played):
     round_, _field = played
     helper = a_racer("helper", is_staff=True)
     helper.user_permissions.add(Permission.objects.get(codename="view_round"))
@@ -260,7 +260,7 @@ def test_helpers_without_the_permission_do_nothing(played):
     assert member.get(reverse(LIST)).status_code == 302
 
 
-def test_the_log_is_looked_at_and_never_changed(boss, played):
+def test_the_log_is_read_only(boss, played):
     round_, _field = played
     act(boss, round_, "publish", step="confirmed")
     page = boss.get(reverse("admin:admin_logentry_changelist")).content.decode()

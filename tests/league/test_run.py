@@ -166,7 +166,7 @@ def data(first_start, tmp_path_factory):
     return Path(shutil.copytree(first_start.data, tmp_path_factory.mktemp("again") / "data"))
 
 
-def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_process(first_start):
+def test_a_first_start_opens_a_season_and_ctrl_c_stops_it(first_start):
     assert first_start.answers == (200, 200)
     assert first_start.seasons == 1
     assert first_start.tracks >= 7
@@ -186,7 +186,7 @@ def test_a_first_start_opens_a_season_races_the_house_cars_and_ctrl_c_leaves_no_
     assert "is the same" in again.stdout
 
 
-def test_a_second_start_keeps_all_data_refuses_a_second_run_on_them_and_starts_again_what_dies(data):
+def test_a_second_start_keeps_data_and_restarts_what_dies(data):
     secret = (data / "secret-key").read_text()
     seasons = rows(data, "select * from league_season")
     races = rows(data, "select id, slug, invitation from races_race")
@@ -206,7 +206,7 @@ def test_a_second_start_keeps_all_data_refuses_a_second_run_on_them_and_starts_a
     assert rows(data, "select id, slug, invitation from races_race") == races
 
 
-def test_after_a_sigkill_the_next_start_works_and_sigterm_stops_it(data):
+def test_a_start_after_sigkill_works_and_sigterm_stops_it(data):
     """The first one is killed in the test above, the second with every program of its own at once."""
     with Run(data) as run:
         assert run.ready().answer() == 200

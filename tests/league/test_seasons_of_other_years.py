@@ -63,7 +63,7 @@ def qualifiers_of(season) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("year", [2020, 2023, 2100])
-def test_the_season_of_another_year_comes_in_is_worked_out_and_goes_out_as_it_came(tmp_path, year):
+def test_a_season_of_another_year_survives_import_and_export(tmp_path, year):
     folder = write_season(tmp_path / "in", like_2022(year), str(year))
     (season,) = bring(folder, now=of(year + 2, 1))
     assert season.rounds.count() == 27
@@ -76,7 +76,7 @@ def test_the_season_of_another_year_comes_in_is_worked_out_and_goes_out_as_it_ca
     assert contents(tmp_path / "out") == contents(folder)
 
 
-def test_a_season_with_a_race_of_the_leap_day_alone_comes_in(tmp_path):
+def test_a_season_with_a_race_on_leap_day_only_is_imported(tmp_path):
     day = of(2024, 2, 29)
     races = [Recorded("open-qualifier", "Leap", day, day + 24 * HOUR - timedelta(seconds=1), times(1, 2, 3))]
     (season,) = bring(write_season(tmp_path, races, "2024"))
@@ -86,7 +86,7 @@ def test_a_season_with_a_race_of_the_leap_day_alone_comes_in(tmp_path):
     )
 
 
-def test_several_years_come_in_from_one_folder_with_racers_who_came_back(tmp_path):
+def test_several_years_with_returning_racers_are_imported(tmp_path):
     folder = tmp_path / "in"
     write_season(folder, like_2022(2023), "2023")
     rows = (folder / "races.csv").read_text()
@@ -105,7 +105,7 @@ def with_a_late_finale(year: int) -> list[Recorded]:
     return [*races, april, may]
 
 
-def test_finales_in_the_same_weeks_come_in_and_nobody_qualifies_twice(tmp_path):
+def test_overlapping_finales_qualify_nobody_twice(tmp_path):
     folder = write_season(tmp_path / "in", with_a_late_finale(2021), "2021")
     (season,) = bring(folder, now=of(2023, 1))
     assert finales_of(season) == qualifiers_of(season)
@@ -122,7 +122,7 @@ def test_finales_in_the_same_weeks_come_in_and_nobody_qualifies_twice(tmp_path):
 
 
 @pytest.mark.parametrize("stage", ["open-qualifier", "pro-qualifier", "championship"])
-def test_races_of_one_division_that_were_driven_side_by_side_come_in(tmp_path, stage):
+def test_overlapping_races_of_one_division_are_imported(tmp_path, stage):
     """As in 2020, whose months had a time trial, object avoidance and head-to-head at once."""
     races = [
         Recorded(stage, f"May {kind}", of(2020, 5), of(2020, 6), times(1, 2, 3), {"race_type": kind})
@@ -132,7 +132,7 @@ def test_races_of_one_division_that_were_driven_side_by_side_come_in(tmp_path, s
     assert sorted(season.rounds.values_list("number", flat=True)) == [1, 2, 3]
 
 
-def test_the_order_of_the_rows_changes_no_round(tmp_path):
+def test_the_order_of_rows_does_not_change_rounds(tmp_path):
     races = with_a_late_finale(2021)
     straight = write_season(tmp_path / "straight", races, "2021")
     random.Random(7).shuffle(races)
@@ -149,7 +149,7 @@ def test_the_order_of_the_rows_changes_no_round(tmp_path):
     assert places[0] == places[1]
 
 
-def test_a_finale_of_another_name_is_of_the_last_pro_race_that_has_none(tmp_path):
+def test_a_renamed_finale_belongs_to_the_last_pro_race_without_one(tmp_path):
     """A record may name a finale after its own month: it is held to the calendar then."""
     races = [
         Recorded("pro-qualifier", "April", of(2021, 4), of(2021, 5), times(1, 2, 3)),
@@ -162,7 +162,7 @@ def test_a_finale_of_another_name_is_of_the_last_pro_race_that_has_none(tmp_path
     assert numbers["Spring Finale"] == numbers["April"] and numbers["Summer Finale"] == numbers["May"]
 
 
-def test_an_overlapping_season_is_seen_and_corrected_like_any_other(tmp_path, client):
+def test_an_overlapping_season_works_like_any_other(tmp_path, client):
     (season,) = bring(write_season(tmp_path, with_a_late_finale(2021), "2021"), now=of(2023, 1))
     for page in ("", "calendar/", "finales/", "standings/", "rules/"):
         answer = client.get(f"/seasons/2021/{page}")
@@ -175,7 +175,7 @@ def test_an_overlapping_season_is_seen_and_corrected_like_any_other(tmp_path, cl
 # --- seasons that are made here --------------------------------------------------------------------------------------
 
 
-def test_finales_of_a_season_that_is_made_here_may_overlap_too():
+def test_finales_of_a_local_season_may_overlap_too():
     season = a_season()
     now = JANUARY - timedelta(days=1)
     for number in (1, 2):

@@ -54,7 +54,7 @@ def code(call):
         return next(error.code for errors in refused.error_dict.values() for error in errors)
 
 
-def test_two_who_postpone_a_round_postpone_it_twice(season):
+def test_two_concurrent_postponements_add_up(season):
     round_ = a_round(season, 1, "open-qualifier")
     opens, closes = round_.race.opens_at, round_.race.closes_at
     answers = at_once(
@@ -65,7 +65,7 @@ def test_two_who_postpone_a_round_postpone_it_twice(season):
     assert (race.opens_at, race.closes_at) == (opens + 72 * HOUR, closes + 72 * HOUR)
 
 
-def test_two_who_change_the_same_field_of_what_they_saw_change_it_once(season):
+def test_two_concurrent_edits_of_one_field_apply_once(season):
     race = a_round(season, 1, "open-qualifier").race
     seen = edition_of(Race.objects.get(pk=race.pk))
     names = [f"Name {number}" for number in range(4)]
@@ -74,7 +74,7 @@ def test_two_who_change_the_same_field_of_what_they_saw_change_it_once(season):
     assert Race.objects.get(pk=race.pk).name in names
 
 
-def test_two_who_save_the_form_of_a_season_that_both_had_open_save_it_once(season, steward):
+def test_two_concurrent_saves_of_a_season_form_apply_once(season, steward):
     address = f"/admin/league/season/{season.pk}/change/"
     clients = [Client() for _ in range(3)]
     for client in clients:
@@ -91,7 +91,7 @@ def test_two_who_save_the_form_of_a_season_that_both_had_open_save_it_once(seaso
     assert sorted(answers) == [200, 200, 302], answers
 
 
-def test_who_changes_another_field_without_having_looked_loses_nobody_s_change(season):
+def test_concurrent_edits_of_different_fields_all_apply(season):
     race = a_round(season, 1, "open-qualifier").race
     changes = ({"name": "New"}, {"max_submissions": 7}, {"description": "Words"}, {"laps": 5})
     at_once(
@@ -101,7 +101,7 @@ def test_who_changes_another_field_without_having_looked_loses_nobody_s_change(s
     assert (race.name, race.max_submissions, race.description, race.laps) == ("New", 7, "Words", 5)
 
 
-def test_two_rounds_are_not_moved_into_each_other_at_the_same_moment(season):
+def test_concurrent_moves_cannot_make_rounds_overlap(season):
     first = a_round(season, 1, "open-qualifier")
     end = first.race.closes_at
     second = a_round(season, 2, "open-qualifier", opens_at=end + 10 * HOUR)
@@ -116,7 +116,7 @@ def test_two_rounds_are_not_moved_into_each_other_at_the_same_moment(season):
     assert before.closes_at <= after_.opens_at
 
 
-def test_two_races_of_a_division_are_not_scheduled_over_each_other_at_the_same_moment(season):
+def test_concurrent_scheduling_cannot_make_races_overlap(season):
     times = {"opens_at": JANUARY, "closes_at": JANUARY + 9 * HOUR, "track": a_track()}
 
     def schedule(number: int):
@@ -127,7 +127,7 @@ def test_two_races_of_a_division_are_not_scheduled_over_each_other_at_the_same_m
     assert Round.objects.count() == Race.objects.count() == 1
 
 
-def test_a_round_is_closed_once_while_others_close_everything_that_is_due(season):
+def test_a_round_is_closed_once_by_concurrent_closings(season):
     rounds = [a_round(season, number, "open-qualifier") for number in (1, 2, 3)]
     cast = racers(20)
     for round_ in rounds:
@@ -142,7 +142,7 @@ def test_a_round_is_closed_once_while_others_close_everything_that_is_due(season
     assert Membership.objects.count() == 4 and RoundPoints.objects.count() == 3 * 4
 
 
-def test_stewards_who_decide_at_the_same_moment_end_in_what_all_of_it_means(season, steward):
+def test_concurrent_decisions_of_stewards_all_take_effect(season, steward):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     close_round(round=january, now=after(january))
@@ -163,7 +163,7 @@ def test_stewards_who_decide_at_the_same_moment_end_in_what_all_of_it_means(seas
     assert set(Membership.objects.values_list("racer", flat=True)) == {ten[0].pk, ten[1].pk}
 
 
-def test_a_round_that_is_taken_back_while_others_close_it_ends_held_back_or_official_and_never_half(season, steward):
+def test_reopening_during_a_closing_is_never_half_done(season, steward):
     january = a_round(season, 1, "open-qualifier")
     board(january.race, racers(10))
     close_round(round=january, now=after(january))
@@ -184,5 +184,5 @@ def test_a_round_that_is_taken_back_while_others_close_it_ends_held_back_or_offi
 @pytest.mark.postgres
 @pytest.mark.soak
 @pytest.mark.django_db(transaction=False)
-def test_all_of_the_league_s_rules_hold_on_postgresql_too(again_on_postgresql):
+def test_the_leagues_rules_hold_on_postgresql_too(again_on_postgresql):
     again_on_postgresql(*(f"tests/league/test_{name}.py" for name in ABOUT_THE_DATABASE))

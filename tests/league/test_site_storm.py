@@ -285,7 +285,7 @@ def _settings(data: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("where", [embedded, grown])
-def test_every_car_that_was_accepted_gets_its_result_once(where, tmp_path):
+def test_every_accepted_car_gets_its_result_once(where, tmp_path):
     with short_folder() as folder, where(folder) as place:
         storm = Storm(place, tmp_path / "site.log", seed=1)
         try:

@@ -30,7 +30,7 @@ def promoted(season) -> set[int]:
     return set(Membership.objects.filter(season=season, division="pro").values_list("racer", flat=True))
 
 
-def test_a_disqualified_racer_loses_the_place_and_the_next_one_gets_it(season, steward):
+def test_a_disqualified_racers_place_goes_to_the_next(season, steward):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     close_round(round=january, now=after(january))
@@ -46,7 +46,7 @@ def test_a_disqualified_racer_loses_the_place_and_the_next_one_gets_it(season, s
     assert [one.decision for one in decisions_of(january)] == ["restored", "disqualified"]
 
 
-def test_the_consequences_go_through_the_whole_season(season, steward):
+def test_consequences_reach_through_the_whole_season(season, steward):
     """The winner of the pro race is disqualified after the finale was entered and the next pro race has begun."""
     season.steward_hours = 24 * 60
     season.save()
@@ -80,7 +80,7 @@ def test_the_consequences_go_through_the_whole_season(season, steward):
     assert list(qualified) == [ten[1].pk, ten[0].pk]
 
 
-def test_results_are_final_when_the_window_has_passed(season, steward):
+def test_results_are_final_after_the_window(season, steward):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     close_round(round=january, now=after(january))
@@ -93,7 +93,7 @@ def test_results_are_final_when_the_window_has_passed(season, steward):
     assert promoted(season) == {ten[0].pk, ten[1].pk}
 
 
-def test_removing_an_entry_in_the_window_is_followed_too(season, steward):
+def test_removing_an_entry_within_the_window_has_consequences(season, steward):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     close_round(round=january, now=after(january))
@@ -101,7 +101,7 @@ def test_removing_an_entry_in_the_window_is_followed_too(season, steward):
     assert promoted(season) == {ten[1].pk, ten[2].pk}
 
 
-def test_stewards_are_admins_and_give_reasons(season, steward, alice):
+def test_stewards_are_admins_and_must_give_reasons(season, steward, alice):
     january, ten = a_round(season, 1, "open-qualifier"), racers(3)
     board(january.race, ten)
     now = after(january)
@@ -112,7 +112,7 @@ def test_stewards_are_admins_and_give_reasons(season, steward, alice):
     assert not StewardDecision.objects.exists()
 
 
-def test_a_disqualification_before_the_close_counts_at_the_close(season, steward):
+def test_a_disqualification_before_the_close_takes_effect_then(season, steward):
     january, ten = a_round(season, 1, "open-qualifier"), racers(10)
     board(january.race, ten)
     disqualify(round=january, racer=ten[0], by=steward, reason="Two accounts", now=january.race.closes_at - HOUR)
@@ -121,7 +121,7 @@ def test_a_disqualification_before_the_close_counts_at_the_close(season, steward
     assert promoted(season) == {ten[1].pk, ten[2].pk}
 
 
-def test_results_taken_back_become_official_again_by_hand_only(season, steward):
+def test_reopened_results_become_official_only_by_hand(season, steward):
     january, five = a_round(season, 1, "pro-qualifier"), racers(5)
     finale = a_round(season, 1, "pro-finale")
     board(january.race, five)
@@ -137,7 +137,7 @@ def test_results_taken_back_become_official_again_by_hand_only(season, steward):
     assert Round.objects.get(pk=january.pk).held_at is None
 
 
-def test_a_round_that_others_follow_from_is_not_taken_back(season, steward):
+def test_a_round_with_later_consequences_cannot_be_reopened(season, steward):
     season.steward_hours = 24 * 60
     season.save()
     january, february = a_round(season, 1, "pro-qualifier"), a_round(season, 2, "pro-qualifier")
@@ -151,7 +151,7 @@ def test_a_round_that_others_follow_from_is_not_taken_back(season, steward):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_run_that_is_repeated_in_the_window_changes_the_season(season, bell):
+def test_a_run_repeated_within_the_window_changes_the_season(season, bell):
     january, racer = a_round(season, 1, "open-qualifier"), a_racer()
     four = racers(4)
     sent = january.race.closes_at - HOUR

@@ -80,7 +80,7 @@ def programs(tmp_path):
         one.process.wait()
 
 
-def test_a_program_that_is_killed_is_started_again_and_the_others_stay(programs):
+def test_a_killed_program_is_restarted_alone(programs):
     run = programs("web=stays", "filmer=parent", "broker=stays")
     web, broker, filmer = (run.started(name) for name in ("web", "broker", "filmer"))
     child = run.started("child")
@@ -96,14 +96,14 @@ def test_a_program_that_is_killed_is_started_again_and_the_others_stay(programs)
     assert not any(is_running(pid) for pid in (web, broker, again))
 
 
-def test_one_that_is_no_vital_one_is_started_for_as_long_as_it_takes(programs):
+def test_a_program_that_is_not_vital_is_restarted_forever(programs):
     run = programs("worker=dies", "web=stays")
     run.started("worker", 7)
     assert run.process.poll() is None
     assert len(run.pids("web")) == 1
 
 
-def test_a_web_server_that_cannot_live_ends_all_and_is_named(programs):
+def test_a_web_server_that_keeps_dying_ends_all_and_is_named(programs):
     run = programs("web=dies", "worker=stays")
     assert run.process.wait(10) == 0
     assert "culprit web 3" in run.said
@@ -111,7 +111,7 @@ def test_a_web_server_that_cannot_live_ends_all_and_is_named(programs):
     assert not is_running(run.pids("worker")[0])
 
 
-def test_a_worker_that_could_not_start_its_processes_is_started_again(programs):
+def test_a_worker_that_failed_to_start_is_restarted(programs):
     run = programs("worker=sick first", "web=stays")
     first = run.started("worker")
     run.started("worker", 2)
@@ -119,7 +119,7 @@ def test_a_worker_that_could_not_start_its_processes_is_started_again(programs):
     assert "worker ended by itself (signal 15)" in run.said
 
 
-def test_nothing_outlives_a_supervisor_that_is_killed(programs):
+def test_nothing_outlives_a_killed_supervisor(programs):
     run = programs("web=stays", "worker=stays")
     pids = [run.started("web"), run.started("worker")]
     run.process.kill()

@@ -40,7 +40,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.django_db
-def test_our_rules_and_the_league_agree_and_the_record_goes_out_as_it_came(tmp_path, capsys):
+def test_our_rules_agree_with_2022_and_export_equals_import(tmp_path, capsys):
     started = time.process_time()
     call_command("import_season", RECORD, "--season", "2022", "--json")
     assert time.process_time() - started < LIMIT_S

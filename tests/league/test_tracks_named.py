@@ -66,14 +66,14 @@ def refused(code: str, name: str) -> Refusal:
     return caught.value
 
 
-def test_an_imported_track_is_driven_by_its_address_with_its_own_look_in_either_direction(imported, monkeypatch):
+def test_an_imported_track_is_driven_by_its_slug(imported, monkeypatch):
     job = driven(monkeypatch, "--track", "back-yard", "--direction", "cw")
     assert job.track.fingerprint == imported.geometry.in_direction("cw").fingerprint
     assert job.look == "bold"
     assert job.rules == RaceRules(direction="cw")
 
 
-def test_another_look_can_be_asked_for_and_other_tracks_have_the_official_one(imported, monkeypatch, tmp_path):
+def test_another_look_of_a_track_can_be_requested(imported, monkeypatch, tmp_path):
     assert driven(monkeypatch, "--track", "back-yard", "--look", "textures").look == "textures"
     assert driven(monkeypatch, "--track", "oval").look == "official"
     file = tmp_path / "copy.npy"
@@ -81,13 +81,13 @@ def test_another_look_can_be_asked_for_and_other_tracks_have_the_official_one(im
     assert driven(monkeypatch, "--track", str(file)).look == "official"
 
 
-def test_the_other_command_knows_it_too(imported, tmp_path):
+def test_replay_trace_knows_an_imported_track_too(imported, tmp_path):
     with pytest.raises(Refusal) as caught:  # it gets past the track, to the trace that is not there
         call_command("replay_trace", str(tmp_path / "trace.csv"), "--track", "back-yard")
     assert caught.value.fault.code == "file_unreadable"
 
 
-def test_an_unknown_name_is_told_with_those_that_come_close(imported):
+def test_an_unknown_track_is_refused_with_similar_names(imported):
     fault = refused("track_not_found", "backyard").fault
     assert fault.params["nearest"].split(", ")[0] == "back-yard"
     assert fault.params["known"] == ", ".join(track.slug for track in CATALOGUE)
@@ -96,11 +96,11 @@ def test_an_unknown_name_is_told_with_those_that_come_close(imported):
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("name", ["", "x" * 5000, "a\x00b", "trac\udc80k", "../oval", "ÖVAL", "oval "])
-def test_odd_names_are_unknown_ones(name):
+def test_malformed_names_are_unknown_tracks(name):
     refused("track_not_found", name)
 
 
-def test_a_track_of_which_only_the_name_is_known_is_refused_and_proposed_to_nobody(imported):
+def test_a_track_known_only_by_name_is_refused(imported):
     Track.objects.filter(pk=imported.pk).update(length_m=None, width_m=None)
     with pytest.raises(UserFault) as caught:
         find_track("back-yard")
@@ -108,7 +108,7 @@ def test_a_track_of_which_only_the_name_is_known_is_refused_and_proposed_to_nobo
     assert "back-yard" not in refused("track_not_found", "back-yards").fault.params["nearest"]
 
 
-def test_the_catalogue_and_files_need_no_database(tmp_path):
+def test_catalogue_tracks_and_files_need_no_database(tmp_path):
     """Whoever asked it would be stopped here: the test has none."""
     assert find_track("oval").geometry is by_slug("oval").geometry()
     file = tmp_path / "copy.npy"
@@ -116,7 +116,7 @@ def test_the_catalogue_and_files_need_no_database(tmp_path):
     assert find_track(str(file)).geometry.length == pytest.approx(18.0)
 
 
-def test_a_database_that_does_not_answer_is_named_as_the_reason(monkeypatch):
+def test_an_unreachable_database_is_named_as_the_reason(monkeypatch):
     def away(**kwargs):
         raise OperationalError("connection refused\n\tIs the server running?")
 
@@ -127,7 +127,7 @@ def test_a_database_that_does_not_answer_is_named_as_the_reason(monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["", "postgres://nobody@127.0.0.1:1/nothing"])
-def test_in_a_process_without_a_database_an_unknown_name_is_told_and_none_is_made(address, tmp_path):
+def test_an_unknown_track_creates_no_database(address, tmp_path):
     environment = {**os.environ, "PADDOCK_DATA": str(tmp_path / "data"), "DATABASE_URL": address}
     if not address:
         del environment["DATABASE_URL"]

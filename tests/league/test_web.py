@@ -106,7 +106,7 @@ def small(monkeypatch) -> Callable:
 
 
 @pytest.mark.parametrize("kind", slow.KINDS)
-def test_two_hundred_slow_connections_keep_nobody_waiting(site, kind):
+def test_two_hundred_slow_connections_delay_nobody(site, kind):
     found = slow.measure(
         site.address, kind, SLOW, 0.8, page="/accounts/login/", file="/static/large", upload_mb=8, token="of nobody"
     ).shown()
@@ -116,7 +116,7 @@ def test_two_hundred_slow_connections_keep_nobody_waiting(site, kind):
     assert found["page_p50_ms"] < 1000, found
 
 
-def test_readers_that_take_nothing_keep_no_thread(small):
+def test_clients_that_read_nothing_block_no_thread(small):
     """One thread, and eight who ask for 32 MB without reading it: a file and an answer that is made as it goes."""
     with small("--processes", "1", "--threads", "1") as server:
         held = []
@@ -142,14 +142,14 @@ def test_an_answer_to_head_has_no_body(small, path):
     assert body in (b"", b"0\r\n\r\n")  # the second is the end of one whose length nobody told
 
 
-def test_a_large_upload_comes_whole(small):
+def test_a_large_upload_arrives_complete(small):
     with small() as server:
         body = os.urandom(MEGABYTE) * 64
         status, told = server.send("/api/length", body, Authorization="Token t")
         assert (status, told) == (200, str(len(body)).encode())
 
 
-def test_a_body_in_chunks_comes_whole_and_is_bounded(small):
+def test_a_chunked_body_arrives_complete_and_is_bounded(small):
     with small() as server:
         head = b"POST /api/length HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
         closing = head.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
@@ -166,7 +166,7 @@ def test_a_body_in_chunks_comes_whole_and_is_bounded(small):
         (b"/api/v1/models/", b"X-None: 1"),  # nobody's
     ],
 )
-def test_what_announces_too_much_is_refused_before_it_is_taken(site, path, header):
+def test_a_body_announced_as_too_large_is_refused_unread(site, path, header):
     """The answer comes though not a byte of the body was sent."""
     head = b"POST " + path + b" HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: multipart/form-data; boundary=b\r\n"
     answer = site.raw(head + header + b"\r\nContent-Length: %d\r\n\r\n" % (64 * MEGABYTE))
@@ -174,7 +174,7 @@ def test_what_announces_too_much_is_refused_before_it_is_taken(site, path, heade
     assert b"Connection: close" in answer
 
 
-def test_no_more_large_uploads_are_taken_at_once_than_the_disk_should_hold(small):
+def test_concurrent_large_uploads_are_limited(small):
     with small() as server:
         head = b"POST /api/length HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Token t\r\n"
         held = []
@@ -190,13 +190,13 @@ def test_no_more_large_uploads_are_taken_at_once_than_the_disk_should_hold(small
             connection.close()
 
 
-def test_what_a_proxy_says_reaches_the_settings(small):
+def test_proxy_headers_are_honoured(small):
     with small() as server:
         told = server.get("/told", **{"X-Forwarded-For": "203.0.113.7", "X-Forwarded-Proto": "https"})[1].decode()
     assert told == "203.0.113.7 https http 127.0.0.1"
 
 
-def test_sigterm_lets_a_request_end_and_then_everything_ends(small):
+def test_sigterm_finishes_requests_then_stops_everything(small):
     with small() as server:
         family = server.serving()
         connection = socket.create_connection(("127.0.0.1", server.port), timeout=20)
@@ -210,7 +210,7 @@ def test_sigterm_lets_a_request_end_and_then_everything_ends(small):
         connection.close()
 
 
-def test_a_process_that_dies_is_replaced_and_sighup_replaces_all(small):
+def test_a_dead_process_is_replaced_and_sighup_replaces_all(small):
     with small("--processes", "2") as server:
         first = server.serving()
         assert len(first) == 2
@@ -222,14 +222,14 @@ def test_a_process_that_dies_is_replaced_and_sighup_replaces_all(small):
         assert server.get("/health/live") == (200, b"ok")
 
 
-def test_sigkill_takes_the_processes_along(small):
+def test_sigkill_ends_the_child_processes_too(small):
     with small() as server:
         family = server.serving()
         server.process.kill()
         wait_for(lambda: not any(is_running(pid) for pid in family), 10)
 
 
-def test_a_site_that_does_not_load_ends_the_server(tmp_path: Path):
+def test_a_site_that_fails_to_load_ends_the_server(tmp_path: Path):
     command = [sys.executable, "-m", "config.web", "--port", "0", "--application", "tests.league.no_such_site:a"]
     ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=30)
     assert ended.returncode == 3

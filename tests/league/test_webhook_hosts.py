@@ -55,7 +55,7 @@ def told(hook: Webhook, now, many: int = 1) -> list[WebhookDelivery]:
     ]
 
 
-def test_what_waits_for_others_servers_has_a_queue_of_its_own_and_runs_of_cars_do_not():
+def test_tasks_waiting_for_other_servers_have_their_own_queue():
     queues = {name: app.amqp.router.route({}, name)["queue"].name for name in app.tasks if name.startswith("league.")}
     assert {name for name, queue in queues.items() if queue == "messages"} == {
         *("league.tasks.notices", "league.tasks.webhooks", "league.tasks.deliver")
@@ -64,7 +64,7 @@ def test_what_waits_for_others_servers_has_a_queue_of_its_own_and_runs_of_cars_d
     assert configured.EMAIL_TIMEOUT
 
 
-def test_of_ten_deliveries_to_a_host_that_drips_one_is_tried_and_another_host_is_told_all(drips, bob, net, now):
+def test_a_dripping_host_does_not_delay_another_host(drips, bob, net, now):
     told(drips, now, 10)
     told(add_webhook(owner=bob, url="https://well.example/"), now, 10)
     assert deliver_due(now=now) == 11
@@ -72,7 +72,7 @@ def test_of_ten_deliveries_to_a_host_that_drips_one_is_tried_and_another_host_is
     assert set(WebhookDelivery.objects.filter(webhook=drips).values_list("attempt", flat=True)) == {0, 1}
 
 
-def test_a_hosts_pause_grows_and_what_waits_for_it_loses_no_tries(drips, net, now):
+def test_a_hosts_pause_grows_without_using_up_attempts(drips, net, now):
     waiting = told(drips, now, 3)
     moment, pauses = now, []
     for _ in range(5):
@@ -96,7 +96,7 @@ def test_a_host_that_answered_goes_before_one_that_did_not(drips, bob, net, now)
     assert net.met == ["drips.example", "well.example", "drips.example"]
 
 
-def test_an_answer_that_is_no_success_pauses_nobody_else_at_that_host(alice, bob, net, now, monkeypatch):
+def test_an_error_response_does_not_pause_the_host_for_others(alice, bob, net, now, monkeypatch):
     one = add_webhook(owner=alice, url="https://shared.example/gone")
     other = add_webhook(owner=bob, url="https://shared.example/fine")
     monkeypatch.setattr(deliveries.outgoing, "post", lambda url, *rest, **kwargs: 404 if "gone" in url else 204)
@@ -108,7 +108,7 @@ def test_an_answer_that_is_no_success_pauses_nobody_else_at_that_host(alice, bob
 @pytest.mark.parametrize(
     "nothing_there", ["https://shared.example:81/", "http://shared.example/", "http://shared.example:443/"]
 )
-def test_nobody_has_a_host_paused_for_others_by_a_port_where_nothing_listens(alice, bob, net, now, nothing_there):
+def test_a_closed_port_does_not_pause_the_host_for_others(alice, bob, net, now, nothing_there):
     net.away.add(outgoing.host_of(nothing_there))
     bad = add_webhook(owner=alice, url=nothing_there)
     well = add_webhook(owner=bob, url="https://shared.example:443/fine")
@@ -120,14 +120,14 @@ def test_nobody_has_a_host_paused_for_others_by_a_port_where_nothing_listens(ali
     assert waiting.state == "sent"
 
 
-def test_one_at_a_time_goes_to_a_host(drips, net, now, monkeypatch):
+def test_a_host_gets_one_delivery_at_a_time(drips, net, now, monkeypatch):
     told(drips, now, 2)
     beside = []
     monkeypatch.setattr(deliveries.outgoing, "post", lambda *args, **kwargs: beside.append(deliver_due(now=now)) or 204)
     assert deliver_due(now=now) == 2 and beside == [0, 0]
 
 
-def test_what_waited_half_a_day_for_a_host_that_is_away_is_given_up_and_nothing_else(drips, bob, net, now):
+def test_only_deliveries_to_a_long_absent_host_are_given_up(drips, bob, net, now):
     told(drips, now, 2)
     (late,) = told(add_webhook(owner=bob, url="https://well.example/"), now)
     WebhookDelivery.objects.filter(pk=late.pk).update(not_before=now + GIVEN_UP_AFTER)  # we were away ourselves
@@ -139,7 +139,7 @@ def test_what_waited_half_a_day_for_a_host_that_is_away_is_given_up_and_nothing_
     assert late.state == "sent"
 
 
-def test_a_test_waits_for_no_pause_and_ends_it_when_the_host_is_back(drips, net, now):
+def test_a_test_ignores_a_pause_and_ends_it_on_success(drips, net, now):
     told(drips, now)
     deliver_due(now=now)
     net.away.clear()
@@ -149,7 +149,7 @@ def test_a_test_waits_for_no_pause_and_ends_it_when_the_host_is_back(drips, net,
     assert test.state == "sent" and WebhookHost.objects.get().free_at == now
 
 
-def test_as_many_senders_are_rung_for_as_hosts_are_due(drips, bob, net, monkeypatch, now):
+def test_one_sender_is_woken_for_each_host_that_is_due(drips, bob, net, monkeypatch, now):
     rings = []
     monkeypatch.setattr(tasks, "send", lambda task, times: rings.append((task, times)))
     monkeypatch.setattr(tasks, "database_now", lambda: now)
@@ -163,7 +163,7 @@ def test_as_many_senders_are_rung_for_as_hosts_are_due(drips, bob, net, monkeypa
     assert rings == [("league.tasks.deliver", 1)]
 
 
-def test_a_webhook_from_before_there_were_hosts_gets_its_own(drips, now):
+def test_an_old_webhook_without_a_host_gets_one(drips, now):
     Webhook.objects.update(host="")
     tidy_webhooks(now=now)
     assert Webhook.objects.get().host == "drips.example"

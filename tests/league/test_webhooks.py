@@ -27,7 +27,7 @@ pytestmark = pytest.mark.django_db
 
 
 class TestDeliveries:
-    def test_opening_result_and_closing_are_told_once_and_signed(self, hook, alice, bob, now, listener):
+    def test_opening_result_and_close_are_sent_once_and_signed(self, hook, alice, bob, now, listener):
         race = a_race(now, organiser=alice, opens_at=now - HOUR, closes_at=now + HOUR)
         drive(race, bob, laps(9_000, 9_000, 9_000), now)
         assert queue_deliveries(now=now) == 2 and queue_deliveries(now=now) == 0
@@ -43,12 +43,12 @@ class TestDeliveries:
         assert events["race.opened"]["race"]["slug"] == race.slug
         assert set(WebhookDelivery.objects.values_list("state", "status")) == {("sent", 204)}
 
-    def test_nothing_of_races_that_are_not_the_owners(self, hook, bob, now):
+    def test_races_of_others_send_nothing(self, hook, bob, now):
         a_race(now, organiser=bob, opens_at=now - HOUR)
         a_round(a_season(), 1, Stage.OPEN)
         assert queue_deliveries(now=now) == 0
 
-    def test_a_hook_of_one_race_hears_of_no_other_and_of_none_once_it_is_taken_away(self, hook, alice, bob, now):
+    def test_a_webhook_of_one_race_is_told_of_no_other(self, hook, alice, bob, now):
         race = a_race(now, organiser=alice, opens_at=now - HOUR)
         other = a_race(now, organiser=alice, opens_at=now - HOUR)
         Webhook.objects.update(race=other)
@@ -57,7 +57,7 @@ class TestDeliveries:
         type(race).objects.update(organiser=bob)
         assert queue_deliveries(now=other.closes_at) == 0
 
-    def test_admins_hear_of_the_league_and_of_official_results(self, now, listener):
+    def test_admins_are_told_of_the_league_and_official_results(self, now, listener):
         admin = a_racer(is_staff=True)
         round_ = a_round(a_season(), 1, Stage.OPEN)
         add_webhook(owner=admin, url="https://example.org/")
@@ -66,15 +66,13 @@ class TestDeliveries:
         queue_deliveries(now=after(round_))
         assert set(WebhookDelivery.objects.values_list("event", flat=True)) == {"race.closed", "race.official"}
 
-    def test_nothing_from_before_the_hook_was_made(self, hook, alice, now):
+    def test_nothing_older_than_the_webhook_is_sent(self, hook, alice, now):
         Webhook.objects.update(created_at=now)
         a_race(now, organiser=alice, opens_at=now - HOUR)
         assert queue_deliveries(now=now) == 0
 
     @pytest.mark.parametrize("status", [302, 404, 500])
-    def test_another_answer_is_tried_again_after_growing_pauses_and_then_given_up(
-        self, hook, alice, now, listener, status
-    ):
+    def test_a_failed_delivery_is_retried_then_given_up(self, hook, alice, now, listener, status):
         listener.status = status
         a_race(now, organiser=alice, opens_at=now - HOUR)
         queue_deliveries(now=now)
@@ -87,7 +85,7 @@ class TestDeliveries:
         assert pauses == [0, 1, 4, 16, 64, 256] and delivery.state == "failed" and delivery.status == status
         assert len(listener.heard) == TRIES, "a redirect is not followed"
 
-    def test_a_site_that_does_not_allow_it_sends_nothing_home(self, hook, alice, now, listener, settings):
+    def test_nothing_is_sent_to_a_private_address_unless_allowed(self, hook, alice, now, listener, settings):
         settings.WEBHOOKS_PRIVATE = False
         a_race(now, organiser=alice, opens_at=now - HOUR)
         queue_deliveries(now=now)
@@ -95,21 +93,21 @@ class TestDeliveries:
         delivery = WebhookDelivery.objects.get()
         assert not listener.heard and delivery.state == "due" and delivery.error == "webhook_private"
 
-    def test_the_database_holds_each_thing_once(self, hook, now):
+    def test_the_database_stores_each_delivery_once(self, hook, now):
         same = {"webhook": hook, "event": "race.opened", "about": "x", "at": now, "not_before": now, "body": ""}
         WebhookDelivery.objects.create(**same)
         with pytest.raises(IntegrityError), transaction.atomic():
             WebhookDelivery.objects.create(**same)
 
 
-class TestATest:
+class TestSendingATest:
     """A delivery that the owner asks for."""
 
     @pytest.fixture(autouse=True)
     def counted_from_nothing(self):
         cache.clear()
 
-    def test_it_goes_out_with_the_next_deliveries_signed_like_all(self, hook, now, listener):
+    def test_it_is_sent_with_the_next_deliveries_and_signed(self, hook, now, listener):
         delivery = send_test(webhook=hook, now=now)
         assert not listener.heard, "asking sends nothing by itself"
         assert deliver_due(now=now) == 1 and deliver_due(now=now + HOUR) == 0
@@ -120,7 +118,7 @@ class TestATest:
         delivery.refresh_from_db()
         assert (delivery.state, delivery.status) == ("sent", 204)
 
-    def test_it_is_tried_once_and_the_answer_kept(self, hook, now, listener):
+    def test_it_is_tried_once_and_its_answer_is_stored(self, hook, now, listener):
         listener.status = 500
         delivery = send_test(webhook=hook, now=now)
         deliver_due(now=now)
@@ -128,21 +126,21 @@ class TestATest:
         delivery.refresh_from_db()
         assert (delivery.state, delivery.status, delivery.attempt) == ("failed", 500, 1)
 
-    def test_it_leads_home_no_more_than_any_other(self, hook, now, listener, settings):
+    def test_it_is_not_sent_to_a_private_address(self, hook, now, listener, settings):
         settings.WEBHOOKS_PRIVATE = False
         delivery = send_test(webhook=hook, now=now)
         deliver_due(now=now)
         delivery.refresh_from_db()
         assert (delivery.state, delivery.error) == ("failed", "webhook_private") and not listener.heard
 
-    def test_the_task_is_rung_for_once_the_row_stands(self, hook, now, monkeypatch, django_capture_on_commit_callbacks):
+    def test_the_wake_up_is_sent_after_the_commit(self, hook, now, monkeypatch, django_capture_on_commit_callbacks):
         rings = heard(monkeypatch, "league.tasks.webhooks")
         with django_capture_on_commit_callbacks(execute=True):
             send_test(webhook=hook, now=now)
             assert not rings
         assert len(rings) == 1
 
-    def test_a_broker_that_is_away_leaves_it_to_the_periodic_task(
+    def test_without_a_broker_the_periodic_task_sends_it(
         self, hook, now, monkeypatch, listener, django_capture_on_commit_callbacks
     ):
         def away(task, **options):
@@ -155,7 +153,7 @@ class TestATest:
         deliver_due(now=now)
         assert len(listener.heard) == 1
 
-    def test_ten_an_hour_for_all_webhooks_of_a_racer_also_for_those_that_are_gone(self, hook, alice, bob, now):
+    def test_a_racer_has_ten_tests_an_hour_across_all_webhooks(self, hook, alice, bob, now):
         for minute in range(TESTS_AN_HOUR // 2):
             send_test(webhook=hook, now=now + timedelta(minutes=minute))
         hook.delete()
@@ -168,7 +166,7 @@ class TestATest:
         assert WebhookDelivery.objects.count() == TESTS_AN_HOUR // 2
         send_test(webhook=add_webhook(owner=bob, url="https://example.org/"), now=now)
 
-    def test_the_count_ends_after_an_hour(self, alice, now, monkeypatch):
+    def test_the_limit_resets_after_an_hour(self, alice, now, monkeypatch):
         hook = add_webhook(owner=alice, url="https://example.org/")
         kept = []
         monkeypatch.setattr(cache, "add", lambda key, value, seconds: kept.append(seconds))
@@ -176,14 +174,14 @@ class TestATest:
         assert kept == [3600]
 
 
-class TestThePage:
+class TestWebhookPage:
     @pytest.fixture
     def client(self, alice) -> Client:
         client = Client()
         client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
         return client
 
-    def test_an_organiser_adds_and_removes_a_hook_and_sees_its_secret(self, client, alice, now):
+    def test_an_organiser_adds_a_webhook_sees_its_secret_and_removes_it(self, client, alice, now):
         race = a_race(now, organiser=alice)
         said = {"url": "https://example.org/x", "race": race.pk, "events": ["race.closed", "run.finished"]}
         assert client.post("/settings/webhooks/", said).status_code == 302
@@ -193,7 +191,7 @@ class TestThePage:
         client.post(f"/settings/webhooks/{hook.pk}/remove/")
         assert not Webhook.objects.exists()
 
-    def test_not_for_the_races_of_others_and_not_without_end(self, client, alice, bob, now):
+    def test_webhooks_are_limited_in_number_and_to_own_races(self, client, alice, bob, now):
         race = a_race(now, organiser=bob)
         assert (
             client.post(
@@ -209,7 +207,7 @@ class TestThePage:
         page = client.post("/settings/webhooks/", {"url": "https://example.org/", "events": EVENTS})
         assert page.status_code == 422 and 'data-code="webhook_limit"' in page.content.decode()
 
-    def test_the_owner_sends_a_test_and_sees_its_answer(self, client, hook, listener, settings):
+    def test_the_owner_sends_a_test_and_sees_the_answer(self, client, hook, listener, settings):
         cache.clear()
         page = client.get("/settings/webhooks/").content.decode()
         assert f'action="/settings/webhooks/{hook.pk}/test/"' in page
@@ -224,13 +222,13 @@ class TestThePage:
         assert WebhookDelivery.objects.count() == TESTS_AN_HOUR
         assert client.get(f"/settings/webhooks/{hook.pk}/test/").status_code == 405
 
-    def test_nobody_tests_the_hooks_of_others(self, client, bob):
+    def test_a_racer_cannot_test_webhooks_of_others(self, client, bob):
         hook = add_webhook(owner=bob, url="https://example.org/")
         assert client.post(f"/settings/webhooks/{hook.pk}/test/").status_code == 404
         assert Client().post(f"/settings/webhooks/{hook.pk}/test/").status_code == 302
         assert not WebhookDelivery.objects.exists()
 
-    def test_nobody_sees_or_removes_the_hooks_of_others(self, client, bob):
+    def test_a_racer_cannot_see_or_remove_webhooks_of_others(self, client, bob):
         hook = add_webhook(owner=bob, url="https://example.org/")
         assert hook.secret not in client.get("/settings/webhooks/").content.decode()
         assert client.post(f"/settings/webhooks/{hook.pk}/remove/").status_code == 404

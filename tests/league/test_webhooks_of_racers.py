@@ -47,7 +47,7 @@ def told(hook: Webhook) -> list[tuple[str, dict]]:
 
 
 class TestSigned:
-    def test_the_standards_own_library_verifies_a_delivery(self, hook, moment, listener):
+    def test_the_standard_webhooks_library_verifies_a_delivery(self, hook, moment, listener):
         send_test(webhook=hook, now=moment)
         deliver_due(now=moment)
         ((headers, body),) = listener.heard
@@ -60,7 +60,7 @@ class TestSigned:
         with pytest.raises(WebhookVerificationError):
             Receiver(shown("A" * 40)).verify(body, headers)
 
-    def test_what_is_tried_again_has_its_id_again_and_the_time_of_the_try(self, hook, alice, now, listener):
+    def test_a_retry_keeps_its_id_and_has_a_new_timestamp(self, hook, alice, now, listener):
         listener.status = 500
         a_race(now, organiser=alice, opens_at=now - HOUR)
         queue_deliveries(now=now)
@@ -71,7 +71,7 @@ class TestSigned:
         assert int(second["webhook-timestamp"]) - int(first["webhook-timestamp"]) == 60
         assert first["webhook-signature"] != second["webhook-signature"]
 
-    def test_after_a_new_secret_both_sign_for_a_day(self, hook, moment, listener):
+    def test_old_and_new_secrets_both_sign_for_a_day(self, hook, moment, listener):
         old = hook.secret
         hook = change_secret(webhook=hook, now=moment)
         assert hook.secret != old
@@ -86,12 +86,12 @@ class TestSigned:
                 for secret in (old, hook.secret):
                     assert Receiver(shown(secret)).verify(body, lower)["type"] == "webhook.test"
 
-    def test_the_database_keeps_no_old_secret_without_an_end(self, hook):
+    def test_the_database_refuses_an_old_secret_without_an_end(self, hook):
         with pytest.raises(IntegrityError), transaction.atomic():
             Webhook.objects.filter(pk=hook.pk).update(old_secret="x")
 
 
-class TestTheExampleOfTheDocumentation:
+class TestDocumentationExample:
     @pytest.fixture
     def example(self) -> dict:
         names: dict = {"__name__": "example"}
@@ -105,7 +105,7 @@ class TestTheExampleOfTheDocumentation:
         ((headers, body),) = listener.heard
         return {name.lower(): value for name, value in headers.items()}, body
 
-    def test_it_takes_a_delivery_once_and_refuses_it_again_within_five_minutes(self, example, hook, delivery, moment):
+    def test_it_accepts_a_delivery_once_and_refuses_a_replay(self, example, hook, delivery, moment):
         headers, body = delivery
         example["check"](shown(hook.secret), headers, body)
         for later in (0, 1, 299):
@@ -115,7 +115,7 @@ class TestTheExampleOfTheDocumentation:
             with pytest.raises(example["Refused"], match="too old"):
                 example["check"](shown(hook.secret), headers, body, moment.timestamp() + later)
 
-    def test_it_refuses_what_is_not_signed_and_takes_either_secret(self, example, hook, delivery):
+    def test_it_refuses_unsigned_deliveries_and_accepts_both_secrets(self, example, hook, delivery):
         headers, body = delivery
         for wrong in ({"webhook-signature": "v1,AAAA"}, {"webhook-id": "msg_0"}, {"webhook-signature": "v1,\xe9"}):
             with pytest.raises(example["Refused"], match="not signed"):
@@ -125,8 +125,8 @@ class TestTheExampleOfTheDocumentation:
         example["check"](shown(hook.secret), both, body)
 
 
-class TestARacerIsTold:
-    def test_of_the_runs_of_their_own_cars(self, hook, alice, bob, now):
+class TestRacerWebhooks:
+    def test_a_racer_is_told_of_runs_of_their_own_cars(self, hook, alice, bob, now):
         race = a_race(now, organiser=bob)
         drive(race, alice, laps(9_000, 9_000, 9_000), now)
         drive(race, bob, laps(8_000, 8_000, 8_000), now)
@@ -143,7 +143,7 @@ class TestARacerIsTold:
         ("stage", "event"),
         [(Stage.OPEN, "racer.promoted"), (Stage.PRO, "racer.finale"), (Stage.FINALE, "racer.qualified")],
     )
-    def test_of_what_came_of_a_round_once_it_is_official(self, hook, alice, bob, stage, event):
+    def test_a_racer_is_told_the_outcome_of_an_official_round(self, hook, alice, bob, stage, event):
         round_, steward = a_round(a_season(), 1, stage), a_racer(is_staff=True)
         elsewhere = add_webhook(owner=bob, url="https://example.org/")
         Webhook.objects.update(created_at=round_.race.opens_at - HOUR)
@@ -157,7 +157,7 @@ class TestARacerIsTold:
         close_round(round=round_, now=after(round_) + 2 * HOUR)
         assert queue_deliveries(now=after(round_) + 2 * HOUR) == 0, "nothing twice"
 
-    def test_of_nothing_that_was_undone_before_it_was_told(self, hook, alice):
+    def test_outcomes_undone_before_delivery_are_not_sent(self, hook, alice):
         round_ = a_round(a_season(), 1, Stage.OPEN)
         Webhook.objects.update(created_at=round_.race.opens_at - HOUR)
         board(round_.race, [alice, *racers(9)])
@@ -167,7 +167,7 @@ class TestARacerIsTold:
         queue_deliveries(now=after(round_))
         assert told(hook) == []
 
-    def test_only_what_they_chose_and_only_of_the_race_that_they_named(self, alice, bob, now):
+    def test_only_chosen_events_of_the_chosen_race_are_sent(self, alice, bob, now):
         mine, other = a_race(now, organiser=bob), a_race(now, organiser=bob)
         for race in (mine, other):
             drive(race, alice, laps(9_000, 9_000, 9_000), now)
@@ -178,13 +178,13 @@ class TestARacerIsTold:
         assert [body["race"]["slug"] for _event, body in told(one)] == [mine.slug]
         assert told(none) == []
 
-    def test_nobody_hears_of_a_race_that_they_are_not_in(self, alice, bob, now):
+    def test_nobody_is_told_of_a_race_they_are_not_in(self, alice, bob, now):
         race = a_race(now, organiser=bob)
         with pytest.raises(UserFault) as refused:
             add_webhook(owner=alice, url="https://example.org/", race=race)
         assert refused.value.code == "race_not_yours"
 
-    def test_an_unknown_event_is_named(self, alice):
+    def test_an_unknown_event_is_refused_by_name(self, alice):
         with pytest.raises(UserFault) as refused:
             add_webhook(owner=alice, url="https://example.org/", events=["run.finished", "rain.began"])
         assert (refused.value.code, refused.value.params["event"]) == ("webhook_event", "rain.began")
@@ -202,11 +202,11 @@ class TestChats:
             ("https://example.org/?https://discord.com/api/webhooks/1", None),
         ],
     )
-    def test_a_chat_is_known_by_its_host(self, url, chat):
+    def test_a_chat_is_recognised_by_its_host(self, url, chat):
         assert chats.chat_of(url) == chat
 
     @pytest.mark.parametrize("chat", [chats.DISCORD, chats.SLACK])
-    def test_a_channel_reads_a_sentence_in_its_owners_language(
+    def test_a_chat_gets_a_sentence_in_its_owners_language(
         self, hook, alice, now, listener, monkeypatch, settings, chat
     ):
         monkeypatch.setitem(chats.HOSTS, "127.0.0.1", chat)
@@ -229,5 +229,5 @@ class TestChats:
         assert not [name for name in headers if name.lower().startswith(("webhook-", "x-paddock"))]
         assert WebhookDelivery.objects.get().state == "sent"
 
-    def test_every_event_has_words_and_a_label(self):
+    def test_every_event_has_a_sentence_and_a_label(self):
         assert set(LABELS) == set(EVENTS) and set(WORDS) == {*EVENTS, "webhook.test"}
