@@ -14,9 +14,7 @@ from tests.shared import CHECKOUT
 
 
 @pytest.mark.soak
-def test_the_parts_that_are_asked_for_come_as_one_object_and_one_that_cannot_be_measured_says_why(
-    monkeypatch, capsys, tmp_path, new_data
-):
+def test_requested_parts_come_as_one_object_failures_explained(monkeypatch, capsys, tmp_path, new_data):
     monkeypatch.setenv("BENCH_DATABASE", str(new_data(tmp_path / "data") / "paddock.sqlite3"))
     monkeypatch.setitem(everything.PARTS, "season", ("season", (), ("--results", "300,900")))
     monkeypatch.setitem(everything.PARTS, "board", ("board", (), ("--sizes", "many")))
@@ -28,20 +26,20 @@ def test_the_parts_that_are_asked_for_come_as_one_object_and_one_that_cannot_be_
     assert "argument --sizes: invalid" in found["board"]["error"]
 
 
-def test_every_part_is_a_program_that_knows_its_options() -> None:
+def test_every_part_is_a_program_with_its_options() -> None:
     for part, (module, full, quick) in everything.PARTS.items():
         loaded = importlib.import_module(f"benchmarks.{module}")
         known = set(re.findall(r'"(--[a-z-]+)"', (CHECKOUT / f"benchmarks/{module}.py").read_text()))
         assert {one for one in (*full, *quick) if one.startswith("--")} <= known and loaded.main, part
 
 
-def test_make_bench_runs_them_all() -> None:
+def test_make_bench_runs_every_part() -> None:
     assert re.search(
         r"^bench:.*\n\t@\$\(BIN\)/python -m benchmarks \$\(BENCH_ARGS\)$", (CHECKOUT / "Makefile").read_text(), re.M
     )
 
 
-def test_a_season_that_takes_too_long_or_grows_too_fast_is_a_miss() -> None:
+def test_a_slow_or_fast_growing_season_is_a_miss() -> None:
     one = {"results": 1000, "races": 27, "seconds": 61.0, "processor_s": 1.0}
     figures = {"database": "sqlite", "made_up": [one | {"seconds": 1.0}, one], "growth": 1.6, "recorded": None}
     assert len(season.misses(figures)) == 2 and "1,000 results of 27 races" in season.table(figures)

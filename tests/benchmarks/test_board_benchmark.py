@@ -41,13 +41,13 @@ def measured(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path]
 
 
 @pytest.mark.soak
-def test_boards_of_each_size_are_measured_and_a_month_is_closed(measured) -> None:
+def test_each_board_size_and_the_closing_of_a_month_are_measured(measured) -> None:
     check(measured, "sqlite")
 
 
 @pytest.mark.soak
 @pytest.mark.skipif(not load.is_there(), reason="wrk is not installed")
-def test_requests_a_second_stand_beside_those_of_a_bare_view(measured) -> None:
+def test_requests_per_second_are_compared_with_a_bare_view(measured) -> None:
     found = measured["requests"]
     assert set(found) == {load.BARE, "page of 120", "page of 400", "API of 120", "API of 400"}
     for one in found.values():
@@ -58,13 +58,13 @@ def test_requests_a_second_stand_beside_those_of_a_bare_view(measured) -> None:
 
 @pytest.mark.soak
 @pytest.mark.postgres
-def test_the_same_on_a_server_of_its_own(postgresql: Path) -> None:
+def test_boards_are_measured_on_postgresql(postgresql: Path) -> None:
     ready = postgres.migrated(postgresql)
     arguments = ("--postgres", *SMALLEST, "--load", "0")
     check(json.loads(run("benchmarks.board", *arguments, may_miss=True, BENCH_DATABASE=ready)), "postgresql")
 
 
-def test_without_wrk_nothing_is_measured_in_vain(monkeypatch, capsys) -> None:
+def test_a_missing_wrk_is_noticed_before_measuring(monkeypatch, capsys) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
 
     with pytest.raises(SystemExit) as ended:
@@ -86,7 +86,7 @@ def figures(**changes: object) -> dict:
     } | changes
 
 
-def test_figures_that_keep_every_promise_miss_nothing() -> None:
+def test_figures_that_keep_every_promise_have_no_miss() -> None:
     assert board.misses(figures()) == []
 
 
@@ -104,7 +104,7 @@ def test_a_broken_promise_is_named(change: dict, said: str) -> None:
     assert said in found
 
 
-def test_the_curves_are_drawn_with_a_panel_for_each_database(tmp_path) -> None:
+def test_curves_have_a_panel_for_each_database(tmp_path) -> None:
     for name in ("sqlite", "postgresql"):
         (tmp_path / f"{name}.json").write_text(json.dumps(figures(database=name)))
     out = tmp_path / "curves.svg"
@@ -123,6 +123,6 @@ def test_the_curves_are_drawn_with_a_panel_for_each_database(tmp_path) -> None:
     assert all(below - above >= curves.LINE_PX - 0.2 for above, below in pairwise(heights))
 
 
-def test_drawing_needs_files_to_read_and_one_to_write(capsys) -> None:
+def test_drawing_needs_input_files_and_an_output_file(capsys) -> None:
     assert curves.main(["only.svg"]) == 2 and curves.main(["a.json", "b.json"]) == 2
     assert "usage" in capsys.readouterr().err

@@ -33,7 +33,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[[Path]
 
 
 @pytest.mark.soak
-def test_whole_evaluations_are_measured_and_their_time_is_accounted_for(measured) -> None:
+def test_evaluations_are_measured_and_their_time_explained(measured) -> None:
     assert measured["real_time_factor"]["steady"] > 1
     assert measured["cpu_factor"]["steady"] > 1
     shares = measured["shares"]["steady"]
@@ -55,7 +55,7 @@ def test_whole_evaluations_are_measured_and_their_time_is_accounted_for(measured
 
 
 @pytest.mark.soak
-def test_a_car_is_timed_from_upload_to_rank_on_a_running_site(measured) -> None:
+def test_a_car_is_timed_from_upload_to_rank(measured) -> None:
     timed = measured["upload_to_ranked"]
     assert measured["upload_to_ranked_s"] == timed["total_s"] > 0
     assert sum(timed[part] for part in ("upload_s", "enter_s", "submit_s", "queue_s", "evaluate_s", "rank_s")) == (
@@ -87,7 +87,7 @@ def figures(**changes: object) -> dict:
     } | changes
 
 
-def test_figures_that_keep_every_promise_miss_nothing() -> None:
+def test_figures_that_keep_every_promise_have_no_miss() -> None:
     assert evaluation.misses(figures()) == []
     assert evaluation.misses(figures(upload_to_ranked_s=None)) == []
 
@@ -111,13 +111,13 @@ def test_a_broken_promise_is_named(change: dict, said: str) -> None:
     assert said in found
 
 
-def test_the_house_cars_are_measured_with_their_metadata() -> None:
+def test_house_cars_are_measured_with_their_metadata() -> None:
     steady = next(car for car in cars() if car.name == "steady")
 
     assert [name for name, _ in steady.files] == ["steady.onnx", "model_metadata.json"]
 
 
-def test_the_clock_counts_the_processor_time_of_children() -> None:
+def test_the_clock_counts_cpu_time_of_children() -> None:
     clock = Clock()
     with subprocess.Popen(
         [sys.executable, "-c", "while True: pass"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL

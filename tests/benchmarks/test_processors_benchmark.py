@@ -27,7 +27,7 @@ def figures(**changes: object) -> dict:
     } | changes
 
 
-def test_figures_that_keep_every_promise_miss_nothing() -> None:
+def test_figures_that_keep_every_promise_have_no_miss() -> None:
     assert processors.misses(figures()) == []
     assert "2 of 2 equal" in processors.table(figures()) and "Missed" not in processors.table(figures())
 
@@ -53,7 +53,7 @@ def test_a_broken_promise_is_named(change: dict, said: str) -> None:
 
 
 @pytest.mark.parametrize("there", [True, False], ids=["beside the checkout", "nowhere"])
-def test_it_drives_six_tracks_wherever_it_is(there, monkeypatch, tmp_path) -> None:
+def test_it_drives_six_tracks_on_any_machine(there, monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(processors, "TRACKS", tmp_path)
     for name in processors.COMMUNITY if there else ():
         (tmp_path / f"{name}.npy").touch()
@@ -61,7 +61,7 @@ def test_it_drives_six_tracks_wherever_it_is(there, monkeypatch, tmp_path) -> No
     assert len(set(found)) == 6 and all(name.endswith(".npy") is there for name in found)
 
 
-def test_without_the_emulator_it_says_what_to_install(monkeypatch, capsys) -> None:
+def test_a_missing_emulator_says_what_to_install(monkeypatch, capsys) -> None:
     monkeypatch.setattr(processors, "emulator", lambda: None)
     assert processors.main([]) == 2
     assert "Debian: qemu-user" in capsys.readouterr().err
@@ -69,7 +69,7 @@ def test_without_the_emulator_it_says_what_to_install(monkeypatch, capsys) -> No
 
 @pytest.mark.soak
 @pytest.mark.skipif(platform.machine() != "x86_64" or emulator() is None, reason="there is no emulator here")
-def test_a_lap_is_compared_and_its_decisions_are_counted(monkeypatch) -> None:
+def test_it_compares_a_lap_and_counts_its_decisions(monkeypatch) -> None:
     monkeypatch.setattr(processors, "HOUSE_CARS", ("flyer",))
     monkeypatch.setattr(processors, "CONSOLE_CAR", processors.TRACKS / "nowhere")
     found = processors.run(names=["oval"], laps=1, processors=["Nehalem"])

@@ -26,20 +26,20 @@ def check(figures: dict, database: str) -> None:
 
 
 @pytest.mark.soak
-def test_a_queue_of_each_length_is_measured(tmp_path, new_data) -> None:
+def test_every_queue_length_is_measured(tmp_path, new_data) -> None:
     ready = new_data(tmp_path / "data") / "paddock.sqlite3"
     check(json.loads(run("benchmarks.queue", *SMALLEST, may_miss=True, BENCH_DATABASE=ready)), "sqlite")
 
 
 @pytest.mark.soak
 @pytest.mark.postgres
-def test_and_on_postgresql(postgresql: Path) -> None:
+def test_every_queue_length_is_measured_on_postgresql(postgresql: Path) -> None:
     ready = postgres.migrated(postgresql)
     found = run("benchmarks.queue", *SMALLEST, "--postgres", may_miss=True, BENCH_DATABASE=ready)
     check(json.loads(found), "postgresql")
 
 
-def test_what_grows_or_takes_too_long_is_a_miss() -> None:
+def test_growing_or_excessive_times_are_a_miss() -> None:
     looks = {"claim": {"ms": [1.0, 6.0], "ratio": 6.0}, "sweep": {"ms": [1.0, 1.1], "ratio": 1.1}}
     assert queue.misses({"sizes": [1000, 100_000], "looks": looks}) == [
         "claim: 6.0 ms at 100,000 waiting",

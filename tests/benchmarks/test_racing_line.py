@@ -26,7 +26,7 @@ def ring(radius: float, width: float = 1.0, stretch: float = 0.0) -> TrackGeomet
     return TrackGeometry.from_arrays("ring", line(radius), line(radius - width / 2), line(radius + width / 2))
 
 
-def test_round_a_circle_the_line_is_the_widest_circle_that_the_body_fits_in():
+def test_on_a_circle_the_line_is_the_widest_that_fits_the_body():
     line = minimum_curvature_line(ring(3.0))
     widest = 3.5 - HALF_BODY
     assert line.offsets == pytest.approx(-(0.5 - HALF_BODY), abs=0.01)
@@ -34,7 +34,7 @@ def test_round_a_circle_the_line_is_the_widest_circle_that_the_body_fits_in():
     assert line.length == pytest.approx(2 * math.pi * widest, rel=0.01)
 
 
-def test_a_lap_at_the_limit_takes_as_long_as_its_length_at_that_speed():
+def test_a_lap_at_a_speed_limit_takes_its_length_over_speed():
     line = minimum_curvature_line(ring(3.0))
     assert line.lap_s(1.0) == pytest.approx(line.length / PADDOCK_CAR.speed_gain)
 
@@ -50,7 +50,7 @@ def test_no_point_is_driven_faster_than_the_grip_allows():
     assert speeds.min() == pytest.approx(in_the_bend, rel=0.02), "and bends"
 
 
-def test_speed_changes_as_fast_as_the_car_can_and_no_faster():
+def test_speed_changes_no_faster_than_the_car_can():
     line = centre_line(ring(0.8, width=0.6, stretch=6.0))
     speeds = line.speeds(4.0)
     gained = (np.roll(speeds, -1) ** 2 - speeds**2) / (2 * line.steps)
@@ -59,7 +59,7 @@ def test_speed_changes_as_fast_as_the_car_can_and_no_faster():
 
 
 @pytest.mark.parametrize("slug", ["oval", "kuei-raceway"])
-def test_no_line_nearby_bends_less(slug):
+def test_no_nearby_line_bends_less(slug):
     track = next(entry for entry in CATALOGUE if entry.slug == slug).geometry()
     best, centre = minimum_curvature_line(track), centre_line(track)
     distances = np.arange(len(best.offsets)) * track.length / len(best.offsets)

@@ -45,7 +45,7 @@ def figures(
     }
 
 
-def test_kept_promises_are_said():
+def test_kept_promises_are_reported():
     assert training.misses(figures()) == []
     table = training.table(figures())
     assert "Every target is met." in table
@@ -54,7 +54,7 @@ def test_kept_promises_are_said():
     assert "The same with SAC" in table
 
 
-def test_broken_promises_are_said():
+def test_broken_promises_are_reported():
     assert "20 s are promised" in training.misses(figures(wall_s=21.0))[0]
     slow = training.misses(figures(lapped=4))
     assert "4 of 5 trainings drove" in slow[0]
@@ -62,7 +62,7 @@ def test_broken_promises_are_said():
     assert "Missed: oval" in training.table(figures(wall_s=21.0))
 
 
-def test_cars_that_are_not_near_the_line_in_time_are_said():
+def test_cars_not_near_the_line_in_time_are_reported():
     assert training.misses(figures(near=4)) == ["oval: 4 of 5 trainings came within 25% of the racing line"]
     assert "not within 25% of the racing line in 300 s" in training.misses(figures(near_s=301.0))[0]
     never = figures(near_s=None, near=1)
@@ -70,14 +70,14 @@ def test_cars_that_are_not_near_the_line_in_time_are_said():
     assert "60 - - - -" in training.table(never)
 
 
-def test_without_box2d_it_is_said_how_to_have_it():
+def test_a_missing_box2d_says_how_to_install_it():
     table = training.table(figures(car_racing=None))
     assert "CarRacing not measured" in table
     assert "pip install '.[bench]'" in table
 
 
 @pytest.mark.parametrize("limit", ["0", "4.1", "nan"])
-def test_a_speed_that_no_car_drives_is_no_limit(limit, capsys):
+def test_a_speed_limit_beyond_the_car_is_refused(limit, capsys):
     with pytest.raises(SystemExit):
         training.main(["--speed-limit", limit])
     assert "0.1 to 4 m/s" in capsys.readouterr().err
@@ -91,7 +91,7 @@ def test_car_racing_is_measured_where_box2d_is_installed():
 
 
 @pytest.mark.soak
-def test_one_training_is_measured_from_start_to_laps(capsys):
+def test_a_training_is_measured_from_start_to_laps(capsys):
     pytest.importorskip("torch", reason="training is not installed: make training")
     assert (
         training.main(["--tracks", "oval", "--seeds", "1", "--compared-steps", "0", "--parts", "laps", "--json"]) == 0
@@ -104,7 +104,7 @@ def test_one_training_is_measured_from_start_to_laps(capsys):
 
 
 @pytest.mark.soak
-def test_a_training_towards_the_racing_line_ends_when_its_budget_is_spent(monkeypatch):
+def test_a_training_to_pace_ends_when_its_budget_is_spent(monkeypatch):
     pytest.importorskip("torch", reason="training is not installed: make training")
     monkeypatch.setattr(racing_pace, "BUDGET_S", 1.0)
     run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
@@ -113,7 +113,7 @@ def test_a_training_towards_the_racing_line_ends_when_its_budget_is_spent(monkey
 
 
 @pytest.mark.soak
-def test_what_is_near_the_line_is_what_an_evaluation_says(monkeypatch):
+def test_an_evaluation_decides_what_is_near_the_line(monkeypatch):
     pytest.importorskip("torch", reason="training is not installed: make training")
     monkeypatch.setattr(racing_pace, "NEAR", 3.0)  # whoever laps at all
     run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)

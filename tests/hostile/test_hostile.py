@@ -95,7 +95,7 @@ def is_refused(case: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if not needs_the_wall(case)])
-def test_a_hostile_upload_is_refused_with_the_reason_of_its_folder(
+def test_a_hostile_upload_is_refused_with_its_folders_reason(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -104,16 +104,16 @@ def test_a_hostile_upload_is_refused_with_the_reason_of_its_folder(
 
 
 @pytest.mark.parametrize("case", sorted({*FIRST_OF_EACH, *filter(needs_the_wall, CASES)}))
-def test_behind_the_wall_it_ends_the_same(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_sandbox_gives_the_same_reason(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     is_refused(case, tmp_path)
 
 
-def test_after_all_of_them_a_good_model_is_admitted() -> None:
+def test_a_good_model_is_admitted_after_all_hostile_ones() -> None:
     assert upload(pair(good_network())).parameters == 10
 
 
-def test_every_reason_for_refusing_a_package_has_a_case() -> None:
+def test_every_reason_to_refuse_a_package_has_a_case() -> None:
     from paddock import packages
     from training import sb3 as policies
 

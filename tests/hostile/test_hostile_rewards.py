@@ -58,7 +58,7 @@ def test_a_hostile_reward_function_ends_with_its_code_and_line(
     assert time.monotonic() - began < REWARD.wall_s + 5.0
 
 
-def test_what_writes_its_own_answer_fools_nobody_else() -> None:
+def test_a_function_forging_its_answer_affects_only_itself() -> None:
     """It may say of itself that all is well, as it may say so by returning a 1; the next function is judged anew."""
     liar = source("reward_stuck/answers_with_an_endless_reward").replace("1e999", "7.0")
     assert check_reward(liar).rewards == {"start": 7.0}
@@ -88,7 +88,7 @@ def test_one_character_more_than_allowed_is_too_long() -> None:
     ],
     ids=range(10),
 )
-def test_a_text_that_is_meant_for_the_parser_ends_as_no_python(text: str) -> None:
+def test_text_that_attacks_the_parser_is_refused(text: str) -> None:
     (problem,) = validate_reward(text)
     assert problem.code in ("reward_syntax", "reward_stuck", "reward_function_missing", "reward_memory")
     assert problem.message.isprintable()

@@ -262,7 +262,7 @@ def _wall():
 
 
 @pytest.mark.parametrize("case", one_of_each(CASES, kind=lambda case: case.split("/")[0]))
-def test_a_training_ends_with_the_code_and_the_line(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hostile_training_ends_with_code_and_line(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # longer than the seconds of the processor that a call has, also where it gets half of one
     monkeypatch.setattr(client, "_SILENCE_S", 5.0 if case in SILENT else 15.0)
@@ -277,7 +277,7 @@ def test_a_training_ends_with_the_code_and_the_line(case: str, tmp_path: Path, m
 
 
 @pytest.mark.parametrize("case", one_of_each(IN_TRAINING_ONLY, kind=lambda case: IN_TRAINING_ONLY[case][0]))
-def test_what_happens_in_training_only_is_the_functions_fault(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_only_in_training_is_the_functions_fault(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Never ours: our faults are tried again, and cost no minutes."""
     monkeypatch.setattr(client, "_SILENCE_S", 15.0)
     monkeypatch.setattr(client, "_MESSAGE_S", 5.0)
@@ -293,7 +293,7 @@ def test_what_happens_in_training_only_is_the_functions_fault(case: str, monkeyp
 
 
 @pytest.mark.parametrize(("stop", "why"), [(False, "time"), pytest.param(True, "stopped", marks=pytest.mark.soak)])
-def test_a_function_that_stops_the_clock_does_not_get_more_time(stop, why, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_function_stopping_the_clock_gets_no_more_time(stop, why, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "_FINISH_S", 4.0)
     heard, began = Heard(), time.monotonic()
     asked = {"asked_to_stop": lambda: bool(heard.iterations)} if stop else {}
@@ -304,7 +304,7 @@ def test_a_function_that_stops_the_clock_does_not_get_more_time(stop, why, monke
     assert 0.5 * took < ended.seconds <= took, "counted by our clock"
 
 
-def test_a_function_that_patches_the_simulator_spoils_its_own_training_only() -> None:
+def test_a_patched_simulator_spoils_only_its_own_training() -> None:
     """It makes the trainer say that every step is a whole lap. The evaluation that counts happens elsewhere."""
     heard = Heard()
     train(spec(SAYS_IT_LAPS, stop_steps=1000), heard)
@@ -318,7 +318,7 @@ def test_a_function_that_patches_the_simulator_spoils_its_own_training_only() ->
     assert "percent" in inspect.getsource(referee.Referee.percent.fget), "it reached this process"
 
 
-def test_a_training_next_to_it_learns_the_same_as_alone() -> None:
+def test_a_neighbouring_training_learns_the_same_as_alone() -> None:
     """Two processes share nothing: the honest one's numbers do not move."""
     honest = "def reward_function(params):\n    return float(params['all_wheels_on_track'])\n"
     alone, beside = Heard(), Heard()

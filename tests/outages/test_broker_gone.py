@@ -59,9 +59,7 @@ def timed(answers: Iterator[tuple[str, Answer]]) -> tuple[dict[str, Answer], flo
 
 
 @pytest.mark.slow
-def test_the_site_goes_on_without_redis_and_nothing_that_was_sent_is_lost(
-    tmp_path: Path, new_data: Callable[..., Path]
-) -> None:
+def test_the_site_works_without_redis_and_loses_nothing(tmp_path: Path, new_data: Callable[..., Path]) -> None:
     folder = tmp_path / "valkey"
     folder.mkdir()
     path = broker.socket_path(folder)

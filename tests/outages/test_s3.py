@@ -68,7 +68,7 @@ def owner(driven):
 
 
 @pytest.mark.parametrize("mood", MOODS)
-def test_every_car_that_was_accepted_finishes_once_it_is_back(mood, s3, turn, alice, oval, bell, now):
+def test_accepted_cars_finish_once_the_bucket_is_back(mood, s3, turn, alice, oval, bell, now):
     for number in range(3):
         model = model_row(alice, name=f"Car {number}", onnx=f"network {number}".encode())
         model.network.onnx.delete(save=False)
@@ -90,7 +90,7 @@ def test_every_car_that_was_accepted_finishes_once_it_is_back(mood, s3, turn, al
 
 
 @pytest.mark.parametrize("mood", READS)
-def test_a_file_that_cannot_be_had_is_a_503_that_says_whose_fault_it_is(mood, s3, driven, owner):
+def test_an_unavailable_file_is_a_503_that_blames_the_platform(mood, s3, driven, owner):
     run, model = driven.evaluation.public_id, driven.evaluation.model.public_id
     pages = [f"/evaluations/{run}/trace.csv", f"/evaluations/{run}/replay.json", f"/models/{model}/package.zip"]
     api = [f"/api/v1/evaluations/{run}/trace/", f"/api/v1/evaluations/{run}/logs/", f"/api/v1/models/{model}/package/"]
@@ -109,7 +109,7 @@ def test_a_file_that_cannot_be_had_is_a_503_that_says_whose_fault_it_is(mood, s3
 
 
 @pytest.mark.parametrize("mood", ["stopped", "slow", "full"])
-def test_an_upload_that_cannot_be_kept_is_a_503_and_leaves_nothing(mood, s3, driven, owner):
+def test_an_upload_that_cannot_be_stored_is_a_503(mood, s3, driven, owner):
     package = zipped(bolt__onnx=small_network(), model_metadata__json=json.dumps(METADATA).encode())
     known = StoredFile.objects.count()
     s3.be(mood)
@@ -121,7 +121,7 @@ def test_an_upload_that_cannot_be_kept_is_a_503_and_leaves_nothing(mood, s3, dri
 
 
 class TestScrub:
-    def test_finds_what_was_altered_or_lost_in_a_bucket(self, s3, driven, now):
+    def test_it_finds_altered_and_lost_files_in_a_bucket(self, s3, driven, now):
         altered, lost = driven.evaluation.result.trace.name, driven.evaluation.model.network.onnx.name
         default_storage.delete(altered)
         default_storage.save(altered, ContentFile(b"something else"))
@@ -133,7 +133,7 @@ class TestScrub:
         }
 
     @pytest.mark.parametrize("mood", ["stopped", "slow", "short"])
-    def test_takes_nothing_for_damaged_while_the_server_is_the_trouble(self, mood, s3, driven, now):
+    def test_a_server_outage_is_not_reported_as_damage(self, mood, s3, driven, now):
         s3.be(mood)
         with pytest.raises(PlatformFault) as raised:
             stored.scrub(now=now)

@@ -29,7 +29,7 @@ def race(s3, bell):
 
 
 @pytest.mark.slow
-def test_a_site_is_restored_into_an_empty_bucket_and_answers_as_before(s3, race, tmp_path):
+def test_a_site_restored_into_an_empty_bucket_works_as_before(s3, race, tmp_path):
     asked, file = addresses(), tmp_path / "site.backup"
     before = answers("racer-0-of-backup", asked)
     assert {status for status, _ in before.values()} == {200}
@@ -55,7 +55,7 @@ def test_a_site_is_restored_into_an_empty_bucket_and_answers_as_before(s3, race,
 
 
 @pytest.mark.parametrize("mood", ["stopped", "slow", "short"])
-def test_a_backup_that_cannot_read_the_bucket_fails_and_leaves_no_file(mood, s3, race, tmp_path):
+def test_a_backup_of_an_unreadable_bucket_leaves_no_file(mood, s3, race, tmp_path):
     s3.be(mood)
     with pytest.raises(PlatformFault) as raised:
         back_up(path=tmp_path / "site.backup", now=timezone.now())

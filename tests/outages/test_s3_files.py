@@ -41,7 +41,7 @@ def video(s3, alice, films, bell) -> Video:
 
 
 @pytest.mark.parametrize("mood", [*AWAY, "full"])
-def test_a_film_that_cannot_be_kept_is_drawn_again(mood, s3, video):
+def test_a_video_that_cannot_be_stored_is_drawn_again(mood, s3, video):
     s3.be(mood)
     run_next_video(worker="w")
     video.refresh_from_db()
@@ -54,7 +54,7 @@ def test_a_film_that_cannot_be_kept_is_drawn_again(mood, s3, video):
 
 
 @pytest.mark.parametrize("mood", AWAY)
-def test_a_film_that_cannot_be_had_is_a_503(mood, s3, video, owner):
+def test_an_unavailable_video_is_a_503(mood, s3, video, owner):
     run_next_video(worker="w")
     for name in ("film.mp4", "still.jpg"):
         assert owner.get(f"/videos/{video.public_id}/{name}").status_code == 200
@@ -66,7 +66,7 @@ def test_a_film_that_cannot_be_had_is_a_503(mood, s3, video, owner):
 
 
 @pytest.mark.parametrize("mood", [*AWAY, "short"])
-def test_the_files_of_a_training_that_cannot_be_had_are_a_503(mood, s3, alice, owner, trainings_taken_on):
+def test_unavailable_training_files_are_a_503(mood, s3, alice, owner, trainings_taken_on):
     job = a_trained_one(alice, a_track(), timezone.now())
     parts = ("logs/", "trace/", "sb3/", "package/")
     addresses = [f"/api/v1/trainings/{job.public_id}/{part}" for part in parts]

@@ -37,7 +37,7 @@ def points_of(path):
 
 @every_track
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_a_map_is_xml_with_every_mark_inside_its_frame(entry, direction):
+def test_a_map_is_xml_with_all_marks_inside_its_frame(entry, direction):
     track = entry.geometry(direction)
     picture = draw_svg(track, width=320, height=180, line=lap(track), car=lap(track)[-1])
     root = ET.fromstring(picture)
@@ -55,7 +55,7 @@ def test_a_map_is_xml_with_every_mark_inside_its_frame(entry, direction):
     assert "style" not in picture and "#" not in picture, "colours belong to the style sheet"
 
 
-def test_marks_of_the_caller_lie_on_the_road_and_have_room_below():
+def test_a_callers_marks_lie_on_the_road_with_room_below():
     track = by_slug("oval").geometry()
     plain = ET.fromstring(draw_svg(track))
     picture = ET.fromstring(draw_svg(track, marks='<path class="mine"/>', below_m=1.5))
@@ -87,7 +87,7 @@ def test_the_finish_line_reaches_from_border_to_border_at_waypoint_0():
 HOSTILE = "</title><script>alert(1)</script>&amp;\"'\x00\x1b\ud800\uffff]]>"
 
 
-def test_a_hostile_name_is_only_text():
+def test_a_hostile_name_stays_text():
     source = CATALOGUE[0].geometry()
     track = TrackGeometry.from_arrays(HOSTILE, source.centre, source.inner, source.outer)
     for picture in (draw_svg(track), draw_svg(source, title=HOSTILE)):
@@ -98,7 +98,7 @@ def test_a_hostile_name_is_only_text():
 
 @settings(max_examples=100, deadline=None)
 @given(st.text())
-def test_any_name_gives_xml_that_parses(name):
+def test_any_name_gives_parseable_xml(name):
     root = ET.fromstring(draw_svg(CATALOGUE[-1].geometry(), title=name).encode())
     assert len(root) >= 5 and root[0].tag == SVG + "title"
 
@@ -110,7 +110,7 @@ def test_a_line_style_cannot_break_out_of_its_attribute():
             DrivenLine([(0, 0), (1, 1)], style=style)
 
 
-def test_a_line_is_coloured_by_speed_without_gaps():
+def test_a_trajectory_is_coloured_by_speed_without_gaps():
     track = CATALOGUE[0].geometry()
     points = lap(track)
     speeds = np.linspace(0.0, 4.5, len(points))
@@ -125,7 +125,7 @@ def test_a_line_is_coloured_by_speed_without_gaps():
         DrivenLine(points, speeds[:-1])
 
 
-def test_a_reset_breaks_the_line():
+def test_a_reset_breaks_the_trajectory():
     line = DrivenLine([(0, 0), (0.2, 0), (0.4, 0), (3.0, 0), (3.2, 0), (9.0, 0), (math.nan, 0), (9.4, 0), (9.6, 0)])
     strokes = [points.tolist() for _, points in line.strokes()]
     assert strokes == [[[0, 0], [0.4, 0]], [[3, 0], [3.2, 0]], [[9.4, 0], [9.6, 0]]]
@@ -149,14 +149,14 @@ def test_thinning_stays_within_its_error(entry):
         assert off.max() <= ERROR_M + 1e-12
 
 
-def test_a_map_that_stands_alone_brings_its_style():
+def test_a_standalone_map_carries_its_style():
     picture = draw_svg(CATALOGUE[0].geometry(), standalone=True)
     assert ET.fromstring(picture).find(SVG + "style") is not None
 
 
 @every_track
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_a_preview_opens_in_its_size_and_shows_road_mark_and_line(entry, scheme):
+def test_a_preview_has_its_size_and_shows_road_mark_and_line(entry, scheme):
     track = entry.geometry()
     line = DrivenLine(lap(track), [2.0] * len(lap(track)))
     image = Image.open(io.BytesIO(draw_png(track, (320, 200), scheme=scheme, lines=[line], car=lap(track)[50])))
@@ -169,7 +169,7 @@ def test_a_preview_opens_in_its_size_and_shows_road_mark_and_line(entry, scheme)
     assert len(counts) > 100, "edges are smooth"
 
 
-def test_the_preview_shows_the_line_where_it_was_driven():
+def test_a_preview_shows_the_trajectory_where_it_was_driven():
     track = CATALOGUE[-1].geometry()
     plain = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240)))), dtype=int)
     lined = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), line=lap(track, 0.3)))), dtype=int)
@@ -179,7 +179,7 @@ def test_the_preview_shows_the_line_where_it_was_driven():
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_the_preview_shows_boxes_where_they_stand(scheme):
+def test_a_preview_shows_boxes_where_they_stand(scheme):
     track = by_slug("oval").geometry()
     boxes = [BoxMark(*track.lane_centre(metres, "outer"), 0.15, 0.2) for metres in (4.0, 12.0)]
     pictures = [
@@ -194,12 +194,12 @@ def test_the_preview_shows_boxes_where_they_stand(scheme):
 
 
 @pytest.mark.parametrize("options", [{"scheme": "sepia"}, {"size": (8, 200)}, {"size": (320, 99999)}])
-def test_a_preview_of_nonsense_is_refused(options):
+def test_a_preview_of_invalid_data_is_refused(options):
     with pytest.raises(ValueError, match=r"scheme|side"):
         draw_png(CATALOGUE[0].geometry(), **options)
 
 
-def test_boxes_stand_on_the_map_where_they_stand_on_the_track_with_number_and_title():
+def test_a_map_shows_boxes_in_place_with_number_and_title():
     track = by_slug("oval").geometry()
     boxes = [
         BoxMark(*track.lane_centre(4.0, "inner"), 0.15, 0.2, 1, "first <box>"),
@@ -227,7 +227,7 @@ def test_a_box_stays_visible_on_the_map_of_a_long_track():
 
 
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_lanes_are_drawn_between_the_centre_line_and_their_border_in_either_direction(direction):
+def test_lanes_are_drawn_on_their_side_in_either_direction(direction):
     track = by_slug("oval").geometry().in_direction(direction)
     assert not drawn(draw_svg(track), "track-lane")
     length = {}

@@ -43,7 +43,7 @@ def refused(code: str, **kwargs) -> UserFault:
     return caught.value
 
 
-def test_an_imported_track_has_the_length_width_and_geometry_of_its_file(alice, now, oval_file):
+def test_an_imported_track_has_the_geometry_of_its_file(alice, now, oval_file):
     track = import_track(data=oval_file, name="  My\n oval ", owner=alice, now=now)
     track.refresh_from_db()
     geometry = by_slug("oval").geometry()
@@ -54,24 +54,24 @@ def test_an_imported_track_has_the_length_width_and_geometry_of_its_file(alice, 
     assert not track.is_catalogue
 
 
-def test_a_file_that_is_no_track_leaves_nothing(alice, now):
+def test_a_refused_file_leaves_nothing(alice, now):
     refused("track_not_npy", data=b"hello", name="Hello", owner=alice, now=now)
     assert not Track.objects.exists()
 
 
-def test_a_racer_s_copy_of_a_known_track_is_refused_with_its_address(alice, bob, now, oval_file):
+def test_a_racers_copy_of_a_known_track_is_refused(alice, bob, now, oval_file):
     import_track(data=oval_file, name="First", owner=alice, now=now)
     fault = refused("track_known", data=oval_file, name="Second", owner=bob, now=now)
     assert fault.params == {"name": "First", "slug": "first"}
 
 
-def test_an_operator_gets_the_known_track_back(now, oval_file):
+def test_an_operators_copy_gives_the_known_track(now, oval_file):
     first = import_track(data=oval_file, name="First", owner=None, now=now)
     assert import_track(data=oval_file, name="Again", owner=None, now=now) == first
     assert Track.objects.count() == 1
 
 
-def test_a_track_of_which_only_the_name_is_known_gets_its_shape_from_an_operator(alice, now, oval_file):
+def test_an_operator_gives_a_track_without_shape_its_shape(alice, now, oval_file):
     named = {"name": "Some_Speedway", "npy": b"", "direction": "ccw", "created_at": now}
     known = Track.objects.create(slug="some-speedway", fingerprint="unknown:1", **named)
     other = Track.objects.create(slug="another", fingerprint="unknown:2", **(named | {"name": "Another"}))
@@ -88,13 +88,13 @@ def test_a_track_of_which_only_the_name_is_known_gets_its_shape_from_an_operator
     refused("track_slug", data=moved(oval_file, 7), name="Oval", owner=None, now=now, slug="another")
 
 
-def test_two_tracks_of_one_name_get_two_addresses(alice, now, oval_file):
+def test_two_tracks_of_one_name_get_different_addresses(alice, now, oval_file):
     slugs = [import_track(data=moved(oval_file, n), name="Ring", owner=alice, now=now).slug for n in range(3)]
     assert slugs == ["ring", "ring-2", "ring-3"]
 
 
 @pytest.mark.parametrize(("name", "slug"), [("한국 서킷", "track"), ("Import", "import-2"), ("New", "new-2")])
-def test_names_without_latin_letters_and_those_of_pages_get_an_address_all_the_same(db, name, slug):
+def test_non_latin_and_reserved_names_get_an_address_too(db, name, slug):
     assert free_slug(name) == slug
 
 
@@ -104,12 +104,12 @@ def test_a_track_needs_a_name_that_fits(alice, now, oval_file, name):
 
 
 @pytest.mark.parametrize("slug", ["", "Oval", "a b", "-a", "import", "../x", "x" * 65, "taken"])
-def test_an_address_that_cannot_be_used_is_refused(now, oval_file, slug):
+def test_an_unusable_address_is_refused(now, oval_file, slug):
     import_track(data=moved(oval_file, 1), name="Taken", owner=None, now=now)
     refused("track_slug", data=oval_file, name="Oval", owner=None, now=now, slug=slug)
 
 
-def test_a_racer_imports_only_so_many_tracks_and_an_admin_any_number(alice, bob, now, oval_file, settings):
+def test_the_limit_of_imports_binds_racers_but_not_admins(alice, bob, now, oval_file, settings):
     settings.TRACKS_PER_RACER = 1
     import_track(data=oval_file, name="One", owner=alice, now=now)
     refused("track_limit", data=moved(oval_file, 1), name="Two", owner=alice, now=now)
@@ -119,7 +119,7 @@ def test_a_racer_imports_only_so_many_tracks_and_an_admin_any_number(alice, bob,
         import_track(data=moved(oval_file, number), name="Many", owner=bob, now=now)
 
 
-def test_the_catalogue_is_loaded_once_and_exactly(now):
+def test_loading_the_catalogue_again_changes_nothing(now):
     rows = load_catalogue(now=now)
     assert [row.slug for row in rows] == [entry.slug for entry in CATALOGUE]
     for row, entry in zip(rows, CATALOGUE, strict=True):
@@ -131,7 +131,7 @@ def test_the_catalogue_is_loaded_once_and_exactly(now):
     assert list(Track.objects.order_by("pk").values()) == before
 
 
-def test_a_catalogue_track_of_another_shape_takes_the_address_and_the_old_one_keeps_its_races(now, oval_file):
+def test_a_new_catalogue_shape_takes_over_the_address(now, oval_file):
     old = import_track(data=moved(oval_file, 1), name="Old oval", owner=None, now=now, slug="oval", is_catalogue=True)
     load_catalogue(now=now)
     old.refresh_from_db()
@@ -139,14 +139,14 @@ def test_a_catalogue_track_of_another_shape_takes_the_address_and_the_old_one_ke
     assert Track.objects.get(slug="oval").fingerprint == by_slug("oval").geometry().fingerprint
 
 
-def test_a_catalogue_track_that_a_racer_had_imported_becomes_the_catalogue_s(alice, now, oval_file):
+def test_the_catalogue_takes_over_a_racers_imported_track(alice, now, oval_file):
     mine = import_track(data=oval_file, name="Mine", owner=alice, now=now)
     load_catalogue(now=now)
     mine.refresh_from_db()
     assert (mine.slug, mine.is_catalogue, mine.owner) == ("oval", True, None)
 
 
-def test_a_track_that_was_raced_on_stays(alice, now, oval_file):
+def test_a_track_with_races_cannot_be_deleted(alice, now, oval_file):
     track = import_track(data=oval_file, name="Ring", owner=alice, now=now)
     race = a_race(now, track=track)
     with pytest.raises(UserFault) as caught:
@@ -170,7 +170,7 @@ def test_the_command_imports_a_file_and_prints_it(tmp_path: Path, oval_file):
     assert out.getvalue().startswith("my-oval: my oval, 18.0")
 
 
-def test_the_command_exits_2_with_the_code_of_a_refused_file(tmp_path: Path):
+def test_the_command_exits_with_2_on_a_refused_file(tmp_path: Path):
     file = tmp_path / "bad.npy"
     file.write_bytes(b"\x80\x04N.")
     with pytest.raises(CommandError, match=r"^track_pickled: ") as caught:
@@ -178,13 +178,13 @@ def test_the_command_exits_2_with_the_code_of_a_refused_file(tmp_path: Path):
     assert caught.value.returncode == 2
 
 
-def test_the_command_says_which_file_it_cannot_read(tmp_path: Path):
+def test_the_command_names_an_unreadable_file(tmp_path: Path):
     with pytest.raises(CommandError, match=r"none\.npy cannot be read"):
         call_command("import_track", tmp_path / "none.npy")
 
 
 @needs_shared
-def test_every_shared_track_imports_but_the_straight_one(now):
+def test_every_community_track_but_the_straight_one_imports(now):
     refusals = {}
     for path in sorted((SHARED / "tracks").glob("*.npy")):
         try:
@@ -200,7 +200,7 @@ def test_a_track_keeps_the_look_it_was_imported_with(oval_file, alice, now):
     assert import_track(data=moved(oval_file, 1), name="Bold", owner=alice, now=now, look="bold").look == "bold"
 
 
-def test_an_unknown_look_is_refused_with_those_that_are_known(oval_file, alice, now):
+def test_an_unknown_look_is_refused_with_the_known_ones(oval_file, alice, now):
     fault = refused("track_look", data=oval_file, name="Odd", owner=alice, now=now, look="neon")
     assert "official, textures, bold" in str(fault)
     assert not Track.objects.exists()

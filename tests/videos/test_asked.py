@@ -49,8 +49,8 @@ def code_of(*args, **kwargs) -> str:
     return refused.value.code
 
 
-class TestWhatIsAskedFor:
-    def test_waits_in_the_queue_and_rings(self, run, bob, now, films, commits):
+class TestRequest:
+    def test_it_is_queued_and_sends_a_wake_up(self, run, bob, now, films, commits):
         asked = ask(run, bob, now)
         video = asked.video
         assert asked.queued
@@ -58,18 +58,18 @@ class TestWhatIsAskedFor:
         assert (video.asked_by, video.asked_at) == (bob, now)
         assert [ring["queue"] for ring in films] == ["videos"]
 
-    def test_is_made_once_whoever_asks_again(self, run, alice, bob, now):
+    def test_it_is_made_once_however_many_ask(self, run, alice, bob, now):
         first = ask(run, bob, now)
         again = ask(run, alice, now, part="2")
         assert not again.queued and again.video == first.video
         assert Video.objects.count() == 1
 
-    def test_is_another_video_for_another_part_or_language(self, run, alice, now, settings):
+    def test_another_part_or_language_is_another_video(self, run, alice, now, settings):
         settings.VIDEOS_AT_ONCE = 10
         kinds = [("best", "en"), ("best", "ko"), ("whole", "en"), ("1", "en"), ("3", "en")]
         assert len({ask(run, alice, now, part=part, language=language).video.pk for part, language in kinds}) == 5
 
-    def test_is_made_once_by_the_database(self, run, alice, now):
+    def test_the_database_refuses_a_second_equal_video(self, run, alice, now):
         video = ask(run, alice, now).video
         with pytest.raises(IntegrityError), transaction.atomic():
             Video.objects.create(evaluation=run, car=0, part=video.part, language="en")
@@ -86,33 +86,33 @@ class TestWhatIsAskedFor:
             ({"language": "tlh"}, "video_language"),
         ],
     )
-    def test_must_be_there(self, run, alice, now, what, code):
+    def test_an_unknown_part_or_language_is_refused(self, run, alice, now, what, code):
         assert code_of(run, alice, now, **what) == code
 
-    def test_is_a_run_that_has_ended(self, alice, now, films):
+    def test_an_unfinished_run_is_refused(self, alice, now, films):
         submission = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
         start(submission.evaluation, now)
         assert code_of(submission.evaluation, alice, now) == "video_run_not_finished"
 
-    def test_has_a_best_lap_only_where_one_was_completed(self, alice, now, films):
+    def test_a_best_lap_needs_a_completed_lap(self, alice, now, films):
         from tests.factories import lap
 
         evaluation = drive(a_race(now), alice, [lap(1, 9_000, complete=False)], now).evaluation
         assert code_of(evaluation, alice, now) == "video_no_best_lap"
         assert ask(evaluation, alice, now, part="whole").video.part == 0
 
-    def test_is_no_longer_than_the_site_allows(self, run, alice, now, settings):
+    def test_a_video_beyond_the_sites_length_is_refused(self, run, alice, now, settings):
         settings.VIDEO_SECONDS = 2
         assert code_of(run, alice, now, part="whole") == "video_too_long"
         assert ask(run, alice, now, part="best").queued
 
-    def test_is_refused_where_videos_are_switched_off(self, run, alice, now, settings):
+    def test_it_is_refused_when_videos_are_switched_off(self, run, alice, now, settings):
         settings.VIDEOS = False
         assert code_of(run, alice, now) == "videos_off"
 
 
 class TestLimits:
-    def test_so_many_may_wait_or_be_drawn_at_once(self, run, alice, bob, now, settings):
+    def test_videos_under_way_are_limited(self, run, alice, bob, now, settings):
         settings.VIDEOS_AT_ONCE = 2
         ask(run, alice, now, "1"), ask(run, alice, now, "2")
         assert code_of(run, alice, now, "3") == "videos_at_once"
@@ -121,9 +121,7 @@ class TestLimits:
         stop_video(video=Video.objects.get(part=1), now=now)
         assert ask(run, alice, now, "whole").queued
 
-    def test_so_many_may_be_asked_for_within_a_day_those_stopped_and_asked_anew_included(
-        self, run, alice, now, settings
-    ):
+    def test_requests_per_day_are_limited_stopped_ones_included(self, run, alice, now, settings):
         settings.VIDEOS_A_DAY = 3
         for _ in range(3):
             stop_video(video=ask(run, alice, now, "1").video, now=now)
@@ -134,7 +132,7 @@ class TestLimits:
 
 
 class TestANewNameOrLook:
-    def test_makes_a_video_stale_and_the_next_one_shows_it(self, run, alice, bob, now):
+    def test_it_makes_a_video_stale_and_appears_in_the_next(self, run, alice, bob, now):
         video = ask(run, alice, now).video
         assert run_next_video(worker="w")
         video.refresh_from_db()
@@ -152,7 +150,7 @@ class TestANewNameOrLook:
         assert video.file.name != old
 
     @pytest.mark.parametrize("change", ["alias", "race", "track"])
-    def test_counts_wherever_a_name_is_written(self, run, alice, now, change):
+    def test_it_counts_wherever_a_name_is_written(self, run, alice, now, change):
         def fingerprint():
             related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
             return FilmedRun.of(Evaluation.objects.select_related(*related).get()).fingerprint(0, 2, "en")
@@ -165,7 +163,7 @@ class TestANewNameOrLook:
         assert fingerprint() != before
 
 
-class TestWhoMay:
+class TestPermissions:
     """Alice races and organises, Bob is in the race, Charlie is a stranger, Stella is an admin."""
 
     @pytest.fixture
@@ -175,7 +173,7 @@ class TestWhoMay:
         return {"alice": alice, "bob": bob, "charlie": charlie, "stella": stella, "guest": guest, "nobody": None}
 
     @pytest.mark.parametrize("visibility", Visibility.values)
-    def test_watch_ask_and_stop(self, cast, now, films, visibility):
+    def test_only_those_allowed_watch_ask_and_stop(self, cast, now, films, visibility):
         from races.services import accept_invitation, enter_race
 
         race = a_race(now, organiser=cast["alice"], visibility=visibility)
@@ -205,7 +203,7 @@ class TestWhoMay:
             assert {*evaluations_to_film(racer).values_list("pk", flat=True)} == asked, name
             assert {*videos_to_stop(racer)} == {v for v in videos.values() if can_stop_video(racer, v)}, name
 
-    def test_nobody_asks_for_a_film_of_a_run_that_goes_on_or_stops_one_that_is_done(self, cast, now, films):
+    def test_running_runs_have_no_video_and_ended_videos_no_stop(self, cast, now, films):
         alice = cast["alice"]
         running = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now).evaluation
         assert not can_ask_for_video(alice, running)

@@ -21,20 +21,20 @@ def asking(run, racer, now, part="1"):
     return lambda: ask_for_video(evaluation=run, by=racer, part=part, language="en", now=now)
 
 
-def test_what_many_ask_for_at_once_is_one_video(run, now):
+def test_simultaneous_requests_make_one_video(run, now):
     answers = at_once([asking(run, a_racer(), now) for _ in range(5)])
     assert sorted(answer.queued for answer in answers) == [False] * 4 + [True]
     assert Video.objects.count() == 1
 
 
-def test_what_failed_and_many_ask_for_anew_is_requeued_once(run, alice, now):
+def test_a_failed_video_is_requeued_once_for_many_requests(run, alice, now):
     stop_video(video=asking(run, alice, now)().video, now=now)
     answers = at_once([asking(run, a_racer(), now) for _ in range(4)])
     assert sorted(answer.queued for answer in answers) == [False] * 3 + [True]
     assert Video.objects.get().state == "waiting"
 
 
-def test_no_racer_gets_past_a_limit_by_asking_at_once(run, bob, now, settings):
+def test_simultaneous_requests_cannot_pass_a_limit(run, bob, now, settings):
     settings.VIDEOS_AT_ONCE = 3
     answers = at_once([asking(run, bob, now, part=str(number)) for number in range(1, 7)])
     assert sum(isinstance(answer, Asked) for answer in answers) == 3
@@ -42,14 +42,14 @@ def test_no_racer_gets_past_a_limit_by_asking_at_once(run, bob, now, settings):
     assert Video.objects.count() == 3
 
 
-def test_many_workers_share_the_queue(run, alice, bob, now):
+def test_several_workers_share_the_queue(run, alice, bob, now):
     for racer, part in ((alice, "1"), (alice, "2"), (bob, "3")):
         asking(run, racer, now, part=part)()
     claimed = at_once([lambda: VIDEOS.claim(worker="w", now=now) for _ in range(5)])
     assert sorted(video.part for video in claimed if video is not None) == [1, 2, 3]
 
 
-def test_a_video_that_is_stopped_while_it_ends_is_one_or_the_other(run, alice, now):
+def test_a_video_stopped_while_ending_is_stopped_or_ready(run, alice, now):
     video = asking(run, alice, now)().video
     answers = at_once([lambda: run_next_video(worker="w"), lambda: stop_video(video=video, now=now)])
     assert not [answer for answer in answers if isinstance(answer, Exception)]

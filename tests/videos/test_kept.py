@@ -35,7 +35,7 @@ def files_are_there(video: Video) -> list[bool]:
     return [default_storage.exists(name) for name in (video.file.name, video.poster.name)]
 
 
-def test_what_nobody_has_watched_for_so_long_goes_with_its_files(video, now, settings):
+def test_a_long_unwatched_video_goes_with_its_files(video, now, settings):
     days = timedelta(days=settings.VIDEO_DAYS)
     assert purge_videos(now=now + days) == 0
     assert files_are_there(video) == [True, True]
@@ -44,7 +44,7 @@ def test_what_nobody_has_watched_for_so_long_goes_with_its_files(video, now, set
     assert not Video.objects.exists()
 
 
-def test_what_is_watched_is_kept_and_written_down_once_an_hour(video, now, settings):
+def test_a_watched_video_is_kept_and_noted_once_an_hour(video, now, settings):
     note_watched(video=video, now=now + timedelta(minutes=59))
     video.refresh_from_db()
     assert video.watched_at == now
@@ -54,7 +54,7 @@ def test_what_is_watched_is_kept_and_written_down_once_an_hour(video, now, setti
     assert Video.objects.get().watched_at == later
 
 
-def test_one_that_failed_is_forgotten_after_so_long_and_one_that_waits_is_not(video, now, alice, settings):
+def test_an_old_failed_video_is_removed_a_waiting_one_stays(video, now, alice, settings):
     from paddock.errors import UserFault
 
     run = video.evaluation
@@ -66,7 +66,7 @@ def test_one_that_failed_is_forgotten_after_so_long_and_one_that_waits_is_not(vi
     assert list(Video.objects.all()) == [waiting]
 
 
-def test_a_deleted_model_is_in_no_film_any_more(video, now, alice):
+def test_deleting_a_model_deletes_its_videos(video, now, alice):
     other = a_driven_run(a_race(now), alice, now)
     kept = ask_for_video(evaluation=other, by=alice, language="en", now=now).video
     delete_model(model=video.evaluation.model, now=now)
@@ -74,7 +74,7 @@ def test_a_deleted_model_is_in_no_film_any_more(video, now, alice):
     assert files_are_there(video) == [False, False]
 
 
-def test_nor_is_a_deleted_rival(video, now, bob):
+def test_deleting_a_rival_deletes_the_video(video, now, bob):
     from evaluation.models import EvaluationRival
     from tests.factories import a_model
 
@@ -85,14 +85,14 @@ def test_nor_is_a_deleted_rival(video, now, bob):
     assert files_are_there(video) == [False, False]
 
 
-def test_a_deleted_evaluation_takes_its_films_along(video):
+def test_deleting_an_evaluation_deletes_its_videos(video):
     Submission.objects.all().delete()
     Evaluation.objects.get(pk=video.evaluation_id).delete()
     assert not Video.objects.exists()
     assert files_are_there(video) == [False, False]
 
 
-def test_a_deleted_racer_who_asked_for_the_film_of_another_takes_their_name_only(alice, bob, now, films, commits):
+def test_deleting_a_requester_keeps_the_video(alice, bob, now, films, commits):
     run = a_driven_run(a_race(now), alice, now)
     video = ask_for_video(evaluation=run, by=bob, language="en", now=now).video
     bob.delete()
@@ -100,7 +100,7 @@ def test_a_deleted_racer_who_asked_for_the_film_of_another_takes_their_name_only
     assert video.asked_by is None
 
 
-def test_a_file_that_is_lost_makes_the_video_one_to_be_asked_for_anew(video, now, alice):
+def test_a_video_whose_file_is_lost_can_be_asked_for_again(video, now, alice):
     video.file.storage.delete(video.file.name)
     assert forget_lost_file(video=video, now=now)
     assert not forget_lost_file(video=video, now=now)
@@ -110,7 +110,7 @@ def test_a_file_that_is_lost_makes_the_video_one_to_be_asked_for_anew(video, now
     assert ask_for_video(evaluation=video.evaluation, by=alice, language="en", now=now).queued
 
 
-def test_files_that_nobody_knows_are_removed_after_a_day(video, now):
+def test_unreferenced_files_are_removed_after_a_day(video, now):
     orphan = default_storage.save("videos/left-behind.mp4", ContentFile(b"half a film"))
     path = default_storage.path(orphan)
     stamp = (now - timedelta(hours=23)).timestamp()

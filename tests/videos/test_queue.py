@@ -67,13 +67,13 @@ def ours(video: Video) -> set[str]:
     return {name for name in stored() if video.public_id in name}
 
 
-class TestAClaim:
-    def test_takes_the_one_that_waited_longest_once(self, run, alice, now):
+class TestClaim:
+    def test_it_takes_the_longest_waiting_video_once(self, run, alice, now):
         first = ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now - timedelta(minutes=1)).video
         second = ask_for_video(evaluation=run, by=alice, part="2", language="en", now=now).video
         assert [VIDEOS.claim(worker="w", now=now) for _ in range(3)] == [first, second, None]
 
-    def test_is_a_lease(self, claimed, now):
+    def test_a_claim_is_a_lease(self, claimed, now):
         assert (claimed.state, claimed.attempt, claimed.worker) == (VideoState.DRAWING, 1, "w1")
         assert claimed.leased_until == now + LEASE
         later = now + timedelta(seconds=20)
@@ -81,7 +81,7 @@ class TestAClaim:
         claimed.refresh_from_db()
         assert (claimed.progress, claimed.leased_until) == (40, later + LEASE)
 
-    def test_that_is_lost_writes_nothing(self, claimed, now, drawn):
+    def test_a_lost_claim_writes_nothing(self, claimed, now, drawn):
         assert VIDEOS.sweep(now=now + LEASE + timedelta(seconds=1)).waiting == 1
         other = VIDEOS.claim(worker="w2", now=now + LEASE)
         assert other.attempt == 2
@@ -97,8 +97,8 @@ class TestAClaim:
         assert (ready.subject, ready.data) == (claimed.evaluation.public_id, {"video": claimed.public_id})
 
 
-class TestAnEnd:
-    def test_that_is_good_stores_film_and_still(self, claimed, now, drawn):
+class TestEnd:
+    def test_a_good_end_stores_video_and_poster(self, claimed, now, drawn):
         assert finish_video(**ident(claimed), drawn=drawn(b"a longer film"), now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.size, claimed.duration_ms) == (VideoState.READY, 13, 1000)
@@ -108,7 +108,7 @@ class TestAnEnd:
         assert ours(claimed) == {claimed.file.name, claimed.poster.name}
 
     @pytest.mark.parametrize("code", ["storage_failed", "lease_expired", "internal_error"])
-    def test_after_a_fault_of_ours_is_another_try_for_as_long_as_it_takes(self, claimed, now, settings, code):
+    def test_our_fault_is_retried_for_as_long_as_it_takes(self, claimed, now, settings, code):
         """It pauses ever longer, an hour at most."""
         settings.EVALUATION_MAX_ATTEMPTS = 2
         pauses, at = [], now
@@ -123,9 +123,7 @@ class TestAnEnd:
         assert pauses == [0, 4, 16, 64, 256, 1024, 3600, 3600]
         assert claimed.operator_detail.startswith(f"Attempt 1: {code}. disk\n")
 
-    def test_is_given_up_only_where_our_own_code_fails_at_it_while_others_pass(
-        self, run, claimed, alice, now, settings, drawn
-    ):
+    def test_a_video_is_given_up_only_when_ours_fails_and_others_pass(self, run, claimed, alice, now, settings, drawn):
         settings.EVALUATION_MAX_ATTEMPTS = 2
         at = now + timedelta(seconds=1)
         ask_for_video(evaluation=run, by=alice, part="1", language="en", now=at)
@@ -140,7 +138,7 @@ class TestAnEnd:
         assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_gave_up")
         assert claimed.is_platform_fault
 
-    def test_that_the_storage_is_out_for_counts_no_attempt(self, claimed, now):
+    def test_a_storage_outage_counts_no_attempt(self, claimed, now):
         outage = Outage.objects.create(part="storage", since=now, look_at=now + timedelta(seconds=5))
         Video.objects.update(attempt=99)
         assert VIDEOS.fail(**ident(claimed), fault=PlatformFault("storage_failed"), now=now)
@@ -150,24 +148,24 @@ class TestAnEnd:
         outage.delete()
         assert VIDEOS.claim(worker="w", now=now) == claimed
 
-    def test_that_no_other_try_would_change_is_final_at_once(self, claimed, now):
+    def test_a_fault_that_no_retry_changes_is_final(self, claimed, now):
         fault = UserFault("video_no_steps")
         assert VIDEOS.fail(**ident(claimed), fault=fault, now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.reason_code, claimed.ended_at) == (VideoState.FAILED, fault.code, now)
 
-    def test_of_a_worker_that_shuts_down_costs_no_attempt(self, claimed, now):
+    def test_a_worker_shutting_down_costs_no_attempt(self, claimed, now):
         assert VIDEOS.release(**ident(claimed), now=now)
         claimed.refresh_from_db()
         assert (claimed.state, claimed.attempt, claimed.progress) == (VideoState.WAITING, 0, 0)
 
-    def test_by_who_asked_for_it_is_for_good(self, claimed, now):
+    def test_a_stop_by_its_requester_is_final(self, claimed, now):
         assert stop_video(video=claimed, now=now)
         assert (claimed.state, claimed.reason_code) == (VideoState.FAILED, "video_stopped")
         assert not stop_video(video=claimed, now=now)
         assert VIDEOS.claim(worker="w", now=now) is None
 
-    def test_of_a_worker_between_storing_and_writing_leaves_no_file(self, claimed, now, monkeypatch, drawn):
+    def test_a_worker_dying_after_storing_leaves_no_file(self, claimed, now, monkeypatch, drawn):
         from videos.services import jobs
 
         class Killed(BaseException):
@@ -185,7 +183,7 @@ class TestAnEnd:
         VIDEOS.sweep(now=now + LEASE + timedelta(seconds=1))
         assert ours(claimed) == set()
 
-    def test_where_the_storage_takes_the_film_only_keeps_neither(self, claimed, now, monkeypatch, drawn):
+    def test_a_poster_that_cannot_be_stored_keeps_no_video_either(self, claimed, now, monkeypatch, drawn):
         real = default_storage._wrapped.save if hasattr(default_storage, "_wrapped") else default_storage.save
 
         def full(name, content, **more):
@@ -200,7 +198,7 @@ class TestAnEnd:
         assert ours(claimed) == set()
 
 
-class TestTheDatabaseRefuses:
+class TestDatabaseConstraints:
     @pytest.mark.parametrize(
         "changes",
         [
@@ -215,19 +213,19 @@ class TestTheDatabaseRefuses:
             {"language": ""},
         ],
     )
-    def test_a_row_that_contradicts_itself(self, waiting, changes):
+    def test_a_contradictory_row_is_refused(self, waiting, changes):
         with pytest.raises(IntegrityError), transaction.atomic():
             Video.objects.filter(pk=waiting.pk).update(**changes)
 
-    def test_a_ready_one_without_its_file(self, claimed, now, drawn):
+    def test_a_ready_video_without_a_file_is_refused(self, claimed, now, drawn):
         finish_video(**ident(claimed), drawn=drawn(), now=now)
         for column in ("file", "poster", "sha256", "fingerprint"):
             with pytest.raises(IntegrityError), transaction.atomic():
                 Video.objects.filter(pk=claimed.pk).update(**{column: ""})
 
 
-class TestAWorker:
-    def test_draws_what_the_row_says(self, waiting, monkeypatch):
+class TestVideoWorker:
+    def test_it_draws_what_the_row_says(self, waiting, monkeypatch):
         scenes = []
 
         def look(scene, out, *, on_progress, is_stopped):
@@ -247,14 +245,14 @@ class TestAWorker:
         assert car.trace.startswith(b"episode,steps") and len(car.laps) == 3
         assert not run_next_video(worker="w")
 
-    def test_writes_the_words_in_the_language_asked_for(self, run, alice, now, monkeypatch):
+    def test_it_writes_in_the_requested_language(self, run, alice, now, monkeypatch):
         scenes = []
         monkeypatch.setattr(film, "film", lambda scene, out, **more: scenes.append(scene))
         ask_for_video(evaluation=run, by=alice, language="ko", now=now)
         run_next_video(worker="w")
         assert scenes[0].words.lap == "랩"
 
-    def test_hands_back_what_it_draws_when_it_is_told_to_stop(self, waiting, monkeypatch):
+    def test_it_hands_back_its_video_when_told_to_stop(self, waiting, monkeypatch):
         told = []
 
         def drawing(scene, out, *, on_progress, is_stopped):
@@ -267,7 +265,7 @@ class TestAWorker:
         waiting.refresh_from_db()
         assert (waiting.state, waiting.attempt) == (VideoState.WAITING, 0)
 
-    def test_writes_down_what_went_wrong_for_operators_only(self, waiting, monkeypatch):
+    def test_it_logs_errors_for_operators_only(self, waiting, monkeypatch):
         def drawing(scene, out, *, on_progress, is_stopped):
             raise ZeroDivisionError("a bug")
 
@@ -277,7 +275,7 @@ class TestAWorker:
         assert (waiting.state, waiting.reason_code, waiting.kills) == (VideoState.WAITING, "", 0)
         assert "ZeroDivisionError" in waiting.operator_detail and waiting.reason == ""
 
-    def test_leaves_nothing_on_its_machine_and_removes_what_a_killed_one_left_a_day_ago(self, waiting, settings):
+    def test_it_leaves_nothing_and_clears_a_killed_workers_files(self, waiting, settings):
         folder = Path(settings.FILE_UPLOAD_TEMP_DIR)
         ages = {"film-new": 0, "film-old": 90_000}
         for name, seconds in ages.items():
@@ -290,7 +288,7 @@ class TestAWorker:
         (folder / "film-new" / "film.mp4").unlink()
         (folder / "film-new").rmdir()
 
-    def test_without_an_encoder_takes_none_and_says_so(self, waiting, monkeypatch, caplog):
+    def test_a_worker_without_an_encoder_claims_nothing(self, waiting, monkeypatch, caplog):
         """Another machine may have one; until then it is nobody's fault who asked."""
         from videos.services import work
 
@@ -300,7 +298,7 @@ class TestAWorker:
         assert (waiting.state, waiting.attempt) == (VideoState.WAITING, 0)
         assert "no-such-encoder" in caplog.text
 
-    def test_draws_one_and_rings_for_the_next(self, run, alice, now, films, commits):
+    def test_it_draws_one_and_sends_a_wake_up_for_the_next(self, run, alice, now, films, commits):
         for part in ("1", "2"):
             ask_for_video(evaluation=run, by=alice, part=part, language="en", now=now)
         films.clear()
@@ -310,13 +308,13 @@ class TestAWorker:
         assert not tasks.draw.apply().get()
         assert set(Video.objects.values_list("state", flat=True)) == {"ready"}
 
-    def test_draws_nothing_where_videos_are_switched_off(self, waiting, settings):
+    def test_it_draws_nothing_when_videos_are_switched_off(self, waiting, settings):
         settings.VIDEOS = False
         assert not tasks.draw.apply().get()
         waiting.refresh_from_db()
         assert waiting.state == VideoState.WAITING
 
-    def test_is_woken_again_by_the_sweep_while_something_waits(self, waiting, films, commits):
+    def test_the_sweep_wakes_it_while_something_waits(self, waiting, films, commits):
         films.clear()
         assert tasks.sweep.apply().get() == 1
         assert len(films) == 1

@@ -54,8 +54,8 @@ def refused(what) -> str:
     return caught.value.code
 
 
-class TestTheFile:
-    def test_it_is_h264_in_mp4_that_plays_before_it_is_loaded_and_can_be_sought(self, tmp_path):
+class TestVideoFile:
+    def test_it_is_a_seekable_streamable_h264_mp4(self, tmp_path):
         path = tmp_path / "run.mp4"
         facts = film(scene(), path)
         names = boxes_of(path.read_bytes())
@@ -74,7 +74,7 @@ class TestTheFile:
         assert facts.size == path.stat().st_size
         assert [entry.name for entry in tmp_path.iterdir()] == ["run.mp4"]
 
-    def test_every_frame_comes_out_again_at_its_time(self):
+    def test_every_frame_decodes_at_its_time(self):
         out = io.BytesIO()
         facts = film(scene(), out, form=SMALL)
         out.seek(0)
@@ -82,7 +82,7 @@ class TestTheFile:
             times = [frame.time for frame in file.decode(video=0)]
         assert times == pytest.approx([number / 30 for number in range(facts.frames)])
 
-    def test_colours_survive(self):
+    def test_colours_survive_encoding(self):
         out = io.BytesIO()
         what = scene(car(colour="#22c55e"))
         film(what, out, form=SMALL)
@@ -102,7 +102,7 @@ class TestTheFile:
             files.append(out.getvalue())
         assert files[0] == files[1]
 
-    def test_a_poster_is_the_picture_in_the_middle(self):
+    def test_a_poster_is_the_middle_frame(self):
         from PIL import Image
 
         with Image.open(io.BytesIO(poster(scene(), form=SMALL))) as picture:
@@ -110,7 +110,7 @@ class TestTheFile:
             shown = np.asarray(picture).astype(int)
         assert np.abs(shown - still(scene(), 30)).mean() < 4
 
-    def test_on_a_poster_the_car_drives(self):
+    def test_a_poster_shows_a_moving_car(self):
         from PIL import Image
 
         what = scene(car(with_reset(driven(3.0, 1.0), 10, 1.0, 3.0)))
@@ -119,7 +119,7 @@ class TestTheFile:
         middle = still(what, prepare(what, SMALL).driven // 2)
         assert count(middle, "#ff3b55", 40) > 100 > count(shown, "#ff3b55", 40)  # the ring of a car that stands
 
-    def test_on_a_poster_the_car_is_on_the_road(self):
+    def test_a_poster_shows_the_car_on_the_road(self):
         rows = driven(3.0)
         wide = [way for number, way in enumerate(driven(3.0, offset=1.5)) if 15 <= number < 30]
         take = prepare(scene(car([*rows[:15], *wide, *rows[30:]])), SMALL)
@@ -128,7 +128,7 @@ class TestTheFile:
         assert not OVAL.on_road(drive.x[middle], drive.y[middle])
         assert OVAL.on_road(drive.x[shown], drive.y[shown])
 
-    def test_a_site_that_knows_of_videos_loads_no_encoder(self):
+    def test_the_site_loads_no_encoder(self):
         code = (
             "import sys, django; from django.conf import settings; settings.configure(); import videos.film;"
             "print([name for name in ('av', 'cv2', 'PIL', 'scipy', 'shapely') if name in sys.modules])"
@@ -137,7 +137,7 @@ class TestTheFile:
         assert done.stdout.strip() == "[]"
 
 
-class TestThePicture:
+class TestPicture:
     def test_the_car_is_near_the_middle_in_its_colour(self):
         picture = still(scene(car(colour="#d946ef")))
         rows, columns = np.nonzero((np.abs(picture[46:, :480].astype(int) - (0xD9, 0x46, 0xEF)) < 6).all(axis=2))
@@ -145,7 +145,7 @@ class TestThePicture:
         assert abs(np.median(columns) - 320) < 0.3 * 640
         assert abs(np.median(rows) - 157) < 0.25 * 314
 
-    def test_nothing_is_written_where_browsers_lay_their_controls(self):
+    def test_no_text_lies_under_the_browsers_controls(self):
         picture = still(scene()).astype(int)
         letters = (np.abs(picture - (0xEE, 0xF1, 0xF5)) < 8).all(axis=2)
         assert letters[:46].sum() > 200, "the bar with the readings"
@@ -157,7 +157,7 @@ class TestThePicture:
         van, kart = (still(scene(car(colour="#ef4444", shell=shell))) for shell in ("van", "kart"))
         assert count(van, "#ef4444") > 1.5 * count(kart, "#ef4444")
 
-    def test_what_is_no_colour_or_no_shell_is_the_usual_one(self):
+    def test_an_unknown_colour_or_shell_becomes_the_default(self):
         usual = still(scene(car(shell="paddock", colour=DEFAULT_COLOUR)))
         for shell, colour in (("zeppelin", "red"), ("", "#12"), ("paddock", "#gggggg"), ("paddock", "")):
             assert (still(scene(car(shell=shell, colour=colour))) == usual).all()
@@ -174,7 +174,7 @@ class TestThePicture:
         assert count(first, "#ef4444") > 500 > 300 > count(first, "#22c55e")
         assert count(second, "#22c55e") > 500 > 300 > count(second, "#ef4444")
 
-    def test_boxes_and_bots_are_seen(self):
+    def test_boxes_and_bots_are_visible(self):
         plain = still(scene())
         x, y, yaw = OVAL.point_at(2.6, 0.2)
         box = still(scene(layout={"boxes": [{"fraction": 0.1, "lane": "inner", "x": x, "y": y, "yaw": yaw}]}))
@@ -182,7 +182,7 @@ class TestThePicture:
         bot = still(scene(layout={"bots": [[[x, y, yaw]] * 31]}))
         assert count(bot, "#27445f") > 300 > count(plain, "#27445f")
 
-    def test_a_reset_is_a_cut(self):
+    def test_a_reset_cuts_to_the_new_place(self):
         rows = with_reset(driven(3.0, 1.0), 30, 2.5, 1.0)
         take = prepare(scene(car(rows)), SMALL)
         drive = take.hero.drive
@@ -192,12 +192,12 @@ class TestThePicture:
         assert (eye > 0.3).sum() == 1
         assert drive.standing.sum() == pytest.approx(30, abs=2)
 
-    def test_over_a_short_reset_the_picture_glides_and_the_car_does_not(self):
+    def test_the_view_glides_over_a_short_reset_but_not_the_car(self):
         take = prepare(scene(car(with_reset(driven(3.0, 1.0), 30, 1.0, 1.0))), SMALL)
         assert np.hypot(np.diff(take.hero.drive.x), np.diff(take.hero.drive.y)).max() > 0.9
         assert np.hypot(np.diff(take.eye.x), np.diff(take.eye.y)).max() < 0.2
 
-    def test_a_car_that_stands_after_a_reset_has_a_ring(self):
+    def test_a_car_waiting_after_a_reset_has_a_ring(self):
         what = scene(car(with_reset(driven(3.0, 1.0), 15, 1.0, 2.0), colour="#22c55e"))
         assert count(still(what, 60), "#ff3b55") > count(still(what, 15), "#ff3b55") + 100
 
@@ -206,11 +206,11 @@ class TestThePicture:
         away = np.abs((take.hero.drive.x - take.eye.x, take.hero.drive.y - take.eye.y)).max(axis=1)
         assert away[0] * 330 < 0.4 * 1280 and away[1] * 330 < 0.35 * 628
 
-    def test_every_lettering_comes_out(self):
+    def test_any_name_can_be_drawn(self):
         for name in ("x" * 64, "한국어 이름", "Ωé☃🚗", "\x00\u202e\n", "", "אב"):
             assert still(scene(car(name=name), car(None, 1, name=name), title=name, words=Words.translated("ko"))).any()
 
-    def test_the_card_at_the_end_has_the_result(self):
+    def test_the_final_card_shows_the_result(self):
         what = scene(car(laps=[lap(1, 0, 1000), lap(2, 1000, 999, off_tracks=2)]))
         painter = Painter(prepare(what, SMALL))
         driven, coming, there, last = (painter.frame(number).copy().astype(int) for number in (59, 62, 75, 134))
@@ -220,7 +220,7 @@ class TestThePicture:
         assert count(last[:, :, ::-1], "#34d17f") > count(driven[:, :, ::-1], "#34d17f")  # the best lap in green
 
 
-class TestTheParts:
+class TestVideoParts:
     def test_a_lap_lasts_as_long_as_it_took(self):
         two = [lap(1, 0, 1200), lap(2, 1200, 800)]
         facts = film(scene(car(laps=two), lap=2), io.BytesIO(), form=SMALL)
@@ -228,24 +228,24 @@ class TestTheParts:
         take = prepare(scene(car(laps=two), lap=2), SMALL)
         assert take.times[0] == 1200 and take.times[-1] == 2000
 
-    def test_the_run_lasts_until_the_last_car_is_done(self):
+    def test_a_run_lasts_until_its_last_car_is_done(self):
         take = prepare(scene(car(), car(driven(3.0), 1)), SMALL)
         assert take.times[-1] == pytest.approx(3000)
         assert take.hero.drive.gone[-1] and not take.actors[1].drive.gone[-1]
 
-    def test_a_lap_that_does_not_exist_is_refused(self):
+    def test_an_unknown_lap_is_refused(self):
         with pytest.raises(UserFault) as caught:
             scene(car(), lap=2)
         assert caught.value.code == "video_lap_unknown"
         assert "1 laps" in str(caught.value) and "lap 2" in str(caught.value)
 
     @pytest.mark.parametrize("cars", [(), tuple(car(number=n) for n in range(5)), (car(), car()), (car(number=1),)])
-    def test_no_car_too_many_two_of_one_number_and_none_to_follow_are_refused(self, cars):
+    def test_an_invalid_set_of_cars_is_refused(self, cars):
         with pytest.raises(UserFault) as caught:
             Scene(OVAL, "A race", "Oval", cars)
         assert caught.value.code == "video_no_car"
 
-    def test_more_than_a_video_holds_is_refused_but_for_a_lap(self):
+    def test_a_long_run_is_refused_but_one_short_lap_of_it_is_not(self):
         laps = [lap(1, 0, 2000), lap(2, 2000, 700_000)]
         rows = driven(2.0)
         rows.append(rows[-1]._replace(tstamp=702.0))
@@ -254,7 +254,7 @@ class TestTheParts:
         assert film(scene(car(rows, laps=laps), lap=1), io.BytesIO(), form=SMALL).frames == 60 + CARD_FRAMES
 
 
-class TestWhatCannotBeFilmed:
+class TestUnusableData:
     @pytest.mark.parametrize(
         "trace",
         [
@@ -270,7 +270,7 @@ class TestWhatCannotBeFilmed:
         object.__setattr__(broken, "trace", trace)
         assert refused(scene(broken)) == "video_no_steps"
 
-    def test_rivals_without_a_trace_and_rows_that_cannot_be_read_are_left_out(self):
+    def test_unreadable_rows_and_rivals_without_trace_are_left_out(self):
         rows = driven(1.0)
         rows[5] = rows[5]._replace(X=float("nan"))
         rows[7] = rows[7]._replace(Y=1e30)
@@ -280,19 +280,19 @@ class TestWhatCannotBeFilmed:
         facts = film(scene(car(rows), silent), io.BytesIO(), form=SMALL)
         assert facts.frames == 30 + CARD_FRAMES
 
-    def test_laps_and_courses_of_nonsense_are_left_out(self):
+    def test_invalid_laps_and_layouts_are_left_out(self):
         laps = [{"number": 1}, {}, lap(1, 0, 2000)]
         layout = {"bots": [[], [[float("nan")] * 3], [[1.0]]]}
         assert still(scene(car(laps=laps), layout=layout)).any()
 
-    def test_four_cars_six_bots_and_boxes_are_no_trouble(self):
+    def test_four_cars_six_bots_and_boxes_can_be_drawn(self):
         cars = [car(driven(1.0, 1.0 + 0.3 * number), number, name="x" * 64) for number in range(4)]
         poses = [[list(OVAL.point_at(metres)) for _ in range(16)] for metres in range(6)]
         boxes = [{"x": x, "y": y, "yaw": yaw} for x, y, yaw in (OVAL.point_at(2.0 * k, 0.2) for k in range(8))]
         facts = film(scene(*cars, layout={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
         assert facts.frames == 30 + CARD_FRAMES
 
-    def test_when_it_is_stopped_nothing_is_left(self, tmp_path):
+    def test_a_stopped_video_leaves_nothing(self, tmp_path):
         path = tmp_path / "run.mp4"
         path.write_bytes(b"the one before")
         asked = iter(range(1000))
@@ -300,7 +300,7 @@ class TestWhatCannotBeFilmed:
             film(scene(), path, is_stopped=lambda: next(asked) == 20, form=SMALL)
         assert [(entry.name, entry.read_bytes()) for entry in tmp_path.iterdir()] == [("run.mp4", b"the one before")]
 
-    def test_what_a_listener_raises_goes_through_and_nothing_is_left(self, tmp_path):
+    def test_a_listeners_error_propagates_and_leaves_nothing(self, tmp_path):
         def fail(share: float) -> None:
             raise RuntimeError("heard enough")
 
@@ -308,11 +308,11 @@ class TestWhatCannotBeFilmed:
             film(scene(), tmp_path / "run.mp4", on_progress=fail, form=SMALL)
         assert list(tmp_path.iterdir()) == []
 
-    def test_a_folder_that_does_not_exist_is_an_error_of_the_system(self, tmp_path):
+    def test_a_missing_folder_is_a_system_error(self, tmp_path):
         with pytest.raises(FileNotFoundError):
             film(scene(), tmp_path / "nowhere" / "run.mp4", form=SMALL)
 
-    def test_where_there_is_no_room_for_it_nothing_is_left(self, tmp_path):
+    def test_a_full_disk_leaves_nothing(self, tmp_path):
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
         try:
@@ -322,7 +322,7 @@ class TestWhatCannotBeFilmed:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         assert list(tmp_path.iterdir()) == []
 
-    def test_progress_grows_to_one(self):
+    def test_progress_rises_to_one(self):
         shares = []
         film(scene(), io.BytesIO(), on_progress=shares.append, form=SMALL)
         assert shares == sorted(shares) and shares[-1] == 1.0

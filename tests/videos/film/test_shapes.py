@@ -17,7 +17,7 @@ from videos.film.palette import bgr, speed_class
 
 class TestShells:
     @pytest.mark.parametrize("shell", Shell.values)
-    def test_every_shell_is_a_car_of_its_size_with_two_wheels_that_steer(self, shell):
+    def test_every_shell_has_its_size_and_two_steered_wheels(self, shell):
         above, side = shapes.above(shell), shapes.side(shell)
         corners = np.concatenate([*above.body, *above.under, *(wheel for wheel, _ in above.steered)])
         length, width = np.ptp(corners, axis=0)
@@ -27,7 +27,7 @@ class TestShells:
         assert left == pytest.approx(right * (1, -1)) and left[0] > 0.05
         assert len(side.wheels) == 2 and side.body
 
-    def test_a_word_that_is_no_shell_is_the_usual_car(self):
+    def test_an_unknown_shell_is_the_default_car(self):
         assert shapes.above("zeppelin").body is not None
         assert (shapes.above("zeppelin").body[0] == shapes.above("paddock").body[0]).all()
 
@@ -37,24 +37,24 @@ class TestShells:
         assert curve[4] == pytest.approx((5, 5)) and curve[12] == pytest.approx((15, -5))
 
     @pytest.mark.parametrize("path", ["M0 0C1 1 2 2 3 3Z", "m1 1", "M0 0A5 5 0 0 1 3 3"])
-    def test_another_command_is_an_error(self, path):
+    def test_an_unsupported_path_command_is_an_error(self, path):
         with pytest.raises(ValueError, match="not a path of"):
             shapes.polygons(path)
 
 
-class TestTheGround:
-    def test_a_border_gets_points_between_its_own_and_leaves_it_by_little(self):
+class TestGround:
+    def test_a_smoothed_border_stays_close_to_its_points(self):
         curve = rounded_off(OVAL.outer)
         assert len(curve) > len(OVAL.outer)
         border = shapely.LinearRing(OVAL.outer)
         assert max(border.distance(shapely.Point(point)) for point in curve) <= 0.03
         assert np.isclose(curve[:, None], OVAL.outer[None]).all(axis=2).any(axis=0).all()
 
-    def test_a_corner_that_is_meant_stays(self):
+    def test_a_sharp_corner_stays(self):
         square = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)])
         assert shapely.Polygon(rounded_off(square)).area == pytest.approx(16.0)
 
-    def test_only_what_is_near_is_kept_and_not_for_ever(self):
+    def test_only_nearby_ground_is_cached_and_not_for_ever(self):
         ground = Ground(OVAL, 2.0)
         here = ground.around(*OVAL.centre[0])
         assert here is ground.around(*OVAL.centre[0])
@@ -67,12 +67,12 @@ class TestTheGround:
 
 
 class TestColours:
-    def test_what_is_no_colour_is_the_usual_one(self):
+    def test_an_invalid_colour_becomes_the_default(self):
         assert bgr("#123456") == (0x56, 0x34, 0x12)
         for bad in ("red", "#12345", "", "#12345g", None):
             assert bgr(bad) == bgr(DEFAULT_COLOUR)
 
-    def test_speeds_have_the_maps_classes(self):
+    def test_speeds_have_the_same_classes_as_on_maps(self):
         assert [speed_class(speed) for speed in (-1.0, 0.0, 0.7, 3.9, 9.0)] == [0, 0, 1, 5, 5]
 
 
@@ -88,7 +88,7 @@ class TestLetters:
         lettering._found.clear()
         lettering._mute.clear()
 
-    def test_without_system_fonts_letters_lose_their_accents_and_others_are_left_out(self, monkeypatch):
+    def test_text_without_system_fonts_is_reduced_to_plain_letters(self, monkeypatch):
         def absent(*args, **kwargs):
             raise FileNotFoundError("fc-match")
 
@@ -98,7 +98,7 @@ class TestLetters:
         assert not lettering.is_drawable("랩") and lettering.is_drawable("Lap 1")
         assert lettering.mask("한국어", 20).shape[0] == lettering.mask("Lap", 20).shape[0]
 
-    def test_a_font_tool_that_hangs_is_not_waited_for_and_one_that_says_nonsense_not_believed(self, monkeypatch):
+    def test_a_hanging_or_lying_font_tool_is_ignored(self, monkeypatch):
         self.forget()
         answers = iter(["", "/nowhere.ttf\n0", "/etc/passwd\n0", "x", subprocess.TimeoutExpired("fc-match", 5)])
 
@@ -111,13 +111,13 @@ class TestLetters:
         monkeypatch.setattr(subprocess, "run", run)
         assert lettering.drawable("가나다라마바사") == ""  # after the last answer nobody asks again
 
-    def test_digits_are_equally_wide(self):
+    def test_all_digits_are_equally_wide(self):
         assert len({lettering.advance(digit, 44) for digit in "0123456789"}) == 1
 
-    def test_a_long_text_is_shortened_to_its_room(self):
+    def test_a_long_text_is_shortened_to_fit(self):
         short = lettering.shortened("x" * 64, 20, True, 150)
         assert short.endswith("...") and lettering.mask(short, 20, True).shape[1] <= 150
         assert lettering.shortened("short", 20, True, 150) == "short"
 
-    def test_control_characters_are_no_letters(self):
+    def test_control_characters_are_not_drawn(self):
         assert lettering.drawable("a\x00b\u202ec\n d") == "abc d"

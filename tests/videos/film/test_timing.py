@@ -10,7 +10,7 @@ from videos.film.timing import FLASH_MS, GREEN, PURPLE, YELLOW, Timing, laps_of,
 THREE = [lap(1, 0, 9000), lap(2, 9000, 8700), lap(3, 17700, 9300)]
 
 
-def test_the_clock_runs_in_its_lap_and_stands_at_its_end():
+def test_the_clock_runs_during_a_lap_and_stops_at_its_end():
     timing = Timing(laps_of(THREE))
     assert [(timing.at(t).lap, timing.at(t).lap_ms) for t in (0, 8999, 9000, 12_000, 99_000)] == [
         (1, 0),
@@ -21,7 +21,7 @@ def test_the_clock_runs_in_its_lap_and_stands_at_its_end():
     ]
 
 
-def test_last_and_best_are_those_that_are_done():
+def test_last_and_best_count_completed_laps_only():
     timing = Timing(laps_of(THREE))
     assert [(timing.at(t).last_ms, timing.at(t).best_ms) for t in (0, 9000, 17_700, 27_000)] == [
         (None, None),
@@ -31,7 +31,7 @@ def test_last_and_best_are_those_that_are_done():
     ]
 
 
-def test_sectors_have_their_colours_when_they_are_done():
+def test_sectors_get_their_colours_when_completed():
     timing = Timing(laps_of(THREE), (2900, None, 3000))
     assert timing.at(2999).sectors == ()
     assert timing.at(3000).sectors == (GREEN,)
@@ -45,36 +45,36 @@ def test_sectors_have_their_colours_when_they_are_done():
     ]
 
 
-def test_a_lap_time_is_shown_for_a_moment_when_the_line_is_crossed():
+def test_a_lap_time_flashes_when_the_finish_line_is_crossed():
     timing = Timing(laps_of(THREE))
     assert timing.at(8999).flash is None
     assert (timing.at(9000).flash.number, timing.at(9000).flash_age_ms) == (1, 0)
     assert timing.at(9000 + FLASH_MS).flash is None
 
 
-def test_a_lap_that_is_shown_alone_still_stands_at_its_end():
+def test_the_clock_of_a_single_lap_stops_at_its_end():
     timing = Timing(laps_of(THREE))
     clock = timing.at(17_700, within=2)
     assert (clock.lap, clock.lap_ms, clock.sectors, clock.flash) == (2, 8700, (GREEN,) * 3, None)
 
 
-def test_a_lap_that_was_not_finished_has_no_time_that_counts():
+def test_an_unfinished_lap_has_no_counting_time():
     timing = Timing(laps_of([lap(1, 0, 9000), lap(2, 9000, 500, complete=False)]))
     assert timing.at(20_000).best_ms == 9000
     assert timing.final(timing.laps[1]) == ()
 
 
-def test_without_laps_the_time_of_the_run_is_told():
+def test_a_run_without_laps_shows_its_own_time():
     clock = Timing([]).at(1234.4)
     assert (clock.lap, clock.laps, clock.lap_ms) == (1, 0, 1234)
 
 
-def test_laps_without_figures_are_left_out():
+def test_invalid_laps_are_left_out():
     assert [one.number for one in laps_of([{}, {"number": "x"}, lap(4, 0, 1)])] == [4]
 
 
 @pytest.mark.parametrize(
     ("time", "text"), [(0, "0:00.000"), (61_002, "1:01.002"), (None, "-"), (599_999.6, "10:00.000")]
 )
-def test_times_are_written_as_everywhere(time, text):
+def test_times_are_written_as_elsewhere_on_the_site(time, text):
     assert written(time) == text
