@@ -53,11 +53,11 @@ def upload_to(deed: str, monkeypatch: pytest.MonkeyPatch) -> PaddockError:
         "knows_no_bound",
     ],
 )
-def test_a_converter_that_dies_or_lies_ends_with_one_plain_reason(deed: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dying_or_lying_converter_gives_one_plain_reason(deed: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert upload_to(deed, monkeypatch).code == "conversion_crashed"
 
 
-def test_a_converter_that_never_gets_as_far_as_its_lock_is_our_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_converter_failing_before_its_lock_is_our_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     fault = upload_to("never_locks", monkeypatch)
     assert (fault.code, fault.fault) == ("conversion_failed", "platform")
 
@@ -66,25 +66,25 @@ def test_a_converter_out_of_memory_is_the_networks_fault(monkeypatch: pytest.Mon
     assert upload_to("fills_memory", monkeypatch).code == "conversion_memory"
 
 
-def test_a_converter_out_of_processor_time_is_the_networks_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_converter_out_of_cpu_time_is_the_networks_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(admit_module, "CONVERTER", replace(admit_module.CONVERTER, cpu_s=1))
     assert upload_to("computes_for_ever", monkeypatch).code == "conversion_time"
 
 
-def test_a_converter_that_hardly_got_the_processor_is_the_machines_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_converter_starved_of_cpu_is_the_machines_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(admit_module, "CONVERTER", replace(admit_module.CONVERTER, cpu_s=30, wall_s=1.0))
     fault = upload_to("computes_for_ever", monkeypatch)
     assert (fault.code, fault.fault) == ("upload_busy", "platform")
 
 
-def test_what_a_converter_says_is_cut_and_cleaned(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_converters_text_is_shortened_and_cleaned(monkeypatch: pytest.MonkeyPatch) -> None:
     fault = upload_to("hides_codes_in_a_sentence", monkeypatch)
     assert fault.code == "onnx_attribute"
     assert str(fault).isprintable()
     assert len(str(fault)) < 500
 
 
-def test_numbers_that_no_answer_of_ours_can_carry_are_not_passed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_that_json_cannot_carry_are_not_passed_on(monkeypatch: pytest.MonkeyPatch) -> None:
     fault = upload_to("counts_beyond_all_numbers", monkeypatch)
     assert fault.code == "onnx_output"
     json.dumps(fault.params, allow_nan=False)
@@ -92,7 +92,7 @@ def test_numbers_that_no_answer_of_ours_can_carry_are_not_passed_on(monkeypatch:
 
 
 @pytest.mark.parametrize("files", [pair(good_network()), good_zip()], ids=["two files", "zip"])
-def test_a_network_is_the_same_model_however_it_is_packed(files: Upload) -> None:
+def test_packaging_does_not_change_a_models_identity(files: Upload) -> None:
     admitted = upload(files)
     assert admitted.source_kind == "onnx"
     assert admitted.sha256 == upload(list(reversed(files))).sha256 == upload(pair(good_network())).sha256
@@ -113,7 +113,7 @@ def test_a_small_car_from_the_console_is_admitted() -> None:
     assert admitted.macs > 0
 
 
-def test_when_all_slots_are_taken_an_upload_is_asked_to_wait(tmp_path: Path) -> None:
+def test_an_upload_is_refused_while_all_slots_are_taken(tmp_path: Path) -> None:
     impatient = replace(DEFAULT_LIMITS, slots=1, slot_wait_s=0.0)
     with upload_slot(1, 0.0, tmp_path), pytest.raises(PaddockError) as fault:
         upload(pair(good_network()), limits=impatient, slots_directory=tmp_path)
@@ -121,7 +121,7 @@ def test_when_all_slots_are_taken_an_upload_is_asked_to_wait(tmp_path: Path) -> 
     assert upload(pair(good_network()), limits=impatient, slots_directory=tmp_path).parameters == 10
 
 
-def test_there_are_as_many_slots_as_the_limits_say(tmp_path: Path) -> None:
+def test_the_limits_set_the_number_of_slots(tmp_path: Path) -> None:
     with upload_slot(2, 0.0, tmp_path), upload_slot(2, 0.0, tmp_path):
         with pytest.raises(PaddockError), upload_slot(2, 0.0, tmp_path):
             pass
@@ -129,7 +129,7 @@ def test_there_are_as_many_slots_as_the_limits_say(tmp_path: Path) -> None:
             pass
 
 
-def test_who_comes_when_others_wait_already_is_turned_away_at_once(tmp_path: Path) -> None:
+def test_an_upload_is_turned_away_when_others_already_wait(tmp_path: Path) -> None:
     """Each that waits holds a thread of the web server."""
     started = time.monotonic()
     with upload_slot(1, 0.0, tmp_path), (tmp_path / "waiting-0").open("wb") as another_waits:
@@ -140,7 +140,7 @@ def test_who_comes_when_others_wait_already_is_turned_away_at_once(tmp_path: Pat
     assert time.monotonic() - started < 30
 
 
-def test_who_waits_gets_the_next_slot(tmp_path: Path) -> None:
+def test_a_waiting_upload_gets_the_next_slot(tmp_path: Path) -> None:
     def take() -> bool:
         with upload_slot(1, 60.0, tmp_path, waiting=1):
             return True

@@ -83,7 +83,7 @@ def test_a_track_has_its_stated_length_width_and_even_spacing(entry):
 
 @every_track
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_no_line_of_a_track_crosses_another_or_itself(entry, direction):
+def test_no_line_of_a_track_crosses_itself_or_another(entry, direction):
     track = entry.geometry(direction)
     lines = (track.centre, track.inner, track.outer)
     assert all(find_crossing(line) is None for line in lines)
@@ -91,7 +91,7 @@ def test_no_line_of_a_track_crosses_another_or_itself(entry, direction):
 
 
 @every_track
-def test_corners_are_wide_enough_and_neighbouring_parts_leave_grass_between(entry):
+def test_corners_are_wide_and_neighbouring_parts_stay_apart(entry):
     track = entry.geometry()
     assert np.abs(curvature(track)).max() < 1 / 0.74
     along = np.abs(track.cumulative[:, None] - track.cumulative[None])
@@ -101,18 +101,18 @@ def test_corners_are_wide_enough_and_neighbouring_parts_leave_grass_between(entr
 
 
 @every_track
-def test_the_finish_lies_on_a_straight(entry):
+def test_the_finish_line_lies_on_a_straight(entry):
     track = entry.geometry()
     headings = [track.point_at(distance)[2] for distance in np.linspace(-0.6, 1.0, 20)]
     assert max(headings) - min(headings) < 1e-3
 
 
 @every_track
-def test_a_track_never_changes_under_its_results(entry):
+def test_a_catalogue_tracks_geometry_never_changes(entry):
     assert entry.geometry().fingerprint == FINGERPRINTS[entry.slug]
 
 
-def test_each_track_has_its_character():
+def test_each_track_has_its_own_character():
     known = {entry.slug: entry.geometry() for entry in CATALOGUE}
     for slug, track in known.items():
         assert sum(turns(track, smallest=0)) == pytest.approx(360, abs=12), slug
@@ -146,7 +146,7 @@ def test_each_track_has_its_character():
     assert sum(70 <= abs(turn) <= 120 for turn in turns(circuit)) >= 8
 
 
-def test_control_points_whose_arcs_do_not_fit_are_refused():
+def test_control_points_with_unfitting_arcs_are_refused():
     square = [(4.0, 0.0, 1.0), (4.0, 4.0, 1.0), (0.0, 4.0, 1.0), (0.0, 0.0, 1.0)]
     options = {"length_m": 14.0, "width_m": 1.0, "spacing_m": 0.15}
     centre, left, right = road(square, finish_m=1.0, **options)

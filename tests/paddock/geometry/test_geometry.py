@@ -36,7 +36,7 @@ def turned(one, other):
 
 @settings(max_examples=400, deadline=None)
 @given(tracks, directions, shares, sides)
-def test_projecting_a_placed_point_gives_back_its_distance_offset_and_heading(entry, direction, share, side):
+def test_projecting_a_placed_point_recovers_its_place(entry, direction, share, side):
     track = entry.geometry(direction)
     distance = share * track.length
     left, right = track.half_widths_at(distance)
@@ -88,7 +88,7 @@ def test_progress_never_jumps_on_a_wobbling_lap(entry, direction):
 
 @settings(max_examples=200, deadline=None)
 @given(tracks, directions, shares, st.floats(-1.5, 1.5), st.floats(0, math.tau))
-def test_progress_never_leaves_the_window_wherever_a_car_strays(entry, direction, share, offset, angle):
+def test_a_straying_cars_progress_stays_within_the_window(entry, direction, share, offset, angle):
     """A car beside the road next to another part of the track is still where it came from."""
     track = entry.geometry(direction)
     start = track.project(*track.point_at(share * track.length, 0.0)[:2])
@@ -99,7 +99,7 @@ def test_progress_never_leaves_the_window_wherever_a_car_strays(entry, direction
     assert found == again
 
 
-def test_side_by_side_parts_are_told_apart_by_the_hint():
+def test_the_hint_tells_parallel_parts_apart():
     track = next(entry for entry in CATALOGUE if entry.slug == "baja-turnpike").geometry()
     onto, back = 8.0, 13.5  # before and after the hairpin
     x, y, _ = track.point_at(onto, 0.9)  # between the two straights, nearer to the way back
@@ -110,7 +110,7 @@ def test_side_by_side_parts_are_told_apart_by_the_hint():
 
 @settings(max_examples=100, deadline=None)
 @given(tracks, st.floats(-30, 30), st.floats(-30, 30))
-def test_without_a_hint_the_nearest_part_counts_as_shapely_finds_it(entry, x, y):
+def test_without_a_hint_shapelys_nearest_part_counts(entry, x, y):
     shapely = pytest.importorskip("shapely", reason="the oracle comes with deepracer-utils")
     track = entry.geometry()
     line = shapely.LinearRing(track.centre)
@@ -140,13 +140,13 @@ def test_border_lines_belong_to_the_road(entry):
             assert all(track.on_road(x, y) for x, y in (border + share * (after - border)).tolist())
 
 
-def test_nothing_far_away_or_infinite_is_on_the_road():
+def test_far_and_non_finite_points_are_off_the_road():
     track = ring()
     for x, y in ((0, 0), (9, 0), (0, 9), (0, -9), (math.nan, 0), (3, math.inf), (-math.inf, math.nan)):
         assert not track.on_road(x, y)
 
 
-def test_a_circle_has_the_values_of_a_circle():
+def test_a_circular_track_has_the_measures_of_a_circle():
     track = ring(radius=3.0, points=720)
     assert track.length == pytest.approx(math.tau * 3, rel=1e-4)
     assert track.direction == "ccw"
@@ -164,7 +164,7 @@ def test_a_circle_has_the_values_of_a_circle():
 
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
-def test_many_points_at_once_are_the_same_points_to_the_last_bit(entry):
+def test_vectorised_points_are_bit_identical(entry):
     track = entry.geometry()
     random = np.random.default_rng(3)
     distances = np.concatenate((random.uniform(-2, 3, 300) * track.length, track.cumulative, [0.0, track.length]))
@@ -176,7 +176,7 @@ def test_many_points_at_once_are_the_same_points_to_the_last_bit(entry):
     assert (np.column_stack(track.half_widths_along(distances)) == widths).all()
 
 
-def test_distance_wraps_round_both_ways():
+def test_distance_wraps_both_ways():
     track = ring()
     assert track.point_at(track.length + 1.0) == pytest.approx(track.point_at(1.0))
     assert track.point_at(-1.0) == pytest.approx(track.point_at(track.length - 1.0))
@@ -193,7 +193,7 @@ def test_a_point_that_is_not_finite_cannot_be_projected(point, hint):
         ring().point_at(math.nan)
 
 
-def test_turning_round_keeps_the_finish_and_the_physical_borders():
+def test_reversing_keeps_the_finish_line_and_the_borders():
     track = CATALOGUE[0].geometry("ccw")
     back = track.in_direction("cw")
     assert back.direction == "cw"
@@ -210,7 +210,7 @@ def test_turning_round_keeps_the_finish_and_the_physical_borders():
         track.lane_centre(0.0, "left")
 
 
-def test_a_track_cannot_be_changed():
+def test_a_track_is_immutable():
     track = CATALOGUE[0].geometry()
     for line in (track.centre, track.inner, track.outer, track.left, track.right, track.cumulative):
         assert line.flags.c_contiguous and line.dtype == np.float64
@@ -222,7 +222,7 @@ def test_a_track_cannot_be_changed():
         del track.length
 
 
-def test_the_callers_arrays_stay_their_own():
+def test_changing_the_callers_arrays_does_not_change_a_track():
     source = ring()
     centre, inner, outer = (np.array(line) for line in (source.centre, source.inner, source.outer))
     track = TrackGeometry.from_arrays("copy", centre, inner, outer)
@@ -232,7 +232,7 @@ def test_the_callers_arrays_stay_their_own():
 
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
-def test_a_track_survives_json_and_pickle_to_the_last_bit(entry):
+def test_a_track_survives_json_and_pickle_bit_for_bit(entry):
     track = entry.geometry("cw")
     sent = json.loads(json.dumps(track.to_dict()))
     for other in (
@@ -248,7 +248,7 @@ def test_a_track_survives_json_and_pickle_to_the_last_bit(entry):
     assert len(track) == len(track.centre)
 
 
-def test_borders_given_the_wrong_way_round_are_put_right():
+def test_swapped_borders_are_put_right():
     source = ring()
     track = TrackGeometry.from_arrays("swapped", source.centre, source.outer, source.inner)
     assert np.array_equal(track.inner, source.inner)

@@ -130,7 +130,7 @@ def refused(data):
 
 
 @needs_shared
-def test_every_shared_file_is_known_here():
+def test_every_community_file_is_listed_here():
     assert {path.stem for path in FILES} == {*LENGTHS, "Straight_track"}
 
 
@@ -168,7 +168,7 @@ def test_a_lap_of_a_community_track_makes_steady_progress(path, direction):
 
 
 @needs_shared
-def test_the_straight_file_is_refused_because_it_is_open():
+def test_the_straight_track_is_refused_as_open():
     fault = refused((SHARED / "tracks" / "Straight_track.npy").read_bytes())
     assert fault.code == "track_open"
     assert fault.params["gap_m"] == pytest.approx(5.71, abs=0.005)
@@ -228,17 +228,17 @@ def header(text):
         saved(circle()) + b"more",
     ],
 )
-def test_what_is_no_npy_file_or_is_cut_short_is_refused(data):
+def test_a_truncated_or_non_npy_file_is_refused(data):
     assert refused(data).code == "track_not_npy"
 
 
-def test_a_header_that_promises_a_giant_takes_no_memory():
+def test_a_header_promising_a_huge_array_takes_no_memory():
     data = header("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999, 6)}")
     assert refused(data).code == "track_too_large"
 
 
 @pytest.mark.parametrize("shape", ["(0x" + "f" * 9000 + ", 6)", "(6, 0x" + "f" * 9000 + ")", "(True, 6)"])
-def test_a_size_that_is_no_size_is_refused(shape):
+def test_an_invalid_size_is_refused(shape):
     """Python writes no number of more than 4300 digits, so such a one must not get into a sentence."""
     assert refused(header(f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}}}") + bytes(48)).code == (
         "track_not_npy"
@@ -248,7 +248,7 @@ def test_a_size_that_is_no_size_is_refused(shape):
 @pytest.mark.parametrize(
     ("descr", "shape"), [(f"[('\x1b<b>{'x' * 8000}', '<f8')]", "(3, 6)"), ("'<f8'", f"({'1, ' * 3000})")]
 )
-def test_a_strangers_header_is_quoted_in_short_only(descr, shape):
+def test_an_uploaded_header_is_quoted_only_in_short(descr, shape):
     fault = refused(header(f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}"))
     assert fault.code == "track_shape"
     assert len(str(fault)) < 300
@@ -331,11 +331,11 @@ def both_outside(rows):
         (bent(both_outside), "track_borders_apart"),
     ],
 )
-def test_a_table_that_is_no_road_is_refused_with_its_reason(rows, code):
+def test_an_impossible_road_is_refused_with_its_reason(rows, code):
     assert refused(rows).code == code
 
 
-def test_lines_that_are_no_tables_are_refused():
+def test_malformed_lines_are_refused():
     good = circle()
     for lines in (
         ("nonsense", good[:, 2:4], good[:, 4:6]),
@@ -354,7 +354,7 @@ def test_crossing_borders_name_the_lines_and_waypoints():
     assert 9 <= fault.params["row"] <= 13
 
 
-def test_every_refusal_of_a_file_is_tested_above():
+def test_every_refusal_of_a_file_has_a_test():
     """The codes raised while a file is read and the cases of this file stay together."""
     raised = {
         code for module in (checks, npy) for code in re.findall(r'UserFault\("(track_\w+)"', inspect.getsource(module))

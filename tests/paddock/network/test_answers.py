@@ -31,13 +31,13 @@ def changed(by: float):
     return model
 
 
-def test_a_network_that_is_hardly_changed_is_the_same_car_and_a_trained_one_is_another():
+def test_a_barely_changed_network_is_the_same_car():
     assert said(changed(0.0)) == said(network()) and len(said(network())) == 64
     assert said(changed(1e-6)) == said(network())
     assert said(changed(0.1)) != said(network())
 
 
-def test_a_softmax_at_the_end_makes_no_other_car():
+def test_a_final_softmax_does_not_make_another_car():
     model = network()
     output = model.graph.output[0].name
     for node in model.graph.node:
@@ -56,11 +56,11 @@ def test_a_softmax_at_the_end_makes_no_other_car():
     ],
     ids=["other temperature", "all moved", "softmax", "last digits"],
 )
-def test_scores_are_compared_by_their_proportions(rows):
+def test_scores_are_compared_in_proportion(rows):
     assert answers_of(rows, scores=True, about=b"x") == answers_of(ROWS, scores=True, about=b"x")
 
 
-def test_other_answers_other_actions_and_steering_are_other_cars():
+def test_other_answers_or_actions_make_another_car():
     turned = [row[:, ::-1] for row in ROWS]
     assert answers_of(turned, scores=True, about=b"x") != answers_of(ROWS, scores=True, about=b"x")
     assert answers_of(ROWS, scores=True, about=b"y") != answers_of(ROWS, scores=True, about=b"x")

@@ -26,7 +26,7 @@ def admitted(*nodes, **weights):
     return admit_network("onnx", network(list(nodes), weights).SerializeToString(), META, DEFAULT_LIMITS)
 
 
-def test_a_plain_network_has_a_bound_beyond_what_any_frame_showed():
+def test_a_plain_networks_bound_exceeds_every_observed_error():
     canonical = admit_network("onnx", network().SerializeToString(), META, DEFAULT_LIMITS)
     loaded = load(canonical.onnx, canonical.facts)
     errors = [
@@ -39,22 +39,22 @@ def test_a_plain_network_has_a_bound_beyond_what_any_frame_showed():
 
 
 @pytest.mark.parametrize("operator", ["Floor", "Round", "Sign"])
-def test_one_that_rounds_on_its_way_always_goes_the_exact_way(operator):
+def test_a_rounding_network_gets_no_bound(operator):
     assert admitted(op(operator, ["row"], ["x"])).facts.bound is None
 
 
-def test_one_that_compares_on_its_way_does_too():
+def test_a_comparing_network_gets_no_bound():
     step = [op("Greater", ["row", "half"], ["is"]), op("Cast", ["is"], ["x"], to=TensorProto.FLOAT)]
     assert admitted(*step, half=np.array([[127.3]], np.float32)).facts.bound is None
 
 
-def test_one_whose_errors_are_as_large_as_its_answers_does_too():
+def test_a_network_with_errors_as_large_as_answers_gets_no_bound():
     """A small number plus and minus a great one: float32 keeps nothing of it."""
     lost = [op("Add", ["row", "great"], ["sum"]), op("Sub", ["sum", "great"], ["x"])]
     assert admitted(*lost, great=np.array([[3e9]], np.float32)).facts.bound is None
 
 
-def test_one_that_is_finite_in_float32_only_is_refused():
+def test_a_network_finite_only_in_float32_is_refused():
     """(y + 3e9) - 3e9 - y is 0 for float64 and -y for float32; of which the reciprocal is taken."""
     nodes = [
         op("Add", ["row", "small"], ["y"]),
@@ -69,19 +69,19 @@ def test_one_that_is_finite_in_float32_only_is_refused():
     assert caught.value.code == "network_non_finite"
 
 
-def test_answers_that_are_not_finite_have_no_bound():
+def test_non_finite_answers_have_no_bound():
     canonical = admit_network("onnx", network().SerializeToString(), META, DEFAULT_LIMITS)
     loaded = load(canonical.onnx)
     assert derive_bound(lambda feeds: np.full((1, 5), np.nan), loaded.reference, loaded.inputs) is None
 
 
-def test_facts_travel_as_json():
+def test_facts_survive_json():
     facts = Facts(1e-6, {"_v1": (1, 3, 4, 5)})
     assert Facts.from_dict(json.loads(json.dumps(facts.to_dict()))) == facts
     assert Facts.from_dict(json.loads(json.dumps(Facts().to_dict()))) == Facts()
 
 
 @pytest.mark.parametrize("said", [{}, {"bound": -1.0, "shapes": {}}, {"bound": "a", "shapes": {}}, {"bound": 1e400}])
-def test_what_are_no_facts_is_refused(said):
+def test_malformed_facts_are_refused(said):
     with pytest.raises((KeyError, ValueError, TypeError)):
         Facts.from_dict(said)

@@ -210,7 +210,7 @@ def found(model, reading, dtype):
 
 
 @pytest.mark.parametrize("opset, case", [*((21, case) for case in CASES), *((11, case) for case in OLDER)])
-def test_an_operator_is_computed_as_the_runtime_does(opset, case):
+def test_every_operator_agrees_with_the_runtime(opset, case):
     op, attributes, inputs = case
     model = network(op, attributes, inputs, opset)
     theirs = expected(model, inputs[0])
@@ -220,24 +220,24 @@ def test_an_operator_is_computed_as_the_runtime_does(opset, case):
     np.testing.assert_allclose(ours, theirs.astype(np.float64), rtol=2e-5, atol=5e-6 * largest)
 
 
-def test_every_operator_that_is_allowed_has_a_case():
+def test_every_allowed_operator_has_a_case():
     assert set(OPERATORS) - NEVER == {op for op, *_ in CASES}
 
 
-def test_float64_is_what_it_computes_in():
+def test_it_computes_in_float64():
     one = np.array([[1.0, 3.0]], np.float32)
     third = found(network("Div", {}, [one, one[:, ::-1].copy()], 21), one, one.dtype)
     assert third.tolist() == [[1 / 3, 3.0]]
     assert float(np.float32(1 / 3)) != 1 / 3
 
 
-def test_a_number_that_no_whole_number_can_hold_becomes_the_greatest():
+def test_a_number_too_large_for_an_integer_saturates():
     far = np.array([[1e30, -1e30, np.nan, 7.9]], np.float32)
     for to, low, high in ((TensorProto.INT32, -(2**31), 2**31 - 1), (TensorProto.UINT8, 0, 255)):
         assert found(network("Cast", {"to": to}, [far], 21), far, np.dtype(np.int32)).tolist() == [[high, low, 0, 7]]
 
 
-def test_it_answers_the_same_bits_every_time_and_once_its_weights_are_kept():
+def test_answers_are_bit_identical_with_or_without_kept_weights():
     reading = drawn(1, 3000)
     model = network("Gemm", {"transB": 1}, [reading, drawn(200, 3000), drawn(200)], 21)
     model.graph.output[0].CopyFrom(helper.make_tensor_value_info("y", TensorProto.FLOAT, [1]))
@@ -259,7 +259,7 @@ def test_it_answers_the_same_bits_every_time_and_once_its_weights_are_kept():
         ("Relu", {}, [ROW], False),
     ],
 )
-def test_what_makes_a_step_out_of_a_slope_is_known(op, attributes, inputs, is_step):
+def test_operators_that_turn_a_slope_into_a_step_are_known(op, attributes, inputs, is_step):
     model = network(op, attributes, inputs, 21)
     model.graph.output[0].CopyFrom(helper.make_tensor_value_info("y", TensorProto.FLOAT, [1]))
     assert Reference(Network.read(model.SerializeToString())).steps({"x": inputs[0]}) is is_step

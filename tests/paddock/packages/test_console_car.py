@@ -44,7 +44,7 @@ def picture(name: str) -> np.ndarray:
     return grey.astype(np.uint8)[np.newaxis, :, :, np.newaxis]
 
 
-def test_it_is_admitted_with_what_it_is(admitted: AdmittedPackage) -> None:
+def test_it_is_admitted_with_the_right_facts(admitted: AdmittedPackage) -> None:
     assert admitted.source_kind == "tensorflow"
     assert admitted.parameters == 5_845_676
     assert admitted.metadata.sensors == ("FRONT_FACING_CAMERA",)
@@ -75,7 +75,7 @@ def test_it_answers_as_openvino_does(package: RawPackage, tmp_path) -> None:
         )
 
 
-def test_what_races_answers_as_what_was_converted(package: RawPackage, admitted: AdmittedPackage) -> None:
+def test_the_racing_form_answers_as_the_converted_one(package: RawPackage, admitted: AdmittedPackage) -> None:
     """The form that races differs in its large dense layer: only the order of additions may change."""
     metadata = parse_metadata(package.metadata_json)
     converted, raced = (
@@ -96,7 +96,7 @@ def test_its_onnx_form_uploaded_again_is_the_same_model(admitted: AdmittedPackag
     assert again.sha256 == admitted.sha256
 
 
-def test_our_test_networks_are_built_as_the_console_builds_them(package: RawPackage) -> None:
+def test_our_test_networks_are_built_like_the_consoles(package: RawPackage) -> None:
     """Every node of the real graph: same name, same operation, same inputs."""
     real, built = (
         {node.name: (node.op, node.inputs, node.controls) for node in read_graph(data, DEFAULT_LIMITS).nodes.values()}

@@ -117,14 +117,14 @@ def test_parts_for_training_are_left_out(case: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(ours(admit(graph, metadata), feed), expected, atol=2e-5, rtol=2e-4)
 
 
-def test_a_conversion_gives_the_same_bytes_every_time() -> None:
+def test_conversion_is_repeatable_byte_for_byte() -> None:
     metadata = read({})
     first, second = (admit(coach_graph(middleware=[8]), metadata) for _ in range(2))
     assert first.onnx == second.onnx
     assert first.sha256 == second.sha256
 
 
-def test_weights_keep_every_bit() -> None:
+def test_weights_are_kept_bit_for_bit() -> None:
     graph = coach_graph(middleware=[8])
     canonical = admit(graph, read({}))
     for tensor in (part for part in _weights(canonical) if part.ndim == 2):
@@ -160,7 +160,7 @@ def scaled_graph(*scales: tuple[str, float], read_twice: bool = False) -> bytes:
         [("Sub", 0.0), ("RealDiv", 127.5), ("Mul", -0.5)],
     ],
 )
-def test_what_scales_the_picture_goes_into_the_first_convolution(scales: list, tmp_path: Path) -> None:
+def test_picture_scaling_is_folded_into_the_first_convolution(scales: list, tmp_path: Path) -> None:
     graph, metadata = scaled_graph(*scales), read({})
     feed = frames(metadata)
     canonical = admit(graph, metadata)
@@ -168,7 +168,7 @@ def test_what_scales_the_picture_goes_into_the_first_convolution(scales: list, t
     np.testing.assert_allclose(ours(canonical, feed), openvinos(graph, feed, tmp_path), atol=1e-6, rtol=1e-5)
 
 
-def test_a_scaled_picture_that_something_else_reads_too_is_still_there(tmp_path: Path) -> None:
+def test_a_scaled_picture_with_another_reader_is_kept(tmp_path: Path) -> None:
     graph, metadata = scaled_graph(("RealDiv", 255.0), read_twice=True), read({})
     feed = frames(metadata)
     canonical = admit(graph, metadata)
@@ -177,14 +177,14 @@ def test_a_scaled_picture_that_something_else_reads_too_is_still_there(tmp_path:
 
 
 @pytest.mark.parametrize("scale", [("Sub", 127.5), ("Mul", 1e-9), ("Mul", 1e9), ("RealDiv", 1e-30)])
-def test_what_no_weight_can_take_over_stays_as_it_is(scale: tuple, tmp_path: Path) -> None:
+def test_scaling_that_cannot_be_folded_stays(scale: tuple, tmp_path: Path) -> None:
     graph, metadata = scaled_graph(scale), read({})
     feed = frames(metadata)
     expected = openvinos(graph, feed, tmp_path)
     np.testing.assert_allclose(ours(admit(graph, metadata), feed), expected, rtol=1e-4, atol=1e-5)
 
 
-def test_a_layer_on_the_whole_picture_counts_its_true_cost() -> None:
+def test_a_layer_over_the_whole_picture_has_its_true_cost() -> None:
     """120 x 160 through the three convolutions of the shallow network, by hand."""
     metadata = read({})
     canonical = admit(coach_graph(middleware=[8]), metadata)
@@ -192,20 +192,20 @@ def test_a_layer_on_the_whole_picture_counts_its_true_cost() -> None:
     assert canonical.macs == by_hand
 
 
-def test_graph_and_metadata_of_different_cars_are_told_apart() -> None:
+def test_metadata_of_another_car_is_refused() -> None:
     with pytest.raises(UserFault) as fault:
         admit(coach_graph(middleware=[8]), read({"sensors": ["LEFT_CAMERA"]}))
     assert fault.value.code == "graph_inputs"
     assert fault.value.params == {"found": "FRONT_FACING_CAMERA", "expected": "LEFT_CAMERA"}
 
 
-def test_a_sensor_that_the_graph_does_not_read_is_told() -> None:
+def test_a_sensor_the_graph_does_not_read_is_reported() -> None:
     with pytest.raises(UserFault) as fault:
         admit(coach_graph(middleware=[8]), read({"sensors": ["FRONT_FACING_CAMERA", "LIDAR"]}))
     assert fault.value.code == "graph_inputs"
 
 
-def test_an_action_list_of_another_length_is_told() -> None:
+def test_an_action_list_of_another_length_is_reported() -> None:
     with pytest.raises(UserFault) as fault:
         admit(coach_graph(middleware=[8], actions=5), read({"actions": 6}))
     assert fault.value.code == "onnx_output"
@@ -213,7 +213,7 @@ def test_an_action_list_of_another_length_is_told() -> None:
 
 
 @pytest.mark.parametrize("output", ["whole numbers", "a branch that is not taken"])
-def test_a_sac_policy_that_is_no_row_of_floats_is_told(output: str) -> None:
+def test_a_sac_policy_other_than_a_row_of_floats_is_refused(output: str) -> None:
     writer = GraphWriter()
     shape = Attr.shape((-1, 120, 160, 1))
     value = writer.node("a/FRONT_FACING_CAMERA", "Placeholder", dtype=Attr.dtype(4), shape=shape)
@@ -226,7 +226,7 @@ def test_a_sac_policy_that_is_no_row_of_floats_is_told(output: str) -> None:
     assert fault.value.code == "graph_output"
 
 
-def test_a_branch_taken_in_training_only_may_hold_anything() -> None:
+def test_a_training_only_branch_may_hold_anything() -> None:
     """Dropout's random numbers are no operation that a car may use, and are never looked at."""
     graph = coach_graph(middleware=[8], dropout=True)
     assert b"RandomUniform" in graph
@@ -272,7 +272,7 @@ TINY = tiny_graph()
 
 @settings(max_examples=400, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(TINY) - 1), st.integers(0, 255)), max_size=3))
-def test_damage_anywhere_ends_with_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
+def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
     broken = bytearray(TINY)
     for at, byte in damage:
         broken[at] = byte
@@ -285,7 +285,7 @@ def test_damage_anywhere_ends_with_a_reason_or_a_sound_network(damage: list[tupl
 
 
 @pytest.mark.slow
-def test_the_medium_network_in_full_size_converts_when_the_limits_allow_it(tmp_path: Path) -> None:
+def test_the_full_size_medium_network_converts_within_limits(tmp_path: Path) -> None:
     """As the simulator's code builds it, its middleware alone has 28.7 million weights (115 MB)."""
     limits = PackageLimits(model_bytes=160 << 20, tensor_elements=40_000_000)
     metadata = read({"depth": MEDIUM})

@@ -30,7 +30,7 @@ def converted(sensors: list[str], depth: str, head: str, **options: object) -> N
     convert(coach_graph(sensors, depth, head, middleware=[8], **options), metadata.inputs, WIDE)
 
 
-def test_the_networks_of_the_field_need_every_converter(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_converter_is_needed_by_a_known_network(monkeypatch: pytest.MonkeyPatch) -> None:
     ran = set()
 
     def recorded(op: str, converter):
@@ -51,7 +51,7 @@ def test_the_networks_of_the_field_need_every_converter(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("operation", OTHERS)
-def test_any_other_operation_is_refused_by_its_name(operation: str) -> None:
+def test_any_other_operation_is_refused_by_name(operation: str) -> None:
     with pytest.raises(UserFault) as fault:
         convert(coach_graph(middleware=[8], activation=operation), read({}).inputs, WIDE)
     assert fault.value.code == "graph_operation"
@@ -59,7 +59,7 @@ def test_any_other_operation_is_refused_by_its_name(operation: str) -> None:
 
 
 @pytest.mark.parametrize("operation", ["Div", "Maximum", "Pow"])
-def test_any_other_operation_of_two_inputs_is_refused_by_its_name(operation: str) -> None:
+def test_any_other_two_input_operation_is_refused_by_name(operation: str) -> None:
     with pytest.raises(UserFault) as fault:
         convert(scaled_graph((operation, 2.0)), read({}).inputs, WIDE)
     assert fault.value.params["operation"] == operation

@@ -158,7 +158,7 @@ ALL = REWRITTEN | LEFT
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_the_answers_stay(name: str) -> None:
+def test_the_answers_do_not_change(name: str) -> None:
     model = ALL[name]()
     expected = answers(model.SerializeToString())
     canonical = gate(model)
@@ -179,21 +179,21 @@ def test_the_form_is_a_fixed_point_and_valid(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_a_model_is_the_hash_of_what_it_was_before(name: str) -> None:
+def test_the_identity_is_the_hash_of_the_form_before(name: str) -> None:
     canonical = gate(ALL[name]())
     assert canonical.sha256 == identity(canonical.onnx, META)
     assert operations(canonical.onnx).count("Conv") == ("over the frame itself" != name != "over a row of constants")
 
 
 @pytest.mark.parametrize("name", REWRITTEN)
-def test_no_large_product_is_left(name: str) -> None:
+def test_no_large_matrix_product_is_left(name: str) -> None:
     canonical = gate(REWRITTEN[name]())
     assert set(readers_of_large(fast(canonical))) == {"Conv"}
     assert not set(readers_of_large(canonical.onnx)) & {"Conv"}
 
 
 @pytest.mark.parametrize("name", LEFT)
-def test_other_products_stay_as_they_are(name: str) -> None:
+def test_other_matrix_products_do_not_change(name: str) -> None:
     canonical = gate(LEFT[name]())
     assert set(readers_of_large(fast(canonical))) <= {"Gemm"}
     assert operations(fast(canonical)).count("Conv") == 1
@@ -207,26 +207,26 @@ def readers_of_large(network: bytes) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["over a flattened picture", "over a picture that lies channels last"])
-def test_a_picture_goes_from_convolution_to_convolution(name: str) -> None:
+def test_a_picture_passes_between_convolutions_unflattened(name: str) -> None:
     found = operations(fast(gate(REWRITTEN[name]())))
     assert found[-6:] == ["Conv", "Relu", "Conv", "Relu", "Reshape", "Gemm"]
     assert "Flatten" not in found
 
 
-def test_it_is_as_large_and_as_costly_as_its_layers() -> None:
+def test_its_size_and_cost_are_those_of_its_layers() -> None:
     canonical = gate(REWRITTEN["over a flattened picture"]())
     assert canonical.parameters == 16 * 64 + FEATURES * (VALUES + 1) + 5 * (FEATURES + 1)
     assert canonical.macs == VALUES * 64 + FEATURES * VALUES + 5 * FEATURES
 
 
-def test_answers_that_are_too_great_are_still_found() -> None:
+def test_overflowing_answers_are_still_detected() -> None:
     huge = car(*FLAT, dense(), *END, large=np.full((FEATURES, VALUES), 3e38, np.float32))
     with pytest.raises(UserFault) as caught:
         admit_network(ONNX, huge.SerializeToString(), META, DEFAULT_LIMITS)
     assert caught.value.code == "network_non_finite"
 
 
-def test_every_session_of_it_answers_the_same_bits() -> None:
+def test_every_session_gives_bit_identical_answers() -> None:
     canonical = gate(REWRITTEN["over a flattened picture"]())
     feed = {CAMERA: np.random.default_rng(3).integers(0, 256, (1, 120, 160, 1)).astype(np.uint8)}
     assert len({load(canonical.onnx, canonical.facts).session.run(None, feed)[0].tobytes() for _ in range(4)}) == 1

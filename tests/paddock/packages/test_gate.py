@@ -67,7 +67,7 @@ def planar_network() -> onnx.ModelProto:
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
 
 
-def test_a_network_as_torch_exports_it_passes_and_answers_the_same() -> None:
+def test_a_torch_export_passes_and_answers_the_same() -> None:
     model = planar_network()
     canonical = gate(model)
     assert canonical.inputs == ((CAMERA, "float32", (1, 1, 120, 160)),)
@@ -107,7 +107,7 @@ def dense_network(*, shared: bool = False, transposed: bool = False) -> onnx.Mod
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
 
 
-def test_dense_layers_are_one_model_whichever_way_their_weights_lie() -> None:
+def test_transposed_dense_weights_make_the_same_model() -> None:
     plain, transposed = dense_network(), dense_network(transposed=True)
     canonical = gate(plain)
     assert canonical == gate(transposed)
@@ -116,7 +116,7 @@ def test_dense_layers_are_one_model_whichever_way_their_weights_lie() -> None:
     np.testing.assert_allclose(answer(canonical.onnx, feed), answer(plain.SerializeToString(), feed), rtol=1e-5)
 
 
-def test_weights_that_two_layers_read_stay_as_they_are() -> None:
+def test_weights_shared_by_two_layers_do_not_change() -> None:
     model = dense_network(shared=True)
     canonical = gate(model)
     assert check_onnx(canonical.onnx, META) == canonical
@@ -128,7 +128,7 @@ def test_the_canonical_form_is_valid_onnx() -> None:
     onnx.checker.check_model(onnx.load_from_string(gate(planar_network()).onnx), full_check=True)
 
 
-def test_nothing_of_a_files_words_survives() -> None:
+def test_no_text_of_the_file_survives() -> None:
     model = planar_network()
     model.producer_name = model.doc_string = model.graph.name = model.graph.doc_string = "<script>alert(1)</script>"
     model.metadata_props.add(key="evil", value="x" * 100_000)
@@ -142,7 +142,7 @@ def test_nothing_of_a_files_words_survives() -> None:
         assert word not in canonical.onnx
 
 
-def test_names_order_and_storage_do_not_make_another_model() -> None:
+def test_names_order_and_storage_do_not_change_the_identity() -> None:
     plain, other = planar_network(), planar_network()
     del other.graph.initializer[:]
     for tensor in reversed(plain.graph.initializer):
@@ -159,7 +159,7 @@ def test_names_order_and_storage_do_not_make_another_model() -> None:
     assert gate(other).onnx == gate(plain).onnx
 
 
-def test_one_changed_weight_makes_another_model() -> None:
+def test_one_changed_weight_changes_the_identity() -> None:
     other = planar_network()
     array = numpy_helper.to_array(other.graph.initializer[3]).copy()
     array[0] = np.nextafter(np.float32(0), np.float32(1))
@@ -167,7 +167,7 @@ def test_one_changed_weight_makes_another_model() -> None:
     assert gate(other).sha256 != gate(planar_network()).sha256
 
 
-def test_a_continuous_car_answers_two_values() -> None:
+def test_a_continuous_car_answers_with_two_values() -> None:
     data = json.dumps(metadata_dict(head="continuous")).encode()
     model = network(
         [helper.make_node("Gemm", ["row", "two", "bias2"], ["scores"])],
@@ -189,7 +189,7 @@ def test_several_sensors_are_ordered_by_name() -> None:
     assert [name for name, _, _ in canonical.inputs] == [CAMERA, "LIDAR"]
 
 
-def test_a_sensor_that_the_network_does_not_use_stays_an_input() -> None:
+def test_an_unused_sensor_stays_an_input() -> None:
     data = metadata(sensor=[CAMERA, "LIDAR"])
     camera = helper.make_tensor_value_info(CAMERA, TensorProto.UINT8, [1, 120, 160, 1])
     lidar = helper.make_tensor_value_info("LIDAR", TensorProto.FLOAT, [1, 64])
@@ -198,7 +198,7 @@ def test_a_sensor_that_the_network_does_not_use_stays_an_input() -> None:
     assert answer(canonical.onnx, feed).shape == (1, 5)
 
 
-def test_a_value_read_twice_keeps_its_name_when_it_is_also_the_output() -> None:
+def test_an_output_read_again_keeps_its_meaning() -> None:
     nodes = [
         helper.make_node("Gemm", ["row", "dense", "bias"], ["first"]),
         helper.make_node("Add", ["first", "first"], ["twice"]),
@@ -218,7 +218,7 @@ def test_dead_ends_cost_nothing() -> None:
 
 
 @pytest.mark.parametrize("opset", [11, 13, 15, 17])
-def test_the_operator_sets_of_the_last_years_pass(opset: int) -> None:
+def test_recent_operator_sets_pass(opset: int) -> None:
     model = network(opset=opset)
     if opset < 13:  # Unsqueeze had its axes as an attribute
         del model.graph.node[2].input[1]
@@ -253,7 +253,7 @@ GOOD = planar_network().SerializeToString()
 
 @settings(max_examples=400, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), min_size=1, max_size=3))
-def test_damage_anywhere_ends_with_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
+def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
     broken = bytearray(GOOD)
     for at, byte in damage:
         broken[at] = byte
@@ -267,12 +267,12 @@ def test_damage_anywhere_ends_with_a_reason_or_a_sound_network(damage: list[tupl
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(0, len(GOOD) - 1))
-def test_a_network_cut_anywhere_is_refused(length: int) -> None:
+def test_a_truncated_network_is_refused(length: int) -> None:
     with pytest.raises(UserFault):
         check_onnx(GOOD[:length], META)
 
 
-def test_the_fixture_is_not_changed_by_the_gate() -> None:
+def test_the_gate_does_not_modify_its_input() -> None:
     model = planar_network()
     before = copy.deepcopy(model)
     gate(model)

@@ -63,13 +63,13 @@ def test_it_is_admitted_with_all_of_its_weights(network: tuple[str, int, int, Ad
     assert car.macs < DEFAULT_LIMITS.macs
 
 
-def test_the_site_holds_it_once_or_little_more(network: tuple[str, int, int, AdmittedPackage, int]) -> None:
+def test_the_site_holds_it_in_memory_about_once(network: tuple[str, int, int, AdmittedPackage, int]) -> None:
     _sensor, _weights, size, _car, peak = network
     assert peak < 1.5 * size
 
 
 @pytest.mark.parametrize("bound", ["its own", None])
-def test_it_drives_within_a_policys_memory(
+def test_it_drives_within_a_policys_memory_limit(
     network: tuple[str, int, int, AdmittedPackage, int], bound: str | None
 ) -> None:
     """Also where each answer is computed in float64."""
@@ -86,7 +86,7 @@ def test_it_drives_within_a_policys_memory(
         assert client.counts[FAST if bound else EXACT] == 2
 
 
-def test_a_smaller_bound_refuses_it_and_says_which(network: tuple[str, int, int, AdmittedPackage, int]) -> None:
+def test_a_smaller_limit_refuses_it_and_is_named(network: tuple[str, int, int, AdmittedPackage, int]) -> None:
     *_, car, _peak = network
     limits = replace(DEFAULT_LIMITS, model_bytes=100 * MEGABYTE)
     files = [UploadPart("car.onnx", io.BytesIO(car.onnx)), UploadPart("m.json", io.BytesIO(b"{}"))]

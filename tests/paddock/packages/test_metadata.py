@@ -21,7 +21,7 @@ def parse(**data: object) -> ModelMetadata:
     return parse_metadata(json.dumps({"action_space": ACTIONS, **data}).encode())
 
 
-def test_the_oldest_files_have_an_action_space_only() -> None:
+def test_the_oldest_files_have_only_an_action_space() -> None:
     metadata = parse()
     assert metadata.version == "1"
     assert metadata.sensors == ("observation",)
@@ -30,29 +30,29 @@ def test_the_oldest_files_have_an_action_space_only() -> None:
     assert metadata.action_space_type == "discrete"
 
 
-def test_a_file_with_sensors_and_without_version_is_of_the_second() -> None:
+def test_sensors_without_a_version_mean_version_2() -> None:
     assert parse(sensor=["FRONT_FACING_CAMERA"]).version == "2"
 
 
-def test_the_first_version_ignores_a_sensor_list() -> None:
+def test_version_1_ignores_a_sensor_list() -> None:
     assert parse(version=1, sensor=["LEFT_CAMERA"]).sensors == ("observation",)
 
 
 @pytest.mark.parametrize("version", ["3", 3, 3.0, "3.0"])
-def test_numbers_may_be_written_as_words(version: object) -> None:
+def test_numbers_may_be_written_as_strings(version: object) -> None:
     metadata = parse(version=version, sensor=["FRONT_FACING_CAMERA"])
     assert metadata.version == "3"
     assert metadata.actions[1] == {"steering_angle": 30.0, "speed": 0.8}
 
 
-def test_case_and_blanks_of_words_do_not_matter_as_in_the_original() -> None:
+def test_case_and_blanks_do_not_matter() -> None:
     metadata = parse(action_space=CONTINUOUS, action_space_type=" Continuous", training_algorithm="SAC ")
     assert metadata.algorithm == "sac"
     assert metadata.actions["speed"] == {"low": 0.5, "high": 4.0}
     assert metadata.output_size == 2
 
 
-def test_a_byte_order_mark_is_no_harm() -> None:
+def test_a_byte_order_mark_is_accepted() -> None:
     assert parse_metadata(b"\xef\xbb\xbf" + json.dumps({"action_space": ACTIONS}).encode()).output_size == 2
 
 
@@ -62,11 +62,11 @@ def test_unknown_keys_are_ignored() -> None:
     )
 
 
-def test_actions_beyond_the_car_are_kept_because_the_simulator_clips_them() -> None:
+def test_actions_beyond_the_car_are_kept_for_clipping() -> None:
     assert parse(action_space=[{"steering_angle": 45, "speed": 12}]).actions[0]["speed"] == 12.0
 
 
-def test_what_is_written_reads_back_the_same() -> None:
+def test_written_metadata_reads_back_the_same() -> None:
     for metadata in (
         parse(sensor=["STEREO_CAMERAS", "DISCRETIZED_SECTOR_LIDAR"], lidar_config={"num_sectors": "16"}),
         parse(action_space=CONTINUOUS, action_space_type="continuous", training_algorithm="sac"),
@@ -75,7 +75,7 @@ def test_what_is_written_reads_back_the_same() -> None:
         assert again == metadata
 
 
-def test_a_discretised_lidar_is_as_wide_as_its_configuration() -> None:
+def test_a_lidars_configuration_sets_its_width() -> None:
     metadata = parse(
         sensor=["LEFT_CAMERA", "DISCRETIZED_SECTOR_LIDAR"], lidar_config={"num_sectors": 4, "num_values_per_sector": 3}
     )
@@ -85,7 +85,7 @@ def test_a_discretised_lidar_is_as_wide_as_its_configuration() -> None:
     ]
 
 
-def test_identity_counts_actions_and_sensors_and_nothing_else() -> None:
+def test_identity_depends_on_actions_and_sensors_alone() -> None:
     base = parse(sensor=["LEFT_CAMERA", "LIDAR"], version=3)
     same = parse(sensor=["LIDAR", "LEFT_CAMERA"], version="5", neural_network="DEEP_CONVOLUTIONAL_NETWORK_DEEP")
     assert base.canonical_json() == same.canonical_json()
@@ -103,7 +103,7 @@ def test_a_real_file_is_read() -> None:
     assert metadata.sensors == ("FRONT_FACING_CAMERA",)
 
 
-def test_ten_times_the_keys_take_about_ten_times_as_long() -> None:
+def test_reading_time_grows_linearly_with_the_keys() -> None:
     """The site itself reads this file: what is twice must not be looked for again and again."""
 
     def seconds(count: int) -> float:
@@ -130,7 +130,7 @@ KEYS = [
 
 @settings(max_examples=300, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), json_values))
-def test_nonsense_ends_with_a_reason(changes: dict) -> None:
+def test_nonsense_is_refused_with_a_reason(changes: dict) -> None:
     data = {"action_space": ACTIONS, "sensor": ["FRONT_FACING_CAMERA"], **changes}
     try:
         parse_metadata(json.dumps(data).encode())
@@ -141,7 +141,7 @@ def test_nonsense_ends_with_a_reason(changes: dict) -> None:
 
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=200))
-def test_any_bytes_end_with_a_reason(data: bytes) -> None:
+def test_arbitrary_bytes_are_refused_with_a_reason(data: bytes) -> None:
     with pytest.raises(UserFault) as fault:
         parse_metadata(data)
     assert fault.value.code.startswith("metadata_")

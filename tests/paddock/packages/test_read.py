@@ -60,7 +60,7 @@ def test_a_cars_archive_is_read_in_every_layout(layout: int, folder: str) -> Non
     assert package == RawPackage("tensorflow", GRAPH, metadata(), package.source_sha256)
 
 
-def test_folders_in_an_archive_are_no_matter() -> None:
+def test_folders_in_an_archive_do_not_matter() -> None:
     folders = [special(name, tarfile.DIRTYPE) for name in ("./", "./agent/")]
     members = [*folders, regular("./agent/model.pb", GRAPH), regular("./model_metadata.json", metadata())]
     assert read_one(gzip(tar_of(*members))).model == GRAPH
@@ -101,27 +101,27 @@ def test_a_cars_files_may_come_in_a_zip() -> None:
     assert read_one(content).kind == "tensorflow"
 
 
-def test_files_are_told_apart_by_content_and_not_by_name() -> None:
+def test_files_are_recognised_by_content_not_name() -> None:
     package = read([("model.pb", metadata()), ("model_metadata.json", good_network())])
     assert package.model == good_network()
     assert package.metadata_json == metadata()
 
 
-def test_a_network_may_be_called_as_weights_are() -> None:
+def test_a_network_may_have_the_name_of_a_weights_file() -> None:
     assert read([("policy.bin", good_network()), ("m.json", metadata())]).model == good_network()
 
 
-def test_the_digest_is_of_the_file_as_sent() -> None:
+def test_the_digest_covers_the_file_as_sent() -> None:
     content = gzip(tar(("agent/model.pb", GRAPH), ("model_metadata.json", metadata())))
     assert read_one(content).source_sha256 == hashlib.sha256(content).hexdigest()
 
 
-def test_two_files_have_one_digest_in_either_order() -> None:
+def test_the_order_of_two_files_does_not_change_the_digest() -> None:
     files = [("a", good_network()), ("b", metadata())]
     assert read(files).source_sha256 == read(files[::-1]).source_sha256
 
 
-def test_a_bomb_takes_no_more_memory_than_the_limits_allow() -> None:
+def test_an_archive_bomb_stays_within_the_memory_limits() -> None:
     limits = PackageLimits(expanded_bytes=8 << 20, upload_bytes=4 << 20, model_bytes=8 << 20)
     bomb = gzip(tar(("agent/model.pb", bytes(8 << 20)), ("._padding", bytes(200 << 20))))
     tracemalloc.start()
@@ -135,7 +135,7 @@ def test_a_bomb_takes_no_more_memory_than_the_limits_allow() -> None:
     assert peak < 24 << 20
 
 
-def test_an_endless_stream_is_cut_at_the_limit() -> None:
+def test_an_endless_stream_is_cut_off_at_the_limit() -> None:
     class Endless:
         read_bytes = 0
 
@@ -150,7 +150,7 @@ def test_an_endless_stream_is_cut_at_the_limit() -> None:
     assert stream.read_bytes < 2 << 20
 
 
-def test_a_stream_that_gives_a_byte_at_a_time_is_read() -> None:
+def test_a_stream_of_single_bytes_is_read() -> None:
     class Drip(io.BytesIO):
         def read(self, size: int = -1) -> bytes:
             return super().read(min(size, 1))
@@ -166,7 +166,7 @@ TAR = tar(("agent/model.pb", GRAPH), ("model_metadata.json", metadata()))
 
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from([CAR, ZIP, TAR]), st.lists(st.tuples(st.integers(0, 1 << 16), st.integers(0, 255)), max_size=4))
-def test_damage_anywhere_ends_with_a_reason_or_does_no_harm(content: bytes, damage: list[tuple[int, int]]) -> None:
+def test_any_damage_gives_a_reason_or_does_no_harm(content: bytes, damage: list[tuple[int, int]]) -> None:
     broken = bytearray(content)
     for at, byte in damage:
         broken[at % len(broken)] = byte
@@ -179,7 +179,7 @@ def test_damage_anywhere_ends_with_a_reason_or_does_no_harm(content: bytes, dama
 
 @settings(max_examples=100, deadline=None)
 @given(st.sampled_from([CAR, ZIP, TAR]), st.integers(1, 600))
-def test_a_file_cut_anywhere_is_refused(content: bytes, missing: int) -> None:
+def test_a_truncated_file_is_refused(content: bytes, missing: int) -> None:
     kept = content.rstrip(b"\0")[: -min(missing, len(content.rstrip(b"\0")) - 1)]
     with pytest.raises(UserFault):
         read_one(kept)
@@ -233,7 +233,7 @@ def zip_of(*members: tuple[str, bytes]) -> Upload:
         (b"nothing that can be read", "7", 7, "asked"),
     ],
 )
-def test_of_a_trainings_folder_the_best_checkpoint_is_taken_or_the_one_asked_for(
+def test_a_training_folder_gives_its_best_or_requested_checkpoint(
     lead: str, packed: Callable, record: bytes | None, asked: str, taken: int, reason: str
 ) -> None:
     files = training_folder(ITERATIONS, record, lead=lead, packed=packed)
@@ -253,27 +253,27 @@ def test_the_metadata_nearest_to_the_network_counts() -> None:
     assert read(files).metadata_json == near
 
 
-def test_metadata_where_a_training_began_is_found() -> None:
+def test_metadata_in_a_trainings_custom_files_is_found() -> None:
     files = training_folder(
         ITERATIONS, RECORD, None, lead="team/", more=(("custom_files/model_metadata.json", metadata()),)
     )
     assert read(files).metadata_json == metadata()
 
 
-def test_a_car_beside_its_training_is_the_car() -> None:
+def test_a_car_archive_beside_a_training_folder_is_taken() -> None:
     files = training_folder(ITERATIONS, RECORD, more=(("agent/model.pb", GRAPH),))
     assert read(files).model == GRAPH
     assert read(files, checkpoint="7").model == ITERATIONS[7]
 
 
-def test_an_archive_without_metadata_may_have_it_beside() -> None:
+def test_metadata_may_lie_beside_the_archive() -> None:
     packed = zipped(("car.onnx", good_network()))
     for files in ([("a.zip", packed), ("b", metadata())], [("b", metadata()), ("a.zip", packed)]):
         package = read(files)
         assert (package.model, package.metadata_json) == (good_network(), metadata())
 
 
-def test_weights_beside_an_onnx_file_are_read_with_it_from_an_archive_and_as_files() -> None:
+def test_external_onnx_weights_are_read_from_archive_and_files() -> None:
     members = (("net/car.onnx", good_network()), ("net/car.onnx.data", b"PK\x03\x04"), ("other.data", b"x"))
     packed = read([("car.zip", zipped(*members, ("net/model_metadata.json", metadata())))])
     loose = read([("car.onnx.data", b"PK\x03\x04"), ("car.onnx", good_network()), ("m.json", metadata())])
@@ -281,14 +281,14 @@ def test_weights_beside_an_onnx_file_are_read_with_it_from_an_archive_and_as_fil
     assert packed.ignored == ("other.data",)
 
 
-def test_what_a_car_does_not_need_is_ignored_and_listed() -> None:
+def test_unneeded_files_are_ignored_and_listed() -> None:
     inner = zipped(("car.onnx", good_network()))
     more = (("inner.zip", inner), ("<img src=x>.txt", b"x"), ("logs/training.log", b"x"))
     package = read([("car.zip", zipped(("car.onnx", good_network()), ("model_metadata.json", metadata()), *more))])
     assert package.ignored == ("inner.zip", "<img src=x>.txt", "logs/training.log")
 
 
-def test_a_large_folder_is_read_with_little_memory() -> None:
+def test_a_large_folder_is_read_in_little_memory() -> None:
     graph = b"\x0a\x04" + random.Random(0).randbytes(4 << 20)
     files = training_folder({number: graph for number in range(8)}, RECORD, packed=archive)
     tracemalloc.start()

@@ -107,7 +107,7 @@ class Track(gymnasium.Env):
 BOX = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def test_a_whole_discrete_ppo_policy_drives_as_in_stable_baselines3() -> None:
+def test_a_discrete_ppo_policy_drives_as_in_stable_baselines3() -> None:
     model = PPO("CnnPolicy", Track(gymnasium.spaces.Discrete(ACTIONS)), device="cpu", n_steps=8)
     canonical = admit(
         export(WholePolicy(model.policy), input_names=["input"], output_names=["actions", "values", "log"])
@@ -119,7 +119,7 @@ def test_a_whole_discrete_ppo_policy_drives_as_in_stable_baselines3() -> None:
         assert answer(canonical, frame).argmax() == chosen
 
 
-def test_a_whole_continuous_ppo_policy_drives_as_in_stable_baselines3() -> None:
+def test_a_continuous_ppo_policy_drives_as_in_stable_baselines3() -> None:
     model = PPO("CnnPolicy", Track(BOX), device="cpu", n_steps=8)
     canonical = admit(export(WholePolicy(model.policy), input_names=["input"]), CONTINUOUS)
     for frame in frames():
@@ -136,7 +136,7 @@ def test_a_sac_actor_drives_as_in_stable_baselines3() -> None:
         np.testing.assert_allclose(answer(canonical, frame), chosen, atol=1e-5)
 
 
-def test_what_only_the_other_outputs_need_is_left_out() -> None:
+def test_parts_needed_only_by_other_outputs_are_left_out() -> None:
     class ActorCritic(Net):
         def forward(self, frame: torch.Tensor) -> tuple[torch.Tensor, ...]:
             logits = super().forward(frame)
@@ -150,7 +150,7 @@ def test_what_only_the_other_outputs_need_is_left_out() -> None:
     assert canonical.sha256 == admit(plain).sha256
 
 
-def test_of_two_that_fit_the_one_of_a_known_name_is_taken() -> None:
+def test_of_two_fitting_outputs_the_known_name_is_taken() -> None:
     class Two(Net):
         def forward(self, frame: torch.Tensor) -> tuple[torch.Tensor, ...]:
             logits = super().forward(frame)
@@ -168,7 +168,7 @@ def outside(network: bytes, folder: Path) -> tuple[bytes, bytes]:
     return (folder / "car.onnx").read_bytes(), (folder / "car.onnx.data").read_bytes()
 
 
-def test_weights_beside_the_file_make_the_same_model_as_weights_inside(tmp_path: Path) -> None:
+def test_external_weights_make_the_same_model_as_inner_ones(tmp_path: Path) -> None:
     whole = export(Net())
     network, data = outside(whole, tmp_path)
     assert len(network) < len(data)
@@ -179,7 +179,7 @@ def test_weights_beside_the_file_make_the_same_model_as_weights_inside(tmp_path:
     assert admit(package.model, package.metadata_json, package.weights).sha256 == expected
 
 
-def test_weights_that_are_not_there_are_named(tmp_path: Path) -> None:
+def test_missing_weights_are_named(tmp_path: Path) -> None:
     fault = refusal(outside(export(Net()), tmp_path)[0])
     assert fault.code == "onnx_external_missing"
     assert "car.onnx.data" in str(fault) and "external_data=False" in str(fault)
@@ -217,7 +217,7 @@ class Function(nn.Module):
     ],
     ids=lambda middle: type(middle).__name__,
 )
-def test_layers_of_a_plain_vision_network_are_admitted_and_compute_the_same(middle: nn.Module) -> None:
+def test_common_vision_layers_are_admitted_and_agree(middle: nn.Module) -> None:
     net = Net(middle).eval()
     canonical = admit(export(net))
     for frame in frames(2):
@@ -252,15 +252,13 @@ class Recurrent(Net):
         (Net().double(), {"frame": FRAME.double()}, "onnx_tensor_type", ["double"]),
     ],
 )
-def test_a_refusal_names_what_a_user_of_torch_knows(
-    module: nn.Module, options: dict, code: str, words: list[str]
-) -> None:
+def test_a_refusal_speaks_in_terms_of_torch(module: nn.Module, options: dict, code: str, words: list[str]) -> None:
     fault = refusal(export(module, **options))
     assert fault.code == code
     assert all(word in str(fault) for word in words), str(fault)
 
 
-def test_a_network_for_other_actions_is_told_what_to_compare() -> None:
+def test_a_network_for_other_actions_says_what_to_compare() -> None:
     fault = refusal(export(Net()), CONTINUOUS)
     assert fault.code == "onnx_output"
     assert "[1, 2]" in str(fault) and "forward()" in str(fault) and "action_space" in str(fault)

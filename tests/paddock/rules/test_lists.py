@@ -18,7 +18,7 @@ OPTIONAL = Rule("count", int, None, least=1, most=9)
 
 
 @pytest.mark.parametrize(("rule", "value"), [(SHARE, 0.5), (SHARE, 1), (COUNT, 9), (OPTIONAL, None)])
-def test_a_value_at_a_bound_is_taken(rule, value):
+def test_a_value_at_a_bound_is_accepted(rule, value):
     rule.check(value)
 
 
@@ -38,22 +38,22 @@ def test_a_value_at_a_bound_is_taken(rule, value):
         (Rule("word", str, "a", choices=("a", "b")), "c"),
     ],
 )
-def test_another_is_refused_by_the_name_of_the_rule(rule, value):
+def test_an_invalid_value_is_refused_naming_the_rule(rule, value):
     with pytest.raises(ValueError, match=rule.name):
         rule.check(value)
 
 
-def test_a_run_takes_more_than_a_race_may_ask_where_that_makes_sense():
+def test_a_run_may_exceed_the_bounds_of_a_race():
     assert RaceRules(laps=1000, max_simulated_ms=1).laps > (RULES["laps"].most or 0)
 
 
-def test_an_episode_is_a_lap_until_the_first_fault():
+def test_an_episode_is_one_lap_without_resets():
     rules = RaceRules.of_an_episode(direction="cw")
     assert (rules.laps, rules.max_resets, rules.direction) == (1, 0, "cw")
 
 
 @pytest.mark.parametrize("name", [name for name in RULES if name in RUN_RULES and RULES[name].type is float])
-def test_an_option_of_a_command_takes_a_fraction(name):
+def test_a_command_option_accepts_a_fraction(name):
     parser = ArgumentParser()
     add_race_options(parser)
     option = f"--{RULES[name].option or name}"
@@ -66,23 +66,23 @@ def test_an_option_of_a_command_takes_a_fraction(name):
 @pytest.mark.parametrize(
     "one", [*RULES.values(), *SETTINGS.values(), *HYPERPARAMETERS.values()], ids=lambda one: one.name
 )
-def test_every_entry_can_be_told(one):
+def test_every_entry_has_a_label_and_sound_bounds(one):
     assert one.label
     assert (one.least is None) == (one.most is None)
     assert one.least is None or one.least <= one.most
 
 
 @pytest.mark.parametrize("algorithm", DEFAULTS)
-def test_usual_hyperparameters_fit(algorithm):
+def test_default_hyperparameters_are_within_bounds(algorithm):
     assert all(HYPERPARAMETERS[name].fits(value) for name, value in DEFAULTS[algorithm].items())
 
 
-def test_settings_are_told_from_the_rest():
+def test_settings_are_separated_from_the_rest():
     settings, rest = taken_from({"action_space_type": "discrete", "action_space": [], "trials": 5, "name": "car"})
     assert settings == TrainingSettings(action_space_type="discrete", action_space=[], trials=5)
     assert rest == {"name": "car"}
 
 
-def test_a_training_needs_an_action_space():
+def test_a_training_requires_an_action_space():
     with pytest.raises(TypeError, match="action_space"):
         taken_from({"trials": 5})
