@@ -24,7 +24,7 @@ class FileView(APIView):
     """A view whose GET answers with a file of :attr:`media_type`.
 
     ``Accept`` may name that type, or JSON, in which failures are told. Any other method answers in JSON whatever a
-    program would take, and so does a failure: a program that asked for a film can read why there is none.
+    program would take, and so does a failure: a program that asked for a video can read why there is none.
     """
 
     media_type = "application/zip"

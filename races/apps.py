@@ -11,14 +11,14 @@ class RacesConfig(AppConfig):
         from accounts.quotas import register
         from evaluation.signals import evaluation_ended
 
-        from . import filming, queues
+        from . import queues, video_words
         from .board_triggers import installed_after_migrate
         from .events import register_audiences
         from .quotas import RACES
         from .receivers import take_ended_evaluation
 
         register(RACES)
-        filming.register()
+        video_words.register()
         queues.register()
         register_audiences()
         post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")

@@ -39,6 +39,6 @@ urlpatterns = [
     path("evaluations/<str:public_id>/video/", videos.evaluation_video, name="evaluation_video"),
     path("videos/<str:public_id>/live/", videos.video_live, name="video_live"),
     path("videos/<str:public_id>/stop/", videos.video_stop, name="video_stop"),
-    path("videos/<str:public_id>/film.mp4", videos.video_file, name="video_file"),
+    path("videos/<str:public_id>/video.mp4", videos.video_file, name="video_file"),
     path("videos/<str:public_id>/still.jpg", videos.video_poster, name="video_poster"),
 ]

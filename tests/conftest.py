@@ -219,16 +219,16 @@ def bell(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
 
 
 @pytest.fixture
-def films(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
-    """Every wake-up of a worker that draws videos, instead of a broker; and films of a few bytes, for tests that
+def video_wakes(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
+    """Every wake-up of a worker that draws videos, instead of a broker; and videos of a few bytes, for tests that
     are not about what is drawn."""
-    from tests.films import a_film
+    from tests.drawn_runs import a_drawing
     from tests.wakeups import heard
-    from videos import film
+    from videos import drawing
 
     rings = heard(monkeypatch, "videos.tasks.draw")
-    monkeypatch.setattr(film, "film", a_film)
-    monkeypatch.setattr(film, "poster", lambda scene: b"a still")
+    monkeypatch.setattr(drawing, "write_video", a_drawing)
+    monkeypatch.setattr(drawing, "poster", lambda scene: b"a still")
     return rings
 
 

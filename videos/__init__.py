@@ -1,3 +1,3 @@
-"""A run as a film."""
+"""A run as a video."""
 
 from . import reasons as reasons  # registers its codes

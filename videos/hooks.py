@@ -1,4 +1,4 @@
-"""What videos ask the room above, which knows the races: who may see a run, and what a film says of its race."""
+"""What videos ask the room above, which knows the races: who may see a run, and what a video says of its race."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Runs:
     """What is known of runs above this room.
 
     ``can_see``: whether somebody may see a run, and its twin ``visible_to``: all runs that they may see. ``titles``: of
-    a run in a language, the title of its film and the line below. ``fastest_sectors_ms``: the times that its sectors
+    a run in a language, the title of its video and the line below. ``fastest_sectors_ms``: the times that its sectors
     are held against for purple, empty for a run that takes no marks. ``related``: what of a run to read with it.
     """
 

@@ -34,7 +34,7 @@ class Video(Job):
 
     ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, else a
     lap of that car.
-    ``fingerprint``: of all that the file shows (:meth:`videos.run.FilmedRun.fingerprint`); another one now, and the
+    ``fingerprint``: of all that the file shows (:meth:`videos.run.VideoRun.fingerprint`); another one now, and the
     file shows somebody's old name or colours. ``asks``: how often ``asked_by`` asked for it on the day of ``asked_at``.
     """
 

@@ -35,9 +35,9 @@ def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
 
 
 def _video_files(racers: Collection[int] | None) -> Mapping[int, float]:
-    """Films that are ready, by who asked for them."""
-    films = _videos(racers).filter(size__gt=0)
-    return dict(films.order_by().values_list("asked_by").annotate(Sum("size")))
+    """Videos that are ready, by who asked for them."""
+    ready = _videos(racers).filter(size__gt=0)
+    return dict(ready.order_by().values_list("asked_by").annotate(Sum("size")))
 
 
 def _have_videos() -> bool:

@@ -8,5 +8,5 @@ from .services import remove_videos_of_model
 
 
 def take_deleted_model(sender: object, *, model: TrainedModel, **kwargs: object) -> None:
-    """Who deletes a model wants no more films of it."""
+    """Who deletes a model wants no more videos of it."""
     remove_videos_of_model(model=model)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from accounts.models import Racer
 
-PIECE = 1 << 20  # some seconds of a film
+PIECE = 1 << 20  # some seconds of a video
 _RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
 
 
@@ -43,11 +43,11 @@ def ready_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
     return video
 
 
-def film_response(
+def video_response(
     request: HttpRequest, video: Video, *, still: bool = False, download: bool = False
 ) -> HttpResponseBase:
-    """The film of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as a file to keep;
-    to a player a film goes in pieces.
+    """The file of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as a file to keep;
+    to a player it goes in pieces.
 
     Browsers keep it, and ask each time whether it may still be shown. Raises Http404 where the file is lost (the video
     can then be asked for anew) and PlatformFault("storage_failed").
@@ -71,7 +71,7 @@ def film_response(
 
 
 def file_name(video: Video) -> str:
-    """What a film is downloaded as: its run, the car unless it is the run's own, the part."""
+    """What a video is downloaded as: its run, the car unless it is the run's own, the part."""
     part = "run" if video.part == WHOLE else f"lap{video.part}"
     car = f"-car{video.car}" if video.car else ""
     return f"{video.evaluation.public_id}{car}-{part}.mp4"

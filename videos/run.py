@@ -1,4 +1,4 @@
-"""What of a finished run can be filmed, and what a video of it shows."""
+"""What of a finished run a video can show, and what one shows."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from .hooks import runs
 from .models import WHOLE, Video
 
 if TYPE_CHECKING:
-    from videos.film import Scene
+    from videos.drawing import Scene
 
 FORMAT = 2  # raise it whenever the picture changes: videos of another format are made anew
 
 
 @dataclass(frozen=True)
-class FilmedRun:
+class VideoRun:
     """A finished run with all that its videos show: its cars, winner first."""
 
     evaluation: Evaluation
     cars: Sequence[CarRow]
 
     @classmethod
-    def of(cls, evaluation: Evaluation, cars: Sequence[CarRow] | None = None) -> FilmedRun:
+    def of(cls, evaluation: Evaluation, cars: Sequence[CarRow] | None = None) -> VideoRun:
         """The run of an evaluation. ``cars`` saves looking them up. Raises UserFault("video_run_not_finished")."""
         if evaluation.state != State.FINISHED:
             raise UserFault("video_run_not_finished")
@@ -98,7 +98,7 @@ class FilmedRun:
 
     def scene(self, car: int, part: int, language: str) -> Scene:
         """What is to be drawn. Reads the stored traces. Raises PlatformFault("storage_failed"), UserFault."""
-        from videos.film import FilmedCar, Scene, Words
+        from videos.drawing import Scene, VideoCar, Words
 
         evaluation = self.evaluation
         title, subtitle = runs().titles(evaluation, language)
@@ -107,7 +107,7 @@ class FilmedRun:
             title=title,
             subtitle=subtitle,
             cars=[
-                FilmedCar(
+                VideoCar(
                     number=row.number,
                     name=row.racer.alias,
                     shell=row.look.shell,

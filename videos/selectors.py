@@ -14,7 +14,7 @@ from evaluation.models import Evaluation, State
 
 from .hooks import runs
 from .models import UNDER_WAY, Video, VideoState
-from .run import FilmedRun
+from .run import VideoRun
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -37,13 +37,13 @@ def videos_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Video]:
 
 def can_ask_for_video(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:
     """Whether the racer may ask for a video of the run: logged in, and sees it finished. Twin of
-    :func:`evaluations_to_film`."""
+    :func:`evaluations_for_videos`."""
     if racer is None or not racer.is_authenticated or evaluation.state != State.FINISHED:
         return False
     return runs().can_see(racer, evaluation)
 
 
-def evaluations_to_film(racer: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
+def evaluations_for_videos(racer: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
     """All runs that the racer may ask for videos of. Twin of :func:`can_ask_for_video`."""
     if racer is None or not racer.is_authenticated:
         return Evaluation.objects.none()
@@ -86,15 +86,15 @@ class ShownVideo:
         return f"{self.video.public_id}-{self.state}-{self.position or self.video.progress}"
 
 
-def shown_video(video: Video, run: FilmedRun | None = None) -> ShownVideo:
+def shown_video(video: Video, run: VideoRun | None = None) -> ShownVideo:
     """One video as it is shown. ``run`` saves looking up what it shows."""
     stale = False
     if video.state == VideoState.READY:
-        stale = not (run or FilmedRun.of(video.evaluation)).is_current(video)
+        stale = not (run or VideoRun.of(video.evaluation)).is_current(video)
     return ShownVideo(video, stale, video_position(video))
 
 
-def videos_of(run: FilmedRun) -> list[ShownVideo]:
+def videos_of(run: VideoRun) -> list[ShownVideo]:
     """All videos of a run, the one asked for last first. Two queries more for each that waits."""
     videos = Video.objects.filter(evaluation=run.evaluation).select_related("asked_by")
     for video in (found := list(videos)):

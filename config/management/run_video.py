@@ -13,26 +13,26 @@ from evaluation.looks import Look, told_apart
 from evaluation.pipeline import CarOutcome, EvaluationOutcome
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
-from videos.film import FilmedCar, Scene, film
+from videos.drawing import Scene, VideoCar, write_video
 
 _ENDINGS = (".tar.gz", ".tgz", ".zip", ".onnx")
 
 
-def write_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, files: Sequence[str]) -> None:
-    """Film the run, all of its cars, and write an MP4 over whatever is at ``path``; ``files`` name the cars.
+def save_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, files: Sequence[str]) -> None:
+    """Draw the run, all of its cars, and write an MP4 over whatever is at ``path``; ``files`` name the cars.
 
-    Raises Refusal for a run that cannot be filmed, CommandError where the file cannot be written. Then, and where it is
+    Raises Refusal for a run that no video can show, CommandError where the file cannot be written. Then, and when
     interrupted (exit status 130), the path is as it was.
     """
     looks = told_apart([Look()] * len(files))
     results: list[EvaluationOutcome | CarOutcome] = [outcome, *outcome.rivals]
     cars = [
-        FilmedCar(number, name_of(file), look.shell, look.colour, result.trace_csv, result.laps)
+        VideoCar(number, name_of(file), look.shell, look.colour, result.trace_csv, result.laps)
         for number, (file, look, result) in enumerate(zip(files, looks, results, strict=True))
     ]
     words = f"{track.length:.1f} m, {'counter-clockwise' if track.direction == 'ccw' else 'clockwise'}"
     try:
-        film(Scene(track, track.name, words, cars, layout=outcome.layout, order=outcome.order), path)
+        write_video(Scene(track, track.name, words, cars, layout=outcome.layout, order=outcome.order), path)
     except UserFault as fault:
         raise Refusal(fault) from fault
     except OSError as error:

@@ -27,7 +27,7 @@ from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 
-from ..filming import race_of
+from ..video_words import race_of
 from .lookup import visible_evaluation
 from .placed import PlacedBoxSerializer
 from .races import TrackSummarySerializer

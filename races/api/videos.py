@@ -22,8 +22,8 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from evaluation.models import State
-from videos.responses import film_response, page_language, ready_video, visible_video
-from videos.run import FilmedRun
+from videos.responses import page_language, ready_video, video_response, visible_video
+from videos.run import VideoRun
 from videos.selectors import ShownVideo, can_stop_video, shown_video, videos_of
 from videos.services import ask_for_video, stop_video
 
@@ -116,7 +116,7 @@ class VideosView(APIView):
     )
     def get(self, request: Request, public_id: str) -> Response:
         evaluation = visible_evaluation(request, public_id)
-        shown = videos_of(FilmedRun.of(evaluation)) if evaluation.state == State.FINISHED else []
+        shown = videos_of(VideoRun.of(evaluation)) if evaluation.state == State.FINISHED else []
         return Response(VideosSerializer({"results": shown}).data)
 
     @extend_schema(
@@ -180,7 +180,7 @@ class VideoStopView(APIView):
 
 
 class VideoFileView(FileView):
-    """The film."""
+    """The file."""
 
     permission_classes = [AllowAny]
     media_type = "video/mp4"
@@ -199,4 +199,4 @@ class VideoFileView(FileView):
         tags=["evaluations"],
     )
     def get(self, request: Request, public_id: str) -> HttpResponseBase:
-        return film_response(request._request, ready_video(request.user, public_id), download=True)
+        return video_response(request._request, ready_video(request.user, public_id), download=True)

@@ -15,8 +15,8 @@ from accounts.who import racer_of
 from evaluation.models import Evaluation
 from paddock.errors import PaddockError
 from videos.models import WHOLE, Video, VideoState
-from videos.responses import film_response, page_language, ready_video, visible_video
-from videos.run import FilmedRun, best_lap
+from videos.responses import page_language, ready_video, video_response, visible_video
+from videos.run import VideoRun, best_lap
 from videos.selectors import ShownVideo, best_shown, can_ask_for_video, can_stop_video, shown_video, videos_of
 from videos.services import ask_for_video, stop_video
 
@@ -70,7 +70,7 @@ def video_live(request: HttpRequest, public_id: str) -> HttpResponse:
     if shown.mark == request.GET.get("seen"):
         response = HttpResponse(status=204)
     elif video.is_under_way:
-        context = {"shown": shown, "can_stop_film": can_stop_video(request.user, video)}
+        context = {"shown": shown, "can_stop_video": can_stop_video(request.user, video)}
         response = render(request, "evaluation/parts/video_now.html", context)
     else:
         response = _card(request, visible_evaluation(request, video.evaluation.public_id), video)
@@ -96,20 +96,20 @@ def video_stop(request: HtmxRequest, public_id: str) -> HttpResponse:
 
 @require_safe
 def video_file(request: HttpRequest, public_id: str) -> HttpResponseBase:
-    """The film, whole or in parts; with ``download`` as a file that is named after the run."""
+    """The file, whole or in parts; with ``download`` as a file that is named after the run."""
     video = ready_video(request.user, public_id)
-    return film_response(request, video, download="download" in request.GET)
+    return video_response(request, video, download="download" in request.GET)
 
 
 @require_safe
 def video_poster(request: HttpRequest, public_id: str) -> HttpResponseBase:
-    """A still of the film."""
-    return film_response(request, ready_video(request.user, public_id), still=True)
+    """A still of the video."""
+    return video_response(request, ready_video(request.user, public_id), still=True)
 
 
 def video_context(request: HttpRequest, evaluation: Evaluation, cars: list[CarRow] | None = None) -> dict:
     """What the card of a finished run's page shows. ``?video=`` chooses among those that there are."""
-    run = FilmedRun.of(evaluation, cars)
+    run = VideoRun.of(evaluation, cars)
     videos = videos_of(run)
     chosen = request.GET.get("video")
     shown = next((each for each in videos if each.video.public_id == chosen), None)
@@ -120,7 +120,7 @@ def _card(
     request: HttpRequest, evaluation: Evaluation, video: Video | None, fault: PaddockError | None = None
 ) -> HttpResponse:
     """The whole card, showing this video."""
-    run = FilmedRun.of(evaluation)
+    run = VideoRun.of(evaluation)
     videos = videos_of(run)
     shown = next((each for each in videos if video is not None and each.video.pk == video.pk), None)
     if shown is None:
@@ -132,22 +132,22 @@ def _card(
     return render(request, "evaluation/parts/video.html", context)
 
 
-def _of_card(request: HttpRequest, run: FilmedRun, videos: list[ShownVideo], shown: ShownVideo | None) -> dict:
+def _of_card(request: HttpRequest, run: VideoRun, videos: list[ShownVideo], shown: ShownVideo | None) -> dict:
     others = [each for each in videos if each.state == VideoState.READY and each is not shown]
     return {
         "shown": shown,
         "shown_car": run.car(shown.video.car) if shown and len(run.cars) > 1 else None,
         "other_videos": [(each.video, run.car(each.video.car) if len(run.cars) > 1 else None) for each in others],
-        "can_stop_film": shown is not None and can_stop_video(request.user, shown.video),
+        "can_stop_video": shown is not None and can_stop_video(request.user, shown.video),
         "can_ask": settings.VIDEOS and can_ask_for_video(request.user, run.evaluation),
-        "film_cars": [(row, best_lap(row.result.laps)) for row in run.cars],
+        "video_cars": [(row, best_lap(row.result.laps)) for row in run.cars],
         "preselected": _preselected(request, run, videos, shown),
         "video_limit_ms": settings.VIDEO_SECONDS * 1000,
     }
 
 
 def _preselected(
-    request: HttpRequest, run: FilmedRun, videos: list[ShownVideo], shown: ShownVideo | None
+    request: HttpRequest, run: VideoRun, videos: list[ShownVideo], shown: ShownVideo | None
 ) -> tuple[int, int]:
     """The car and the part that the form offers first: what failed or is stale, else the first that there is no video
     of: the best lap of the reader's car (or of the winner's), the whole run, the other laps."""

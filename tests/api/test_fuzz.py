@@ -72,7 +72,7 @@ def one_connection():
 
 
 @pytest.fixture
-def known(alice, films, trainings_taken_on, monkeypatch) -> dict[str, str]:
+def known(alice, video_wakes, trainings_taken_on, monkeypatch) -> dict[str, str]:
     """What addresses may name, so that requests also get past the first 404: all of it is Alice's."""
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "1000000/hour", "write": "1000000/hour"})
     now = timezone.now()

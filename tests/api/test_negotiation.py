@@ -8,8 +8,8 @@ import pytest
 from django.utils import timezone
 
 from tests.api.schema import SCHEMA
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_model, a_race, a_track
-from tests.films import a_driven_run
 from tests.training.jobs import a_trained_one
 from videos.services import run_next_video
 
@@ -23,7 +23,7 @@ FILES = {
 
 
 @pytest.fixture
-def at(alice, films, as_racer, trainings_taken_on):
+def at(alice, video_wakes, as_racer, trainings_taken_on):
     """Addresses of files that are there."""
     run = a_driven_run(a_race(timezone.now()), alice, timezone.now())
     video = as_racer(alice).post(f"/api/v1/evaluations/{run.public_id}/videos/").json()["public_id"]

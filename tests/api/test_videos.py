@@ -7,8 +7,8 @@ from django.utils import timezone
 
 from races.models import Visibility
 from races.services import accept_invitation
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
-from tests.films import a_driven_run
 from videos.models import Video
 from videos.services import VIDEOS, run_next_video
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture
-def run(alice, films):
+def run(alice, video_wakes):
     now = timezone.now()
     return a_driven_run(a_race(now), alice, now)
 
@@ -96,7 +96,7 @@ def test_who_asked_and_admins_stop_it_and_nobody_else(cast, address):
         assert cast[stops].post(stop).status_code == 200
 
 
-def test_videos_of_a_secret_race_are_its_members_only(cast, alice, bob, films):
+def test_videos_of_a_secret_race_are_its_members_only(cast, alice, bob, video_wakes):
     now = timezone.now()
     race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
     for racer in (alice, bob):

@@ -11,8 +11,8 @@ from core.clock import database_now
 from evaluation import pipeline, services, tasks
 from evaluation.models import Evaluation, State
 from paddock.rules.race import RaceRules
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
-from tests.films import a_driven_run
 from tests.rows import model_row
 from tests.training.jobs import a_training
 from tests.wakeups import heard
@@ -64,7 +64,9 @@ def test_work_of_a_dead_worker_two_hours_ahead_is_soon_requeued(queued, clock_ah
 
 
 @pytest.mark.parametrize("kind", ["evaluation", "training", "video"])
-def test_a_worker_31_s_ahead_takes_no_live_lease(kind, alice, oval, bell, films, monkeypatch, clock_ahead, settings):
+def test_a_worker_31_s_ahead_takes_no_live_lease(
+    kind, alice, oval, bell, video_wakes, monkeypatch, clock_ahead, settings
+):
     heard(monkeypatch, "training.tasks.train")
     settings.TRAINING = settings.VIDEOS = True
     now = REAL()

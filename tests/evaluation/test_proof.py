@@ -134,7 +134,7 @@ class TestWorkerProof:
 
     def test_a_worker_without_untrusted_code_needs_no_proof(self, proves):
         asked = proves(INEXACT)
-        assert not note_worker(name="filmer@one", sandboxed=False).refuses
+        assert not note_worker(name="video-worker@one", sandboxed=False).refuses
         assert asked == []
 
 

@@ -13,9 +13,9 @@ from config.management.commands import evaluate as command
 from config.management.run_video import name_of
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.league.test_evaluate import CAR_FILES
-from tests.videos.film.runs import car, driven, lap
-from videos.film import MAX_SECONDS
-from videos.film.scene import CARD_MS
+from tests.videos.drawing.runs import car, driven, lap
+from videos.drawing import MAX_SECONDS
+from videos.drawing.scene import CARD_MS
 
 DUEL = ("--race-type", "head_to_head", "--rival", ",".join(CAR_FILES))
 

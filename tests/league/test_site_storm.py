@@ -261,7 +261,12 @@ def _name(pid: int) -> str:
     """What a process is. OSError when it is gone."""
     said = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
     known = {"manage.py run": "everything", "config.web": "web", "valkey": "broker", "--queues training": "trainer"}
-    known |= {"--queues videos": "filmer", "--queues messages": "messenger", "celery": "worker", "bwrap": "sandbox"}
+    known |= {
+        "--queues videos": "video-worker",
+        "--queues messages": "messenger",
+        "celery": "worker",
+        "bwrap": "sandbox",
+    }
     return next((name for part, name in known.items() if part in said), "runner or policy")
 
 

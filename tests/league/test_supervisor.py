@@ -81,12 +81,12 @@ def programs(tmp_path):
 
 
 def test_a_killed_program_is_restarted_alone(programs):
-    run = programs("web=stays", "filmer=parent", "broker=stays")
-    web, broker, filmer = (run.started(name) for name in ("web", "broker", "filmer"))
+    run = programs("web=stays", "video-worker=parent", "broker=stays")
+    web, broker, video_worker = (run.started(name) for name in ("web", "broker", "video-worker"))
     child = run.started("child")
-    os.kill(filmer, signal.SIGKILL)
-    again = run.started("filmer", 2)
-    assert "filmer ended by itself (signal 9). It is started again in" in run.said
+    os.kill(video_worker, signal.SIGKILL)
+    again = run.started("video-worker", 2)
+    assert "video-worker ended by itself (signal 9). It is started again in" in run.said
     assert not is_running(child), "nothing of the dead one goes on beside it"
     assert is_running(web) and is_running(broker)
     run.process.send_signal(signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""Films and files of trainings in a bucket that is stopped, slow or short: a 503 where they begin, never half of them
+"""Videos and files of trainings in a bucket that is stopped, slow or short: a 503 where they begin, never half of them
 as if it were all."""
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from django.utils import timezone
 
 from core.clock import database_now
 from evaluation.services import EVALUATIONS
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer, a_track
-from tests.films import a_driven_run
 from tests.training.jobs import a_trained_one
 from videos.models import Video, VideoState
 from videos.services import ask_for_video, run_next_video
@@ -34,7 +34,7 @@ def owner(alice):
 
 
 @pytest.fixture
-def video(s3, alice, films, bell) -> Video:
+def video(s3, alice, video_wakes, bell) -> Video:
     """Of a run of Alice's, not drawn yet."""
     now = timezone.now()
     return ask_for_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now).video
@@ -56,10 +56,10 @@ def test_a_video_that_cannot_be_stored_is_drawn_again(mood, s3, video):
 @pytest.mark.parametrize("mood", AWAY)
 def test_an_unavailable_video_is_a_503(mood, s3, video, owner):
     run_next_video(worker="w")
-    for name in ("film.mp4", "still.jpg"):
+    for name in ("video.mp4", "still.jpg"):
         assert owner.get(f"/videos/{video.public_id}/{name}").status_code == 200
     s3.be(mood)
-    for address in (f"/videos/{video.public_id}/film.mp4", f"/videos/{video.public_id}/still.jpg"):
+    for address in (f"/videos/{video.public_id}/video.mp4", f"/videos/{video.public_id}/still.jpg"):
         assert owner.get(address).status_code == 503, address
     assert owner.get(f"/api/v1/videos/{video.public_id}/file/").status_code == 503
     assert owner.get(f"/evaluations/{video.evaluation.public_id}/").status_code == 200

@@ -153,7 +153,7 @@ CASES = [
     # runs
     Case("alice", "/evaluations/{queued}/", "Stop", "css=.pill.cancelled, .pill.stopped"),
     Case("alice", "/evaluations/{driven}/?video={waits}", "Stop", "css=#video:not(:has(progress))", inside="#video"),
-    Case("alice", "/evaluations/{driven}/", "css=.film-ask button", "css=#video progress, #video .live-line"),
+    Case("alice", "/evaluations/{driven}/", "css=.video-ask button", "css=#video progress, #video .live-line"),
     # seasons and stewards
     Case(
         "guest",

@@ -18,9 +18,9 @@ from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import Race
 from races.services import enter_race, remove_entry, withdraw
+from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, qualify
 from tests.factories import a_model, a_race, a_racer
-from tests.films import a_driven_run
 from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
 from tests.pages.conftest import World

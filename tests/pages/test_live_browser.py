@@ -15,8 +15,8 @@ from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
 from races.models import Race
 from races.services import submit_model
+from tests.drawn_runs import a_driven_run, driven_trace
 from tests.factories import a_model, a_race, a_racer, laps, outcome, start
-from tests.films import a_driven_run, driven_trace
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from training.models import TrainingJob
 from training.vehicles import save_vehicle
@@ -42,7 +42,7 @@ def browser() -> Iterator:
 
 
 @pytest.fixture
-def now(browser, bell, films, trainings_taken_on) -> datetime:
+def now(browser, bell, video_wakes, trainings_taken_on) -> datetime:
     return timezone.now()
 
 

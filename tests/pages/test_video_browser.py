@@ -29,7 +29,7 @@ def a_run_on_the_oval(page: playwright.Page) -> None:  # noqa: F811
     )
     page.get_by_role("main").get_by_role("button", name="Upload").click()
     playwright.expect(page.get_by_role("heading", name="flyer", exact=True)).to_be_visible(timeout=DRIVE_MS)
-    race_on_the_oval(page, "Film night")
+    race_on_the_oval(page, "Video night")
 
 
 def test_a_racer_makes_a_video_of_a_best_lap_and_a_guest_watches_it(
@@ -37,7 +37,7 @@ def test_a_racer_makes_a_video_of_a_best_lap_and_a_guest_watches_it(
     browser: playwright.Browser,  # noqa: F811
     site: str,
 ) -> None:
-    sign_up(page, "filmgoer")
+    sign_up(page, "viewer")
     a_run_on_the_oval(page)
     card = page.locator("#video")
     offered = card.get_by_label("What it shows").locator("option:checked").inner_text()
@@ -46,21 +46,21 @@ def test_a_racer_makes_a_video_of_a_best_lap_and_a_guest_watches_it(
     playwright.expect(card.get_by_role("progressbar")).to_be_visible()
 
     # the page follows it without a reload
-    film = card.locator("video")
-    playwright.expect(film).to_be_visible(timeout=DRAW_MS)
+    player = card.locator("video")
+    playwright.expect(player).to_be_visible(timeout=DRAW_MS)
     deadline = monotonic() + 20
-    while film.evaluate("film => film.readyState") < 1 and monotonic() < deadline:
+    while player.evaluate("video => video.readyState") < 1 and monotonic() < deadline:
         page.wait_for_timeout(50)
-    assert film.evaluate("film => film.error && film.error.message") is None
-    assert film.evaluate("film => film.duration") == pytest.approx(lap_s + CARD_S, abs=0.1)
-    assert film.evaluate("film => film.videoWidth") == 1280
+    assert player.evaluate("video => video.error && video.error.message") is None
+    assert player.evaluate("video => video.duration") == pytest.approx(lap_s + CARD_S, abs=0.1)
+    assert player.evaluate("video => video.videoWidth") == 1280
 
     # it plays, and can be jumped about in: the site sends the parts that the player asks for
-    film.evaluate("film => { film.muted = true; return film.play(); }")
-    film.evaluate("(film, at) => { film.currentTime = at; }", lap_s - 1)
-    while film.evaluate("film => film.currentTime") < lap_s - 0.5 and monotonic() < deadline:
+    player.evaluate("video => { video.muted = true; return video.play(); }")
+    player.evaluate("(video, at) => { video.currentTime = at; }", lap_s - 1)
+    while player.evaluate("video => video.currentTime") < lap_s - 0.5 and monotonic() < deadline:
         page.wait_for_timeout(50)
-    assert film.evaluate("film => film.currentTime") >= lap_s - 0.5
+    assert player.evaluate("video => video.currentTime") >= lap_s - 0.5
     with page.expect_download() as download:
         card.get_by_role("link", name="Download (MP4").click()
     assert download.value.suggested_filename.endswith(".mp4")

@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 import pytest
 from django.utils import timezone
 
+from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, driving, end, qualify
-from tests.films import a_driven_run
 from tests.pages.conftest import World
 from videos.models import Video
 from videos.services import VIDEOS, ask_for_video, run_next_video
@@ -18,7 +18,7 @@ HTMX = {"HTTP_HX_REQUEST": "true"}
 
 
 @pytest.fixture
-def run(world: World, films):
+def run(world: World, video_wakes):
     """Alice's on the board of the public race."""
     return world.evaluation("finished")
 
@@ -55,9 +55,9 @@ def test_a_guest_watches_ready_videos_but_cannot_request_any(world, run):
     run_next_video(worker="w")
     html = page_of(world, "anonymous", run)
     video = Video.objects.get()
-    assert f'src="/videos/{video.public_id}/film.mp4"' in html and 'preload="metadata"' in html
+    assert f'src="/videos/{video.public_id}/video.mp4"' in html and 'preload="metadata"' in html
     assert re.search(r"Download \(MP4, \d+\s*bytes\)", html)
-    assert "film-ask" not in html
+    assert "video-ask" not in html
 
 
 def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
@@ -138,16 +138,16 @@ def test_a_changed_look_hides_the_old_video_and_offers_a_new_one(world, run):
     run_next_video(worker="w")
     video = Video.objects.get()
     client = world.client("newcomer")
-    film = f"/videos/{video.public_id}/film.mp4"
-    assert client.get(film).status_code == 200
+    address = f"/videos/{video.public_id}/video.mp4"
+    assert client.get(address).status_code == 200
     type(run.model).objects.filter(pk=run.model_id).update(colour="#ff0000")
-    assert client.get(film).status_code == 404
+    assert client.get(address).status_code == 404
     assert client.get(f"/videos/{video.public_id}/still.jpg").status_code == 404
     html = page_of(world, "newcomer", run, f"?video={video.public_id}")
     assert "<video" not in html and "Make it again" in html
 
 
-def test_a_duel_offers_laps_of_each_car_and_names_the_followed_one(world, films):
+def test_a_duel_offers_laps_of_each_car_and_names_the_followed_one(world, video_wakes):
     race = a_duel_race(world.now)
     qualify(race, [world.alice, world.bob], world.now)
     from races.services import draw_duels, drive_on
@@ -172,20 +172,20 @@ def test_a_duel_offers_laps_of_each_car_and_names_the_followed_one(world, films)
 def test_byte_ranges_are_served_as_requested(world, run):
     ask(world, run)
     run_next_video(worker="w")
-    film = f"/videos/{Video.objects.get().public_id}/film.mp4"
+    address = f"/videos/{Video.objects.get().public_id}/video.mp4"
     client = world.client("anonymous")
-    whole = client.get(film)
+    whole = client.get(address)
     assert (whole.status_code, whole["Accept-Ranges"]) == (200, "bytes")
     content = whole.getvalue()
-    part = client.get(film, headers={"range": "bytes=0-1"})
+    part = client.get(address, headers={"range": "bytes=0-1"})
     assert (part.status_code, part.getvalue()) == (206, content[:2])
-    assert client.get(film, headers={"range": "bytes=999999-"}).status_code == 416
-    head = client.head(film)
+    assert client.get(address, headers={"range": "bytes=999999-"}).status_code == 416
+    head = client.head(address)
     assert (head.status_code, head["Content-Length"], head.content) == (200, str(len(content)), b"")
-    assert client.get(film, headers={"if-none-match": whole["ETag"]}).status_code == 304
+    assert client.get(address, headers={"if-none-match": whole["ETag"]}).status_code == 304
     still = client.get(f"/videos/{Video.objects.get().public_id}/still.jpg")
     assert (still["Content-Type"], still.getvalue()) == ("image/jpeg", b"a still")
-    assert "attachment" in client.get(f"{film}?download")["Content-Disposition"]
+    assert "attachment" in client.get(f"{address}?download")["Content-Disposition"]
 
 
 def test_a_lost_file_is_not_found_and_may_be_requested_again(world, run):
@@ -193,16 +193,16 @@ def test_a_lost_file_is_not_found_and_may_be_requested_again(world, run):
     run_next_video(worker="w")
     video = Video.objects.get()
     video.file.storage.delete(video.file.name)
-    assert world.client("anonymous").get(f"/videos/{video.public_id}/film.mp4").status_code == 404
+    assert world.client("anonymous").get(f"/videos/{video.public_id}/video.mp4").status_code == 404
     assert 'data-code="video_file_lost"' in page_of(world, "newcomer", run, f"?video={video.public_id}")
 
 
-def test_a_private_run_has_private_videos(world, films):
+def test_a_private_run_has_private_videos(world, video_wakes):
     run = world.evaluation("other")
     ask(world, run, viewer="alice")
     run_next_video(worker="w")
     public_id = Video.objects.get().public_id
-    paths = [f"/videos/{public_id}/{name}" for name in ("film.mp4", "still.jpg", "live/")]
+    paths = [f"/videos/{public_id}/{name}" for name in ("video.mp4", "still.jpg", "live/")]
     for viewer in ("anonymous", "newcomer", "bob", "alice", "admin"):
         for path in paths:
             expected = 200 if viewer in ("alice", "admin") else 404
@@ -220,7 +220,7 @@ def test_videos_of_other_parts_and_languages_are_linked(world, run):
     others = re.findall(r'href="[^"]*\?video=(\w+)#video" hreflang="(\w\w)"', html)
     assert len(others) == 2 and "(ko)" in html
     shown = page_of(world, "bob", run, f"?video={others[0][0]}")
-    assert f'src="/videos/{others[0][0]}/film.mp4"' in shown
+    assert f'src="/videos/{others[0][0]}/video.mp4"' in shown
 
 
 def test_disabled_videos_are_not_offered_but_old_ones_are_shown(world, run, settings):
@@ -228,11 +228,11 @@ def test_disabled_videos_are_not_offered_but_old_ones_are_shown(world, run, sett
     run_next_video(worker="w")
     settings.VIDEOS = False
     html = page_of(world, "newcomer", run)
-    assert "<video" in html and "film-ask" not in html
+    assert "<video" in html and "video-ask" not in html
     assert 'id="video"' not in page_of(world, "alice", world.evaluation("other"))
 
 
-def test_names_are_escaped_on_the_video_card(world, films):
+def test_names_are_escaped_on_the_video_card(world, video_wakes):
     from tests.factories import a_race
 
     run = a_driven_run(a_race(world.now, name="<b>Race</b>"), world.alice, world.now)

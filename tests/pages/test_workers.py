@@ -27,8 +27,8 @@ from league.selectors.workers import database_now, queues_at, workers_at
 from paddock.rules.race import RaceRules
 from races.models import Entry
 from races.services import submit_model
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_model, a_race, a_racer, a_track
-from tests.films import a_driven_run
 from tests.training.jobs import a_training
 from training.models import JobState, TrainingJob
 from videos.models import Video, VideoState

@@ -15,9 +15,9 @@ from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
+from tests.drawn_runs import a_driven_run
 from tests.duels import drawn, end_all
 from tests.factories import a_model, a_race, a_racer, drive, laps
-from tests.films import a_driven_run
 from tests.happened import tell_what_happened
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
@@ -66,7 +66,7 @@ class Site:
 
 
 def make_site() -> Site:
-    """The site, committed, for a browser. Videos are of a few bytes (fixture ``films``)."""
+    """The site, committed, for a browser. Videos are of a few bytes (fixture ``video_wakes``)."""
     world = make_world()
     now, before = world.now, world.now - timedelta(days=45)
     season = open_demo_season(now=before)
@@ -76,10 +76,10 @@ def make_site() -> Site:
         drive(opened.race, racer, laps(*[20_000 + 300 * number] * 3), before)
     close_due_rounds(now=now)
     drive(under_way.race, world.bob, laps(21_000, 20_500, 20_400), now)
-    filmed = a_driven_run(a_race(now, slug="film-race", name="Film race"), world.alice, now)
-    ask_for_video(evaluation=filmed, by=world.alice, language="en", now=now)
+    driven = a_driven_run(a_race(now, slug="video-race", name="Video race"), world.alice, now)
+    ask_for_video(evaluation=driven, by=world.alice, language="en", now=now)
     run_next_video(worker="w")
-    ask_for_video(evaluation=filmed, by=world.bob, part="whole", language="en", now=now)
+    ask_for_video(evaluation=driven, by=world.bob, part="whole", language="en", now=now)
     robin = drawn(now - timedelta(hours=2), 4, slug="robin", name="Robin")
     end_all(robin, now)
     share_model(model=a_model(world.bob, name="Shared one"), now=now)
@@ -90,10 +90,10 @@ def make_site() -> Site:
     tell_what_happened(now=now)
     TOTP.activate(world.bob, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
     token = stopping_token(world.alice.pk, "opens")
-    return Site(world, season, trained, training, _paths(world, season, trained, training, filmed, vehicle, token))
+    return Site(world, season, trained, training, _paths(world, season, trained, training, driven, vehicle, token))
 
 
-def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str, list[str]]:
+def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str, list[str]]:
     runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
     at = f"/seasons/{season.slug}/"
     return {
@@ -112,7 +112,7 @@ def _paths(world, season, trained, training, filmed, vehicle, token) -> dict[str
             *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),
-            *(f"/evaluations/{filmed.public_id}/", f"/evaluations/{filmed.public_id}/?colour=lap&lap=2"),
+            *(f"/evaluations/{driven.public_id}/", f"/evaluations/{driven.public_id}/?colour=lap&lap=2"),
             *("/models/", "/models/upload/", "/models/shared/", f"/models/{world.model.public_id}/"),
             *(f"/models/{world.model.public_id}/edit/", f"/models/{world.model.public_id}/delete/"),
             *("/vehicles/", "/vehicles/new/", f"/vehicles/{vehicle.public_id}/"),

@@ -294,7 +294,7 @@ def test_a_stale_form_is_refused(boss, now):
     assert Race.objects.get().laps == 5
 
 
-def test_an_admin_stops_videos_and_deletes_them_with_their_files(boss, now, films, commits):
+def test_an_admin_stops_videos_and_deletes_them_with_their_files(boss, now, video_wakes, commits):
     from videos.models import Video
     from videos.services import ask_for_video, run_next_video
 

@@ -15,15 +15,15 @@ from paddock.errors import UserFault
 from races.models import Visibility
 from races.selectors import evaluations_visible_to
 from races.services import submit_model
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_model, a_race, a_racer, drive, laps, start
-from tests.films import a_driven_run
 from videos.models import UNDER_WAY, Video, VideoState
-from videos.run import FilmedRun
+from videos.run import VideoRun
 from videos.selectors import (
     can_ask_for_video,
     can_see_video,
     can_stop_video,
-    evaluations_to_film,
+    evaluations_for_videos,
     shown_video,
     videos_to_stop,
     videos_visible_to,
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture
-def run(alice, now, films) -> Evaluation:
+def run(alice, now, video_wakes) -> Evaluation:
     """Three laps of alice's, the second the fastest."""
     return a_driven_run(a_race(now), alice, now)
 
@@ -50,13 +50,13 @@ def code_of(*args, **kwargs) -> str:
 
 
 class TestRequest:
-    def test_it_is_queued_and_sends_a_wake_up(self, run, bob, now, films, commits):
+    def test_it_is_queued_and_sends_a_wake_up(self, run, bob, now, video_wakes, commits):
         asked = ask(run, bob, now)
         video = asked.video
         assert asked.queued
         assert (video.state, video.car, video.part, video.language) == (VideoState.WAITING, 0, 2, "en")
         assert (video.asked_by, video.asked_at) == (bob, now)
-        assert [ring["queue"] for ring in films] == ["videos"]
+        assert [ring["queue"] for ring in video_wakes] == ["videos"]
 
     def test_it_is_made_once_however_many_ask(self, run, alice, bob, now):
         first = ask(run, bob, now)
@@ -89,12 +89,12 @@ class TestRequest:
     def test_an_unknown_part_or_language_is_refused(self, run, alice, now, what, code):
         assert code_of(run, alice, now, **what) == code
 
-    def test_an_unfinished_run_is_refused(self, alice, now, films):
+    def test_an_unfinished_run_is_refused(self, alice, now, video_wakes):
         submission = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
         start(submission.evaluation, now)
         assert code_of(submission.evaluation, alice, now) == "video_run_not_finished"
 
-    def test_a_best_lap_needs_a_completed_lap(self, alice, now, films):
+    def test_a_best_lap_needs_a_completed_lap(self, alice, now, video_wakes):
         from tests.factories import lap
 
         evaluation = drive(a_race(now), alice, [lap(1, 9_000, complete=False)], now).evaluation
@@ -153,7 +153,7 @@ class TestANewNameOrLook:
     def test_it_counts_wherever_a_name_is_written(self, run, alice, now, change):
         def fingerprint():
             related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
-            return FilmedRun.of(Evaluation.objects.select_related(*related).get()).fingerprint(0, 2, "en")
+            return VideoRun.of(Evaluation.objects.select_related(*related).get()).fingerprint(0, 2, "en")
 
         before = fingerprint()
         assert fingerprint() == before
@@ -173,7 +173,7 @@ class TestPermissions:
         return {"alice": alice, "bob": bob, "charlie": charlie, "stella": stella, "guest": guest, "nobody": None}
 
     @pytest.mark.parametrize("visibility", Visibility.values)
-    def test_only_those_allowed_watch_ask_and_stop(self, cast, now, films, visibility):
+    def test_only_those_allowed_watch_ask_and_stop(self, cast, now, video_wakes, visibility):
         from races.services import accept_invitation, enter_race
 
         race = a_race(now, organiser=cast["alice"], visibility=visibility)
@@ -200,14 +200,14 @@ class TestPermissions:
             seen = [video for video in videos.values() if can_see_video(racer, video)]
             assert {*videos_visible_to(racer)} == {*seen}, name
             asked = {v.evaluation_id for v in videos.values() if can_ask_for_video(racer, v.evaluation)}
-            assert {*evaluations_to_film(racer).values_list("pk", flat=True)} == asked, name
+            assert {*evaluations_for_videos(racer).values_list("pk", flat=True)} == asked, name
             assert {*videos_to_stop(racer)} == {v for v in videos.values() if can_stop_video(racer, v)}, name
 
-    def test_running_runs_have_no_video_and_ended_videos_no_stop(self, cast, now, films):
+    def test_running_runs_have_no_video_and_ended_videos_no_stop(self, cast, now, video_wakes):
         alice = cast["alice"]
         running = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now).evaluation
         assert not can_ask_for_video(alice, running)
-        assert running not in evaluations_to_film(alice) and running in evaluations_visible_to(alice)
+        assert running not in evaluations_for_videos(alice) and running in evaluations_visible_to(alice)
         video = ask(a_driven_run(a_race(now), alice, now), alice, now).video
         run_next_video(worker="w")
         video.refresh_from_db()

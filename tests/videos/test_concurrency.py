@@ -13,7 +13,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
-def run(alice, now, films):
+def run(alice, now, video_wakes):
     return drive(a_race(now, laps=6), alice, laps(*[9_000] * 6), now).evaluation
 
 

@@ -12,8 +12,8 @@ from django.core.files.storage import default_storage
 from evaluation.models import Evaluation
 from evaluation.services import delete_model
 from races.models import Submission
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
-from tests.films import a_driven_run
 from videos.models import Video, VideoState
 from videos.services import VIDEOS, ask_for_video, forget_lost_file, note_watched, purge_videos, run_next_video
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture
-def video(alice, now, films, commits) -> Video:
+def video(alice, now, video_wakes, commits) -> Video:
     """A ready one."""
     run = a_driven_run(a_race(now), alice, now)
     made = ask_for_video(evaluation=run, by=alice, language="en", now=now).video
@@ -92,7 +92,7 @@ def test_deleting_an_evaluation_deletes_its_videos(video):
     assert files_are_there(video) == [False, False]
 
 
-def test_deleting_a_requester_keeps_the_video(alice, bob, now, films, commits):
+def test_deleting_a_requester_keeps_the_video(alice, bob, now, video_wakes, commits):
     run = a_driven_run(a_race(now), alice, now)
     video = ask_for_video(evaluation=run, by=bob, language="en", now=now).video
     bob.delete()
@@ -111,7 +111,7 @@ def test_a_video_whose_file_is_lost_can_be_asked_for_again(video, now, alice):
 
 
 def test_unreferenced_files_are_removed_after_a_day(video, now):
-    orphan = default_storage.save("videos/left-behind.mp4", ContentFile(b"half a film"))
+    orphan = default_storage.save("videos/left-behind.mp4", ContentFile(b"half a video"))
     path = default_storage.path(orphan)
     stamp = (now - timedelta(hours=23)).timestamp()
     os.utime(path, (stamp, stamp))

@@ -14,10 +14,10 @@ from django.db import IntegrityError, transaction
 from core.events import Event
 from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
-from tests.films import a_driven_run
-from videos import film, tasks
-from videos.film import FilmFacts
+from videos import drawing, tasks
+from videos.drawing import VideoFacts
 from videos.models import Video, VideoState
 from videos.services import VIDEOS, DrawnVideo, ask_for_video, finish_video, run_next_video, stop_video
 
@@ -26,7 +26,7 @@ LEASE = timedelta(seconds=30)
 
 
 @pytest.fixture
-def run(alice, now, films):
+def run(alice, now, video_wakes):
     return a_driven_run(a_race(now), alice, now)
 
 
@@ -46,13 +46,13 @@ def ident(video: Video) -> dict:
 
 @pytest.fixture
 def drawn(tmp_path):
-    """Makes a film of these bytes."""
-    return partial(a_drawn_video, tmp_path / "film.mp4")
+    """Makes a video of these bytes."""
+    return partial(a_drawn_video, tmp_path / "video.mp4")
 
 
-def a_drawn_video(path: Path, content: bytes = b"a film") -> DrawnVideo:
+def a_drawn_video(path: Path, content: bytes = b"a video") -> DrawnVideo:
     path.write_bytes(content)
-    facts = FilmFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
+    facts = VideoFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
     return DrawnVideo(path, b"a still", facts, "0" * 64)
 
 
@@ -99,12 +99,12 @@ class TestClaim:
 
 class TestEnd:
     def test_a_good_end_stores_video_and_poster(self, claimed, now, drawn):
-        assert finish_video(**ident(claimed), drawn=drawn(b"a longer film"), now=now)
+        assert finish_video(**ident(claimed), drawn=drawn(b"a longer video"), now=now)
         claimed.refresh_from_db()
-        assert (claimed.state, claimed.size, claimed.duration_ms) == (VideoState.READY, 13, 1000)
+        assert (claimed.state, claimed.size, claimed.duration_ms) == (VideoState.READY, 14, 1000)
         assert (claimed.watched_at, claimed.lease) == (now, None)
         with claimed.file.open("rb") as file, claimed.poster.open("rb") as still:
-            assert (file.read(), still.read()) == (b"a longer film", b"a still")
+            assert (file.read(), still.read()) == (b"a longer video", b"a still")
         assert ours(claimed) == {claimed.file.name, claimed.poster.name}
 
     @pytest.mark.parametrize("code", ["storage_failed", "lease_expired", "internal_error"])
@@ -232,10 +232,10 @@ class TestVideoWorker:
             scenes.append(scene)
             on_progress(0.5)
             assert not is_stopped()
-            out.write_bytes(b"film")
-            return FilmFacts(frames=1, duration_ms=1, width=2, height=2, size=4)
+            out.write_bytes(b"video")
+            return VideoFacts(frames=1, duration_ms=1, width=2, height=2, size=4)
 
-        monkeypatch.setattr(film, "film", look)
+        monkeypatch.setattr(drawing, "write_video", look)
         assert run_next_video(worker="w")
         (scene,) = scenes
         assert (scene.followed, scene.lap, scene.order) == (0, 2, [0])
@@ -247,7 +247,7 @@ class TestVideoWorker:
 
     def test_it_writes_in_the_requested_language(self, run, alice, now, monkeypatch):
         scenes = []
-        monkeypatch.setattr(film, "film", lambda scene, out, **more: scenes.append(scene))
+        monkeypatch.setattr(drawing, "write_video", lambda scene, out, **more: scenes.append(scene))
         ask_for_video(evaluation=run, by=alice, language="ko", now=now)
         run_next_video(worker="w")
         assert scenes[0].words.lap == "랩"
@@ -258,9 +258,9 @@ class TestVideoWorker:
         def drawing(scene, out, *, on_progress, is_stopped):
             told.append(True)
             assert is_stopped()
-            raise film.Stopped
+            raise drawing.Stopped
 
-        monkeypatch.setattr(film, "film", drawing)
+        monkeypatch.setattr(drawing, "write_video", drawing)
         assert run_next_video(worker="w", interrupted=lambda: bool(told))
         waiting.refresh_from_db()
         assert (waiting.state, waiting.attempt) == (VideoState.WAITING, 0)
@@ -269,7 +269,7 @@ class TestVideoWorker:
         def drawing(scene, out, *, on_progress, is_stopped):
             raise ZeroDivisionError("a bug")
 
-        monkeypatch.setattr(film, "film", drawing)
+        monkeypatch.setattr(drawing, "write_video", drawing)
         assert run_next_video(worker="w")
         waiting.refresh_from_db()
         assert (waiting.state, waiting.reason_code, waiting.kills) == (VideoState.WAITING, "", 0)
@@ -277,16 +277,16 @@ class TestVideoWorker:
 
     def test_it_leaves_nothing_and_clears_a_killed_workers_files(self, waiting, settings):
         folder = Path(settings.FILE_UPLOAD_TEMP_DIR)
-        ages = {"film-new": 0, "film-old": 90_000}
+        ages = {"video-new": 0, "video-old": 90_000}
         for name, seconds in ages.items():
             (folder / name).mkdir()
-            (folder / name / "film.mp4").write_bytes(b"half a film")
+            (folder / name / "video.mp4").write_bytes(b"half a video")
             stamp = (folder / name).stat().st_mtime - seconds
             os.utime(folder / name, (stamp, stamp))
         assert run_next_video(worker="w")
-        assert [path.name for path in folder.glob("film-*")] == ["film-new"]
-        (folder / "film-new" / "film.mp4").unlink()
-        (folder / "film-new").rmdir()
+        assert [path.name for path in folder.glob("video-*")] == ["video-new"]
+        (folder / "video-new" / "video.mp4").unlink()
+        (folder / "video-new").rmdir()
 
     def test_a_worker_without_an_encoder_claims_nothing(self, waiting, monkeypatch, caplog):
         """Another machine may have one; until then it is nobody's fault who asked."""
@@ -298,12 +298,12 @@ class TestVideoWorker:
         assert (waiting.state, waiting.attempt) == (VideoState.WAITING, 0)
         assert "no-such-encoder" in caplog.text
 
-    def test_it_draws_one_and_sends_a_wake_up_for_the_next(self, run, alice, now, films, commits):
+    def test_it_draws_one_and_sends_a_wake_up_for_the_next(self, run, alice, now, video_wakes, commits):
         for part in ("1", "2"):
             ask_for_video(evaluation=run, by=alice, part=part, language="en", now=now)
-        films.clear()
+        video_wakes.clear()
         assert tasks.draw.apply().get()
-        assert len(films) == 1
+        assert len(video_wakes) == 1
         assert tasks.draw.apply().get()
         assert not tasks.draw.apply().get()
         assert set(Video.objects.values_list("state", flat=True)) == {"ready"}
@@ -314,7 +314,7 @@ class TestVideoWorker:
         waiting.refresh_from_db()
         assert waiting.state == VideoState.WAITING
 
-    def test_the_sweep_wakes_it_while_something_waits(self, waiting, films, commits):
-        films.clear()
+    def test_the_sweep_wakes_it_while_something_waits(self, waiting, video_wakes, commits):
+        video_wakes.clear()
         assert tasks.sweep.apply().get() == 1
-        assert len(films) == 1
+        assert len(video_wakes) == 1

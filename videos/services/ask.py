@@ -17,7 +17,7 @@ from paddock.errors import UserFault
 
 from ..models import Video, VideoState
 from ..quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
-from ..run import FilmedRun, check_language
+from ..run import VideoRun, check_language
 from .files import NO_FILE, delete_files_on_commit
 from .jobs import VIDEOS
 
@@ -46,7 +46,7 @@ def ask_for_video(
     ``video_lap_unknown``, ``video_language``, ``video_too_long``, ``videos_off``, ``storage_full``, ``videos_at_once``,
     ``videos_a_day``.
     """
-    run = FilmedRun.of(evaluation)
+    run = VideoRun.of(evaluation)
     number = run.part(car, part)
     of = {"evaluation": evaluation, "car": car, "part": number, "language": check_language(language)}
     while True:
@@ -58,7 +58,7 @@ def ask_for_video(
 
 
 @transaction.atomic
-def _ask(run: FilmedRun, of: dict, by: Racer, now: datetime) -> Asked:
+def _ask(run: VideoRun, of: dict, by: Racer, now: datetime) -> Asked:
     hold(by)
     video = Video.objects.filter(**of).first()
     if video is not None:
@@ -74,7 +74,7 @@ def _ask(run: FilmedRun, of: dict, by: Racer, now: datetime) -> Asked:
     return Asked(video, queued=True)
 
 
-def _refuse(run: FilmedRun, of: dict, by: Racer, now: datetime) -> None:
+def _refuse(run: VideoRun, of: dict, by: Racer, now: datetime) -> None:
     if not settings.VIDEOS:
         raise UserFault("videos_off")
     seconds = run.length_ms(of["car"], of["part"]) / 1000

@@ -1,4 +1,4 @@
-"""The stored files of videos: a film and its still each, under names that nobody can guess."""
+"""The stored files of videos: a video and its still each, under names that nobody can guess."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ def storage() -> Storage:
 
 
 def names_of(video: Video) -> tuple[str, str]:
-    """The names that the film and the still have which are made under the video's present lease. Nobody else's, so that
+    """The names of the video's file and its still that are made under the video's present lease. Nobody else's, so that
     whoever finds the lease run out may delete what its worker left."""
     stem = f"{FOLDER}/{video.public_id}-{video.attempt}-{video.lease}"
     return f"{stem}.mp4", f"{stem}.jpg"
 
 
-def store(video: Video, film: Path, still: bytes) -> tuple[str, str]:
+def store(video: Video, drawn: Path, still: bytes) -> tuple[str, str]:
     """Store both; both or none. The names under which they are. Raises PlatformFault("storage_failed")."""
     stored: list[str] = []
     with ExitStack() as undo:
         undo.callback(delete_files, stored)
-        with storage_at_work(), film.open("rb") as file:
+        with storage_at_work(), drawn.open("rb") as file:
             for name, content in zip(names_of(video), (File(file), ContentFile(still)), strict=True):
                 stored.append(storage().save(name, content))
         undo.pop_all()
     return stored[0], stored[1]
 
 
-def digest_of(film: Path) -> str:
+def digest_of(drawn: Path) -> str:
     """The sha-256 of a file, read in pieces."""
-    with film.open("rb") as file:
+    with drawn.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

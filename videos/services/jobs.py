@@ -19,16 +19,16 @@ from ..models import Video, VideoState
 from .files import delete_files, digest_of, names_of, store
 
 if TYPE_CHECKING:
-    from videos.film import FilmFacts
+    from videos.drawing import VideoFacts
 
 
 @dataclass(frozen=True)
 class DrawnVideo:
-    """What a worker has drawn: the film in a file of this machine, a JPEG, and the fingerprint of what both show."""
+    """What a worker has drawn: the video, a file of this machine; a JPEG; the fingerprint of what both show."""
 
-    film: Path
+    file: Path
     still: bytes
-    facts: FilmFacts
+    facts: VideoFacts
     fingerprint: str
 
 
@@ -64,7 +64,7 @@ def finish_video(*, pk: int, lease: uuid.UUID, drawn: DrawnVideo, now: datetime)
     video = VIDEOS.held(pk, lease).first()
     if video is None:
         return False
-    film, still = names = store(video, drawn.film, drawn.still)
+    file, still = names = store(video, drawn.file, drawn.still)
     finished = False
     try:
         with transaction.atomic():
@@ -75,9 +75,9 @@ def finish_video(*, pk: int, lease: uuid.UUID, drawn: DrawnVideo, now: datetime)
                 watched_at=now,
                 progress=100,
                 fingerprint=drawn.fingerprint,
-                file=film,
+                file=file,
                 poster=still,
-                sha256=digest_of(drawn.film),
+                sha256=digest_of(drawn.file),
                 size=drawn.facts.size,
                 duration_ms=drawn.facts.duration_ms,
                 width=drawn.facts.width,

@@ -19,11 +19,11 @@ from evaluation.models import Evaluation
 from paddock.errors import PlatformFault
 
 from ..models import Video
-from ..run import FilmedRun
+from ..run import VideoRun
 from .jobs import VIDEOS, DrawnVideo, finish_video
 
 logger = logging.getLogger(__name__)
-_PREFIX, _ABANDONED_AFTER_S = "film-", 86_400.0  # longer than any film takes to draw
+_PREFIX, _ABANDONED_AFTER_S = "video-", 86_400.0  # longer than any video takes to draw
 ENCODER = "libx264"
 
 
@@ -41,7 +41,7 @@ def run_next_video(*, worker: str, interrupted: Callable[[], bool] = never) -> b
         _remove_abandoned()
         with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=settings.FILE_UPLOAD_TEMP_DIR) as folder:
             stopped = lambda: heartbeat.lost or interrupted()  # noqa: E731
-            drawn = _draw(video, Path(folder) / "film.mp4", heartbeat.tell, stopped)
+            drawn = _draw(video, Path(folder) / "video.mp4", heartbeat.tell, stopped)
             assert video.lease is not None, "it was claimed"
             return finish_video(pk=video.pk, lease=video.lease, drawn=drawn, now=database_now())
 
@@ -68,13 +68,13 @@ def _remove_abandoned() -> None:
 
 
 def _draw(video: Video, path: Path, tell: Callable[[int], None], should_stop: Callable[[], bool]) -> DrawnVideo:
-    """Draw what the video shows now. Raises what :func:`videos.film.film` does, and PlatformFault
+    """Draw what the video shows now. Raises what :func:`videos.drawing.write_video` does, and PlatformFault
     ``storage_failed``."""
-    from videos import film
+    from videos import drawing
 
     related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
-    run = FilmedRun.of(Evaluation.objects.select_related(*related).get(pk=video.evaluation_id))
+    run = VideoRun.of(Evaluation.objects.select_related(*related).get(pk=video.evaluation_id))
     what = (video.car, video.part, video.language)
     scene, fingerprint = run.scene(*what), run.fingerprint(*what)
-    facts = film.film(scene, path, on_progress=lambda share: tell(int(99 * share)), is_stopped=should_stop)
-    return DrawnVideo(path, film.poster(scene), facts, fingerprint)
+    facts = drawing.write_video(scene, path, on_progress=lambda share: tell(int(99 * share)), is_stopped=should_stop)
+    return DrawnVideo(path, drawing.poster(scene), facts, fingerprint)

@@ -16,7 +16,7 @@ from django.core.management.base import CommandError
 
 from config.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from config.management.race_options import add_race_options, rules_of
-from config.management.run_video import write_video
+from config.management.run_video import save_video
 from config.management.tracks import TRACK_HELP, find_track
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.bounds import package_limits
@@ -120,7 +120,7 @@ class Command(JsonCommand):
         if options["trace"] is not None:  # last: where it cannot be written, the figures have been told
             _write_traces(options["trace"], outcome)
         if options["video"] is not None:
-            write_video(options["video"], geometry, outcome, [str(package), *options["rival"]])
+            save_video(options["video"], geometry, outcome, [str(package), *options["rival"]])
 
     def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
         self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")

@@ -21,7 +21,7 @@ from config import broker
 from config.management.data_lock import hold_data
 from config.supervisor import Supervisor
 
-FILMER_NICE = 10
+VIDEO_WORKER_NICE = 10
 # Celery advises against root; here root is what gives every model a user id of its own.
 _QUIET = "ignore:You're running the worker with superuser privileges"
 
@@ -92,7 +92,7 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
             *("--without-gossip", "--without-mingle"),
         ],
         **_trainer(celery),
-        **_filmer(celery),
+        **_video_worker(celery),
         # threads: it waits for other people's servers, and an idle one costs a single process
         "messenger": [
             *(*celery, "worker", "--pool", "threads", "--concurrency", str(AT_ONCE)),
@@ -125,16 +125,16 @@ def _trainer(celery: list[str]) -> dict[str, list[str]]:
     }
 
 
-def _filmer(celery: list[str]) -> dict[str, list[str]]:
+def _video_worker(celery: list[str]) -> dict[str, list[str]]:
     """The worker for videos, which stands back for all others. Each video gets a process of its own, so that an idle
-    worker holds no libraries of pictures and films."""
+    worker holds no libraries of pictures and video_wakes."""
     if not settings.VIDEOS:
         return {}
     return {
-        "filmer": [
-            *("nice", "-n", str(FILMER_NICE), *celery, "worker", "--pool", "prefork", "--concurrency", "1"),
+        "video-worker": [
+            *("nice", "-n", str(VIDEO_WORKER_NICE), *celery, "worker", "--pool", "prefork", "--concurrency", "1"),
             *("--without-gossip", "--without-mingle", "--max-tasks-per-child", "1"),
-            *("--queues", "videos", "--hostname", "filmer@%h"),
+            *("--queues", "videos", "--hostname", "video-worker@%h"),
         ]
     }
 

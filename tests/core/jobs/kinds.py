@@ -16,8 +16,8 @@ from league.services.deliveries import DELIVERIES
 from league.services.mails import MAILS
 from league.services.webhooks import add_webhook
 from paddock.rules.race import RaceRules
+from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
-from tests.films import a_driven_run
 from tests.rows import model_row
 from tests.training.jobs import a_training
 from training.services import TRAININGS

@@ -119,7 +119,7 @@ class TestSecondEngineChange:
 
     def test_no_redrive_starts_while_a_live_worker_has_another_engine(self, race, site, now):
         start_worker(name="old", queues=["celery"], processes=1, now=now)
-        start_worker(name="films", queues=["videos"], processes=1, now=now)
+        start_worker(name="videos", queues=["videos"], processes=1, now=now)
         site(NEW)
         assert sweep_redrives(now=now + timedelta(seconds=30)) == 0
         assert fresh(race).next_engine == "" and not Redrive.objects.exists()

@@ -1,4 +1,4 @@
-"""Workers that draw videos and crash at random: ``python -m tests.races.film_storm WORKERS``.
+"""Workers that draw videos and crash at random: ``python -m tests.races.video_storm WORKERS``.
 
 They draw until no video waits or is being drawn. Now and then one is killed, and another takes its place. All are forks
 of one process, which waits for them and prints how each ended.
@@ -21,9 +21,9 @@ from django.conf import settings  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
 from core import wakeup  # noqa: E402
-from tests.films import a_film  # noqa: E402
+from tests.drawn_runs import a_drawing  # noqa: E402
 from tests.storms import ride_out  # noqa: E402
-from videos import film  # noqa: E402
+from videos import drawing  # noqa: E402
 from videos import services as videos  # noqa: E402
 from videos.models import UNDER_WAY, Video  # noqa: E402
 from videos.services import jobs, work  # noqa: E402
@@ -43,7 +43,7 @@ def draw(scene, out, *, on_progress, is_stopped):
     on_progress(0.5)
     perhaps_die("drawing")
     sleep(luck.random() * 0.02)
-    return a_film(scene, out)
+    return a_drawing(scene, out)
 
 
 def store(*args, real=jobs.store):
@@ -62,7 +62,7 @@ def worker() -> None:
 def main(workers: int) -> None:
     settings.LEASE_SECONDS = LEASE_S
     settings.EVALUATION_MAX_ATTEMPTS = 1000
-    film.film, film.poster = draw, lambda scene: b"a still"
+    drawing.write_video, drawing.poster = draw, lambda scene: b"a still"
     jobs.store, wakeup.send = store, lambda *_, **__: None
     work.encoder_problem = str  # each fork would load PyAV
     ride_out(workers, worker, luck)

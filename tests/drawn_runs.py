@@ -1,4 +1,4 @@
-"""Runs that were driven, to be filmed in tests: short ones, on the oval."""
+"""Runs that were driven, to be drawn in tests: short ones, on the oval."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from races.services import submit_model
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, laps, outcome, start
 from tracks.models import Track
-from videos.film import FilmFacts, Scene
+from videos.drawing import Scene, VideoFacts
 
 LAP_MS = 1_000
 
@@ -35,11 +35,11 @@ def driven_trace(track: Track, laps: int = 2, lap_ms: int = LAP_MS) -> bytes:
     return "\n".join([*rows, ""]).encode()
 
 
-def a_film(scene: Scene, out: Path, *, on_progress=None, is_stopped=None) -> FilmFacts:
+def a_drawing(scene: Scene, out: Path, *, on_progress=None, is_stopped=None) -> VideoFacts:
     """Instead of drawing, where a test is about the queue: a file that says what the scene shows."""
     content = f"{scene.title} {scene.followed} {scene.lap} {[car.name for car in scene.cars]}".encode()
     out.write_bytes(content)
-    return FilmFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
+    return VideoFacts(frames=30, duration_ms=1000, width=1280, height=720, size=len(content))
 
 
 def a_driven_run(race: Race, racer: Any, now: datetime, *, lap_ms: int = LAP_MS, count: int = 3) -> Evaluation:

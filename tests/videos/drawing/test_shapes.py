@@ -9,10 +9,10 @@ import pytest
 import shapely
 
 from evaluation.looks import DEFAULT_COLOUR, Shell
-from tests.videos.film.runs import OVAL
-from videos.film import lettering, shapes
-from videos.film.ground import Ground, rounded_off
-from videos.film.palette import bgr, speed_class
+from tests.videos.drawing.runs import OVAL
+from videos.drawing import lettering, shapes
+from videos.drawing.ground import Ground, rounded_off
+from videos.drawing.palette import bgr, speed_class
 
 
 class TestShells:

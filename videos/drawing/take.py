@@ -11,7 +11,7 @@ from paddock.errors import UserFault
 from .lettering import is_drawable
 from .motion import Drive, Eye, Steps, drive_of, follow, poses_at, read_steps
 from .palette import Colour, bgr
-from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, FilmedCar, Form, Scene, Words
+from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, Form, Scene, VideoCar, Words
 from .timing import Timing, laps_of
 
 
@@ -19,7 +19,7 @@ from .timing import Timing, laps_of
 class Actor:
     """A submitted car with its way; ``drive`` is None for one that never drove."""
 
-    car: FilmedCar
+    car: VideoCar
     colour: Colour
     steps: Steps
     drive: Drive | None

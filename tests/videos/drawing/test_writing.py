@@ -15,11 +15,11 @@ import pytest
 from evaluation.looks import DEFAULT_COLOUR
 from paddock.errors import UserFault
 from tests.shared import CHECKOUT
-from tests.videos.film.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
-from videos.film import FULL, Scene, Stopped, Words, film, poster
-from videos.film.scene import CARD_MS
-from videos.film.shoot import Painter, telling
-from videos.film.take import prepare
+from tests.videos.drawing.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
+from videos.drawing import FULL, Scene, Stopped, Words, poster, write_video
+from videos.drawing.scene import CARD_MS
+from videos.drawing.take import prepare
+from videos.drawing.writing import Painter, telling
 
 CARD_FRAMES = CARD_MS * 30 // 1000
 
@@ -49,7 +49,7 @@ def boxes_of(data: bytes) -> list[str]:
 
 def refused(what) -> str:
     with pytest.raises(UserFault) as caught:
-        film(what, io.BytesIO(), form=SMALL)
+        write_video(what, io.BytesIO(), form=SMALL)
     assert str(caught.value)
     return caught.value.code
 
@@ -57,7 +57,7 @@ def refused(what) -> str:
 class TestVideoFile:
     def test_it_is_a_seekable_streamable_h264_mp4(self, tmp_path):
         path = tmp_path / "run.mp4"
-        facts = film(scene(), path)
+        facts = write_video(scene(), path)
         names = boxes_of(path.read_bytes())
         assert names.index("moov") < names.index("mdat")
         with av.open(str(path)) as file:
@@ -76,7 +76,7 @@ class TestVideoFile:
 
     def test_every_frame_decodes_at_its_time(self):
         out = io.BytesIO()
-        facts = film(scene(), out, form=SMALL)
+        facts = write_video(scene(), out, form=SMALL)
         out.seek(0)
         with av.open(out) as file:
             times = [frame.time for frame in file.decode(video=0)]
@@ -85,7 +85,7 @@ class TestVideoFile:
     def test_colours_survive_encoding(self):
         out = io.BytesIO()
         what = scene(car(colour="#22c55e"))
-        film(what, out, form=SMALL)
+        write_video(what, out, form=SMALL)
         out.seek(0)
         with av.open(out) as file:
             frame = [frame for frame, _ in zip(file.decode(video=0), range(31), strict=False)][30]
@@ -98,7 +98,7 @@ class TestVideoFile:
         files = []
         for _ in range(2):
             out = io.BytesIO()
-            film(scene(car(), car(driven(2.0, 1.5), 1)), out, form=SMALL)
+            write_video(scene(car(), car(driven(2.0, 1.5), 1)), out, form=SMALL)
             files.append(out.getvalue())
         assert files[0] == files[1]
 
@@ -130,7 +130,7 @@ class TestVideoFile:
 
     def test_the_site_loads_no_encoder(self):
         code = (
-            "import sys, django; from django.conf import settings; settings.configure(); import videos.film;"
+            "import sys, django; from django.conf import settings; settings.configure(); import videos.drawing;"
             "print([name for name in ('av', 'cv2', 'PIL', 'scipy', 'shapely') if name in sys.modules])"
         )
         done = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True, check=True)
@@ -223,7 +223,7 @@ class TestPicture:
 class TestVideoParts:
     def test_a_lap_lasts_as_long_as_it_took(self):
         two = [lap(1, 0, 1200), lap(2, 1200, 800)]
-        facts = film(scene(car(laps=two), lap=2), io.BytesIO(), form=SMALL)
+        facts = write_video(scene(car(laps=two), lap=2), io.BytesIO(), form=SMALL)
         assert facts.frames == 24 + CARD_FRAMES
         take = prepare(scene(car(laps=two), lap=2), SMALL)
         assert take.times[0] == 1200 and take.times[-1] == 2000
@@ -251,7 +251,7 @@ class TestVideoParts:
         rows.append(rows[-1]._replace(tstamp=702.0))
         assert refused(scene(car(rows, laps=laps))) == "video_too_long"
         assert refused(scene(car(rows, laps=laps), lap=2)) == "video_too_long"
-        assert film(scene(car(rows, laps=laps), lap=1), io.BytesIO(), form=SMALL).frames == 60 + CARD_FRAMES
+        assert write_video(scene(car(rows, laps=laps), lap=1), io.BytesIO(), form=SMALL).frames == 60 + CARD_FRAMES
 
 
 class TestUnusableData:
@@ -277,7 +277,7 @@ class TestUnusableData:
         rows[9] = rows[9]._replace(tstamp=0.0)
         silent = car(None, 1)
         object.__setattr__(silent, "trace", b"")
-        facts = film(scene(car(rows), silent), io.BytesIO(), form=SMALL)
+        facts = write_video(scene(car(rows), silent), io.BytesIO(), form=SMALL)
         assert facts.frames == 30 + CARD_FRAMES
 
     def test_invalid_laps_and_layouts_are_left_out(self):
@@ -289,7 +289,7 @@ class TestUnusableData:
         cars = [car(driven(1.0, 1.0 + 0.3 * number), number, name="x" * 64) for number in range(4)]
         poses = [[list(OVAL.point_at(metres)) for _ in range(16)] for metres in range(6)]
         boxes = [{"x": x, "y": y, "yaw": yaw} for x, y, yaw in (OVAL.point_at(2.0 * k, 0.2) for k in range(8))]
-        facts = film(scene(*cars, layout={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
+        facts = write_video(scene(*cars, layout={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
         assert facts.frames == 30 + CARD_FRAMES
 
     def test_a_stopped_video_leaves_nothing(self, tmp_path):
@@ -297,7 +297,7 @@ class TestUnusableData:
         path.write_bytes(b"the one before")
         asked = iter(range(1000))
         with pytest.raises(Stopped):
-            film(scene(), path, is_stopped=lambda: next(asked) == 20, form=SMALL)
+            write_video(scene(), path, is_stopped=lambda: next(asked) == 20, form=SMALL)
         assert [(entry.name, entry.read_bytes()) for entry in tmp_path.iterdir()] == [("run.mp4", b"the one before")]
 
     def test_a_listeners_error_propagates_and_leaves_nothing(self, tmp_path):
@@ -305,24 +305,24 @@ class TestUnusableData:
             raise RuntimeError("heard enough")
 
         with pytest.raises(RuntimeError, match="heard enough"):
-            film(scene(), tmp_path / "run.mp4", on_progress=fail, form=SMALL)
+            write_video(scene(), tmp_path / "run.mp4", on_progress=fail, form=SMALL)
         assert list(tmp_path.iterdir()) == []
 
     def test_a_missing_folder_is_a_system_error(self, tmp_path):
         with pytest.raises(FileNotFoundError):
-            film(scene(), tmp_path / "nowhere" / "run.mp4", form=SMALL)
+            write_video(scene(), tmp_path / "nowhere" / "run.mp4", form=SMALL)
 
     def test_a_full_disk_leaves_nothing(self, tmp_path):
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
         try:
             with pytest.raises(OSError, match="too large"):
-                film(scene(), tmp_path / "run.mp4", form=SMALL)
+                write_video(scene(), tmp_path / "run.mp4", form=SMALL)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         assert list(tmp_path.iterdir()) == []
 
     def test_progress_rises_to_one(self):
         shares = []
-        film(scene(), io.BytesIO(), on_progress=shares.append, form=SMALL)
+        write_video(scene(), io.BytesIO(), on_progress=shares.append, form=SMALL)
         assert shares == sorted(shares) and shares[-1] == 1.0

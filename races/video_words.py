@@ -1,4 +1,4 @@
-"""What the films of runs are told of races: see :mod:`videos.hooks`."""
+"""What the videos of runs say of races: see :mod:`videos.hooks`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.film``: what a second of a run costs as a video, drawn and encoded by one process.
+"""``python -m benchmarks.video``: what a second of a run costs as a video, drawn and encoded by one process.
 
 A car, or with ``--cars`` several, on the centre line of the oval at 2.5 m/s. Seconds are those of the processor.
 """
@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.videos.film.runs import car, driven, lap, scene
-from videos.film import MAX_SECONDS, film
+from tests.videos.drawing.runs import car, driven, lap, scene
+from videos.drawing import MAX_SECONDS, write_video
 
 from .machine import measured_on
 from .report import command, report
@@ -33,7 +33,7 @@ def measure(seconds: float, cars: int) -> dict[str, Any]:
     ]
     with tempfile.TemporaryDirectory() as folder:
         began = time.process_time()
-        facts = film(scene(*drivers), Path(folder) / "run.mp4")
+        facts = write_video(scene(*drivers), Path(folder) / "run.mp4")
         spent = time.process_time() - began
     return {
         "cars": cars,
@@ -59,7 +59,7 @@ def table(figures: dict[str, Any]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure, print; 1 when it took more memory than is promised."""
-    parser = command("film", "What a video costs.")
+    parser = command("video", "What a video costs.")
     parser.add_argument("--seconds", type=float, default=30.0, help="of the run, 1 to 600; default: %(default)s")
     parser.add_argument("--cars", type=int, choices=range(1, len(SHELLS) + 1), default=1)
     options = parser.parse_args(arguments)

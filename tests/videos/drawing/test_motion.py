@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from paddock.simulator.trace import CRASHED
-from tests.videos.film.runs import OVAL, STEP_S, car, driven, with_reset
-from videos.film.motion import drive_of, follow, poses_at, read_steps
-from videos.film.timing import standings
+from tests.videos.drawing.runs import OVAL, STEP_S, car, driven, with_reset
+from videos.drawing.motion import drive_of, follow, poses_at, read_steps
+from videos.drawing.timing import standings
 
 
 def steps_of(rows):

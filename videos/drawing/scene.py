@@ -15,7 +15,7 @@ from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import MAX_CARS
 
-MAX_SECONDS = 600  # of a run that is filmed; of a longer one a single lap is
+MAX_SECONDS = 600  # of a run that a video shows; of a longer one it shows a single lap
 CARD_MS = 2500  # the card with the figures stands so long at the end
 
 PX_PER_M = 330.0  # of a picture of 720 lines, at usual zoom; the car is then 109 px long
@@ -72,7 +72,7 @@ class Words:
 
 
 @dataclass(frozen=True)
-class FilmedCar:
+class VideoCar:
     """One submitted car of the run.
 
     ``number``: 0 for the evaluation's own model, rivals from 1. ``name``: a stranger's, of any length. ``shell``: one
@@ -90,7 +90,7 @@ class FilmedCar:
 
 @dataclass(frozen=True)
 class Scene:
-    """A run as it is filmed.
+    """A run as a video shows it.
 
     ``track``: in the driven direction (``geometry.in_direction``). ``title``, ``subtitle``: say the race and the track.
     ``cars``: one to four; ``followed``: the ``number`` of the one that the picture follows. ``layout``: boxes and bots
@@ -105,7 +105,7 @@ class Scene:
     track: TrackGeometry
     title: str
     subtitle: str
-    cars: Sequence[FilmedCar]
+    cars: Sequence[VideoCar]
     followed: int = 0
     layout: Mapping[str, list] = field(default_factory=lambda: _NO_LAYOUT)
     order: Sequence[int] = ()
@@ -121,7 +121,7 @@ class Scene:
             raise UserFault("video_lap_unknown", lap=self.lap, laps=len(self.hero.laps))
 
     @property
-    def hero(self) -> FilmedCar:
+    def hero(self) -> VideoCar:
         """The car that the picture follows."""
         return next(car for car in self.cars if car.number == self.followed)
 
@@ -138,7 +138,7 @@ FULL = Form()
 
 
 @dataclass(frozen=True)
-class FilmFacts:
+class VideoFacts:
     """What was written. ``size``: bytes; ``drawing_s``, ``encoding_s``: processor seconds of this process."""
 
     frames: int

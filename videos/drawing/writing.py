@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from .scene import FULL, FilmFacts, Form, Scene, Stopped
+from .scene import FULL, Form, Scene, Stopped, VideoFacts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,21 +24,21 @@ _CARD_IN_S = 0.3
 _JPEG_QUALITY = 88
 
 
-def film(
+def write_video(
     scene: Scene,
     out: BinaryIO | Path,
     *,
     on_progress: Callable[[float], None] = lambda share: None,
     is_stopped: Callable[[], bool] = lambda: False,
     form: Form = FULL,
-) -> FilmFacts:
+) -> VideoFacts:
     """Draw and encode the scene: MP4 with H.264 (yuv420p, no sound, the index first), a key frame each two seconds.
 
     ``out``: a path, which is written beside itself and then put in place whole, or a binary file that can be written.
     ``on_progress`` gets a share from 0 to 1 about five times a second; before each frame ``is_stopped`` is asked. What
     either raises goes through. The same scene makes the same bytes on the same library versions.
 
-    Starts no thread. Raises :class:`~videos.film.Stopped`, and UserFault: ``video_no_steps`` for a trace of the
+    Starts no thread. Raises :class:`~videos.drawing.Stopped`, and UserFault: ``video_no_steps`` for a trace of the
     followed car without two readable rows, ``video_too_long`` (``MAX_SECONDS``). OSError where ``out`` cannot be
     written. After any of them nothing is left at the path but what was there before.
     """
@@ -46,16 +46,16 @@ def film(
 
     take = prepare(scene, form)
     if not isinstance(out, Path):
-        with tempfile.TemporaryDirectory(prefix="film-") as folder:
-            whole = Path(folder) / "film.mp4"
-            facts = _shoot(take, whole, on_progress, is_stopped)
+        with tempfile.TemporaryDirectory(prefix="video-") as folder:
+            whole = Path(folder) / "video.mp4"
+            facts = _write_frames(take, whole, on_progress, is_stopped)
             with whole.open("rb") as file:
                 shutil.copyfileobj(file, out)
         return facts
     unfinished = out.with_name(f".{secrets.token_hex(8)}.mp4")
     try:
         unfinished.touch(exist_ok=False)
-        facts = _shoot(take, unfinished, on_progress, is_stopped)
+        facts = _write_frames(take, unfinished, on_progress, is_stopped)
         unfinished.replace(out)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -64,7 +64,7 @@ def film(
 
 def poster(scene: Scene, *, form: Form = FULL) -> bytes:
     """A JPEG of the picture in the middle of the video, or of the next one to it in which the car drives on the road.
-    Raises as :func:`film`."""
+    Raises as :func:`write_video`."""
     import cv2
 
     from .take import prepare
@@ -140,7 +140,9 @@ class Painter:
         self._card.put(self._picture, (self._take.form.width - width) // 2, top, share)
 
 
-def _shoot(take: Take, path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]) -> FilmFacts:
+def _write_frames(
+    take: Take, path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]
+) -> VideoFacts:
     from .encode import Encoder
 
     drawing = encoding = 0.0
@@ -161,7 +163,7 @@ def _shoot(take: Take, path: Path, on_progress: Callable[[float], None], is_stop
                 told = time.monotonic()
     on_progress(1.0)
     width, height, fps = take.form
-    return FilmFacts(
+    return VideoFacts(
         frames=take.frames,
         duration_ms=round(1000.0 * take.frames / fps),
         width=width,

@@ -8,7 +8,7 @@ from typing import Any
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, PAUSE, Row, Trace
-from videos.film import FilmedCar, Form, Scene
+from videos.drawing import Form, Scene, VideoCar
 
 OVAL = next(track for track in CATALOGUE if track.slug == "oval").geometry()
 SMALL = Form(640, 360, 30)
@@ -81,14 +81,14 @@ def lap(number: int, start_ms: int, time_ms: int, complete: bool = True, **more:
     }
 
 
-def car(rows: list[Row] | None = None, number: int = 0, **more: Any) -> FilmedCar:
+def car(rows: list[Row] | None = None, number: int = 0, **more: Any) -> VideoCar:
     """A car that drove the rows, two seconds of the oval without."""
     rows = driven(2.0) if rows is None else rows
     values = {"name": f"racer-{number}", "laps": [lap(1, 0, 2000)]} | more
-    return FilmedCar(number, trace=Trace.of(rows).to_csv(), **values)
+    return VideoCar(number, trace=Trace.of(rows).to_csv(), **values)
 
 
-def scene(*cars: FilmedCar, **more: Any) -> Scene:
+def scene(*cars: VideoCar, **more: Any) -> Scene:
     """The cars on the oval."""
     values = {"title": "A race", "subtitle": "Oval"} | more
     return Scene(OVAL, cars=cars or (car(),), **values)

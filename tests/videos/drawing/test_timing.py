@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.videos.film.runs import lap
-from videos.film.timing import FLASH_MS, GREEN, PURPLE, YELLOW, Timing, laps_of, written
+from tests.videos.drawing.runs import lap
+from videos.drawing.timing import FLASH_MS, GREEN, PURPLE, YELLOW, Timing, laps_of, written
 
 THREE = [lap(1, 0, 9000), lap(2, 9000, 8700), lap(3, 17700, 9300)]
 
