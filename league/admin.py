@@ -79,7 +79,7 @@ class SeasonForm(ModelForm):
             self.initial["edition"] = edition_of(self.instance)
 
     def _post_clean(self) -> None:
-        super()._post_clean()
+        super()._post_clean()  # type: ignore[misc]  # Django's own, which its stubs leave out
         if not self.instance.pk:
             return
         # held until the admin site's transaction ends: a second form waits, and sees what the first one changed
@@ -133,7 +133,7 @@ class MembershipAdmin(admin.ModelAdmin):
     def get_readonly_fields(self, request: HttpRequest, obj: Membership | None = None) -> tuple[str, ...]:
         return ("since",) if obj is None else ("racer", "season", "since")
 
-    def save_model(self, request: HttpRequest, obj: Membership, form, change: bool) -> None:
+    def save_model(self, request: HttpRequest, obj: Membership, form: ModelForm, change: bool) -> None:
         """Pro races that are not over follow: who is no pro any more leaves them, and the log keeps both."""
         now = timezone.now()
         with transaction.atomic():

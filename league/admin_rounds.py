@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from django.contrib import admin, messages
+from django.contrib.admin import helpers
 from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
 from django.http import HttpRequest, HttpResponse
@@ -15,6 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
+from accounts.who import racer_of
 from core.admin import ReadOnly
 from paddock.errors import PaddockError
 from races.admin.actions import sentence
@@ -53,7 +56,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
 
     @admin.display(description=gettext_lazy("state"))
     def state(self, round_: Round) -> str:
-        return round_.race.state_at(timezone.now()).label
+        return str(round_.race.state_at(timezone.now()).label)
 
     @admin.display(description=gettext_lazy("final since"))
     def settled(self, round_: Round) -> str:
@@ -74,7 +77,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     @admin.action(description=gettext_lazy("Lock: end the steward window"), permissions=["steward"])
     def lock(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
-            return lock_round(round=round_, by=request.user, reason=given["reason"], now=timezone.now())
+            return lock_round(round=round_, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
         follows = _("Nobody can correct these results any more. This cannot be taken back.")
         return self._ask(request, queryset, "lock", _("Lock results"), follows, ("reason",), call)
@@ -82,7 +85,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     @admin.action(description=gettext_lazy("Take the official results back"), permissions=["steward"])
     def take_back(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
-            return reopen_round(round=round_, by=request.user, reason=given["reason"], now=timezone.now())
+            return reopen_round(round=round_, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
         follows = _("What came of the round is undone until somebody publishes it again.")
         return self._ask(request, queryset, "take_back", _("Take results back"), follows, ("reason",), call)
@@ -90,8 +93,8 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     @admin.action(description=gettext_lazy("Disqualify a racer"), permissions=["steward"])
     def disqualify(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
-            racer = _racer(given["racer"])
-            return disqualify(round=round_, racer=racer, by=request.user, reason=given["reason"], now=timezone.now())
+            racer, steward = _racer(given["racer"]), racer_of(request)
+            return disqualify(round=round_, racer=racer, by=steward, reason=given["reason"], now=timezone.now())
 
         follows = _(
             "The racer leaves the board, their waiting cars are stopped, everybody reads the reason, and what came of "
@@ -103,7 +106,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     def put_back(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
             racer = _racer(given["racer"])
-            return put_back(round=round_, racer=racer, by=request.user, reason=given["reason"], now=timezone.now())
+            return put_back(round=round_, racer=racer, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
         follows = _("The racer stands on the board again, and what came of the round is worked out anew.")
         return self._ask(request, queryset, "put_back", _("Put back"), follows, ("racer", "reason"), call)
@@ -163,7 +166,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             "complete": complete,
             "missing": asked and fields and not all(given.values()),
             "opts": self.model._meta,
-            "action_checkbox_name": admin.helpers.ACTION_CHECKBOX_NAME,
+            "action_checkbox_name": helpers.ACTION_CHECKBOX_NAME,
         }
         if not fields and not asked:
             context["lines"], refused = self._tried(rows, given, call)
@@ -176,7 +179,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
         lines, refused = [], False
         for one in rows:
             try:
-                lines.append((one, consequences_of(lambda one=one: call(one, given), one.season)))
+                lines.append((one, consequences_of(partial(call, one, given), one.season)))
             except (PaddockError, ValidationError) as fault:
                 refused = True
                 lines.append((one, [_words(fault)]))

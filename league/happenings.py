@@ -125,6 +125,11 @@ def _run(event: Event) -> Evaluation | None:
     return runs.select_related("model", "result", "submission__entry__race", "duel__race").first()
 
 
+def _ended(run: Evaluation) -> datetime:
+    assert run.ended_at is not None, "it is finished or has failed"
+    return run.ended_at
+
+
 def _counted(event: Event) -> Happening | None:
     """A car was timed in a race; what is held back is told once it counts."""
     run = _run(event)
@@ -133,7 +138,7 @@ def _counted(event: Event) -> Happening | None:
         return None
     entry = submission.entry
     data = {"evaluation": run.public_id, "racer": entry.racer.alias} | _standing(entry, submission)
-    return Happening(RESULT, run.public_id, run.ended_at, run.get_absolute_url(), _race(entry.race_id), data)
+    return Happening(RESULT, run.public_id, _ended(run), run.get_absolute_url(), _race(entry.race_id), data)
 
 
 def _driven(event: Event) -> Happening | None:
@@ -151,7 +156,7 @@ def _driven(event: Event) -> Happening | None:
         data |= {"best_lap_ms": run.result.best_lap_ms, "total_ms": run.result.total_ms}
         if submission:
             data |= {"is_best": submission.entry.best_id == submission.pk}
-    return Happening(kind, run.public_id, run.ended_at, run.get_absolute_url(), race, data)
+    return Happening(kind, run.public_id, _ended(run), run.get_absolute_url(), race, data)
 
 
 def _moved_on(event: Event) -> Happening | None:
@@ -159,7 +164,7 @@ def _moved_on(event: Event) -> Happening | None:
     is opened again and closed anew tells nothing twice."""
     rounds = Round.objects.filter(pk=event.data["round"], closed_at__isnull=False, race__imported_at=None)
     one = rounds.select_related("race", "season").first()
-    if one is None or not holds(event):
+    if one is None or one.closed_at is None or not holds(event):
         return None
     about = one.race.slug if event.kind == IN_FINALE else one.season.slug
     path = one.season.get_absolute_url() + ("" if event.kind == PROMOTED else "finales/")

@@ -67,7 +67,7 @@ def addresses_of(host: str) -> list[str]:
 
     def look_up() -> None:
         try:
-            found.extend(one[4][0] for one in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM))
+            found.extend(str(one[4][0]) for one in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM))
         except UnicodeError:  # a label that is empty or too long
             failed.append(socket.gaierror(socket.EAI_NONAME, "no such name"))
         except OSError as error:
@@ -102,9 +102,9 @@ def post(url: str, body: bytes, headers: Mapping[str, str], *, allow_private: bo
     Raises UserFault("webhook_address" | "webhook_private"), OSError, ssl.SSLError, http.client.HTTPException.
     """
     parts = checked(url)
-    port = parts.port or (443 if parts.scheme == "https" else 80)
+    host, port = parts.hostname or "", parts.port or (443 if parts.scheme == "https" else 80)
     until = monotonic() + WHOLE_S
-    address = public_addresses(parts.hostname, allow_private=allow_private)[0]
+    address = public_addresses(host, allow_private=allow_private)[0]
     sock = socket.create_connection((address, port), timeout=max(0.1, min(CONNECT_S, until - monotonic())))
     # of its own: TLS takes the first one over before its handshake is done, which may drip as well
     handle = sock.dup()
@@ -113,14 +113,14 @@ def post(url: str, body: bytes, headers: Mapping[str, str], *, allow_private: bo
         with suppress(OSError):
             handle.shutdown(socket.SHUT_RDWR)
 
-    connection = http.client.HTTPConnection(parts.hostname, port, timeout=CONNECT_S)
+    connection = http.client.HTTPConnection(host, port, timeout=CONNECT_S)
     # an answer that trickles in byte by byte does not hold the sender
     deadline = Timer(max(0.1, until - monotonic()), cut_off)
     deadline.daemon = True
     deadline.start()
     try:
         if parts.scheme == "https":
-            sock = ssl.create_default_context().wrap_socket(sock, server_hostname=parts.hostname)
+            sock = ssl.create_default_context().wrap_socket(sock, server_hostname=host)
         connection.sock = sock
         path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
         connection.request("POST", path, body, dict(headers))

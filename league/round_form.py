@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, TypeGuard
 from zoneinfo import ZoneInfo
 
 from django.utils import timezone
@@ -31,10 +31,11 @@ _NOT_OF_THE_RACE = ("csrfmiddlewaretoken", "season", "round", "do")
 class RoundForm(RaceForm):
     """A race of a planned season: all that a community race's form has but who may join, in the season's time zone."""
 
-    visibility = None
-    description = None
-    edition = None
-    time_zone = None
+    # a form leaves a field of its base out by naming it None
+    visibility = None  # type: ignore[assignment]
+    description = None  # type: ignore[assignment]
+    edition = None  # type: ignore[assignment]
+    time_zone = None  # type: ignore[assignment]
 
     def __init__(self, *args: Any, zone: ZoneInfo, **kwargs: Any) -> None:
         with timezone.override(zone):
@@ -104,7 +105,7 @@ def change_of(form: RoundForm, pattern: RoundPlan) -> Change | None:
     return Change({name: form.data.getlist(name) for name in form.data if name not in _NOT_OF_THE_RACE}, tuple(fields))
 
 
-def is_sent(data: object) -> bool:
+def is_sent(data: object) -> TypeGuard[dict[str, list[str]]]:
     """Whether this is what a form may send: texts by name."""
     return isinstance(data, dict) and all(
         isinstance(values, list) and all(isinstance(one, str) for one in values) for values in data.values()

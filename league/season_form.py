@@ -6,7 +6,7 @@ import itertools
 import zoneinfo
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import Any
+from typing import Any, cast
 
 from django import forms
 from django.core.exceptions import ValidationError
@@ -35,9 +35,9 @@ DEFAULT_POINTS = "25, 18, 15, 12, 10, 8, 6, 4, 2, 1"
 class PointsField(forms.CharField):
     """Points by place as a line of numbers."""
 
-    def to_python(self, value: Any) -> list[int]:
+    def to_python(self, value: Any) -> list[int]:  # type: ignore[override]  # of a text Django's fields make anything
         """Raises ValidationError("season_points_shape")."""
-        text = super().to_python(value)
+        text = super().to_python(value) or ""
         try:
             return [int(one) for one in text.replace(",", " ").split()]
         except ValueError:
@@ -108,7 +108,7 @@ class SeasonForm(forms.Form):
         super().__init__(*args, **kwargs)
         self.tracks = {track.slug: track for track in Track.objects.order_by("name") if track.has_shape}
         choices = [(slug, track.name) for slug, track in self.tracks.items()]
-        self.fields["zone"].choices = [(name, name) for name in zone_names()]
+        cast("forms.ChoiceField", self.fields["zone"]).choices = [(name, name) for name in zone_names()]
         self.fields["zone"].initial = timezone.get_default_timezone_name()
         year = now.year + (now.month > 6)
         for name, value in {"year": year, "slug": str(year), "name": f"Season {year}"}.items():
@@ -122,7 +122,7 @@ class SeasonForm(forms.Form):
 
     def clean(self) -> dict[str, Any]:
         """Hold the numbers against the season's and the stages' own rules, each refusal on its field."""
-        cleaned = super().clean()
+        cleaned = super().clean() or self.cleaned_data
         self._check(Season(), {name: name for name in self.OF_A_SEASON}, cleaned)
         for stage in STAGES:
             self._check(StageRules(stage=stage), {name: named(stage, name) for name in STAGE}, cleaned)
@@ -197,8 +197,8 @@ class SeasonForm(forms.Form):
         value = str(self["first_month"].value() if self.is_bound else self.initial.get("first_month", 1))
         return int(value) if value.isascii() and value.isdecimal() and 1 <= int(value) <= 12 else 1
 
-    def _month_fields(self, place: int, month: str, choices: list[tuple[str, str]], slugs: list[str]) -> None:
-        nothing = [("", _("no race"))]
+    def _month_fields(self, place: int, month: str, choices: list[tuple[str, Any]], slugs: list[str]) -> None:
+        nothing: list[tuple[str, Any]] = [("", _("no race"))]
         self.fields[f"open_{place}"] = forms.ChoiceField(
             label=_("Open race"), required=False, choices=nothing + choices, initial=slugs[(place - 1) % len(slugs)]
         )

@@ -15,6 +15,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from league.models import Notice, NoticeChoice, NoticeKind
 from league.notices import sentence
@@ -106,7 +107,7 @@ class NoticesReadView(APIView):
     )
     def post(self, request: Request) -> Response:
         refuse_fields(request)
-        return Response(ReadSerializer({"marked": mark_read(racer=request.user, now=timezone.now())}).data)
+        return Response(ReadSerializer({"marked": mark_read(racer=racer_of(request), now=timezone.now())}).data)
 
 
 class NoticeReadView(APIView):
@@ -126,7 +127,7 @@ class NoticeReadView(APIView):
     def post(self, request: Request, number: int) -> Response:
         notice = get_object_or_404(notices_of(request.user), pk=number)
         refuse_fields(request)
-        mark_read(racer=request.user, now=timezone.now(), notice=notice.pk)
+        mark_read(racer=racer_of(request), now=timezone.now(), notice=notice.pk)
         notice.refresh_from_db()
         return Response(NoticeSerializer(notice).data)
 
@@ -144,7 +145,7 @@ class NoticeSettingsView(APIView):
         tags=["notices"],
     )
     def get(self, request: Request) -> Response:
-        return Response(ChoiceSerializer(choice_of(request.user)).data)
+        return Response(ChoiceSerializer(choice_of(racer_of(request))).data)
 
     @extend_schema(
         operation_id="choose_notices",
@@ -155,7 +156,7 @@ class NoticeSettingsView(APIView):
     )
     def patch(self, request: Request) -> Response:
         sent = read_as(ChoiceBody, request.data)
-        before: NoticeChoice = choice_of(request.user)
+        before: NoticeChoice = choice_of(racer_of(request))
         kept = {name: getattr(before, name) for name in ("site_off", "mail_off", "language")}
-        chosen = choose_notices(racer=request.user, **(kept | sent))
+        chosen = choose_notices(racer=racer_of(request), **(kept | sent))
         return Response(ChoiceSerializer(chosen).data)

@@ -14,6 +14,7 @@ from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
 from accounts.tokens import scopes_of
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from league import chats
 from league.happenings import EVENTS
@@ -108,8 +109,8 @@ class WebhooksView(generics.ListAPIView):
     def post(self, request: Request) -> Response:
         sent = read_as(WebhookBody, request.data)
         slug = sent.get("race")
-        race = None if slug is None else get_object_or_404(races_to_hear_of(request.user), slug=slug)
-        hook = add_webhook(owner=request.user, url=sent["url"], race=race, events=sent.get("events", ()))
+        race = None if slug is None else get_object_or_404(races_to_hear_of(racer_of(request)), slug=slug)
+        hook = add_webhook(owner=racer_of(request), url=sent["url"], race=race, events=sent.get("events", ()))
         return Response(WebhookSerializer(hook, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
 

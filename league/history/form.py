@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from decimal import Decimal
+from typing import Literal, TypeVar, overload
 
 from paddock.errors import UserFault
 from races.models import RaceType, RankingMethod
@@ -61,6 +62,9 @@ FIRST, LAST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 
 # No exponent that a computer could not write out: Decimal breaks down over such.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?\Z", re.ASCII)
+
+
+_Meaning = TypeVar("_Meaning")
 
 
 @dataclass(frozen=True)
@@ -149,12 +153,18 @@ class Cells:
             raise self.refuse(column, f"a text on one line of at most {limit} characters")
         return text
 
-    def word(self, column: str, words: Mapping[str, object]) -> object:
+    def word(self, column: str, words: Mapping[str, _Meaning]) -> _Meaning:
         """What one of ``words`` stands for."""
         word = self.cells[column].strip().lower()
         if word not in words:
             raise self.refuse(column, f"one of {', '.join(words)}")
         return words[word]
+
+    @overload
+    def whole(self, column: str, *, least: int = 0, most: int = MOST, empty: Literal[False] = False) -> int: ...
+
+    @overload
+    def whole(self, column: str, *, least: int = 0, most: int = MOST, empty: bool) -> int | None: ...
 
     def whole(self, column: str, *, least: int = 0, most: int = MOST, empty: bool = False) -> int | None:
         """A whole number, also one written with a decimal point; None for an empty cell that may be so."""
@@ -218,7 +228,7 @@ def race_row(row: int, cells: Mapping[str, str]) -> RaceRow:
         file=read.text("file", 200),
         season=read.text("season", 50),
         name=read.text("name", 64),
-        stage=Stage(read.word("stage", {stage.value: stage for stage in Stage})),
+        stage=read.word("stage", {stage.value: stage for stage in Stage}),
         race_type=read.word("race_type", RACE_TYPES),
         ranking_method=read.word("timing_method", TIMING_METHODS),
         minimum_laps=minimum,

@@ -77,7 +77,9 @@ def _season(folder: Path, label: str, rows: Sequence[RaceRow]) -> ReadSeason:
 
 def _race(folder: Path, row: RaceRow, number: int) -> ReadRace:
     heading, cells = _rows(folder, row.file, [name for name in RESULT_COLUMNS if name not in OPTIONAL])
-    results, racers, aliases = [], {}, {}
+    results: list[ResultRow] = []
+    racers: dict[str, int] = {}
+    aliases: dict[str, int] = {}
     pointed: set[str] = set()
     for at, one in cells:
         result = result_row(row.file, at, one, row.ranking_method)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 from decimal import Decimal
+from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
@@ -55,7 +56,8 @@ WITH_FIELD = (Stage.FINALE, Stage.CHAMPIONSHIP)
 
 def usual_stage(race: Race) -> Stage:
     """What a race of the league is in its round unless somebody says otherwise."""
-    return {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO}.get(race.division, Stage.SINGLE)
+    usual: dict[str, Stage] = {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO}
+    return usual.get(race.division, Stage.SINGLE)
 
 
 class Season(models.Model):
@@ -244,7 +246,7 @@ class Round(models.Model):
     def __str__(self) -> str:
         return f"{self.season} · {self.number}"
 
-    def save(self, *args: object, **kwargs: object) -> None:
+    def save(self, *args: Any, **kwargs: Any) -> None:
         if not self.stage and self.race_id:
             self.stage = usual_stage(self.race)
         super().save(*args, **kwargs)
@@ -299,4 +301,5 @@ class Round(models.Model):
 
     def is_under_review(self, now: datetime) -> bool:
         """Whether the results are official and stewards may still correct them."""
-        return self.closed_at is not None and now < self.settled_at
+        settled = self.settled_at
+        return settled is not None and now < settled

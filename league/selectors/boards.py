@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
 from django.db.models import Exists, OuterRef, QuerySet, Subquery, Value
 from django.db.models.functions import Coalesce
@@ -15,6 +16,15 @@ from races.models import Kind, Race
 from ..models import ChampionshipPlace, Membership, Round, Stage, StewardDecision
 from ..rules import ChampionshipField, FinaleField, Promotion
 from .outcomes import classified_order
+
+if TYPE_CHECKING:
+    from django_stubs_ext import WithAnnotations
+
+    class _Said(TypedDict):
+        has_decisions: bool
+        reader_division: str
+
+    ShownRound: TypeAlias = WithAnnotations[Round, _Said]
 
 
 @dataclass(frozen=True)
@@ -34,7 +44,7 @@ class BoardCut:
     held: frozenset[int] = field(default_factory=frozenset)
 
 
-def round_of(race: Race, racer: Racer | None = None) -> Round | None:
+def round_of(race: Race, racer: Racer | None = None) -> ShownRound | None:
     """The round that a race is, with its season; None for all others. One query, for league races only.
 
     ``has_decisions``: whether stewards decided anything about it. With ``racer`` it also has ``reader_division`` (""

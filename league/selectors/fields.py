@@ -14,6 +14,6 @@ def field_of(round_: Round) -> list[int] | None:
         places = FinalePlace.objects.filter(round__season=round_.season_id, round__number=round_.number)
         return list(places.order_by("place").values_list("racer", flat=True))
     if round_.stage == Stage.CHAMPIONSHIP:
-        places = ChampionshipPlace.objects.filter(season=round_.season_id)
-        return list(places.order_by("round__race__closes_at", "place").values_list("racer", flat=True))
+        qualified = ChampionshipPlace.objects.filter(season=round_.season_id)
+        return list(qualified.order_by("round__race__closes_at", "place").values_list("racer", flat=True))
     return None

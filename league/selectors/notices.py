@@ -16,4 +16,6 @@ if TYPE_CHECKING:
 
 def notices_of(racer: Racer | AnonymousUser) -> QuerySet[Notice]:
     """What the racer was told in the site, the latest first; nothing for somebody who is not logged in."""
+    if racer.pk is None:
+        return Notice.objects.none()
     return Notice.objects.filter(racer_id=racer.pk, hidden=False)

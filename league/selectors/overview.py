@@ -154,12 +154,9 @@ def standings_table(
             None if number not in results else (results[number], number in line.dropped)
             for number in range(1, len(rounds) + 1)
         ]
-        racer = racers.get(line.who)
-        rows.append(
-            StandingsRow(
-                line.place, racer.alias if racer else spelled.get(line.who, str(line.who)), racer, line.points, cells
-            )
-        )
+        racer, who = racers.get(line.who), str(line.who)
+        name = racer.alias if racer else spelled.get(who, who)
+        rows.append(StandingsRow(line.place, name, racer, line.points, cells))
     return StandingsTable(rounds, rows, bool(running))
 
 
@@ -219,8 +216,8 @@ def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[l
         finales.setdefault(place.round_id, []).append((place.place, place.racer_id))
     qualified: dict[int, list] = {}
     everybody = ChampionshipPlace.objects.filter(season=season).order_by("round__race__closes_at", "place")
-    for place in everybody:
-        qualified.setdefault(place.round_id, []).append((place.place, place.racer_id))
+    for one in everybody:
+        qualified.setdefault(one.round_id, []).append((one.place, one.racer_id))
     found: list[tuple[Month, Any, Any]] = []
     for month in months:
         if month.pro is None and month.finale is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from django.db.models import F, Window
+from django.db.models import F, QuerySet, Window
 from django.db.models.functions import Rank
 
 from accounts.models import Racer
@@ -26,7 +26,7 @@ def racer_ratings(racer: Racer) -> Sequence[DuelRating]:
     return [one for one in placed if one.racer_id == racer.pk]
 
 
-def _placed():
+def _placed() -> QuerySet[DuelRating]:
     place = Window(Rank(), partition_by=[F("season")], order_by=SHOWN.desc())
     rated = DuelRating.objects.select_related("racer").annotate(level=SHOWN, place=place)
     return rated.order_by("-level", "racer__alias")

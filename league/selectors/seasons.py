@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 from django.db.models import Exists, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
@@ -50,10 +51,10 @@ class RacerRound:
 
 @dataclass(frozen=True)
 class Champion:
-    """Who won something, and in which round; None for a division's standings."""
+    """Who won something, and in which round."""
 
     racer: Racer
-    round: Round | None
+    round: Round
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def months_of(season: Season) -> list[Month]:
 
 def racer_season(season: Season, racer: Racer) -> list[RacerRound]:
     """Every round of a season that the racer is in, in the order of closing: two queries."""
-    here = {"round": OuterRef("race__round"), "racer": racer}
+    here: dict[str, Any] = {"round": OuterRef("race__round"), "racer": racer}
     points = RoundPoints.objects.filter(**here).order_by().values("points")
     entries = list(
         Entry.objects.filter(racer=racer, withdrawn_at=None, race__round__season=season)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from django.db.models import Q
@@ -31,9 +31,9 @@ def season_standings(season: Season, division: Division | str, running: Sequence
 
 def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
     """The standings of every division that has points, by season: two queries for all seasons."""
-    seasons = {season.pk: season for season in seasons}
+    by_id = {season.pk: season for season in seasons}
     rounds: dict[tuple[int, str], dict[int, int]] = defaultdict(dict)
-    official = Round.objects.filter(season__in=seasons, stage__in=WITH_POINTS, closed_at__isnull=False)
+    official = Round.objects.filter(season__in=by_id, stage__in=WITH_POINTS, closed_at__isnull=False)
     for pk, season, stage in official.order_by("race__closes_at", "pk").values_list("pk", "season", "stage"):
         own = rounds[season, str(DIVISION_OF[Stage(stage)])]
         own[pk] = len(own) + 1
@@ -42,9 +42,9 @@ def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
     for row in RoundPoints.objects.filter(round__in=of, points__gt=0):
         key = of[row.round_id]
         results[key].append(Result(row.racer_id, rounds[key][row.round_id], row.rank, row.points))
-    found: dict[int, dict[str, list[Line]]] = {pk: {} for pk in seasons}
-    for (season, division), own in results.items():
-        found[season][division] = Standings(seasons[season].drop_worst).lines(own, len(rounds[season, division]))
+    found: dict[int, dict[str, list[Line]]] = {pk: {} for pk in by_id}
+    for (season, division), points in results.items():
+        found[season][division] = Standings(by_id[season].drop_worst).lines(points, len(rounds[season, division]))
     return found
 
 
@@ -106,7 +106,7 @@ def _summed(
     season: Season, division: Division | str, running: Sequence[Round], who: Callable[[RoundPoints], str]
 ) -> list[Line]:
     rounds = _counted(season, division, running)
-    by: dict[tuple[str, int], list[Result]] = defaultdict(list)
+    by: dict[tuple[Hashable, int], list[Result]] = defaultdict(list)
     for result in _results(rounds, running, who):
         if result.who:
             by[result.who, result.round].append(result)

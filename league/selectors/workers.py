@@ -63,7 +63,8 @@ def workers_at(now: datetime) -> list[WorkerNow]:
     shown = [WorkerNow(node, _state(node, now)) for node in WorkerNode.objects.order_by("name")]
     by_name = {one.node.name: one for one in shown}
     for queue in all_queues():
-        for job in queue.model.objects.filter(state=queue.running).select_related(*queue.related).order_by("pk"):
+        running: QuerySet[Any] = queue.model._default_manager.filter(state=queue.running)
+        for job in running.select_related(*queue.related).order_by("pk"):
             if job.worker in by_name:
                 by_name[job.worker].jobs.append((queue, job))
     order = ("alive", "refuses", "silent", "stopped")
@@ -92,7 +93,7 @@ def _state(node: WorkerNode, now: datetime) -> str:
 
 
 def _queue_at(queue: Queue, now: datetime, workers: Sequence[WorkerNow]) -> QueueNow:
-    rows = queue.model.objects.order_by()
+    rows = queue.model._default_manager.order_by()
     counts = dict(rows.filter(state__in=(queue.waiting, queue.running)).values_list("state").annotate(Count("pk")))
     first = rows.filter(state=queue.waiting).order_by(queue.since).values_list(queue.since, flat=True).first()
     failed = rows.filter(state=queue.failed, ended_at__gte=now - FAILED_WITHIN)

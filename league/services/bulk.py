@@ -29,7 +29,8 @@ def insert_rows(model: type[models.Model], columns: Sequence[str], rows: Iterabl
         for row in rows
     )
     quote = connection.ops.quote_name
-    into = f"INSERT INTO {quote(model._meta.db_table)} ({', '.join(quote(field.column) for field in fields)}) VALUES "
+    into_columns = ", ".join(quote(field.column or "") for field in fields)
+    into = f"INSERT INTO {quote(model._meta.db_table)} ({into_columns}) VALUES "
     one = f"({', '.join(['%s'] * len(fields))})"
     count = 0
     with transaction.atomic(), connection.cursor() as cursor:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Iterable
 from datetime import datetime
+from typing import Any
 
 from django.db import transaction
-from django.db.models import Q
+from django.db.models import Q, QuerySet
 
 from accounts.models import Racer
 from core.events import record, record_all, written
@@ -91,10 +92,10 @@ def rework(*, round: Round, now: datetime) -> None:
 
 def forget_outcomes(rounds: Iterable[Round]) -> None:
     """Delete what came of these rounds; divisions that an admin gave stay."""
-    rounds = [one.pk for one in rounds]
-    Membership.objects.filter(promoted_in__in=rounds).delete()
+    ids = [one.pk for one in rounds]
+    Membership.objects.filter(promoted_in__in=ids).delete()
     for model in (FinalePlace, ChampionshipPlace, RoundPoints):
-        model.objects.filter(round__in=rounds).delete()
+        model.objects.filter(round__in=ids).delete()
 
 
 def _fresh(round_: Round, season: Season) -> Round:
@@ -104,14 +105,14 @@ def _fresh(round_: Round, season: Season) -> Round:
     return fresh
 
 
-def _due(now: datetime, season: Season | None):
+def _due(now: datetime, season: Season | None) -> QuerySet[Round]:
     due = due_rounds(now)
     if season is not None:
         due = due.filter(season=season)
     return due.select_related("race", "season").order_by("race__closes_at", "pk")
 
 
-def _official_from(round_: Round):
+def _official_from(round_: Round) -> QuerySet[Round]:
     later = Q(race__closes_at__gt=round_.race.closes_at) | Q(race__closes_at=round_.race.closes_at, pk__gte=round_.pk)
     rounds = Round.objects.filter(later, season=round_.season_id, closed_at__isnull=False)
     return rounds.select_related("race").order_by("race__closes_at", "pk")
@@ -167,7 +168,7 @@ def _record_moves(round_: Round, outcome: Outcome, now: datetime, known: Collect
     """Write down whom a round moves on, but for those whom it did before it was worked out anew."""
     promoted = [racer for _place, racer in outcome.promoted]
     found = ((PROMOTED, promoted), (IN_FINALE, outcome.finale), (QUALIFIED, outcome.qualified))
-    where = {"race": round_.race_id, "subject": round_.season.slug, "round": round_.pk}
+    where: dict[str, Any] = {"race": round_.race_id, "subject": round_.season.slug, "round": round_.pk}
     record_all(
         written(kind, at=now, racer=racer, **where)
         for kind, racers in found

@@ -122,9 +122,9 @@ def _results(round_: Round) -> Iterator[dict[str, Any]]:
     race, record = round_.race, _record(round_.race)
     entries = board_entries(race).filter(is_baseline=False, rank_score__lt=NO_RESULT)
     if record is None:
-        entries = list(entries.select_related("racer", "best__evaluation__result"))
-        drawn = any(entry.seed is not None for entry in entries)
-        rows = [_driven_row(entry, race) | (_duel_score(entry, race) if drawn else {}) for entry in entries]
+        driven = list(entries.select_related("racer", "best__evaluation__result"))
+        drawn = any(entry.seed is not None for entry in driven)
+        rows = [_driven_row(entry, race) | (_duel_score(entry, race) if drawn else {}) for entry in driven]
         empty = [name for name in _TIMES if any(row[name] == "" for row in rows)]
     else:
         first, *ties = ORDER
@@ -140,17 +140,22 @@ def _results(round_: Round) -> Iterator[dict[str, Any]]:
         yield row
 
 
+def _sent(entry: Entry) -> int:
+    assert entry.achieved_at is not None, "it has a result"
+    return milliseconds_of(entry.achieved_at)
+
+
 def _driven_row(entry: Entry, race: Race) -> dict[str, Any]:
     laps = entry.best.evaluation.result.laps if entry.best is not None else []
     times: dict[str, Any] = dict.fromkeys(_TIMES, "")
-    score = WORST_SCORE - (NOT_CLASSIFIED - entry.rank_score)
+    score: int | None = WORST_SCORE - (NOT_CLASSIFIED - entry.rank_score)
     if entry.classified:
         total = entry.total_ms if entry.total_ms is not None else sum(lap["time_ms"] for lap in laps)
         times = dict(zip(_TIMES, (entry.average_ms, entry.best_lap_ms, total), strict=True))
         score = entry.score_ms
     return times | {
         "Alias": entry.racer.alias,
-        "SubmissionTime": milliseconds_of(entry.achieved_at),
+        "SubmissionTime": _sent(entry),
         "LapCount": laps_needed(race) if entry.classified else 0,
         "AvgResets": entry.resets / len(laps) if laps else 0.0,
         "CollisionCount": sum(lap["crashes"] for lap in laps),
@@ -177,7 +182,7 @@ def _duel_score(entry: Entry, race: Race) -> dict[str, Any]:
 def _recorded_row(entry: Entry, record: RecordedResult) -> dict[str, Any]:
     row = {
         "Alias": record.alias,
-        "SubmissionTime": milliseconds_of(entry.achieved_at),
+        "SubmissionTime": _sent(entry),
         "LapCount": entry.complete_laps,
         "AvgLapTime": entry.average_ms,
         "BestLapTime": entry.best_lap_ms,

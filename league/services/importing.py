@@ -100,12 +100,17 @@ def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
 def _racers(read: ReadSeason, now: datetime) -> dict[str, int]:
     """The id of every racer of the season by their id in the record; those that are not here yet are made."""
     wanted = {result.racer: result.alias for race in read.races for result in race.results}
-    known = dict(Racer.objects.exclude(record_id=None).values_list("record_id", "pk"))
+    known = _recorded_racers()
     new = {racer: alias for racer, alias in wanted.items() if racer not in known}
     taken = {alias.lower() for alias in Racer.objects.values_list("alias", flat=True)} if new else set()
     rows = [_racer(racer, _free_alias(alias, racer, taken), now) for racer, alias in new.items()]
     insert_rows(Racer, ("alias", "email", "password", "is_active", "joined_at", "record_id"), rows)
-    return dict(Racer.objects.exclude(record_id=None).values_list("record_id", "pk"))
+    return _recorded_racers()
+
+
+def _recorded_racers() -> dict[str, int]:
+    found = Racer.objects.exclude(record_id=None).values_list("record_id", "pk")
+    return {record_id: pk for record_id, pk in found if record_id is not None}
 
 
 def _racer(record_id: str, alias: str, now: datetime) -> tuple:
@@ -211,11 +216,16 @@ _RECORD = (
 def _standing(result: ResultRow) -> tuple:
     """What a recorded result is worth: its score, or how far the car drove."""
     classified = result.score_ms is not None
-    duel = result.duel if result.duel is not None and result.duel.seed is not None else None
-    rank = (
-        result.score_ms if classified else NOT_CLASSIFIED - result.driven_percent,
-        LAST if result.best_lap_ms is None else result.best_lap_ms,
-    )
+    duel = result.duel
+    if duel is not None and duel.seed is not None:
+        rank = drawn_rank(duel.points, duel.lap_ms, duel.seed)
+        drawn: tuple[int | None, int, int, int | None] = duel.seed, duel.points, duel.duels, duel.lap_ms
+    else:
+        rank = (
+            NOT_CLASSIFIED - result.driven_percent if result.score_ms is None else result.score_ms,
+            LAST if result.best_lap_ms is None else result.best_lap_ms,
+        )
+        drawn = None, 0, 0, None
     return (
         result.submitted_at,
         result.submissions,
@@ -229,9 +239,9 @@ def _standing(result: ResultRow) -> tuple:
         result.off_tracks,
         result.resets,
         result.submitted_at,
-        *(rank if duel is None else drawn_rank(duel.points, duel.lap_ms, duel.seed)),
+        *rank,
         result.best_lap_ms if classified else None,
-        *((None, 0, 0, None) if duel is None else (duel.seed, duel.points, duel.duels, duel.lap_ms)),
+        *drawn,
     )
 
 

@@ -171,12 +171,12 @@ def _moved_on(event: Event, now: datetime) -> int:
     season, page = round_.season, round_.season.get_absolute_url()
     params = {"season": season.name}
     if event.kind == PROMOTED.name:
-        what = Told(NoticeKind.PROMOTED, season.slug, [event.racer_id], page, params)
+        what = Told(NoticeKind.PROMOTED, season.slug, [_concerned(event)], page, params)
     elif event.kind == IN_FINALE.name:
         params = {"month": round_.name or round_.race.name} | params
-        what = Told(NoticeKind.FINALE, round_.race.slug, [event.racer_id], f"{page}finales/", params)
+        what = Told(NoticeKind.FINALE, round_.race.slug, [_concerned(event)], f"{page}finales/", params)
     else:
-        what = Told(NoticeKind.QUALIFIED, season.slug, [event.racer_id], f"{page}finales/", params)
+        what = Told(NoticeKind.QUALIFIED, season.slug, [_concerned(event)], f"{page}finales/", params)
     return tell(what, now)
 
 
@@ -188,9 +188,15 @@ def _decided(event: Event, now: datetime) -> int:
         return 0
     round_, params = one.round, {"race": one.round.race.name, "text": one.reason}
     kind = NoticeKind.DISQUALIFIED if event.kind == DISQUALIFIED.name else NoticeKind.RESTORED
-    if kind == NoticeKind.DISQUALIFIED and (round_.closed_at is None or round_.is_under_review(now)):
-        params["until"] = "" if round_.closed_at is None else moment(round_.settled_at)
-    return tell(Told(kind, event.subject, [event.racer_id], round_.race.get_absolute_url(), params), now)
+    settled = round_.settled_at
+    if kind == NoticeKind.DISQUALIFIED and (settled is None or round_.is_under_review(now)):
+        params["until"] = "" if settled is None else moment(settled)
+    return tell(Told(kind, event.subject, [_concerned(event)], round_.race.get_absolute_url(), params), now)
+
+
+def _concerned(event: Event) -> int:
+    assert event.racer_id is not None, "events of its kind name a racer"
+    return event.racer_id
 
 
 def _race(event: Event) -> Race | None:

@@ -41,7 +41,7 @@ def _places(season: Season) -> list[dict[int, int]]:
         .values_list("duel", "entry__racer", "place", "retired_code")
     )
     duels: dict[int, dict[int, int]] = {}
-    last = 1 + max((place for _, _, place, _ in cars), default=0)
+    last = 1 + max((place or 0 for _, _, place, _ in cars), default=0)
     for duel, racer, place, retired in cars:
-        duels.setdefault(duel, {})[racer] = last if retired else place
+        duels.setdefault(duel, {})[racer] = last if retired or place is None else place
     return list(duels.values())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from django.db import transaction
+from django.db.models import QuerySet
 
 from accounts.models import Racer
 from core.events import record
@@ -96,8 +97,9 @@ def _review(round_: Round, by: Racer, reason: str, now: datetime) -> tuple[Round
     season = Season.objects.select_for_update().get(pk=round_.season_id)
     fresh = Round.objects.select_related("race").get(pk=round_.pk)
     fresh.season = season
-    if fresh.closed_at is not None and not fresh.is_under_review(now):
-        raise UserFault("steward_window_over", ended=moment(fresh.settled_at))
+    settled = fresh.settled_at
+    if settled is not None and not fresh.is_under_review(now):
+        raise UserFault("steward_window_over", ended=moment(settled))
     return fresh, reason
 
 
@@ -108,7 +110,7 @@ def _entry(round_: Round, racer: Racer) -> Entry:
     return entry
 
 
-def _fed_by(round_: Round):
+def _fed_by(round_: Round) -> QuerySet[Round]:
     """The races whose field comes of this round."""
     fields = Round.objects.filter(season=round_.season_id, stage__in=WITH_FIELD).select_related("race")
     if round_.stage == Stage.PRO:

@@ -194,7 +194,7 @@ class SeasonPlan:
             own |= {} if own["race_type"] == RaceType.TIME_TRIAL else {"seed": number}
         whole = stage == Stage.CHAMPIONSHIP
         key = word if whole else f"{one.month}-{word}"
-        race = race | own | plan.rules | self.changes.get(key, {})
+        race = {**race, **own, **plan.rules, **self.changes.get(key, {})}
         usual = f"{self.name} · {word}" if whole else f"{MONTHS[month]} {word} · {race['track'].name}"
         race = {"name": usual[:64]} | race
         slug = f"{self.slug}-championship" if whole else f"{self.slug}-{month:02}-{word}"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from datetime import datetime, timedelta
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 from django import template
 from django.forms.boundfield import BoundField
@@ -58,7 +58,7 @@ def section(request: HttpRequest | str) -> str:
 
 
 @register.filter
-def lap_time(milliseconds: int | None) -> str:
+def lap_time(milliseconds: int | Literal[""] | None) -> str:
     """A lap time as ``m:ss.mmm``; a dash for none."""
     if milliseconds is None or milliseconds == "":
         return "–"
@@ -66,7 +66,7 @@ def lap_time(milliseconds: int | None) -> str:
 
 
 @register.filter
-def gap(milliseconds: int | None) -> str:
+def gap(milliseconds: int | Literal[""] | None) -> str:
     """A difference as ``+s.mmm`` (``+m:ss.mmm`` from a minute on); nothing for none."""
     if milliseconds is None or milliseconds == "":
         return ""

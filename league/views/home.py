@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils import timezone
@@ -24,7 +26,7 @@ def home(request: HttpRequest) -> HttpResponse:
     now = timezone.now()
     races = list(racing_now(now, request.user)[:RACES])
     leading = podiums(races)
-    context = {
+    context: dict[str, Any] = {
         "races": races,
         "podiums": leading,
         "to_beat": to_beat(leading),

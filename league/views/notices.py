@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django import forms
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
@@ -15,6 +17,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from accounts.who import racer_of
 from league.models import NoticeKind
 from league.selectors.notices import notices_of
 from league.services.notices import choice_of, choose_notices, mark_read, stop_mails, what_stops
@@ -30,7 +33,7 @@ class NoticesForm(forms.Form):
         choices=[(code, get_language_info(code)["name_local"]) for code in ("en", "ko")],
     )
 
-    def __init__(self, *args, **kwargs) -> None:
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         for kind in NoticeKind:
             for way, label in (("site", _("in the site")), ("mail", _("by e-mail"))):
@@ -61,7 +64,7 @@ def notices(request: HttpRequest) -> HttpResponse:
 @require_POST
 def notices_read(request: HttpRequest) -> HttpResponse:
     """Mark all of the racer's notices as read."""
-    mark_read(racer=request.user, now=timezone.now())
+    mark_read(racer=racer_of(request), now=timezone.now())
     return redirect("notices")
 
 
@@ -70,7 +73,7 @@ def notices_read(request: HttpRequest) -> HttpResponse:
 def notice_open(request: HttpRequest, pk: int) -> HttpResponse:
     """Mark a notice as read and go where it leads."""
     notice = get_object_or_404(notices_of(request.user), pk=pk)
-    mark_read(racer=request.user, now=timezone.now(), notice=notice.pk)
+    mark_read(racer=racer_of(request), now=timezone.now(), notice=notice.pk)
     return redirect(notice.path or "notices")
 
 
@@ -92,14 +95,14 @@ def notices_stop(request: HttpRequest, token: str) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 def notice_settings(request: HttpRequest) -> HttpResponse:
     """Turn kinds of notices on and off."""
-    chosen = choice_of(request.user)
-    initial = {"language": chosen.language}
+    chosen = choice_of(racer_of(request))
+    initial: dict[str, Any] = {"language": chosen.language}
     for kind in NoticeKind.values:
         initial |= {f"site_{kind}": kind not in chosen.site_off, f"mail_{kind}": kind not in chosen.mail_off}
     form = NoticesForm(request.POST or None, initial=initial)
     if request.method == "POST" and form.is_valid():
         language = form.cleaned_data["language"]
-        choose_notices(racer=request.user, site_off=form.off("site"), mail_off=form.off("mail"), language=language)
+        choose_notices(racer=racer_of(request), site_off=form.off("site"), mail_off=form.off("mail"), language=language)
         messages.success(request, _("Saved."))
         return redirect("notice_settings")
     return render(request, "league/notice_settings.html", {"form": form})

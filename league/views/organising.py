@@ -20,6 +20,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from django.views.decorators.http import require_http_methods
 
+from accounts.who import racer_of
 from league.round_form import RoundForm, change_of, is_sent, write_changes
 from league.season_form import SeasonForm
 from league.services.template import Previewed, RoundPlan, digest_of, preview_season, schedule_season
@@ -63,7 +64,7 @@ def _make(request: HttpRequest, data: QueryDict) -> HttpResponse:
         season, count = schedule_season(plan=plan, now=now)
     except (UserFault, ValidationError):
         return _show_plan(request, data)
-    log(request.user, season, ADDITION, f"Made from the template with {count} races")
+    log(racer_of(request), season, ADDITION, f"Made from the template with {count} races")
     told = ngettext("The season is made: %d race.", "The season is made: %d races.", count) % count
     messages.success(request, told)
     return redirect(season)

@@ -84,7 +84,7 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
     months = months_of(shown)
     divisions = divisions_with_points(months) or [Division.OPEN]
     wanted = request.GET.get("division", "")
-    division = wanted if wanted in divisions else divisions[0]
+    division = Division(wanted) if wanted in divisions else divisions[0]
     of = request.GET.get("of", RACERS)
     of = of if of in STANDINGS_OF else RACERS
     running = running_rounds(months, division, now)
@@ -149,7 +149,7 @@ def rules(request: HttpRequest, slug: str) -> HttpResponse:
     shown = _season(slug)
     stages = list(shown.stage_rules.all())
     order = list(Stage)
-    stages.sort(key=lambda one: order.index(one.stage))
+    stages.sort(key=lambda one: order.index(Stage(one.stage)))
     context = _context(request, shown, "rules") | {
         "sentences": rules_of(shown),
         "stages": [(one, RULES[one.ranking_method].rule(one)) for one in stages],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 from django import forms
@@ -17,6 +17,8 @@ from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
+from accounts.models import Racer
+from accounts.who import racer_of
 from core.forms import add_fault
 from league.chats import chat_of
 from league.happenings import EVENTS, LABELS, TEST
@@ -72,9 +74,9 @@ class WebhookForm(forms.Form):
         empty_label=gettext_lazy("all my races"),
     )
 
-    def __init__(self, *args, racer, **kwargs) -> None:
+    def __init__(self, *args: Any, racer: Racer, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.fields["race"].queryset = races_to_hear_of(racer)
+        cast("forms.ModelChoiceField", self.fields["race"]).queryset = races_to_hear_of(racer)
 
 
 @login_required
@@ -82,10 +84,10 @@ class WebhookForm(forms.Form):
 @require_http_methods(["GET", "HEAD", "POST"])
 def webhooks(request: HttpRequest) -> HttpResponse:
     """The racer's webhooks with their secrets and last deliveries; a POST adds one."""
-    form = WebhookForm(request.POST or None, racer=request.user)
+    form = WebhookForm(request.POST or None, racer=racer_of(request))
     if request.method == "POST" and form.is_valid():
         try:
-            add_webhook(owner=request.user, **form.cleaned_data)
+            add_webhook(owner=racer_of(request), **form.cleaned_data)
         except UserFault as fault:
             add_fault(form, fault)
         else:

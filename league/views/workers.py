@@ -9,6 +9,7 @@ from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
 from django.core.paginator import Paginator
+from django.db.models import QuerySet
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
@@ -18,6 +19,7 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
+from accounts.who import racer_of
 from evaluation.models import StoredFile
 from evaluation.queues import Queue, all_queues
 from league.selectors.workers import database_now, failed_runs, queues_at, workers_at
@@ -88,13 +90,13 @@ def _require(request: HttpRequest, permission: str) -> None:
         raise PermissionDenied
 
 
-def _run_again(request: HttpRequest, queue: Queue, rows) -> None:
+def _run_again(request: HttpRequest, queue: Queue, rows: QuerySet) -> None:
     jobs = list(rows[:MOST_AT_ONCE])
     report = run_again(queue=queue, jobs=jobs, now=timezone.now())
     if report.queued:
         text = ngettext("%d run is queued again.", "%d runs are queued again.", report.queued)
         messages.success(request, text % report.queued)
-        log_many(request.user, jobs, "Run again")
+        log_many(racer_of(request), jobs, "Run again")
     for sentence, count in report.refused.items():
         text = ngettext("%(count)d stays as it is: %(why)s", "%(count)d stay as they are: %(why)s", count)
         why = sentence or _("Another one of that name is under way.")
