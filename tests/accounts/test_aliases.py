@@ -16,17 +16,17 @@ from accounts.models import Racer
         *("house", "house-fast", "H0use", "steward", "stewards", "api", "AP1", "me", "new", "no-reply", "null"),
     ],
 )
-def test_nobody_signs_up_as_the_site(alias):
+def test_reserved_aliases_cannot_sign_up(alias):
     assert is_reserved(alias)
 
 
 @pytest.mark.parametrize("alias", ["ayrton", "Speedy_1", "housecat", "administer", "badminton", "apis", "newt"])
-def test_names_that_only_contain_one_of_them_are_free(alias):
+def test_aliases_that_merely_contain_a_reserved_one_are_free(alias):
     assert not is_reserved(alias)
 
 
 @pytest.mark.django_db
-def test_the_form_says_so_beside_the_field(client):
+def test_the_form_shows_the_error_beside_the_field(client):
     said = {"email": "a@example.org", "password1": "a long enough passphrase", "password2": "a long enough passphrase"}
     page = client.post("/accounts/signup/", said | {"username": "0fficial"})
     assert page.context["form"].errors["username"]
@@ -34,5 +34,5 @@ def test_the_form_says_so_beside_the_field(client):
 
 
 @pytest.mark.django_db
-def test_who_runs_the_site_may_make_them():
+def test_an_operator_may_create_a_reserved_alias():
     assert Racer.objects.create_superuser("admin", "admin@example.org", None).alias == "admin"

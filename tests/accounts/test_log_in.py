@@ -66,7 +66,7 @@ def hashed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.mark.parametrize("login", ["alice", "ALICE", "alice@example.org", "nobody", "nobody@example.org"])
 @pytest.mark.parametrize("by", ["page", "api"])
-def test_a_guess_is_hashed_once(alice, hashed, login, by):
+def test_a_wrong_password_is_hashed_once(alice, hashed, login, by):
     logs_in(login, "a guess", by=by)
     assert hashed == ["a guess"]
 
@@ -77,18 +77,18 @@ def test_the_right_password_is_hashed_once(alice, hashed, login):
     assert hashed == [PASSWORD]
 
 
-def test_a_session_begun_with_the_backend_of_before_goes_on(alice):
+def test_a_session_of_the_old_backend_remains_valid(alice):
     client = Client()
     client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
     assert client.get("/settings/").status_code == 200
 
 
-def test_an_address_that_somebody_is_about_to_change_to_is_still_its_owners(alice, bob):
+def test_a_pending_address_change_does_not_affect_its_owner(alice, bob):
     bob.emailaddress_set.create(email=alice.email, verified=False)
     assert authenticate(email=alice.email, password=PASSWORD) == alice
 
 
-def test_the_admin_site_has_no_door_of_its_own(alice, hashed):
+def test_the_admin_site_has_no_login_of_its_own(alice, hashed):
     answer = Client().get("/admin/login/?next=/admin/")
     assert (answer.status_code, answer["Location"]) == (302, "/accounts/login/?next=%2Fadmin%2F")
     statuses = {
@@ -97,7 +97,7 @@ def test_the_admin_site_has_no_door_of_its_own(alice, hashed):
     assert (statuses, hashed) == ({302}, [])
 
 
-def test_an_admin_comes_through_the_one_door_to_the_admin_site(alice):
+def test_an_admin_reaches_the_admin_site_through_the_site_login(alice):
     alice.is_staff = alice.is_superuser = True
     alice.save()
     client = Client()
@@ -107,39 +107,39 @@ def test_an_admin_comes_through_the_one_door_to_the_admin_site(alice):
     assert client.get("/admin/password_change/")["Location"] == "/accounts/password/change/"
 
 
-def test_who_is_no_admin_is_refused_at_the_admin_sites_door(alice):
+def test_the_admin_site_refuses_a_racer(alice):
     client = Client()
     client.force_login(alice)
     assert client.get("/admin/login/").status_code == 403
 
 
 @pytest.mark.parametrize("by", ["page", "api"])
-def test_five_wrong_guesses_stop_the_guesser_and_the_right_one_is_no_longer_told_apart(alice, hashed, by):
+def test_after_five_guesses_even_the_right_password_fails(alice, hashed, by):
     guess("alice", 5, by=by)
     assert not logs_in("alice", at=ELSEWHERE, by=by)
     assert PASSWORD not in hashed
 
 
-def test_page_and_api_are_counted_together_however_the_alias_is_written(alice):
+def test_page_and_api_count_together_in_any_case_of_the_alias(alice):
     guess("alice", 3, by="page")
     guess("Alice", 2, by="api")
     assert not logs_in("alice", at=ELSEWHERE)
 
 
 @pytest.mark.parametrize("address", ["alice@example.org", "ALICE@example.org", "nobody@example.org"])
-def test_who_uses_up_the_guesses_at_an_address_does_not_learn_whose_alias_it_belongs_to(alice, hashed, address):
+def test_locking_an_email_does_not_reveal_its_alias(alice, hashed, address):
     guess(address, 6)
     hashed.clear()
     guess("alice", 1)
     assert hashed == ["guess 0"]
 
 
-def test_guesses_from_elsewhere_never_lock_the_owner_out(alice):
+def test_guesses_from_elsewhere_do_not_lock_the_owner_out(alice):
     guess("alice", 9)
     assert logs_in("alice", at=HOME)
 
 
-def test_a_class_of_forty_behind_one_address_logs_in_at_once(db):
+def test_forty_racers_behind_one_address_can_log_in_at_once(db):
     pupils = [a_racer(f"pupil-{number}") for number in range(40)]
     for pupil in pupils:
         pupil.set_password(PASSWORD)
@@ -147,13 +147,13 @@ def test_a_class_of_forty_behind_one_address_logs_in_at_once(db):
     assert [logs_in(pupil.alias, at=SCHOOL) for pupil in pupils] == [True] * 40
 
 
-def test_one_address_guesses_at_sixty_racers_and_then_at_none(alice):
+def test_one_address_can_guess_at_no_more_than_sixty_racers(alice):
     assert tried_at_many(70) == 60
     assert not logs_in("alice", at=ELSEWHERE)
     assert logs_in("alice", at=HOME)
 
 
-def test_own_log_ins_in_between_do_not_wipe_the_count(alice, bob):
+def test_successful_log_ins_do_not_reset_the_count(alice, bob):
     tried_at_many(30)
     assert logs_in("bob", at=ELSEWHERE)
     tried_at_many(60)
@@ -161,7 +161,7 @@ def test_own_log_ins_in_between_do_not_wipe_the_count(alice, bob):
     assert not logs_in("alice", at=ELSEWHERE)
 
 
-def test_a_crowd_of_addresses_guesses_twenty_times_an_hour_and_the_owner_comes_in_from_a_known_one(alice, hashed):
+def test_a_botnet_does_not_lock_out_a_known_address(alice, hashed):
     assert logs_in("alice", at=HOME)
     hashed.clear()
     for number in range(40):
@@ -171,20 +171,20 @@ def test_a_crowd_of_addresses_guesses_twenty_times_an_hour_and_the_owner_comes_i
     assert logs_in("alice", at=HOME)
 
 
-def test_from_a_known_address_the_owner_comes_in_though_others_there_have_used_the_address_up(alice):
+def test_a_known_address_works_though_others_there_are_locked(alice):
     assert logs_in("alice", at=SCHOOL)
     tried_at_many(61, SCHOOL)
     assert logs_in("alice", at=SCHOOL)
 
 
-def test_at_a_known_address_too_one_racer_is_guessed_at_five_times(alice, hashed):
+def test_a_known_address_gets_five_guesses_a_racer_too(alice, hashed):
     assert logs_in("alice", at=SCHOOL)
     hashed.clear()
     guess("alice", 9, SCHOOL)
     assert len(hashed) == 5
 
 
-def test_an_address_is_known_for_ninety_days_and_the_last_twenty_are(alice):
+def test_the_last_twenty_addresses_are_known_for_ninety_days(alice):
     for number in range(KNOWN_PER_RACER + 3):
         assert logs_in("alice", at=crowd(number))
     assert alice.known_addresses.count() == KNOWN_PER_RACER
@@ -194,7 +194,7 @@ def test_an_address_is_known_for_ninety_days_and_the_last_twenty_are(alice):
     assert not logs_in("alice", at=crowd(KNOWN_PER_RACER))
 
 
-def test_no_address_is_stored_in_clear(alice, bob):
+def test_no_address_is_stored_in_plain_text(alice, bob):
     logs_in("alice")
     logs_in("bob")
     digests = set(KnownAddress.objects.values_list("digest", flat=True))
@@ -202,7 +202,7 @@ def test_no_address_is_stored_in_clear(alice, bob):
     assert not [digest for digest in digests if HOME in digest]
 
 
-def test_the_old_password_is_guessed_five_times_in_five_minutes_on_the_page_that_changes_it(alice, hashed):
+def test_changing_the_password_allows_five_guesses(alice, hashed):
     client = Client()
     client.force_login(alice)
     sent = {"oldpassword": "guess", "password1": "quite another one", "password2": "quite another one"}

@@ -36,23 +36,23 @@ def boss(client) -> Racer:
     return racer
 
 
-def test_every_limit_of_the_settings_is_a_quota() -> None:
+def test_every_limit_in_the_settings_is_a_quota() -> None:
     assert " ".join(quota.name for quota in all_quotas()) == ON
 
 
-def test_a_site_without_training_and_videos_shows_no_quota_of_them(settings) -> None:
+def test_disabled_features_show_no_quota(settings) -> None:
     settings.TRAINING = settings.VIDEOS = False
     assert [quota.name for quota in all_quotas()] == ["models", "storage_mb", "tracks", "races"]
 
 
-def test_the_site_s_limit_holds_until_an_admin_sets_one_for_the_racer(settings) -> None:
+def test_the_sites_limit_applies_until_an_admin_sets_another(settings) -> None:
     settings.MODELS_PER_RACER = 7
     alice, bob = a_racer("alice"), a_racer("bob")
     RacerQuota.objects.create(racer=alice, name="models", limit=9)
     assert (limit_of(alice, "models"), limit_of(bob, "models")) == (9, 7)
 
 
-def test_what_is_used_is_counted_for_each_racer_alone() -> None:
+def test_usage_is_counted_per_racer() -> None:
     alice, bob = a_racer("alice"), a_racer("bob")
     a_model(alice), a_model(alice), a_model(bob)
     a_race(NOW, organiser=alice)
@@ -62,7 +62,7 @@ def test_what_is_used_is_counted_for_each_racer_alone() -> None:
     assert [used_by(bob, name, NOW) for name in ("models", "races", "tracks")] == [1, 0, 1]
 
 
-def test_a_racer_s_own_limit_is_what_refuses_them(settings) -> None:
+def test_a_racers_own_limit_is_enforced(settings) -> None:
     settings.RACES_PER_RACER = 1
     alice, bob = a_racer("alice"), a_racer("bob")
     RacerQuota.objects.create(racer=alice, name="races", limit=2)
@@ -81,20 +81,20 @@ def test_a_racer_s_own_limit_is_what_refuses_them(settings) -> None:
 
 
 @pytest.mark.parametrize(("name", "limit"), [("models", -1), ("models", MOST + 1)])
-def test_the_database_refuses_a_limit_out_of_bounds(name: str, limit: int) -> None:
+def test_the_database_refuses_an_out_of_range_limit(name: str, limit: int) -> None:
     alice = a_racer("alice")
     with pytest.raises(IntegrityError), transaction.atomic():
         RacerQuota.objects.create(racer=alice, name=name, limit=limit)
 
 
-def test_a_racer_has_one_limit_of_a_kind() -> None:
+def test_a_racer_has_one_limit_per_kind() -> None:
     alice = a_racer("alice")
     RacerQuota.objects.create(racer=alice, name="models", limit=1)
     with pytest.raises(IntegrityError), transaction.atomic():
         RacerQuota.objects.create(racer=alice, name="models", limit=2)
 
 
-def test_an_admin_sets_a_limit_on_the_racer_s_page(client, boss) -> None:
+def test_an_admin_sets_a_limit_on_the_racers_page(client, boss) -> None:
     alice = a_racer("alice")
     page = reverse("admin:accounts_racer_change", args=[alice.pk])
     form = {"email": alice.email, "country": "", "is_active": "on"}
@@ -107,7 +107,7 @@ def test_an_admin_sets_a_limit_on_the_racer_s_page(client, boss) -> None:
     assert refused.status_code == 200 and "nonsense is not one of the available choices" in refused.content.decode()
 
 
-def test_usage_is_seen_by_its_racer_and_by_admins(boss) -> None:
+def test_only_the_racer_and_admins_see_usage(boss) -> None:
     alice, bob = a_racer("alice"), a_racer("bob")
     cast = {"guest": AnonymousUser(), "alice": alice, "bob": bob, "boss": boss}
     seen = {name: can_see_usage(viewer, alice) for name, viewer in cast.items()}
@@ -116,7 +116,7 @@ def test_usage_is_seen_by_its_racer_and_by_admins(boss) -> None:
         assert racers_whose_usage_is_seen_by(viewer).filter(pk=alice.pk).exists() == seen[name]
 
 
-def test_the_racer_s_page_and_the_api_say_the_same(client) -> None:
+def test_the_racers_page_and_the_api_agree(client) -> None:
     alice = a_racer("alice")
     a_model(alice)
     RacerQuota.objects.create(racer=alice, name="models", limit=4)
@@ -128,7 +128,7 @@ def test_the_racer_s_page_and_the_api_say_the_same(client) -> None:
     assert [row["name"] for row in answer] == ON.split()
 
 
-def test_the_page_of_all_is_for_admins_alone(client, boss) -> None:
+def test_only_admins_see_the_usage_of_all_racers(client, boss) -> None:
     alice = a_racer("alice")
     a_model(alice), a_model(a_racer("bob")), a_model(alice)
     page = client.get("/usage/?by=models").content.decode()
@@ -140,7 +140,7 @@ def test_the_page_of_all_is_for_admins_alone(client, boss) -> None:
     assert client.get("/usage/").status_code == 302
 
 
-def test_rows_cost_the_same_queries_however_many_racers(django_assert_num_queries) -> None:
+def test_more_racers_need_no_more_queries(django_assert_num_queries) -> None:
     racers = [a_racer(f"racer-{n}") for n in range(5)]
     for racer in racers:
         a_model(racer)

@@ -55,7 +55,7 @@ def token_for(racer: Racer, **more: str):
     return APIClient().post("/api/v1/auth/token/", {"login": racer.alias, "password": PASSWORD} | more)
 
 
-def test_an_app_is_set_up_once_the_password_was_typed_again_and_gives_codes_on_paper(alice):
+def test_setting_up_an_app_asks_for_the_password_again(alice):
     client = logged_in(alice)
     asked = client.get("/accounts/2fa/totp/activate/")
     assert asked["Location"].startswith("/accounts/reauthenticate/")
@@ -68,7 +68,7 @@ def test_an_app_is_set_up_once_the_password_was_typed_again_and_gives_codes_on_p
     assert "Set up." in client.get("/accounts/2fa/").content.decode()
 
 
-def test_with_an_app_the_password_alone_opens_nothing(with_app):
+def test_with_an_app_the_password_alone_does_not_log_in(with_app):
     client = Client()
     answer = client.post("/accounts/login/", {"login": "alice", "password": PASSWORD})
     assert answer["Location"] == "/accounts/2fa/authenticate/"
@@ -80,7 +80,7 @@ def test_with_an_app_the_password_alone_opens_nothing(with_app):
     assert is_in(client)
 
 
-def test_a_code_on_paper_opens_the_account_once(with_app):
+def test_a_recovery_code_logs_in_once(with_app):
     code = Authenticator.objects.get(type="recovery_codes").wrap().get_unused_codes()[0]
     first, second = logged_in(with_app), logged_in(with_app)
     first.post("/accounts/2fa/authenticate/", {"code": code})
@@ -88,7 +88,7 @@ def test_a_code_on_paper_opens_the_account_once(with_app):
     assert (is_in(first), is_in(second)) == (True, False)
 
 
-def test_codes_are_guessed_five_times_in_five_minutes(with_app):
+def test_codes_allow_five_guesses_in_five_minutes(with_app):
     client = logged_in(with_app)
     for number in range(5):
         client.post("/accounts/2fa/authenticate/", {"code": f"{number}"})
@@ -97,14 +97,14 @@ def test_codes_are_guessed_five_times_in_five_minutes(with_app):
     assert token_for(with_app, code=code_of(SECRET)).status_code == 429
 
 
-def test_a_program_sends_the_code_along(with_app):
+def test_the_api_accepts_a_code_with_the_password(with_app):
     assert token_for(with_app).data["code"] == "second_factor_needed"
     assert token_for(with_app, code="12345").data["code"] == "wrong_code"
     assert token_for(with_app, code=code_of(SECRET)).status_code == 201
     assert token_for(with_app, code=code_of(SECRET)).data["code"] == "wrong_code"  # used
 
 
-def test_who_has_no_second_factor_needs_no_code(alice):
+def test_without_a_second_factor_no_code_is_needed(alice):
     assert token_for(alice, code="12345").status_code == 201
 
 
@@ -118,7 +118,7 @@ def test_who_has_no_second_factor_needs_no_code(alice):
         "/accounts/2fa/webauthn/add/",
     ],
 )
-def test_what_concerns_the_second_factor_asks_who_is_there(with_app, path):
+def test_changing_second_factors_needs_reauthentication(with_app, path):
     client = logged_in(with_app)
     client.post("/accounts/2fa/authenticate/", {"code": code_of(SECRET)})
     assert client.get(path)["Location"].startswith("/accounts/reauthenticate/")
@@ -127,7 +127,7 @@ def test_what_concerns_the_second_factor_asks_who_is_there(with_app, path):
     assert Authenticator.objects.count() == 2
 
 
-def test_a_token_is_made_once_it_was_asked_who_is_there(alice):
+def test_creating_a_token_needs_reauthentication(alice):
     client = logged_in(alice)
     asked = client.post("/settings/tokens/", {"scopes": "read", "days": "30"})
     assert asked["Location"].startswith("/accounts/reauthenticate/")
@@ -139,7 +139,7 @@ def test_a_token_is_made_once_it_was_asked_who_is_there(alice):
     assert "no-store" in page["Cache-Control"]
 
 
-def test_admins_without_the_demanded_factor_get_no_further_than_to_set_one_up(sam, settings):
+def test_admins_without_a_required_second_factor_must_set_one_up(sam, settings):
     session, token = logged_in(sam), token_for(sam).data["token"]
     settings.STAFF_SECOND_FACTOR = True
     for path in ("/admin/", "/", "/settings/tokens/"):
@@ -154,20 +154,20 @@ def test_admins_without_the_demanded_factor_get_no_further_than_to_set_one_up(sa
     assert Client().get("/api/v1/me/", headers={"Authorization": f"Bearer {token}"}).status_code == 200
 
 
-def test_racers_are_never_asked_for_what_is_demanded_of_admins(alice, settings):
+def test_racers_do_not_need_the_factor_required_of_admins(alice, settings):
     settings.STAFF_SECOND_FACTOR = True
     assert is_in(logged_in(alice))
     assert token_for(alice).status_code == 201
     assert Client().get("/").status_code == 200
 
 
-def test_codes_on_paper_alone_are_no_second_factor(sam, settings):
+def test_recovery_codes_alone_are_not_a_second_factor(sam, settings):
     settings.STAFF_SECOND_FACTOR = True
     RecoveryCodes.activate(sam)
     assert logged_in(sam).get("/admin/")["Location"] == "/accounts/2fa/"
 
 
-def test_an_operator_lets_somebody_in_again_who_has_lost_it(with_app, capsys):
+def test_an_operator_can_remove_a_lost_second_factor(with_app, capsys):
     call_command("forget_second_factor", "Alice")
     assert "alice logs in with the password alone" in capsys.readouterr().out
     assert is_in(logged_in(with_app))
@@ -177,7 +177,7 @@ def test_an_operator_lets_somebody_in_again_who_has_lost_it(with_app, capsys):
         call_command("forget_second_factor", "nobody")
 
 
-def test_an_admin_sees_that_there_is_a_factor_and_never_its_secret(with_app, sam):
+def test_an_admin_sees_a_second_factor_but_never_its_secret(with_app, sam):
     client = Client()
     client.force_login(sam)
     page = client.get(f"/admin/accounts/racer/{with_app.pk}/change/").content.decode()
@@ -197,5 +197,5 @@ def test_an_admin_sees_that_there_is_a_factor_and_never_its_secret(with_app, sam
         ("https://[::1]:8000", False),
     ],
 )
-def test_passkeys_are_offered_where_browsers_make_them(address, offered):
+def test_passkeys_are_offered_where_browsers_support_them(address, offered):
     assert passkeys_work(address) is offered

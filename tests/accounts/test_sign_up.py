@@ -30,7 +30,7 @@ def aliases() -> list[str]:
     return list(Racer.objects.order_by("alias").values_list("alias", flat=True))
 
 
-def test_where_sign_up_is_closed_nobody_signs_up_and_no_page_offers_it(client, settings) -> None:
+def test_closed_sign_up_is_refused_and_not_offered(client, settings) -> None:
     settings.SIGN_UP = "closed"
     client.get(an_invitation().get_absolute_url())
     page = client.post("/accounts/signup/", form_of("alice"))
@@ -40,14 +40,14 @@ def test_where_sign_up_is_closed_nobody_signs_up_and_no_page_offers_it(client, s
         assert reverse("account_signup") not in client.get(path).content.decode()
 
 
-def test_without_an_invitation_the_page_says_how_to_come_by_one(client, settings) -> None:
+def test_the_page_explains_how_to_get_an_invitation(client, settings) -> None:
     settings.SIGN_UP = "invitation"
     page = client.post("/accounts/signup/", form_of("alice")).content.decode()
     assert "Sign-up is by invitation" in page
     assert aliases() == []
 
 
-def test_the_link_of_an_invitation_opens_the_form_for_as_many_as_it_was_made_for(client, settings) -> None:
+def test_an_invitation_link_works_for_its_number_of_racers(client, settings) -> None:
     settings.SIGN_UP = "invitation"
     invitation = an_invitation(uses=2)
     for alias in ("alice", "bob", "carol"):
@@ -61,7 +61,7 @@ def test_the_link_of_an_invitation_opens_the_form_for_as_many_as_it_was_made_for
     assert over.status_code == 404 and "Ask whoever sent it" in over.content.decode()
 
 
-def test_a_refused_form_uses_nothing_up(client, settings) -> None:
+def test_a_refused_form_does_not_use_up_the_invitation(client, settings) -> None:
     settings.SIGN_UP = "invitation"
     invitation = an_invitation()
     client.get(invitation.get_absolute_url())
@@ -72,7 +72,7 @@ def test_a_refused_form_uses_nothing_up(client, settings) -> None:
     assert aliases() == ["alice"]
 
 
-def test_one_link_makes_one_racer_also_in_the_same_browser(client, settings) -> None:
+def test_one_visit_to_an_invitation_signs_up_one_racer(client, settings) -> None:
     settings.SIGN_UP = "invitation"
     client.get(an_invitation(uses=5).get_absolute_url())
     client.post("/accounts/signup/", form_of("alice"))
@@ -81,7 +81,7 @@ def test_one_link_makes_one_racer_also_in_the_same_browser(client, settings) -> 
 
 
 @pytest.mark.parametrize("fields", [{"used": 1}, {"expires_at": timezone.now() - timedelta(days=1)}])
-def test_an_invitation_that_is_used_up_or_over_opens_nothing(client, settings, fields) -> None:
+def test_a_used_or_expired_invitation_does_not_work(client, settings, fields) -> None:
     settings.SIGN_UP = "invitation"
     invitation = an_invitation(**fields)
     assert client.get(invitation.get_absolute_url()).status_code == 404
@@ -89,7 +89,7 @@ def test_an_invitation_that_is_used_up_or_over_opens_nothing(client, settings, f
         take_up_invitation(code=invitation.code, now=timezone.now())
 
 
-def test_the_last_place_taken_meanwhile_is_an_error_of_the_form(client, settings, monkeypatch) -> None:
+def test_losing_the_last_place_is_a_form_error(client, settings, monkeypatch) -> None:
     settings.SIGN_UP = "invitation"
     invitation = an_invitation()
     client.get(invitation.get_absolute_url())
@@ -100,20 +100,20 @@ def test_the_last_place_taken_meanwhile_is_an_error_of_the_form(client, settings
     assert aliases() == [], "neither the racer nor the use"
 
 
-def test_an_open_site_needs_no_invitation_and_leads_a_link_to_the_form(client, settings) -> None:
+def test_an_open_site_needs_no_invitation(client, settings) -> None:
     settings.SIGN_UP = "open"
     assert client.get("/join/anything/")["Location"] == reverse("account_signup")
     client.post("/accounts/signup/", form_of("alice"))
     assert aliases() == ["alice"]
 
 
-def test_a_racer_who_follows_a_link_is_at_home(client, settings) -> None:
+def test_a_racer_following_an_invitation_lands_on_the_home_page(client, settings) -> None:
     settings.SIGN_UP = "invitation"
     client.force_login(a_racer("alice"), backend="django.contrib.auth.backends.ModelBackend")
     assert client.get(an_invitation().get_absolute_url())["Location"] == "/"
 
 
-def test_an_admin_makes_an_invitation_and_reads_its_link(client, settings) -> None:
+def test_an_admin_creates_an_invitation_and_sees_its_link(client, settings) -> None:
     boss = Racer.objects.create_superuser("boss", "boss@example.org", None)
     client.force_login(boss)
     later = timezone.localtime(timezone.now() + timedelta(days=3))

@@ -58,7 +58,7 @@ def reset(address: str, client: Client | None = None) -> None:
     assert client.post(form, {"password1": NEW, "password2": NEW}).status_code == 302
 
 
-def test_a_token_holds_for_the_usual_time_and_then_no_more(alice, settings):
+def test_a_token_expires_after_the_default_time(alice, settings):
     settings.TOKEN_DAYS = 3
     token, text = create_token(racer=alice, now=timezone.now())
     assert abs(token.expiry - timezone.now() - timedelta(days=3)) < timedelta(minutes=1)
@@ -68,7 +68,7 @@ def test_a_token_holds_for_the_usual_time_and_then_no_more(alice, settings):
     assert not works(text)
 
 
-def test_tokens_that_are_over_make_room_for_new_ones(alice):
+def test_expired_tokens_make_room_for_new_ones(alice):
     for _ in range(20):
         a_token(alice)
     AuthToken.objects.update(expiry=timezone.now() - timedelta(seconds=1))
@@ -76,17 +76,17 @@ def test_tokens_that_are_over_make_room_for_new_ones(alice):
     assert AuthToken.objects.count() == 1
 
 
-def test_a_token_without_any_scope_cannot_be_stored(alice):
+def test_the_database_refuses_a_token_without_a_scope(alice):
     with pytest.raises(IntegrityError):
         create_token(racer=alice, now=timezone.now(), scopes=[])
 
 
-def test_there_are_no_other_scopes(alice):
+def test_the_database_refuses_an_unknown_scope(alice):
     with pytest.raises(ValueError, match="everything"):
         create_token(racer=alice, now=timezone.now(), scopes=["everything"])
 
 
-def test_a_token_from_before_there_were_scopes_works_for_all_and_for_ever(alice):
+def test_a_token_older_than_scopes_has_all_and_never_expires(alice):
     text = AuthToken.objects.create(user=alice)[1]
     assert not TokenGrant.objects.exists()
     assert "everything" in logged_in(alice).get("/settings/tokens/").content.decode()
@@ -97,7 +97,7 @@ def test_a_token_from_before_there_were_scopes_works_for_all_and_for_ever(alice)
     assert grant.token.expiry is None
 
 
-def test_use_is_noted_to_ten_minutes(alice, django_assert_num_queries, now):
+def test_last_use_is_recorded_to_ten_minutes(alice, django_assert_num_queries, now):
     grant = create_token(racer=alice, now=now)[0].grant
     note_use(grant=grant, now=now)
     with django_assert_num_queries(0):
@@ -106,7 +106,7 @@ def test_use_is_noted_to_ten_minutes(alice, django_assert_num_queries, now):
     assert TokenGrant.objects.get().last_used_at == now + NOTED_AGAIN_AFTER
 
 
-def test_the_page_makes_a_token_for_what_was_ticked_and_shows_when_it_was_used(alice):
+def test_the_page_creates_a_token_with_the_ticked_scopes(alice):
     client = logged_in(alice)
     asked = client.post("/settings/tokens/", {"scopes": ["read", "train"], "days": "7"})
     page = client.post(asked["Location"], {"password": PASSWORD}).content.decode()
@@ -124,21 +124,21 @@ def test_the_page_makes_a_token_for_what_was_ticked_and_shows_when_it_was_used(a
 @pytest.mark.parametrize(
     "sent", [{}, {"days": "7"}, {"scopes": ["read"], "days": "9999"}, {"scopes": ["x"], "days": "7"}]
 )
-def test_the_page_refuses_a_token_for_nothing_and_one_for_too_long(alice, sent):
+def test_the_page_refuses_a_token_with_no_scope_or_too_long_a_life(alice, sent):
     client = logged_in(alice)
     client.post("/accounts/reauthenticate/", {"password": PASSWORD})
     client.post("/settings/tokens/", sent)
     assert not AuthToken.objects.exists()
 
 
-def test_a_new_password_ends_all_tokens_and_the_sessions_of_other_devices(alice):
+def test_a_new_password_revokes_tokens_and_other_sessions(alice):
     here, there, text = logged_in(alice), logged_in(alice), a_token(alice)
     assert here.post("/accounts/password/change/", CHANGE).status_code == 302
     assert (is_in(here), is_in(there), works(text)) == (True, False, False)
     assert KnownAddress.objects.count() == 1  # of here
 
 
-def test_a_reset_ends_all_tokens_and_all_sessions(alice):
+def test_a_password_reset_revokes_all_tokens_and_sessions(alice):
     EmailAddress.objects.create(user=alice, email=alice.email, verified=True, primary=True)
     there, text = logged_in(alice), a_token(alice)
     reset(alice.email)
@@ -147,7 +147,7 @@ def test_a_reset_ends_all_tokens_and_all_sessions(alice):
 
 
 @pytest.mark.parametrize("how", ["admin site", "unusable", "code"])
-def test_however_the_password_is_changed_tokens_end(alice, how):
+def test_every_way_to_change_the_password_revokes_tokens(alice, how):
     text = a_token(alice)
     if how == "admin site":
         client = Client()
@@ -160,7 +160,7 @@ def test_however_the_password_is_changed_tokens_end(alice, how):
     assert not works(text)
 
 
-def test_a_password_that_is_only_hashed_anew_and_other_changes_end_nothing(alice, settings):
+def test_rehashing_a_password_revokes_nothing(alice, settings):
     text = a_token(alice)
     settings.PASSWORD_HASHERS = ["django.contrib.auth.hashers.ScryptPasswordHasher", *settings.PASSWORD_HASHERS]
     before = alice.password
@@ -171,7 +171,7 @@ def test_a_password_that_is_only_hashed_anew_and_other_changes_end_nothing(alice
     assert works(text)
 
 
-def test_the_owner_of_an_address_that_somebody_has_signed_up_with_takes_the_account_over(alice):
+def test_the_owner_of_an_address_recovers_a_squatted_account(alice):
     """Mallory has signed up as alice, with Alice's address, and made everything that opens the account again."""
     EmailAddress.objects.create(user=alice, email=alice.email, primary=True)
     session, text = logged_in(alice), a_token(alice)
@@ -185,7 +185,7 @@ def test_the_owner_of_an_address_that_somebody_has_signed_up_with_takes_the_acco
     assert is_in(logged_in(alice, NEW))  # without a second factor
 
 
-def test_an_address_that_a_racer_is_only_about_to_change_to_resets_no_password(alice):
+def test_an_unconfirmed_new_address_cannot_reset_the_password(alice):
     EmailAddress.objects.create(user=alice, email=alice.email, primary=True)
     EmailAddress.objects.create(user=alice, email="mallory@example.org")
     mail.outbox.clear()
@@ -202,7 +202,7 @@ def test_a_reset_of_a_verified_account_keeps_second_factor_and_webhooks(alice):
     assert not is_in(logged_in(alice, NEW))
 
 
-def test_who_has_reset_the_password_comes_in_from_there_while_others_guess(alice):
+def test_a_password_reset_makes_its_address_known(alice):
     for number in range(30):
         Client(REMOTE_ADDR=f"203.0.113.{number}").post("/accounts/login/", {"login": "alice", "password": "guess"})
     away = Client(REMOTE_ADDR="198.51.100.7")

@@ -22,7 +22,7 @@ def board(client, race, **query):
     return client.get(f"/api/v1/races/{race.slug}/board/", query)
 
 
-def test_a_board_ranks_marks_my_row_and_keeps_house_cars_outside(alice, bob, charlie, now, as_racer):
+def test_a_board_ranks_racers_marks_my_row_and_leaves_house_cars_out(alice, bob, charlie, now, as_racer):
     race = a_race(now)
     house = a_racer("house-car", is_house=True)
     drive(race, alice, laps(10_000, 10_000, 10_000), now)
@@ -45,7 +45,7 @@ def test_a_board_ranks_marks_my_row_and_keeps_house_cars_outside(alice, bob, cha
     assert all(row["evaluation"] for row in shown["results"])
 
 
-def test_a_racer_without_a_result_stands_last(alice, bob, now, as_racer):
+def test_a_racer_without_a_result_is_last(alice, bob, now, as_racer):
     race = a_race(now)
     enter_race(race=race, racer=alice, now=now)
     drive(race, bob, laps(10_000, 10_000, 10_000), now)
@@ -53,7 +53,7 @@ def test_a_racer_without_a_result_stands_last(alice, bob, now, as_racer):
     assert (last["racer"], last["rank"], last["evaluation"], last["submitted_at"]) == ("alice", None, None, None)
 
 
-def test_a_board_in_pages_pins_my_row(alice, now, as_racer):
+def test_a_paginated_board_pins_my_row(alice, now, as_racer):
     race = a_race(now)
     for number in range(4):
         drive(race, a_racer(), laps(*[10_000 + number] * 3), now)
@@ -73,12 +73,12 @@ def test_a_board_in_pages_pins_my_row(alice, now, as_racer):
 
 
 @pytest.mark.parametrize("query", [{"page": 0}, {"page": "x"}, {"page_size": 0}, {"page_size": 101}])
-def test_a_page_that_cannot_be_is_refused(now, as_racer, query):
+def test_an_invalid_page_number_is_refused(now, as_racer, query):
     answer = board(as_racer(None), a_race(now), **query)
     assert (answer.status_code, answer.data["code"]) == (400, "invalid")
 
 
-def test_a_board_costs_the_same_however_long(now, as_racer, django_assert_num_queries):
+def test_a_longer_board_needs_no_more_queries(now, as_racer, django_assert_num_queries):
     race, client = a_race(now), as_racer(None)
     for count in (2, 6):
         while Racer.objects.count() < count:
@@ -87,14 +87,14 @@ def test_a_board_costs_the_same_however_long(now, as_racer, django_assert_num_qu
             assert board(client, race).data["count"] == count
 
 
-def test_a_board_is_seen_by_whoever_sees_the_race(alice, bob, now, cast):
+def test_a_board_is_visible_with_its_race(alice, bob, now, cast):
     race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
     cast["member"].post(f"/api/v1/invitations/{race.invitation}/")
     seen = {role: board(client, race).status_code for role, client in cast.items()}
     assert seen == {"owner": 200, "member": 200, "stranger": 404, "admin": 200, "anonymous": 404}
 
 
-def test_the_api_and_the_page_hand_out_the_same_rows(alice, now, as_racer, client):
+def test_the_api_and_the_page_serve_the_same_rows(alice, now, as_racer, client):
     race = a_race(now)
     drive(race, alice, laps(10_000, 10_000, 10_000), now)
     of_page = client.get(f"/races/{race.slug}/board.json").json()["rows"][0]

@@ -83,7 +83,7 @@ def written(queries: CaptureQueriesContext) -> list[str]:
 
 @pytest.mark.django_db
 @pytest.mark.parametrize(("method", "path"), WRITES, ids=NAMES)
-def test_every_write_refuses_a_field_that_it_does_not_know(method, path, places, alice, as_racer):
+def test_every_write_refuses_an_unknown_field(method, path, places, alice, as_racer):
     taken = body_of(method, path)
     kind = "multipart" if taken and taken[0] == "multipart/form-data" else "json"
     client, address = as_racer(alice), places(path)
@@ -102,19 +102,19 @@ def test_every_write_refuses_a_field_that_it_does_not_know(method, path, places,
 
 
 @pytest.mark.parametrize(("method", "path"), WRITES, ids=NAMES)
-def test_the_schema_says_that_a_body_has_no_other_fields(method, path):
+def test_the_schema_forbids_additional_fields_in_a_body(method, path):
     if taken := body_of(method, path):
         assert taken[1]["additionalProperties"] is False
 
 
-def test_what_is_answered_may_grow():
+def test_response_schemas_allow_new_fields():
     closed = {name for name, each in SCHEMA["components"]["schemas"].items() if "additionalProperties" in each}
     sent = {name for name in closed if name.endswith("Request")}
     assert closed == sent
 
 
 @pytest.mark.django_db
-def test_a_misspelt_rule_makes_no_race_and_every_problem_is_told_at_once(alice, as_racer):
+def test_a_misspelt_rule_is_refused_with_all_other_problems(alice, as_racer):
     now = timezone.now()
     sent = {"name": "Slalom", "track": a_track().slug, "lapz": 5, "opens_at": "soon"}
     answer = as_racer(alice).post("/api/v1/races/", sent | {"closes_at": now + timedelta(days=1)})
@@ -124,7 +124,7 @@ def test_a_misspelt_rule_makes_no_race_and_every_problem_is_told_at_once(alice, 
 
 
 @pytest.mark.django_db
-def test_a_field_within_a_box_is_looked_at_too(alice, as_racer):
+def test_an_unknown_field_within_a_box_is_refused(alice, as_racer):
     race = a_race(timezone.now(), organiser=alice)
     place = {"fraction": 0.25, "lane": "inner", "lain": "outer"}
     answer = as_racer(alice).patch(f"/api/v1/races/{race.slug}/", {"race_type": "object_avoidance", "boxes": [place]})
@@ -134,7 +134,7 @@ def test_a_field_within_a_box_is_looked_at_too(alice, as_racer):
 
 
 @pytest.mark.django_db
-def test_so_is_one_within_a_box_of_a_training(alice, as_racer, trainings_taken_on):
+def test_an_unknown_field_within_a_box_of_a_training_is_refused(alice, as_racer, trainings_taken_on):
     place = {"fraction": 0.25, "lane": "inner", "lain": "outer"}
     sent = {"name": "first-car", "track": a_track().slug, "reward_code": "x", "race_type": "object_avoidance"}
     answer = as_racer(alice).post("/api/v1/trainings/", sent | {"boxes": [place, {"fraction": 0.5}]})
@@ -145,7 +145,7 @@ def test_so_is_one_within_a_box_of_a_training(alice, as_racer, trainings_taken_o
 
 
 @pytest.mark.django_db
-def test_a_race_that_was_read_is_not_sent_back_whole(alice, as_racer):
+def test_a_race_cannot_be_sent_back_as_it_was_read(alice, as_racer):
     """What cannot be changed would be left as it was without a word."""
     race = a_race(timezone.now(), organiser=alice)
     answer = as_racer(alice).patch(f"/api/v1/races/{race.slug}/", {"laps": 4, "slug": "another"})
@@ -155,14 +155,14 @@ def test_a_race_that_was_read_is_not_sent_back_whole(alice, as_racer):
 
 
 @pytest.mark.django_db
-def test_a_file_beside_those_of_an_upload_is_refused(alice, as_racer):
+def test_an_unexpected_file_in_an_upload_is_refused(alice, as_racer):
     extra = SimpleUploadedFile("notes.txt", b"hello")
     answer = as_racer(alice).post("/api/v1/models/", {"notes": extra, "name": "Bolt"}, format="multipart")
     assert answer.data["fields"]["notes"][0]["code"] == "unknown_field"
 
 
 @pytest.mark.django_db
-def test_a_page_may_send_its_own_token_in_the_form(alice):
+def test_a_form_may_carry_a_csrf_token(alice):
     client = APIClient(enforce_csrf_checks=True)
     client.force_login(alice)
     client.cookies["csrftoken"] = token = "a" * 32
@@ -174,7 +174,7 @@ def test_a_page_may_send_its_own_token_in_the_form(alice):
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("body", ["", "{}", "null", "[]"])
-def test_an_operation_without_fields_takes_an_empty_body(alice, as_racer, body):
+def test_an_operation_without_fields_accepts_an_empty_body(alice, as_racer, body):
     race = a_race(timezone.now())
     answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/entry/", body, "application/json")
     assert answer.status_code == 200
@@ -182,7 +182,7 @@ def test_an_operation_without_fields_takes_an_empty_body(alice, as_racer, body):
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("body", ['["x"]', '"x"', "5"])
-def test_an_operation_without_fields_refuses_whatever_else_is_sent(alice, as_racer, body):
+def test_an_operation_without_fields_refuses_any_other_body(alice, as_racer, body):
     race = a_race(timezone.now())
     answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/entry/", body, "application/json")
     assert answer.data["fields"][""][0]["code"] == "no_fields"
@@ -190,7 +190,7 @@ def test_an_operation_without_fields_refuses_whatever_else_is_sent(alice, as_rac
 
 
 @pytest.mark.django_db
-def test_odd_names_are_answered_and_not_all_of_thousands(alice, as_racer):
+def test_unknown_field_names_are_reported_up_to_a_limit(alice, as_racer):
     model = a_model(alice)
     names = ["\ud800", "", "message", "code", "x" * 5000, *(f"f{number}" for number in range(5000))]
     body = json.dumps(dict.fromkeys(names, 1))
@@ -203,7 +203,7 @@ def test_odd_names_are_answered_and_not_all_of_thousands(alice, as_racer):
 
 
 @pytest.mark.django_db
-def test_fields_that_are_called_like_the_parts_of_an_error_are_told_as_fields(alice, as_racer):
+def test_unknown_fields_named_like_error_keys_are_reported(alice, as_racer):
     answer = as_racer(alice).patch(f"/api/v1/models/{a_model(alice).public_id}/", {"message": 1, "code": 2})
     assert {name: [each["code"] for each in problems] for name, problems in answer.data["fields"].items()} == {
         "message": ["unknown_field"],
@@ -212,7 +212,7 @@ def test_fields_that_are_called_like_the_parts_of_an_error_are_told_as_fields(al
 
 
 @pytest.mark.django_db
-def test_the_sentence_is_in_the_readers_language(alice, as_racer):
+def test_the_message_is_in_the_language_of_the_request(alice, as_racer):
     address = f"/api/v1/models/{a_model(alice).public_id}/"
     english, korean = (
         as_racer(alice).patch(address, {"nam": "x"}, headers={"accept-language": language}).data["message"]
@@ -238,7 +238,7 @@ def test_the_sentence_is_in_the_readers_language(alice, as_racer):
         "/api/v1/races/tried/board/?page_size=101",
     ],
 )
-def test_a_bad_value_in_an_address_is_refused(address, alice, as_racer):
+def test_an_invalid_query_parameter_is_refused(address, alice, as_racer):
     a_race(timezone.now(), slug="tried")
     answer = as_racer(alice).get(address)
     assert (answer.status_code, answer.data["code"]) == (400, "invalid")
@@ -246,5 +246,5 @@ def test_a_bad_value_in_an_address_is_refused(address, alice, as_racer):
 
 
 @pytest.mark.django_db
-def test_a_parameter_that_nobody_knows_is_ignored(alice, as_racer):
+def test_an_unknown_query_parameter_is_ignored(alice, as_racer):
     assert as_racer(alice).get("/api/v1/races/?utm_source=x&page_size=500").status_code == 200

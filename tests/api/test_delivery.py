@@ -34,9 +34,9 @@ FILES = ["/races/open/board.csv", "/races/open/board.json", "/races/open/board.a
 ADDRESSES = ["/api/v1/races/", "/api/v1/races/open/board/", *FILES]
 
 
-class TestWhatIsTheSameStill:
+class TestUnchangedAnswers:
     @pytest.mark.parametrize("address", ADDRESSES)
-    def test_is_not_sent_again(self, race, client, address):
+    def test_an_unchanged_answer_is_not_sent_again(self, race, client, address):
         first = client.get(address)
         assert first.status_code == 200 and first["ETag"] and first["Cache-Control"].startswith("public, ")
         again = client.get(address, headers={"if-none-match": first["ETag"]})
@@ -46,20 +46,20 @@ class TestWhatIsTheSameStill:
         changed = client.get(address, headers={"if-none-match": first["ETag"]})
         assert changed.status_code == 200 and changed["ETag"] != first["ETag"]
 
-    def test_is_kept_by_nobody_else_where_it_was_said_to_somebody(self, race, alice, as_racer, client):
+    def test_an_answer_for_a_racer_is_not_cached_by_proxies(self, race, alice, as_racer, client):
         assert as_racer(alice).get("/api/v1/me/")["Cache-Control"] == "private, no-cache"
         client.force_login(alice)
         answer = client.get("/api/v1/races/open/board/")
         assert answer["Cache-Control"] == "private, no-cache"
         assert {"Authorization", "Cookie", "Accept-Language"} <= set(answer["Vary"].split(", "))
 
-    def test_is_kept_by_nobody_where_not_everybody_may_see_it(self, race, alice, client):
+    def test_an_answer_about_a_private_race_is_not_cached_by_proxies(self, race, alice, client):
         Race.objects.filter(pk=race.pk).update(visibility=Visibility.INVITATION, organiser=alice)
         client.force_login(alice)
         for address in FILES:
             assert client.get(address)["Cache-Control"].startswith("private, "), address
 
-    def test_is_told_of_stored_files_too(self, tmp_path: Path):
+    def test_stored_files_have_an_etag_too(self, tmp_path: Path):
         (tmp_path / "a.bin").write_bytes(b"12345")
 
         def get(**headers: str) -> HttpResponse:
@@ -70,13 +70,13 @@ class TestWhatIsTheSameStill:
         assert b"".join(first.streaming_content) == b"12345"
         assert get(**{"If-None-Match": first["ETag"]}).status_code == 304
 
-    def test_does_not_hold_for_pages_nor_for_how_the_site_is(self, race, client):
+    def test_pages_and_health_checks_have_no_etag(self, race, client):
         assert "ETag" not in client.get("/races/open/")
         assert "ETag" not in client.get("/health/live")
 
 
 class TestCompression:
-    def test_makes_a_board_small_for_whoever_takes_it(self, race, client):
+    def test_a_board_is_compressed_on_request(self, race, client):
         plain = client.get("/api/v1/races/")
         packed = client.get("/api/v1/races/", headers={"accept-encoding": "gzip"})
         assert packed["Content-Encoding"] == "gzip" and "Accept-Encoding" in packed["Vary"]
@@ -85,31 +85,31 @@ class TestCompression:
         again = client.get("/api/v1/races/", headers={"accept-encoding": "gzip", "if-none-match": packed["ETag"]})
         assert again.status_code == 304, "its ETag is a weak one now, and good all the same"
 
-    def test_is_not_for_pages_whose_length_could_tell_a_token(self, race, client):
+    def test_pages_with_a_csrf_token_are_not_compressed(self, race, client):
         page = client.get("/races/open/", headers={"accept-encoding": "gzip"})
         assert len(page.content) > 1000 and "Content-Encoding" not in page
 
-    def test_is_not_for_what_a_cookie_was_sent_for(self, race, alice, client):
+    def test_answers_to_requests_with_a_cookie_are_not_compressed(self, race, alice, client):
         client.force_login(alice)
         answer = client.get("/api/v1/races/", headers={"accept-encoding": "gzip"})
         assert "Content-Encoding" not in answer
 
     @pytest.mark.parametrize("kind", ["video/mp4", "application/zip", "text/html; charset=utf-8"])
-    def test_is_not_for_other_kinds(self, kind):
+    def test_other_content_types_are_not_compressed(self, kind):
         request = RequestFactory().get("/", headers={"accept-encoding": "gzip"})
         answer = Compressed(lambda _: HttpResponse(b"x" * 5000, content_type=kind))(request)
         assert "Content-Encoding" not in answer
 
 
-class TestAnotherSitesScript:
+class TestOtherSitesScripts:
     @pytest.mark.parametrize("address", ADDRESSES)
-    def test_may_read(self, race, client, address):
+    def test_a_script_of_another_site_may_read(self, race, client, address):
         answer = client.get(address, headers={"origin": ELSEWHERE})
         assert answer["Access-Control-Allow-Origin"] == "*"
         assert "Access-Control-Allow-Credentials" not in answer, "no reader's session opens anything"
         assert "ETag" in answer["Access-Control-Expose-Headers"]
 
-    def test_may_ask_whether_it_may_read_and_is_not_told_that_it_may_write(self, race, client):
+    def test_a_preflight_allows_reading_but_not_writing(self, race, client):
         ask = {"origin": ELSEWHERE, "access-control-request-headers": "authorization"}
         told = client.options("/api/v1/races/", headers={**ask, "access-control-request-method": "GET"})
         assert (told.status_code, told["Access-Control-Allow-Origin"]) == (204, "*")
@@ -117,18 +117,18 @@ class TestAnotherSitesScript:
         told = client.options("/api/v1/races/", headers={**ask, "access-control-request-method": "POST"})
         assert "Access-Control-Allow-Origin" not in told
 
-    def test_may_not_read_pages_nor_write(self, race, client, alice, as_racer):
+    def test_a_script_of_another_site_may_not_read_pages_or_write(self, race, client, alice, as_racer):
         assert "Access-Control-Allow-Origin" not in client.get("/races/open/", headers={"origin": ELSEWHERE})
         answer = as_racer(alice).post("/api/v1/races/", {}, headers={"origin": ELSEWHERE})
         assert "Access-Control-Allow-Origin" not in answer
 
-    def test_reads_nothing_where_the_operator_wants_it_so(self, race, client, settings):
+    def test_the_operator_can_forbid_scripts_of_other_sites(self, race, client, settings):
         settings.CORS = False
         assert "Access-Control-Allow-Origin" not in client.get("/api/v1/races/", headers={"origin": ELSEWHERE})
 
 
 class TestLimits:
-    def test_are_told_with_every_write(self, alice, as_racer, monkeypatch):
+    def test_every_write_reports_its_rate_limits(self, alice, as_racer, monkeypatch):
         from rest_framework.throttling import ScopedRateThrottle
 
         monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "3/hour", "write": "2/hour"})
@@ -143,7 +143,7 @@ class TestLimits:
 
 class TestToken:
     @pytest.mark.parametrize("word", ["Token", "Bearer", "bearer", "BEARER"])
-    def test_follows_either_word(self, alice, word):
+    def test_a_token_follows_either_keyword(self, alice, word):
         client = APIClient()
         client.credentials(HTTP_AUTHORIZATION=f"{word} {AuthToken.objects.create(user=alice)[1]}")
         assert client.get("/api/v1/me/").data["alias"] == alice.alias
@@ -151,13 +151,13 @@ class TestToken:
     @pytest.mark.parametrize(
         "header", ["Bearer", "Bearer ", "Bearer a b", "Bearer wrong", "Bearer \xff\xfe", "Basic YTpi"]
     )
-    def test_that_is_none_is_refused(self, db, header):
+    def test_an_invalid_token_is_refused(self, db, header):
         client = APIClient()
         client.credentials(HTTP_AUTHORIZATION=header)
         assert client.get("/api/v1/me/").status_code == 401
 
 
-def test_the_schema_names_both_words_and_the_headers(client):
+def test_the_schema_names_both_keywords_and_the_headers(client):
     schema = client.get("/api/schema/").json()
     schemes = schema["components"]["securitySchemes"]
     assert schemes["bearer"] == {"type": "http", "scheme": "bearer"} and "token" in schemes

@@ -36,7 +36,7 @@ def test_before_the_draw_there_are_no_heats(as_racer):
     assert (shown["duel_format"], shown["duel_cars"], shown["entrants"], shown["total"]) == ("round_robin", 3, 0, 0)
 
 
-def test_a_heat_says_who_started_where_and_how_it_ended(now, as_racer):
+def test_a_heat_lists_its_grid_and_its_outcome(now, as_racer):
     race = drawn(now, 2)
     (duel,) = driving(race)
     end(duel, now, winners=[2, 1], times={1: [11_000] * 3, 2: [10_000] * 3}, retired=[1])
@@ -77,12 +77,12 @@ def test_the_board_has_seeds_points_and_the_average_lap(now, as_racer):
     assert (after["leader_ms"], after["results"][1]["gap_ms"]) == (None, None)
 
 
-def test_a_race_without_duels_has_none(now, as_racer):
+def test_a_race_without_duels_has_no_duels(now, as_racer):
     answer = as_racer(None).get(address(a_race(now)))
     assert (answer.status_code, answer.json()["code"]) == (404, "race_has_no_duels")
 
 
-def test_the_organiser_draws(now, alice, cast):
+def test_the_organiser_draws_the_duels(now, alice, cast):
     race = a_duel_race(now, organiser=alice)
     qualify(race, [a_racer(), a_racer()], now)
     for _ in range(2):
@@ -94,7 +94,7 @@ def test_the_organiser_draws(now, alice, cast):
 @pytest.mark.parametrize(
     ("role", "status"), [("owner", 200), ("admin", 200), ("member", 403), ("stranger", 403), ("anonymous", 401)]
 )
-def test_who_may_draw(now, alice, bob, cast, role, status):
+def test_only_the_organiser_and_admins_may_draw(now, alice, bob, cast, role, status):
     race = a_duel_race(now, organiser=alice)
     qualify(race, [bob, a_racer()], now)
     assert cast[role].post(address(race)).status_code == status
@@ -104,7 +104,7 @@ def test_who_may_draw(now, alice, bob, cast, role, status):
 @pytest.mark.parametrize(
     ("role", "status"), [("owner", 200), ("admin", 200), ("member", 200), ("stranger", 404), ("anonymous", 404)]
 )
-def test_who_sees_the_duels_of_a_race_by_invitation(now, alice, bob, cast, role, status):
+def test_only_members_see_the_duels_of_an_invitation_race(now, alice, bob, cast, role, status):
     race = a_duel_race(now, organiser=alice, visibility=Visibility.INVITATION)
     accept_invitation(token=race.invitation, racer=bob, now=now)
     assert cast[role].get(address(race)).status_code == status
@@ -113,7 +113,7 @@ def test_who_sees_the_duels_of_a_race_by_invitation(now, alice, bob, cast, role,
 @pytest.mark.parametrize(
     ("role", "status"), [("owner", 200), ("admin", 200), ("member", 200), ("stranger", 404), ("anonymous", 404)]
 )
-def test_who_sees_a_duel_of_a_race_by_invitation(now, alice, bob, cast, role, status):
+def test_only_members_see_one_duel_of_an_invitation_race(now, alice, bob, cast, role, status):
     race = a_duel_race(now, organiser=alice, visibility=Visibility.INVITATION)
     racers = [bob, a_racer()]
     for racer in racers:
@@ -125,12 +125,12 @@ def test_who_sees_a_duel_of_a_race_by_invitation(now, alice, bob, cast, role, st
     assert cast[role].get(f"/api/v1/evaluations/{duel.evaluation.public_id}/").status_code == status
 
 
-def test_too_early_is_not_now(alice, cast):
+def test_drawing_before_the_close_is_refused(alice, cast):
     answer = cast["owner"].post(address(a_duel_race(timezone.now(), organiser=alice)))
     assert (answer.status_code, answer.json()["code"]) == (409, "duels_before_closing")
 
 
-def test_no_racer_may_stop_a_duel(now, as_racer):
+def test_a_racer_cannot_stop_a_duel(now, as_racer):
     race = drawn(now, 2)
     (duel,) = driving(race)
     answer = as_racer(duel.evaluation.owner).post(f"/api/v1/evaluations/{duel.evaluation.public_id}/stop/")

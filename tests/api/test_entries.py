@@ -28,7 +28,7 @@ def address(race, part="") -> str:
     return f"/api/v1/races/{race.slug}/{part}"
 
 
-def test_entering_twice_is_entering_once(bob, race, as_racer):
+def test_entering_twice_makes_one_entry(bob, race, as_racer):
     client = as_racer(bob)
     missing = client.get(address(race, "entry/"))
     assert (missing.status_code, missing.data["code"]) == (404, "entry_missing")
@@ -38,7 +38,7 @@ def test_entering_twice_is_entering_once(bob, race, as_racer):
     assert (first.data["racer"], first.data["submissions_left"], first.data["rank"]) == ("bob", 2, None)
 
 
-def test_a_car_is_sent_measured_and_ranked(bob, race, now, as_racer):
+def test_a_car_is_submitted_evaluated_and_ranked(bob, race, now, as_racer):
     client, model = as_racer(bob), a_model(bob)
     sent = client.post(address(race, "submissions/"), {"model": model.public_id})
     assert sent.status_code == 201, sent.data
@@ -51,14 +51,14 @@ def test_a_car_is_sent_measured_and_ranked(bob, race, now, as_racer):
     assert (entry["rank"], entry["score_ms"], entry["evaluation"]) == (1, 11_000, sent.data["evaluation"])
 
 
-def test_the_same_car_is_refused_with_the_evaluation_that_stands(bob, race, now, as_racer):
+def test_a_repeated_car_is_refused_with_its_evaluation(bob, race, now, as_racer):
     standing = drive(race, bob, laps(10_000, 10_000, 10_000), now).evaluation
     answer = as_racer(bob).post(address(race, "submissions/"), {"model": standing.model.public_id})
     assert (answer.status_code, answer.data["code"]) == (409, "car_already_submitted")
     assert answer.data["params"] == {"evaluation": standing.public_id}
 
 
-def test_submissions_are_one_at_a_time_and_run_out(bob, race, now, as_racer):
+def test_submissions_are_limited_and_one_at_a_time(bob, race, now, as_racer):
     client = as_racer(bob)
     codes = []
     for _ in range(3):
@@ -71,7 +71,7 @@ def test_submissions_are_one_at_a_time_and_run_out(bob, race, now, as_racer):
     assert codes == [None, None, "submissions_used_up"]
 
 
-def test_a_failure_of_ours_is_shown_as_refunded(bob, race, now, as_racer):
+def test_a_failure_of_the_platform_is_shown_as_refunded(bob, race, now, as_racer):
     client = as_racer(bob)
     client.post(address(race, "submissions/"), {"model": a_model(bob).public_id})
     fail(Submission.objects.get(), PlatformFault("internal_error"), now)
@@ -85,14 +85,14 @@ def test_a_failure_of_ours_is_shown_as_refunded(bob, race, now, as_racer):
     assert client.get(address(race, "entry/")).data["submissions_left"] == 2
 
 
-def test_a_failure_of_the_cars_counts(bob, race, now, as_racer):
+def test_a_failure_of_the_car_uses_up_a_submission(bob, race, now, as_racer):
     client = as_racer(bob)
     client.post(address(race, "submissions/"), {"model": a_model(bob).public_id})
     fail(Submission.objects.get(), UserFault("non_finite_action", step=3), now)
     assert client.get(address(race, "entry/")).data["submissions_left"] == 1
 
 
-def test_nobody_races_somebody_elses_model_or_learns_whether_it_exists(alice, bob, race, as_racer):
+def test_somebody_elses_model_is_not_found(alice, bob, race, as_racer):
     client = as_racer(bob)
     answers = [
         client.post(address(race, "submissions/"), {"model": public_id})
@@ -110,13 +110,13 @@ def test_nobody_races_somebody_elses_model_or_learns_whether_it_exists(alice, bo
         ({"opens_at": timedelta(days=-2), "closes_at": timedelta(days=-1)}, "race_closed"),
     ],
 )
-def test_a_race_takes_cars_only_while_it_is_open(bob, now, as_racer, times, code):
+def test_a_race_accepts_cars_only_while_it_is_open(bob, now, as_racer, times, code):
     race = a_race(now, **{name: now + delta for name, delta in times.items()})
     answer = as_racer(bob).post(address(race, "submissions/"), {"model": a_model(bob).public_id})
     assert (answer.status_code, answer.data["code"]) == (409, code)
 
 
-def test_withdrawing_leaves_the_board_and_entering_again_brings_everything_back(bob, race, now, as_racer):
+def test_entering_again_after_withdrawal_restores_the_results(bob, race, now, as_racer):
     drive(race, bob, laps(10_000, 10_000, 10_000), now)
     client = as_racer(bob)
     assert client.delete(address(race, "entry/")).status_code == 204
@@ -127,7 +127,7 @@ def test_withdrawing_leaves_the_board_and_entering_again_brings_everything_back(
     assert client.post(address(race, "entry/")).data["rank"] == 1
 
 
-def test_an_organiser_removes_a_racer_and_puts_them_back(bob, race, now, cast):
+def test_an_organiser_removes_a_racer_and_restores_them(bob, race, now, cast):
     drive(race, bob, laps(10_000, 10_000, 10_000), now)
     removal = address(race, "removals/bob/")
     for role, status in {"member": 403, "stranger": 403, "anonymous": 401}.items():
@@ -140,14 +140,14 @@ def test_an_organiser_removes_a_racer_and_puts_them_back(bob, race, now, cast):
     assert cast["owner"].post(address(race, "removals/charlie/")).status_code == 404
 
 
-def test_an_entry_needs_somebody_who_is_logged_in(race, as_racer):
+def test_entering_needs_a_log_in(race, as_racer):
     client = as_racer(None)
     for method in ("get", "post", "delete"):
         assert getattr(client, method)(address(race, "entry/")).status_code == 401
     assert client.get(address(race, "submissions/")).status_code == 401
 
 
-def test_a_list_of_submissions_costs_the_same_however_long(bob, now, as_racer, django_assert_num_queries):
+def test_more_submissions_need_no_more_queries(bob, now, as_racer, django_assert_num_queries):
     race = a_race(now)
     client = as_racer(bob)
     for count in (1, 3):

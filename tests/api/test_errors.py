@@ -16,7 +16,7 @@ from core.api.errors import handle
 from paddock.errors import PlatformFault, UserFault
 
 
-def test_a_racers_fault_carries_its_code_its_sentence_and_its_values():
+def test_a_user_fault_carries_its_code_message_and_values():
     answer = handle(UserFault("model_too_large", limit_mb=32), {})
     assert answer.status_code == 400
     assert answer.data["code"] == "model_too_large"
@@ -26,17 +26,17 @@ def test_a_racers_fault_carries_its_code_its_sentence_and_its_values():
     assert "fields" not in answer.data
 
 
-def test_an_upload_over_the_limit_is_told_apart_from_bad_input():
+def test_an_upload_over_the_limit_is_not_reported_as_bad_input():
     assert handle(UserFault("too_large", limit_mb=64), {}).status_code == 413
 
 
-def test_our_own_fault_is_a_503_that_says_when_to_try_again():
+def test_a_platform_fault_is_a_503_with_retry_after():
     answer = handle(PlatformFault("upload_busy"), {})
     assert (answer.status_code, answer.data["fault"]) == (503, "platform")
     assert int(answer["Retry-After"]) > 0
 
 
-def test_validation_names_every_field_and_nested_ones_with_dots():
+def test_validation_names_nested_fields_with_dots():
     class Point(serializers.Serializer):
         x = serializers.IntegerField()
 
@@ -54,13 +54,13 @@ def test_validation_names_every_field_and_nested_ones_with_dots():
     assert answer.data["message"].startswith("name: ")
 
 
-def test_what_concerns_the_whole_input_has_an_empty_field_name():
+def test_an_error_of_the_whole_input_has_an_empty_field_name():
     answer = handle(exceptions.ValidationError("Nothing fits."), {})
     assert answer.data["fields"] == {"": [{"code": "invalid", "message": "Nothing fits."}]}
     assert answer.data["message"] == "Nothing fits."
 
 
-def test_a_models_own_validation_keeps_its_codes():
+def test_validation_by_a_django_model_keeps_its_codes():
     error = ValidationError(
         {
             "closes_at": ValidationError("It closes before it opens.", code="race_closes_before_opening"),
@@ -72,20 +72,20 @@ def test_a_models_own_validation_keeps_its_codes():
     assert fields[""][0]["code"] == "unique_together"
 
 
-def test_a_database_that_does_not_answer_is_ours_and_temporary(caplog):
+def test_an_unreachable_database_is_a_temporary_platform_fault(caplog):
     answer = handle(OperationalError("database is locked"), {})
     assert (answer.status_code, answer.data["code"], answer.data["fault"]) == (503, "unavailable", "platform")
     assert "database is locked" in caplog.text
 
 
-def test_a_bug_is_logged_and_tells_nothing_about_the_inside(caplog):
+def test_a_bug_is_logged_and_reveals_no_internals(caplog):
     answer = handle(RuntimeError("secret path /srv/x"), {})
     assert (answer.status_code, answer.data["code"], answer.data["fault"]) == (500, "server_error", "platform")
     assert "secret" not in json.dumps(answer.data)
     assert "secret path" in caplog.text
 
 
-def test_being_throttled_says_for_how_long():
+def test_throttling_says_for_how_long():
     answer = handle(exceptions.Throttled(wait=12.2), {})
     assert (answer.status_code, answer.data["params"], answer["Retry-After"]) == (429, {"wait_s": 13}, "13")
 
@@ -94,12 +94,12 @@ def test_being_throttled_says_for_how_long():
     "address", ["/api/", "/api/v1/", "/api/v2/models/", "/api/v1/nothing/here/", "/api/v1/a%0Ab/", "/api/v1/a%00b/"]
 )
 @pytest.mark.parametrize("method", ["get", "post", "delete", "options", "patch"])
-def test_an_unknown_address_is_not_found_in_the_error_form(address, method):
+def test_an_unknown_path_gives_404_in_the_error_format(address, method):
     answer = getattr(APIClient(), method)(address)
     assert (answer.status_code, answer.json()["code"]) == (404, "not_found")
 
 
-def test_an_address_without_its_slash_says_so_and_redirects_nobody():
+def test_a_path_without_its_slash_is_explained_not_redirected():
     answer = APIClient().post("/api/v1/auth/token", {})
     assert answer.status_code == 404
     assert "slash" in answer.data["message"]
@@ -123,7 +123,7 @@ def test_an_address_without_its_slash_says_so_and_redirects_nobody():
         (" " * 3_000_000, "application/json", 413, "request_too_large"),
     ],
 )
-def test_bad_bodies_are_refused_in_the_error_form(body, content_type, status, code):
+def test_invalid_bodies_are_refused_in_the_error_format(body, content_type, status, code):
     answer = Client().generic("POST", "/api/v1/auth/token/", body, content_type=content_type)
     assert (answer.status_code, answer.json()["code"]) == (status, code)
 
@@ -142,7 +142,7 @@ def test_a_wrong_method_is_named(alice, as_racer):
     assert (answer.status_code, answer.data["code"]) == (405, "method_not_allowed")
 
 
-def test_messages_follow_the_readers_language(monkeypatch):
+def test_messages_are_in_the_language_of_the_request(monkeypatch):
     monkeypatch.setattr("core.forms.gettext", lambda text: f"<{translation.get_language()}> {text}")
     with translation.override("ko"):
         assert handle(UserFault("empty"), {}).data["message"].startswith("<ko> ")

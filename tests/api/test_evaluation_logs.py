@@ -58,9 +58,7 @@ def unpacked(response, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("address", ["/evaluations/{}/logs.zip", "/api/v1/evaluations/{}/logs/"])
-def test_deepracer_utils_reads_the_unpacked_zip_without_moving_a_file(
-    alice, now, driven, tmp_path, client, as_racer, address
-):
+def test_deepracer_utils_reads_the_unpacked_zip_as_it_is(alice, now, driven, tmp_path, client, as_racer, address):
     evaluation = finished(alice, now, driven)
     client.force_login(alice)
     by = as_racer(alice) if address.startswith("/api") else client
@@ -86,9 +84,7 @@ def test_deepracer_utils_reads_the_unpacked_zip_without_moving_a_file(
     assert log.agent_and_network()["world"] == evaluation.track.slug
 
 
-def test_every_car_of_a_run_is_a_stream_and_only_the_first_ones_metadata_is_told(
-    alice, bob, now, driven, tmp_path, client
-):
+def test_every_car_has_a_stream_and_the_first_its_metadata(alice, bob, now, driven, tmp_path, client):
     evaluation = finished(alice, now, driven, rivals=[car_outcome(salt=1), car_outcome(salt=2)])
     client.force_login(bob)
     folder = unpacked(client.get(f"/evaluations/{evaluation.public_id}/logs.zip"), tmp_path / "bob")
@@ -103,7 +99,7 @@ def test_every_car_of_a_run_is_a_stream_and_only_the_first_ones_metadata_is_told
     assert (shared / "model" / "model_metadata.json").exists()
 
 
-def test_a_run_that_has_no_result_has_no_zip(alice, now, client, as_racer):
+def test_a_run_without_a_result_has_no_zip(alice, now, client, as_racer):
     waiting = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now).evaluation
     client.force_login(alice)
     assert client.get(f"/evaluations/{waiting.public_id}/logs.zip").status_code == 404
@@ -111,7 +107,7 @@ def test_a_run_that_has_no_result_has_no_zip(alice, now, client, as_racer):
     assert (answer.status_code, answer.json()["code"]) == (404, "not_found")
 
 
-def test_a_zip_whose_trace_the_storage_lost_is_refused_before_it_begins(alice, now, as_racer):
+def test_a_zip_with_a_lost_trace_is_refused_before_it_starts(alice, now, as_racer):
     evaluation = drive(a_race(now), alice, laps(10_000, 10_000, 10_000), now).evaluation
     trace = Result.objects.get(evaluation=evaluation).trace
     trace.storage.delete(trace.name)
@@ -119,7 +115,7 @@ def test_a_zip_whose_trace_the_storage_lost_is_refused_before_it_begins(alice, n
     assert (answer.status_code, answer.json()["code"]) == (503, "file_damaged")
 
 
-def test_the_page_of_a_run_offers_it(alice, now, client):
+def test_the_page_of_a_run_offers_the_zip(alice, now, client):
     evaluation = drive(a_race(now), alice, laps(10_000, 10_000, 10_000), now).evaluation
     client.force_login(alice)
     assert (

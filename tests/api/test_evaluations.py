@@ -60,7 +60,7 @@ def test_an_evaluation_is_followed_from_the_queue_to_its_result(alice, bob, now,
     assert (shown["state"], shown["queue"], shown["progress"]) == ("running", None, progress)
 
 
-def test_a_result_has_laps_files_and_what_made_it(bob, now, as_racer):
+def test_a_result_has_laps_files_and_the_engine(bob, now, as_racer):
     evaluation = drive(a_race(now), bob, laps(11_000, 10_000, 12_000), now).evaluation
     client = as_racer(bob)
     result = read(client, evaluation).data["result"]
@@ -78,7 +78,7 @@ def test_a_result_has_laps_files_and_what_made_it(bob, now, as_racer):
     assert trace.content == trace_csv()
 
 
-def test_a_trace_can_be_asked_for_as_csv_and_its_absence_is_told_in_json(bob, now, as_racer):
+def test_a_missing_csv_trace_is_reported_as_json(bob, now, as_racer):
     evaluation = sent(bob, now).evaluation
     address = f"/api/v1/evaluations/{evaluation.public_id}/trace/"
     answer = as_racer(bob).get(address, headers={"Accept": "text/csv"})
@@ -86,14 +86,14 @@ def test_a_trace_can_be_asked_for_as_csv_and_its_absence_is_told_in_json(bob, no
     assert answer.json()["code"] == "not_found"
 
 
-def test_a_file_that_the_storage_lost_is_our_fault(bob, now, as_racer):
+def test_a_file_lost_by_the_storage_is_a_platform_fault(bob, now, as_racer):
     evaluation = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation
     evaluation.result.trace.storage.delete(evaluation.result.trace.name)
     answer = read(as_racer(bob), evaluation, "trace/")
     assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "file_damaged", "platform")
 
 
-def test_a_bucket_that_does_not_answer_is_our_fault(bob, now, as_racer, monkeypatch):
+def test_an_unresponsive_bucket_is_a_platform_fault(bob, now, as_racer, monkeypatch):
     evaluation = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation
     away = EndpointConnectionError(endpoint_url="http://bucket")
     monkeypatch.setattr(FileSystemStorage, "_open", Mock(side_effect=away))
@@ -101,7 +101,7 @@ def test_a_bucket_that_does_not_answer_is_our_fault(bob, now, as_racer, monkeypa
     assert (answer.status_code, answer.json()["code"], answer.json()["fault"]) == (503, "storage_failed", "platform")
 
 
-def test_a_failure_carries_its_code_its_fault_and_a_sentence(bob, now, as_racer):
+def test_a_failure_carries_its_code_its_fault_and_a_message(bob, now, as_racer):
     submission = sent(bob, now)
     fail(submission, UserFault("non_finite_action", step=17), now)
     shown = read(as_racer(bob), submission.evaluation).data
@@ -112,7 +112,7 @@ def test_a_failure_carries_its_code_its_fault_and_a_sentence(bob, now, as_racer)
     assert "operator_detail" not in shown
 
 
-def test_its_owner_stops_an_evaluation_once(bob, now, as_racer):
+def test_an_owner_can_stop_an_evaluation_only_once(bob, now, as_racer):
     evaluation, client = sent(bob, now).evaluation, as_racer(bob)
     address = f"/api/v1/evaluations/{evaluation.public_id}/stop/"
     first = client.post(address)
@@ -121,7 +121,7 @@ def test_its_owner_stops_an_evaluation_once(bob, now, as_racer):
     assert (again.status_code, again.data) == (200, first.data)
 
 
-def test_who_sees_and_stops_a_waiting_run(bob, race, now, cast):
+def test_only_the_owner_and_admins_see_and_stop_a_waiting_run(bob, race, now, cast):
     cast["member"].post(f"/api/v1/invitations/{race.invitation}/")
     evaluation = sent(bob, now, race).evaluation
     seen = {role: read(client, evaluation).status_code for role, client in cast.items()}
@@ -134,7 +134,7 @@ def test_who_sees_and_stops_a_waiting_run(bob, race, now, cast):
 
 
 @pytest.mark.parametrize("part", ["", "metrics/", "trace/"])
-def test_a_run_that_stands_on_a_public_board_is_public_and_others_are_not(bob, now, cast, part):
+def test_only_runs_on_a_public_board_are_public(bob, now, cast, part):
     race = a_race(now)
     worse = drive(race, bob, laps(12_000, 12_000, 12_000), now).evaluation
     best = drive(race, bob, laps(10_000, 10_000, 10_000), now).evaluation
@@ -143,7 +143,7 @@ def test_a_run_that_stands_on_a_public_board_is_public_and_others_are_not(bob, n
         assert read(cast[role], worse, part).status_code == status, role
 
 
-def test_an_evaluation_is_a_bounded_number_of_queries(bob, now, as_racer, django_assert_num_queries):
+def test_an_evaluation_needs_few_queries(bob, now, as_racer, django_assert_num_queries):
     evaluation, client = drive(a_race(now), bob, laps(10_000, 10_000, 10_000), now).evaluation, as_racer(None)
     with django_assert_num_queries(3):
         assert read(client, evaluation).status_code == 200
@@ -167,7 +167,7 @@ def duel(alice, bob, now, bell):
     return evaluation
 
 
-def test_every_car_of_a_race_has_its_result_and_its_files(alice, bob, duel, as_racer):
+def test_every_car_of_a_run_has_its_result_and_files(alice, bob, duel, as_racer):
     client = as_racer(bob)
     shown = read(client, duel).data
     (rival,) = shown["rivals"]
@@ -192,20 +192,20 @@ def test_every_car_of_a_race_has_its_result_and_its_files(alice, bob, duel, as_r
 
 
 @pytest.mark.parametrize("car", ["2", "-1", "x", "1.0", "9" * 30, "\u0661", ""])
-def test_a_car_that_is_not_in_the_race_is_refused_with_those_that_are(bob, duel, as_racer, car):
+def test_an_unknown_car_number_is_refused_naming_the_cars(bob, duel, as_racer, car):
     for part in ("trace", "metrics"):
         answer = read(as_racer(bob), duel, f"{part}/?car={car}")
         assert (answer.status_code, answer.json()["code"]) == (400, "car_number")
         assert answer.json()["params"] == {"car": car[:20], "known": "0, 1"}
 
 
-def test_a_course_is_empty_where_nothing_else_was_on_the_track(bob, now, as_racer):
+def test_the_layout_of_an_empty_track_is_empty(bob, now, as_racer):
     evaluation = drive(a_race(now), bob, laps(11_000), now).evaluation
     assert read(as_racer(bob), evaluation, "layout/").json() == {"boxes": [], "bots": []}
     assert read(as_racer(bob), evaluation).data["result"]["boxes"] == []
 
 
-def test_a_course_is_seen_by_who_sees_the_evaluation_and_not_before_its_end(alice, bob, now, duel, as_racer):
+def test_a_layout_is_visible_with_its_finished_evaluation(alice, bob, now, duel, as_racer):
     waiting = sent(bob, now).evaluation
     assert read(as_racer(bob), waiting, "layout/").status_code == 404
     assert read(as_racer(None), duel, "layout/").status_code == 404

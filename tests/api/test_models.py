@@ -31,7 +31,7 @@ def upload(client, **sent):
     return client.post(ADDRESS, sent, format="multipart")
 
 
-def test_a_model_is_uploaded_once_and_recognised_the_second_time(alice, as_racer):
+def test_a_model_uploaded_twice_is_recognised(alice, as_racer):
     client = as_racer(alice)
     first = upload(client, model=onnx_file(), metadata=metadata_file(), name="Bolt", description="Straight on.")
     assert first.status_code == 201, first.data
@@ -52,7 +52,7 @@ def test_a_model_is_uploaded_once_and_recognised_the_second_time(alice, as_racer
 
 
 @needs_shared
-def test_a_car_of_the_console_is_uploaded_as_it_is(alice, as_racer):
+def test_a_console_model_can_be_uploaded_as_it_is(alice, as_racer):
     with CONSOLE_CAR.open("rb") as file:
         answer = upload(as_racer(alice), package=file)
     assert answer.status_code == 201, answer.data
@@ -84,27 +84,27 @@ def test_a_refused_upload_says_why_and_stores_nothing(alice, as_racer, sent, cod
     assert not TrainedModel.objects.exists()
 
 
-def test_a_network_that_answers_nan_is_refused_at_the_upload(alice, as_racer):
+def test_a_network_that_outputs_nan_is_refused_on_upload(alice, as_racer):
     nan = constant_network((float("nan"), 0.0, 0.0))
     answer = upload(as_racer(alice), model=onnx_file(nan), metadata=metadata_file())
     assert answer.status_code == 400
     assert answer.data["code"] in ("non_finite_weights", "network_non_finite")
 
 
-def test_a_file_that_is_no_file_is_named_by_its_field(alice, as_racer):
+def test_a_value_that_is_not_a_file_is_named_by_its_field(alice, as_racer):
     answer = upload(as_racer(alice), package="not a file")
     assert (answer.status_code, answer.data["code"]) == (400, "invalid")
     assert set(answer.data["fields"]) == {"package"}
 
 
-def test_a_full_garage_refuses_before_it_reads(alice, as_racer, settings):
+def test_a_full_garage_refuses_an_upload_unread(alice, as_racer, settings):
     settings.MODELS_PER_RACER = 1
     a_model(alice)
     answer = upload(as_racer(alice), model=onnx_file(), metadata=metadata_file())
     assert (answer.status_code, answer.data["code"], answer.data["params"]) == (409, "garage_full", {"limit": 1})
 
 
-def test_uploads_are_counted_for_each_racer(alice, bob, as_racer, monkeypatch):
+def test_uploads_are_limited_per_racer(alice, bob, as_racer, monkeypatch):
     from rest_framework.throttling import ScopedRateThrottle
 
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "9/hour", "refused_upload": "2/hour"})
@@ -114,7 +114,7 @@ def test_uploads_are_counted_for_each_racer(alice, bob, as_racer, monkeypatch):
     assert upload(as_racer(bob)).status_code == 400, "others are not affected"
 
 
-def test_the_garage_comes_in_pages_newest_first(alice, bob, as_racer, django_assert_max_num_queries):
+def test_the_garage_is_paginated_newest_first(alice, bob, as_racer, django_assert_max_num_queries):
     mine = [a_model(alice) for _ in range(5)]
     a_model(bob)
     client = as_racer(alice)
@@ -133,7 +133,7 @@ def test_the_garage_comes_in_pages_newest_first(alice, bob, as_racer, django_ass
     assert len(client.get(ADDRESS, {"page_size": 1000}).data["results"]) == 5
 
 
-def test_a_name_and_a_description_can_be_changed_alone(alice, as_racer):
+def test_name_and_description_can_be_changed_separately(alice, as_racer):
     model = a_model(alice)
     client, address = as_racer(alice), f"{ADDRESS}{model.public_id}/"
     assert client.patch(address, {"description": "Faster."}).data["name"] == model.name
@@ -144,7 +144,7 @@ def test_a_name_and_a_description_can_be_changed_alone(alice, as_racer):
     assert (taken.status_code, taken.data["code"]) == (409, "model_name_taken")
 
 
-def test_a_deleted_model_is_gone(alice, as_racer):
+def test_a_deleted_model_is_not_found(alice, as_racer):
     model = a_model(alice)
     client, address = as_racer(alice), f"{ADDRESS}{model.public_id}/"
     assert client.delete(address).status_code == 204
@@ -154,7 +154,7 @@ def test_a_deleted_model_is_gone(alice, as_racer):
 
 
 @pytest.mark.parametrize("method", ["get", "patch", "delete"])
-def test_a_model_is_its_owners_alone(alice, cast, method):
+def test_only_its_owner_may_use_a_model(alice, cast, method):
     address = f"{ADDRESS}{a_model(alice).public_id}/"
     for role in ("member", "stranger", "admin"):
         assert getattr(cast[role], method)(address).status_code == 404, role
@@ -162,7 +162,7 @@ def test_a_model_is_its_owners_alone(alice, cast, method):
     assert getattr(cast["owner"], method)(address).status_code in (200, 204)
 
 
-def test_an_upload_says_what_was_taken_of_it(alice, as_racer):
+def test_an_upload_reports_what_was_used_of_it(alice, as_racer):
     [(name, folder)] = training_folder({4: small_car()}, b'{"best_checkpoint": {"name": "4_Step-90.ckpt"}}')
     file = SimpleUploadedFile(name, folder)
     answer = as_racer(alice).post("/api/v1/models/", {"package": file, "checkpoint": "last"}, format="multipart")
@@ -172,7 +172,7 @@ def test_an_upload_says_what_was_taken_of_it(alice, as_racer):
     assert "checksum.txt" in told["ignored"]
 
 
-def test_weights_beside_an_onnx_file_are_a_part_of_their_own(alice, as_racer):
+def test_weights_beside_an_onnx_file_are_uploaded_separately(alice, as_racer):
     (_, network), (_, data), (_, metadata) = outside({"location": "car.onnx.data"}, bytes(20))
     files = {
         "model": SimpleUploadedFile("car.onnx", network),

@@ -33,12 +33,12 @@ def at(alice, video_wakes, as_racer, trainings_taken_on):
     return lambda path: path.format(public_id=ids[path.split("/")[3]])
 
 
-def test_there_are_operations_that_answer_with_files():
+def test_some_operations_answer_with_files():
     assert {"application/zip", "text/csv", "video/mp4"} <= set().union(*FILES.values())
 
 
 @pytest.mark.parametrize("path", FILES)
-def test_a_file_may_be_asked_for_by_its_kind_and_in_every_usual_way(alice, as_racer, at, path):
+def test_a_file_is_served_for_every_usual_accept_header(alice, as_racer, at, path):
     (kind,) = FILES[path]
     for accept in (kind, "*/*", f"{kind.partition('/')[0]}/*", "application/json", f"text/html, {kind};q=0.5"):
         answer = as_racer(alice).get(at(path), headers={"Accept": accept})
@@ -48,7 +48,7 @@ def test_a_file_may_be_asked_for_by_its_kind_and_in_every_usual_way(alice, as_ra
 
 
 @pytest.mark.parametrize("accept", ["text/csv", "video/mp4", "application/zip", "application/json", "*/*", "no type"])
-def test_what_an_address_can_do_is_told_or_refused_but_never_breaks(alice, as_racer, accept):
+def test_an_options_request_never_fails(alice, as_racer, accept):
     client = as_racer(alice)
     for path in SCHEMA["paths"]:
         address = re.sub(r"{\w+}", "1", path)
@@ -60,7 +60,7 @@ def test_what_an_address_can_do_is_told_or_refused_but_never_breaks(alice, as_ra
 
 
 @pytest.mark.parametrize("path", FILES)
-def test_a_method_that_a_file_does_not_know_is_told_in_json(alice, as_racer, at, path):
+def test_a_method_unsupported_by_a_file_is_refused_in_json(alice, as_racer, at, path):
     (kind,) = FILES[path]
     for method in ("post", "delete", "put", "patch"):
         answer = getattr(as_racer(alice), method)(at(path), headers={"Accept": kind})

@@ -21,7 +21,7 @@ def told(alice, now) -> list[Notice]:
     return [one("a"), one("b"), one("c", hidden=True)]
 
 
-def test_notices_are_listed_in_the_readers_language_and_marked_as_read(alice, as_racer, told):
+def test_notices_are_listed_in_the_readers_language(alice, as_racer, told):
     client = as_racer(alice)
     rows = client.get(ADDRESS).data["results"]
     assert [row["text"] for row in rows] == ["Night race is open."] * 2
@@ -36,7 +36,7 @@ def test_notices_are_listed_in_the_readers_language_and_marked_as_read(alice, as
     assert client.post(f"{ADDRESS}read/").data == {"marked": 0}
 
 
-def test_notices_are_their_readers_alone(cast, told):
+def test_racers_see_only_their_own_notices(cast, told):
     for role, client in cast.items():
         expected = {"owner": 200, "anonymous": 401}.get(role, 404)
         assert client.post(f"{ADDRESS}{told[0].pk}/read/").status_code == expected, role
@@ -46,7 +46,7 @@ def test_notices_are_their_readers_alone(cast, told):
         assert cast["anonymous"].get(f"{ADDRESS}{path}").status_code == 401
 
 
-def test_what_is_told_is_chosen_field_by_field(alice, as_racer):
+def test_notice_settings_can_be_changed_one_by_one(alice, as_racer):
     client = as_racer(alice)
     assert client.get(f"{ADDRESS}settings/").data == {"site_off": [], "mail_off": ["result"], "language": "en"}
     chosen = client.patch(f"{ADDRESS}settings/", {"site_off": ["opens", "closes"]}).data
@@ -57,7 +57,7 @@ def test_what_is_told_is_chosen_field_by_field(alice, as_racer):
     assert NoticeChoice.objects.get().language == "ko"
 
 
-def test_a_racer_changes_country_and_team(alice, as_racer):
+def test_a_racer_can_change_country_and_team(alice, as_racer):
     client = as_racer(alice)
     assert client.patch("/api/v1/me/", {"country": "KR", "team": " Night shift "}).data["team"] == "Night shift"
     assert client.patch("/api/v1/me/", {"team": ""}).data["country"] == "KR"
@@ -69,7 +69,7 @@ def test_a_racer_changes_country_and_team(alice, as_racer):
     assert as_racer(None).patch("/api/v1/me/", {"team": ""}).status_code == 401
 
 
-def test_tokens_are_listed_and_revoked_by_their_racer_alone(alice, bob, as_racer):
+def test_racers_list_and_revoke_only_their_own_tokens(alice, bob, as_racer):
     client, other = as_racer(alice), as_racer(alice)
     rows = client.get("/api/v1/auth/tokens/").data["results"]
     assert [row["is_this_one"] for row in rows] == [False, True]

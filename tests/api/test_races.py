@@ -35,7 +35,7 @@ def slugs(answer) -> set[str]:
     return {row["slug"] for row in answer.data["results"]}
 
 
-def test_races_are_found_by_state_by_kind_and_by_whose_they_are(alice, bob, now, as_racer):
+def test_races_can_be_filtered_by_state_kind_and_organiser(alice, bob, now, as_racer):
     week = timedelta(days=7)
     a_race(now, slug="open")
     a_race(now, slug="league", kind=Kind.LEAGUE, division="open")
@@ -57,13 +57,13 @@ def test_races_are_found_by_state_by_kind_and_by_whose_they_are(alice, bob, now,
         assert anybody.get(f"{ADDRESS}{race['slug']}/").data["state"] == race["state"]
 
 
-def test_a_state_that_no_race_has_is_refused(db, as_racer):
+def test_an_unknown_state_is_refused(db, as_racer):
     answer = as_racer(None).get(ADDRESS, {"state": "finished"})
     assert (answer.status_code, answer.data["code"]) == (400, "invalid")
     assert set(answer.data["fields"]) == {"state"}
 
 
-def test_a_list_of_races_costs_the_same_however_many_there_are(alice, now, as_racer, django_assert_num_queries):
+def test_more_races_need_no_more_queries(alice, now, as_racer, django_assert_num_queries):
     client = as_racer(alice)
     for _ in range(2):
         a_race(now, organiser=alice)
@@ -75,7 +75,7 @@ def test_a_list_of_races_costs_the_same_however_many_there_are(alice, now, as_ra
         assert client.get(ADDRESS).data["count"] == 8
 
 
-def test_a_race_says_its_rules_in_plain_sentences(now, as_racer):
+def test_a_race_states_its_rules_in_plain_sentences(now, as_racer):
     race = a_race(now, laps=5, minimum_laps=3)
     shown = as_racer(None).get(f"{ADDRESS}{race.slug}/").data
     assert "3 consecutive complete laps" in shown["ranking_rule"]
@@ -83,13 +83,13 @@ def test_a_race_says_its_rules_in_plain_sentences(now, as_racer):
     assert shown["track"] == {"slug": "oval", "name": "Paddock Oval", "length_m": race.track.length_m}
 
 
-def test_sentences_follow_the_language_that_is_asked_for(now, as_racer):
+def test_sentences_are_in_the_requested_language(now, as_racer):
     race = a_race(now)
     answer = as_racer(None).get(f"{ADDRESS}{race.slug}/", headers={"Accept-Language": "ko"})
     assert answer["Content-Language"] == "ko"
 
 
-def test_a_racer_makes_a_race_with_sensible_defaults(alice, oval, now, as_racer):
+def test_a_race_is_created_with_sensible_defaults(alice, oval, now, as_racer):
     answer = as_racer(alice).post(ADDRESS, new_race(now))
     assert answer.status_code == 201, answer.data
     assert (answer.data["slug"], answer.data["organiser"], answer.data["kind"]) == (
@@ -120,7 +120,7 @@ def test_a_racer_makes_a_race_with_sensible_defaults(alice, oval, now, as_racer)
         ({"closes_at": "2020-01-01T00:00:00Z"}, "closes_at"),
     ],
 )
-def test_a_race_that_makes_no_sense_is_refused_on_the_field_to_change(alice, oval, now, as_racer, fields, wrong):
+def test_an_invalid_race_is_refused_on_the_field_to_change(alice, oval, now, as_racer, fields, wrong):
     answer = as_racer(alice).post(ADDRESS, new_race(now, **fields))
     assert answer.status_code == 400
     assert wrong in answer.data["fields"]
@@ -128,7 +128,7 @@ def test_a_race_that_makes_no_sense_is_refused_on_the_field_to_change(alice, ova
     assert not Race.objects.exists()
 
 
-def test_a_racer_holds_a_bounded_number_of_races(alice, oval, now, as_racer, settings):
+def test_a_racer_has_a_limited_number_of_races(alice, oval, now, as_racer, settings):
     settings.RACES_PER_RACER = 1
     client = as_racer(alice)
     client.post(ADDRESS, new_race(now))
@@ -136,7 +136,7 @@ def test_a_racer_holds_a_bounded_number_of_races(alice, oval, now, as_racer, set
     assert (answer.status_code, answer.data["code"]) == (409, "race_limit")
 
 
-def test_rules_change_until_the_first_car_is_sent(alice, bob, now, as_racer):
+def test_rules_can_change_until_the_first_car_is_sent(alice, bob, now, as_racer):
     race = a_race(now, organiser=alice)
     client, address = as_racer(alice), f"{ADDRESS}{race.slug}/"
     assert client.patch(address, {"laps": 4, "description": "Come!"}).data["laps"] == 4
@@ -147,7 +147,7 @@ def test_rules_change_until_the_first_car_is_sent(alice, bob, now, as_racer):
     assert client.patch(address, {"description": "Still open."}).status_code == 200
 
 
-def test_a_cancelled_race_says_why(alice, now, as_racer):
+def test_a_cancelled_race_gives_its_reason(alice, now, as_racer):
     race = a_race(now, organiser=alice)
     client, address = as_racer(alice), f"{ADDRESS}{race.slug}/cancel/"
     silent = client.post(address, {"reason": " "})
@@ -158,7 +158,7 @@ def test_a_cancelled_race_says_why(alice, now, as_racer):
     assert (again.status_code, again.data["code"]) == (409, "race_cancelled")
 
 
-def test_an_invitation_lets_in_until_it_is_reset(alice, bob, charlie, now, as_racer):
+def test_an_invitation_works_until_it_is_reset(alice, bob, charlie, now, as_racer):
     race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
     hers, his, another = as_racer(alice), as_racer(bob), as_racer(charlie)
     secret = hers.get(f"{ADDRESS}{race.slug}/").data["invitation"]
@@ -174,7 +174,7 @@ def test_an_invitation_lets_in_until_it_is_reset(alice, bob, charlie, now, as_ra
     assert another.post(f"/api/v1/invitations/{renewed}/").status_code == 200
 
 
-def test_who_may_see_and_change_a_race_by_invitation(alice, bob, now, cast):
+def test_an_invitation_race_is_limited_to_its_members(alice, bob, now, cast):
     race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
     address = f"{ADDRESS}{race.slug}/"
     cast["member"].post(f"/api/v1/invitations/{race.invitation}/")
@@ -198,7 +198,7 @@ def test_who_may_see_and_change_a_race_by_invitation(alice, bob, now, cast):
 BOXES = [{"fraction": 0.6, "lane": "outer"}, {"fraction": 0.25, "lane": "inner"}]
 
 
-def test_a_race_with_boxes_is_made_and_read_with_every_box_where_it_stands(alice, now, as_racer):
+def test_a_race_keeps_the_place_of_every_box(alice, now, as_racer):
     a_track()
     client = as_racer(alice)
     made = client.post(ADDRESS, new_race(now, race_type="object_avoidance", boxes=BOXES))
@@ -210,7 +210,7 @@ def test_a_race_with_boxes_is_made_and_read_with_every_box_where_it_stands(alice
     assert read["random_boxes"] == 0 and read["opponents"] == ""
 
 
-def test_drawn_boxes_bots_and_duels_are_made_and_told(alice, now, as_racer):
+def test_races_with_drawn_boxes_bots_and_duels_are_created(alice, now, as_racer):
     a_track()
     client = as_racer(alice)
     kinds = (
@@ -250,7 +250,7 @@ def test_drawn_boxes_bots_and_duels_are_made_and_told(alice, now, as_racer):
         ),
     ],
 )
-def test_a_course_that_makes_no_sense_is_refused_by_its_own_code(alice, now, as_racer, fields, field, code):
+def test_an_invalid_layout_is_refused_with_its_own_code(alice, now, as_racer, fields, field, code):
     a_track()
     answer = as_racer(alice).post(ADDRESS, new_race(now, **fields))
     assert answer.status_code == 400
@@ -259,13 +259,13 @@ def test_a_course_that_makes_no_sense_is_refused_by_its_own_code(alice, now, as_
 
 
 @pytest.mark.parametrize("boxes", ["many", [1], [{"fraction": 0.5}], [{"fraction": "x", "lane": "inner"}], [BOXES]])
-def test_boxes_that_are_no_places_are_refused(alice, now, as_racer, boxes):
+def test_malformed_boxes_are_refused(alice, now, as_racer, boxes):
     a_track()
     answer = as_racer(alice).post(ADDRESS, new_race(now, race_type="object_avoidance", boxes=boxes))
     assert answer.status_code == 400 and all(field.startswith("boxes") for field in answer.data["fields"])
 
 
-def test_an_organiser_turns_a_time_trial_into_object_avoidance_and_moves_a_box(alice, now, as_racer):
+def test_a_time_trial_can_become_object_avoidance(alice, now, as_racer):
     client, race = as_racer(alice), a_race(now, slug="mine", organiser=alice)
     path = f"{ADDRESS}{race.slug}/"
     assert client.patch(path, {"race_type": "object_avoidance"}).status_code == 400
@@ -275,7 +275,7 @@ def test_an_organiser_turns_a_time_trial_into_object_avoidance_and_moves_a_box(a
     assert moved.data["placed_boxes"][0]["fraction"] == 0.4
 
 
-def test_a_change_may_say_which_state_of_the_race_it_is_meant_for(alice, now, as_racer):
+def test_a_change_meant_for_an_older_edition_is_refused(alice, now, as_racer):
     client, race = as_racer(alice), a_race(now, organiser=alice)
     address = f"/api/v1/races/{race.slug}/"
     seen = client.get(address).data["edition"]

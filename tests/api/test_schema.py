@@ -20,13 +20,13 @@ def schema() -> dict:
     return SchemaGenerator().get_schema(request=None, public=True)
 
 
-def test_the_schema_is_valid_and_written_without_a_warning(tmp_path):
+def test_the_schema_is_valid_and_generated_without_warnings(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         call_command("spectacular", "--validate", "--fail-on-warn", "--file", str(tmp_path / "schema.yml"))
 
 
-def test_every_address_and_method_is_described(schema):
+def test_every_path_and_method_is_described(schema):
     described = {(path, method) for path, item in schema["paths"].items() for method in item}
     offered = {
         ("/api/v1/" + re.sub(r"<\w+:(\w+)>", r"{\1}", str(route.pattern)), method)
@@ -50,11 +50,11 @@ def test_every_operation_says_what_it_does_and_how_it_fails(schema):
                 assert {"400", "401", "429"} <= set(operation["responses"]), where
 
 
-def test_no_name_in_the_schema_is_made_of_a_number(schema):
+def test_no_schema_name_contains_a_number(schema):
     assert not [name for name in schema["components"]["schemas"] if re.search(r"\d|Output|Input", name)]
 
 
-def test_statuses_are_given_to_reason_codes_that_exist():
+def test_every_code_with_a_status_exists():
     assert set(STATUS_OF) <= set(REASONS)
 
 
@@ -64,7 +64,7 @@ def test_the_schema_is_public(client, db):
     assert answer.json()["info"]["title"] == "Paddock"
 
 
-def test_the_reference_page_shows_every_operation_and_loads_nothing_from_elsewhere(client, db):
+def test_the_reference_page_loads_nothing_from_other_sites(client, db):
     answer = client.get("/api/docs/")
     assert answer.status_code == 200
     page = answer.content.decode()

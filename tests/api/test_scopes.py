@@ -46,7 +46,7 @@ def refused(client: APIClient, method: str, path: str) -> str:
 
 
 @pytest.mark.parametrize("scope", SCOPES)
-def test_a_token_of_one_scope_does_what_needs_that_scope_and_nothing_else(alice, operations, monkeypatch, scope):
+def test_a_token_of_one_scope_can_do_nothing_else(alice, operations, monkeypatch, scope):
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "9999/hour", "write": "9999/hour"})
     monkeypatch.setattr("config.api.views._authenticate", lambda *said: alice)
     client = client_with(alice, scope)
@@ -82,14 +82,14 @@ def test_reading_needs_read_and_writing_does_not(operations):
         assert reads == (method == "get"), f"{method} {path}"
 
 
-def test_public_pages_are_read_without_any_token_and_a_session_needs_no_scope(alice):
+def test_public_reads_and_sessions_need_no_scope(alice):
     assert APIClient().get("/api/v1/races/").status_code == 200
     client = APIClient()
     client.force_login(alice)
     assert client.get("/api/v1/me/").status_code == 200
 
 
-def test_a_program_asks_for_less_and_for_shorter(alice):
+def test_a_token_can_be_requested_with_fewer_scopes_and_days(alice):
     said = {"login": "alice", "password": "correct horse battery"}
     answer = APIClient().post("/api/v1/auth/token/", said | {"scopes": ["race"], "days": 1})
     assert answer.data["scopes"] == ["race"]
@@ -99,7 +99,7 @@ def test_a_program_asks_for_less_and_for_shorter(alice):
     assert APIClient().post("/api/v1/auth/token/", said).data["scopes"] == [*SCOPES]
 
 
-def test_the_list_says_what_each_token_may_until_when_and_when_it_was_used(alice):
+def test_the_list_shows_scopes_expiry_and_last_use_of_tokens(alice):
     AuthToken.objects.create(user=alice)
     first, old = client_with(alice, "read").get("/api/v1/auth/tokens/").data["results"]
     assert (first["scopes"], first["is_this_one"]) == (["read"], True)
@@ -107,7 +107,7 @@ def test_the_list_says_what_each_token_may_until_when_and_when_it_was_used(alice
     assert (old["scopes"], old["expires_at"], old["last_used_at"]) == ([*SCOPES], None, None)
 
 
-def test_a_token_that_only_reads_is_not_told_what_signs_a_webhook(alice):
+def test_a_read_only_token_does_not_get_webhook_secrets(alice):
     hook = add_webhook(owner=alice, url="https://example.org/hook")
     for path in ("/api/v1/webhooks/", f"/api/v1/webhooks/{hook.pk}/"):
         assert hook.secret not in client_with(alice, "read").get(path).content.decode()

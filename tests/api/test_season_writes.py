@@ -34,7 +34,7 @@ def a_race_of(**fields) -> dict:
 
 
 @pytest.mark.parametrize("role", OUTSIDERS)
-def test_only_admins_write_about_the_league(cast, role):
+def test_only_admins_write_to_the_league(cast, role):
     season = a_season()
     writes = [
         ("post", "/api/v1/seasons/", NEW),
@@ -48,14 +48,14 @@ def test_only_admins_write_about_the_league(cast, role):
     assert (Season.objects.count(), Race.objects.count(), LogEntry.objects.count()) == (1, 0, 0)
 
 
-def test_staff_needs_the_permission_too(as_racer):
+def test_staff_need_the_permission_too(as_racer):
     clerk = Racer.objects.create_user("clerk", "clerk@example.org", is_staff=True)
     assert as_racer(clerk).post("/api/v1/seasons/", NEW).status_code == 403
     clerk.user_permissions.add(Permission.objects.get(codename="add_season"))
     assert as_racer(clerk).post("/api/v1/seasons/", NEW).status_code == 201
 
 
-def test_an_admin_makes_a_season_with_rules_and_rounds(cast):
+def test_an_admin_creates_a_season_with_rules_and_rounds(cast):
     admin = cast["admin"]
     made = admin.post("/api/v1/seasons/", NEW | {"points": [10, 5], "promotion_percent": "20.0"})
     assert (made.status_code, made.data["points"], made.data["races"]) == (201, [10, 5], 0)
@@ -72,7 +72,7 @@ def test_an_admin_makes_a_season_with_rules_and_rounds(cast):
     assert LogEntry.objects.filter(change_message__contains="through the API").count() == 3
 
 
-def test_a_league_race_of_its_own_needs_no_season(cast):
+def test_a_single_league_race_needs_no_season(cast):
     made = cast["admin"].post("/api/v1/races/", a_race_of(division="all"))
     assert (made.status_code, made.data["kind"], made.data["division"]) == (201, "league", "all")
     assert made.data["organiser"] is None
@@ -88,7 +88,7 @@ def test_a_league_race_of_its_own_needs_no_season(cast):
         ({"edition": "x"}, "edition", "unknown_field"),
     ],
 )
-def test_a_season_that_cannot_be_is_refused_on_its_field(cast, changes, field, code):
+def test_an_invalid_season_is_refused_on_its_field(cast, changes, field, code):
     answer = cast["admin"].post("/api/v1/seasons/", NEW | changes)
     assert answer.status_code == 400, answer.data
     assert field in answer.data["fields"], answer.data
@@ -97,7 +97,7 @@ def test_a_season_that_cannot_be_is_refused_on_its_field(cast, changes, field, c
     assert not Season.objects.exists()
 
 
-def test_a_season_is_changed_unless_somebody_else_was_there_first(cast):
+def test_a_stale_change_of_a_season_is_refused(cast):
     season = a_season()
     path = f"/api/v1/seasons/{season.slug}/"
     edition = cast["admin"].get(path).data["edition"]
@@ -109,7 +109,7 @@ def test_a_season_is_changed_unless_somebody_else_was_there_first(cast):
     assert season.prizes == "A cup."
 
 
-def test_what_made_official_results_is_fixed(cast):
+def test_settings_behind_official_results_are_fixed(cast):
     season = a_season()
     january = a_round(season, 1, "open-qualifier")
     close_round(round=january, now=after(january))
@@ -131,7 +131,7 @@ def test_what_made_official_results_is_fixed(cast):
         {"track": "nothing"},
     ],
 )
-def test_a_round_that_cannot_be_is_refused_and_makes_no_race(cast, body):
+def test_an_invalid_round_is_refused_and_creates_no_race(cast, body):
     season = a_season()
     sent = a_race_of(number=1, stage="open-qualifier") | body
     answer = cast["admin"].post(f"/api/v1/seasons/{season.slug}/rounds/", sent)
@@ -139,7 +139,7 @@ def test_a_round_that_cannot_be_is_refused_and_makes_no_race(cast, body):
     assert not Race.objects.exists()
 
 
-def test_one_stage_of_a_round_is_raced_once(cast):
+def test_a_stage_of_a_round_has_only_one_race(cast):
     season = a_season()
     path = f"/api/v1/seasons/{season.slug}/rounds/"
     assert cast["admin"].post(path, a_race_of(number=1, stage="pro-qualifier")).status_code == 201
@@ -148,7 +148,7 @@ def test_one_stage_of_a_round_is_raced_once(cast):
     assert Round.objects.count() == Race.objects.count() == 1
 
 
-def test_addresses_of_nothing_are_not_found(cast, now):
+def test_unknown_seasons_and_rounds_are_not_found(cast, now):
     a_race(now)
     assert cast["admin"].patch("/api/v1/seasons/nothing/", {"name": "X"}).status_code == 404
     assert cast["admin"].post("/api/v1/seasons/nothing/rounds/", {}).status_code == 404

@@ -44,7 +44,7 @@ def get(client, path: str = "", **query):
     return client.get(f"/api/v1/seasons/2027/{path}", query)
 
 
-def test_all_seasons_are_listed_the_latest_first(season, as_racer):
+def test_seasons_are_listed_latest_first(season, as_racer):
     answer = as_racer(None).get("/api/v1/seasons/").data
     assert (answer["count"], answer["pages"]) == (1, 1)
     assert dict(answer["results"][0]) == {
@@ -57,7 +57,7 @@ def test_all_seasons_are_listed_the_latest_first(season, as_racer):
     }
 
 
-def test_a_season_tells_its_settings_and_what_they_mean(season, as_racer):
+def test_a_season_lists_its_settings_and_explains_them(season, as_racer):
     shown = get(as_racer(None)).data
     settings = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst", "prizes")
     assert [shown[name] for name in settings] == [20.0, 3, 2, [10, 6, 3, 1], 1, "A cup."]
@@ -69,7 +69,7 @@ def test_a_season_tells_its_settings_and_what_they_mean(season, as_racer):
     assert shown["divisions"] == ["pro", "open"]
 
 
-def test_rounds_are_told_with_their_state_and_their_leader(season, as_racer):
+def test_rounds_are_listed_with_state_and_leader(season, as_racer):
     answer = get(as_racer(None), "rounds/").data
     assert [(one["number"], one["stage"]) for one in answer["results"]] == [
         (1, "open-qualifier"),
@@ -88,7 +88,7 @@ def test_rounds_are_told_with_their_state_and_their_leader(season, as_racer):
     assert (page["page"], page["pages"], len(page["results"])) == (2, 2, 1)
 
 
-def test_standings_of_racers_countries_and_teams_come_in_pages(season, as_racer):
+def test_standings_are_paginated(season, as_racer):
     client = as_racer(None)
     racers = get(client, "standings/", division="open").data
     assert [(one["place"], one["name"], one["country"], one["points"]) for one in racers["results"]] == [
@@ -110,7 +110,7 @@ def test_standings_of_racers_countries_and_teams_come_in_pages(season, as_racer)
     assert (second["pages"], [one["place"] for one in second["results"]]) == (2, [4])
 
 
-def test_a_racer_s_season_tells_every_round_and_what_came_of_it(season, as_racer):
+def test_a_racers_season_lists_every_round_and_its_outcome(season, as_racer):
     shown = get(as_racer(None), "racers/Driver-2/").data
     assert (shown["racer"], shown["division"], shown["qualified_in"]) == ("driver-2", "pro", None)
     (row,) = shown["rounds"]
@@ -132,19 +132,19 @@ def test_a_racer_s_season_tells_every_round_and_what_came_of_it(season, as_racer
         ("racers/nobody/", {}, 404, "not_found"),
     ],
 )
-def test_what_is_not_there_is_said(season, as_racer, path, query, status, code):
+def test_unknown_seasons_and_racers_are_not_found(season, as_racer, path, query, status, code):
     answer = get(as_racer(None), path, **query)
     assert (answer.status_code, answer.data["code"]) == (status, code)
     assert as_racer(None).get(f"/api/v1/seasons/1999/{path}").status_code == 404
     assert as_racer(None).post("/api/v1/seasons/", {}).status_code == 401
 
 
-def test_a_racer_who_left_has_no_season_any_more(season, as_racer):
+def test_a_racer_who_left_has_no_season(season, as_racer):
     Racer.objects.filter(alias="driver-5").update(is_active=False)
     assert get(as_racer(None), "racers/driver-5/").status_code == 404
 
 
-def test_each_page_costs_the_same_however_many_race(season, as_racer, django_assert_max_num_queries):
+def test_more_racers_need_no_more_queries(season, as_racer, django_assert_max_num_queries):
     client = as_racer(None)
     board(season.rounds.get(number=2).race, [a_racer() for _ in range(40)])
     february = season.rounds.get(number=2)

@@ -33,7 +33,7 @@ def shared(alice):
     return model
 
 
-def test_a_model_is_shared_and_kept_again(alice, cast):
+def test_a_model_is_shared_and_unshared(alice, cast):
     model = a_model(alice)
     owner = cast["owner"]
     assert owner.get(at(model)).data["shared"] is False
@@ -48,14 +48,14 @@ def test_a_model_is_shared_and_kept_again(alice, cast):
 
 
 @pytest.mark.parametrize("method", ["patch", "delete"])
-def test_a_shared_model_is_still_changed_by_its_owner_alone(shared, cast, method):
+def test_only_its_owner_changes_a_shared_model(shared, cast, method):
     for role in ("member", "stranger", "admin"):
         assert getattr(cast[role], method)(at(shared)).status_code == 404, role
     assert getattr(cast["anonymous"], method)(at(shared)).status_code == 401
 
 
 @pytest.mark.parametrize("value", ["perhaps", [], {}, 7])
-def test_what_is_no_yes_or_no_is_refused(alice, cast, value):
+def test_a_value_that_is_not_boolean_is_refused(alice, cast, value):
     model = a_model(alice)
     answer = cast["owner"].patch(at(model), {"shared": value}, format="json")
     assert (answer.status_code, set(answer.data["fields"])) == (400, {"shared"})
@@ -63,14 +63,14 @@ def test_what_is_no_yes_or_no_is_refused(alice, cast, value):
     assert model.shared_at is None
 
 
-def test_a_name_that_is_taken_shares_nothing(alice, cast):
+def test_a_refused_rename_does_not_share_the_model(alice, cast):
     model, other = a_model(alice), a_model(alice)
     assert cast["owner"].patch(at(model), {"name": other.name, "shared": True}).status_code == 409
     model.refresh_from_db()
     assert model.shared_at is None
 
 
-def test_the_garage_is_filtered_by_what_is_shared(alice, shared, cast):
+def test_the_garage_can_be_filtered_by_sharing(alice, shared, cast):
     kept = a_model(alice)
     names = {
         asked: {row["name"] for row in cast["owner"].get(ADDRESS, {"shared": asked}).data["results"]}
@@ -82,7 +82,7 @@ def test_the_garage_is_filtered_by_what_is_shared(alice, shared, cast):
     assert cast["stranger"].get(ADDRESS, {"shared": "true"}).data["count"] == 0, "the garage is one's own"
 
 
-def test_shared_models_are_listed_for_everybody_in_pages(alice, bob, shared, cast, django_assert_max_num_queries):
+def test_shared_models_are_listed_in_pages(alice, bob, shared, cast, django_assert_max_num_queries):
     later = a_model(bob, name="Thunder")
     share_model(model=later, now=timezone.now() + timedelta(hours=1))
     a_model(bob)
@@ -96,7 +96,7 @@ def test_shared_models_are_listed_for_everybody_in_pages(alice, bob, shared, cas
     assert cast["anonymous"].get(f"{ADDRESS}shared/").status_code == 401
 
 
-def test_a_model_is_downloaded_as_a_package_by_whoever_sees_it(alice, shared, cast):
+def test_a_visible_model_can_be_downloaded_as_a_package(alice, shared, cast):
     answer = cast["stranger"].get(f"{at(shared)}package/")
     assert (answer.status_code, answer["Content-Type"]) == (200, "application/zip")
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
@@ -107,7 +107,7 @@ def test_a_model_is_downloaded_as_a_package_by_whoever_sees_it(alice, shared, ca
     assert found == {"owner": 200, "member": 404, "stranger": 404, "admin": 404, "anonymous": 401}
 
 
-def test_another_s_shared_model_is_submitted_to_no_race(shared, cast):
+def test_a_shared_model_of_another_cannot_be_submitted(shared, cast):
     race = a_race(timezone.now())
     answer = cast["stranger"].post(f"/api/v1/races/{race.slug}/submissions/", {"model": shared.public_id})
     assert (answer.status_code, answer.data["code"]) == (403, "model_not_yours")
@@ -122,7 +122,7 @@ class TestTraining:
         sent = {"name": "mine-now", "track": a_track().slug, "reward_code": REWARD, "clone_from": model.public_id}
         return client.post("/api/v1/trainings/", sent)
 
-    def test_begins_with_a_shared_model_and_its_action_space(self, shared, cast, charlie):
+    def test_a_training_starts_from_a_shared_model(self, shared, cast, charlie):
         Network.objects.filter(pk=shared.network_id).update(parameters=Layout.of(shared.metadata).parameters)
         answer = self.begin(cast["stranger"], shared)
         assert answer.status_code == 201, answer.data
@@ -130,11 +130,11 @@ class TestTraining:
         assert len(answer.data["action_space"]) == 3
         assert TrainingJob.objects.get().owner == charlie
 
-    def test_is_refused_once_it_is_not_shared(self, shared, cast):
+    def test_a_training_from_an_unshared_model_is_refused(self, shared, cast):
         cast["owner"].patch(at(shared), {"shared": False})
         answer = self.begin(cast["stranger"], shared)
         assert (answer.status_code, answer.data["code"]) == (403, "clone_not_yours")
 
-    def test_is_refused_from_a_network_of_another_build(self, shared, cast):
+    def test_a_training_from_an_unknown_network_layout_is_refused(self, shared, cast):
         answer = self.begin(cast["stranger"], shared)
         assert (answer.status_code, answer.data["code"]) == (400, "clone_not_ours")

@@ -20,7 +20,7 @@ def three_an_hour(monkeypatch):
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "3/hour", "write": "3/hour"})
 
 
-def test_writing_is_limited_for_each_racer_and_reading_is_not(alice, bob, as_racer):
+def test_only_writing_is_limited_per_racer(alice, bob, as_racer):
     hers, his = as_racer(alice), as_racer(bob)
     answers = [hers.post("/api/v1/races/", {}) for _ in range(4)]
     assert [answer.status_code for answer in answers] == [400, 400, 400, 429]
@@ -30,13 +30,13 @@ def test_writing_is_limited_for_each_racer_and_reading_is_not(alice, bob, as_rac
     assert his.post("/api/v1/races/", {}).status_code == 400
 
 
-def test_another_token_is_no_second_budget(alice, as_racer):
+def test_a_second_token_gives_no_second_allowance(alice, as_racer):
     for _ in range(3):
         as_racer(alice).post("/api/v1/races/", {})
     assert as_racer(alice).post("/api/v1/races/", {}).status_code == 429
 
 
-def test_who_is_not_logged_in_is_told_so_and_not_counted(db):
+def test_a_request_without_a_log_in_is_refused_and_not_counted(db):
     answers = [APIClient().post("/api/v1/races/", {}) for _ in range(5)]
     assert {answer.status_code for answer in answers} == {401}
 
@@ -46,7 +46,7 @@ def named_network(name: str) -> bytes:
     return network(weights={"bias": np.full(5, zlib.crc32(name.encode()) % 1000, np.float32)}).SerializeToString()
 
 
-def test_refused_uploads_use_up_an_allowance_of_their_own(alice, as_racer, monkeypatch):
+def test_refused_uploads_have_their_own_allowance(alice, as_racer, monkeypatch):
     rates = {"upload": "2/hour", "refused_upload": "4/hour", "write": "3/hour"}
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", rates)
     client = as_racer(alice)
@@ -62,7 +62,7 @@ def test_refused_uploads_use_up_an_allowance_of_their_own(alice, as_racer, monke
     assert send(model=io.BytesIO(network), metadata=io.BytesIO(metadata)) == 429, "good ones count as before"
 
 
-def test_refused_uploads_have_an_end_too(alice, as_racer, monkeypatch):
+def test_refused_uploads_are_limited_too(alice, as_racer, monkeypatch):
     rates = {"upload": "9/hour", "refused_upload": "2/hour", "write": "9/hour"}
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", rates)
     sent = [

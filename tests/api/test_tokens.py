@@ -18,7 +18,7 @@ def log_in(login: str, password: str = PASSWORD):
 
 
 @pytest.mark.parametrize("login", ["alice", "ALICE", "alice@example.org", "Alice@example.org"])
-def test_a_racer_gets_a_token_by_alias_or_address(alice, login):
+def test_a_racer_gets_a_token_by_alias_or_email(alice, login):
     answer = log_in(login)
     assert answer.status_code == 201
     assert answer.data["alias"] == "alice"
@@ -32,7 +32,7 @@ def test_only_a_hash_of_the_token_is_stored(alice):
     assert token not in (row.digest, row.token_key)
 
 
-def test_a_wrong_password_and_an_unknown_racer_read_the_same(alice):
+def test_a_wrong_password_and_an_unknown_racer_look_the_same(alice):
     wrong, unknown = log_in("alice", "guess"), log_in("nobody", "guess")
     assert wrong.status_code == unknown.status_code == 400
     assert wrong.data == unknown.data
@@ -45,7 +45,7 @@ def test_an_inactive_racer_gets_no_token(alice):
     assert log_in("alice").data["code"] == "wrong_credentials"
 
 
-def test_guessing_passwords_is_stopped_and_the_right_one_is_no_longer_told_apart(alice):
+def test_guessing_passwords_is_stopped(alice):
     codes = [log_in("alice", f"guess {n}").status_code for n in range(6)]
     assert codes[-1] == 429
     refused = log_in("alice")
@@ -54,13 +54,13 @@ def test_guessing_passwords_is_stopped_and_the_right_one_is_no_longer_told_apart
     assert refused.data["params"]["wait_s"] == int(refused["Retry-After"]) > 0
 
 
-def test_an_unverified_address_gets_no_token_where_the_site_demands_a_verified_one(alice, settings):
+def test_an_unverified_address_gets_no_token_if_one_is_required(alice, settings):
     settings.ACCOUNT_EMAIL_VERIFICATION = "mandatory"
     answer = log_in("alice")
     assert (answer.status_code, answer.data["code"]) == (403, "email_unverified")
 
 
-def test_logging_out_voids_this_token_and_no_other(alice):
+def test_logging_out_revokes_only_this_token(alice):
     first, second = log_in("alice").data["token"], log_in("alice").data["token"]
     client = APIClient()
     client.credentials(HTTP_AUTHORIZATION=f"Token {first}")
@@ -70,27 +70,27 @@ def test_logging_out_voids_this_token_and_no_other(alice):
     assert client.get("/api/v1/me/").status_code == 200
 
 
-def test_a_session_has_no_token_to_give_back(alice):
+def test_a_session_has_no_token_to_revoke(alice):
     client = APIClient()
     client.force_login(alice)
     assert client.delete("/api/v1/auth/token/").data["code"] == "no_token"
 
 
-def test_a_racer_keeps_a_bounded_number_of_tokens(alice):
+def test_a_racer_has_a_limited_number_of_tokens(alice):
     for _ in range(TOKENS_PER_RACER):
         AuthToken.objects.create(user=alice)
     answer = log_in("alice")
     assert (answer.status_code, answer.data["code"]) == (409, "too_many_tokens")
 
 
-def test_an_old_token_does_not_stop_a_new_log_in(alice):
+def test_an_invalid_token_does_not_prevent_a_new_log_in(alice):
     client = APIClient()
     client.credentials(HTTP_AUTHORIZATION="Token long-gone")
     assert client.post("/api/v1/auth/token/", {"login": "alice", "password": PASSWORD}).status_code == 201
 
 
 @pytest.mark.parametrize("header", ["Token nonsense", "Token \xe9\xff", "Token", "Token a b", "Token " + "x" * 5000])
-def test_a_bad_token_is_refused_in_the_error_form(alice, header):
+def test_an_invalid_token_is_refused_in_the_error_format(alice, header):
     answer = Client().get("/api/v1/me/", headers={"Authorization": header})
     assert answer.status_code == 401
     assert answer["WWW-Authenticate"] == "Token"
@@ -98,7 +98,7 @@ def test_a_bad_token_is_refused_in_the_error_form(alice, header):
     assert answer.json()["fault"] == "user"
 
 
-def test_a_session_reads_but_writes_only_with_its_csrf_token(alice):
+def test_a_session_writes_only_with_its_csrf_token(alice):
     client = APIClient(enforce_csrf_checks=True)
     client.force_login(alice)
     assert client.get("/api/v1/me/").status_code == 200

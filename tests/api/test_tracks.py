@@ -20,14 +20,14 @@ def npy(data: bytes) -> SimpleUploadedFile:
     return SimpleUploadedFile("track.npy", data)
 
 
-def test_everybody_reads_every_track(oval, cast):
+def test_every_track_is_public(oval, cast):
     for client in cast.values():
         assert [row["slug"] for row in client.get(ADDRESS).data["results"]] == ["oval"]
         assert client.get(f"{ADDRESS}oval/").data["name"] == "Paddock Oval"
         assert client.get(f"{ADDRESS}no-such-track/").status_code == 404
 
 
-def test_a_list_of_tracks_is_a_handful_of_queries_and_carries_no_points(db, as_racer, django_assert_max_num_queries):
+def test_a_list_of_tracks_needs_few_queries_and_has_no_points(db, as_racer, django_assert_max_num_queries):
     for slug in ("oval", "baja-turnpike", "kuei-raceway"):
         track_row(slug)
     with django_assert_max_num_queries(2):
@@ -36,14 +36,14 @@ def test_a_list_of_tracks_is_a_handful_of_queries_and_carries_no_points(db, as_r
     assert "centre" not in rows[0]
 
 
-def test_a_track_carries_its_points_exactly(oval, as_racer):
+def test_a_track_includes_its_exact_points(oval, as_racer):
     shown = as_racer(None).get(f"{ADDRESS}oval/").json()
     for line in ("centre", "inner", "outer"):
         assert np.array_equal(np.array(shown[line]), getattr(oval.geometry, line))
     assert shown["length_m"] == oval.length_m
 
 
-def test_a_racer_imports_a_track_and_nobody_imports_it_twice(alice, bob, oval, as_racer):
+def test_a_track_can_be_imported_only_once(alice, bob, oval, as_racer):
     moved = oval.geometry.centre + 5.0
     rows = np.hstack([moved, oval.geometry.inner + 5.0, oval.geometry.outer + 5.0])
     file = io.BytesIO()
@@ -60,7 +60,7 @@ def test_a_racer_imports_a_track_and_nobody_imports_it_twice(alice, bob, oval, a
 
 
 @needs_shared
-def test_the_straight_track_of_the_community_is_refused_for_being_open(alice, as_racer):
+def test_the_communitys_straight_track_is_refused_as_open(alice, as_racer):
     straight = SHARED / "tracks" / "Straight_track.npy"
     if not straight.exists():
         straight = next((SHARED / "tracks").glob("*traight*.npy"))
@@ -83,6 +83,6 @@ def test_a_refused_track_says_why(alice, oval, as_racer, data, name, code):
     assert (answer.status_code, answer.data["code"]) == (400, code)
 
 
-def test_only_racers_import(oval, as_racer):
+def test_importing_needs_a_log_in(oval, as_racer):
     answer = as_racer(None).post(ADDRESS, {"file": npy(b"x"), "name": "Track"}, format="multipart")
     assert (answer.status_code, answer.data["code"]) == (401, "not_authenticated")

@@ -29,7 +29,7 @@ def address(job: TrainingJob, part: str = "") -> str:
     return f"/api/v1/trainings/{job.public_id}/{part}"
 
 
-def test_a_training_is_taken_home(alice, as_racer, job):
+def test_the_files_of_a_training_can_be_downloaded(alice, as_racer, job):
     client = as_racer(alice)
     package = client.get(address(job, "package/"))
     assert package["Content-Disposition"] == f'attachment; filename="{job.best_model.name.replace(" ", "-")}.zip"'
@@ -42,7 +42,7 @@ def test_a_training_is_taken_home(alice, as_racer, job):
     assert (trace["Content-Type"], trace.content) == ("text/csv; charset=utf-8", b"episode,steps\n0,1\n")
 
 
-def test_a_racers_pickles_are_handed_to_others_with_a_warning(alice, cast, as_racer, job, now):
+def test_pickles_of_another_racer_come_with_a_warning(alice, cast, as_racer, job, now):
     mine, theirs = as_racer(alice).get(address(job, "sb3/")), cast["admin"].get(address(job, "sb3/"))
     assert mine["Content-Type"] == theirs["Content-Type"] == "application/octet-stream"
     assert "UNTRUSTED" not in mine["Content-Disposition"]
@@ -56,7 +56,7 @@ def test_a_racers_pickles_are_handed_to_others_with_a_warning(alice, cast, as_ra
         assert ('id="untrusted"' in browser.get(job.get_absolute_url()).content.decode()) is warned
 
 
-def test_what_there_is_not_yet_is_not_found(alice, as_racer, now, trainings_taken_on):
+def test_files_that_do_not_exist_yet_are_not_found(alice, as_racer, now, trainings_taken_on):
     job = a_training(alice, a_track(), now)
     for part in set(FILES) - {"logs/"}:
         answer = as_racer(alice).get(address(job, part))
@@ -64,14 +64,14 @@ def test_what_there_is_not_yet_is_not_found(alice, as_racer, now, trainings_take
     assert as_racer(alice).get(address(job, "package/?model=worst")).status_code == 400
 
 
-def test_files_are_its_owners_and_admins(cast, job):
+def test_only_the_owner_and_admins_get_training_files(cast, job):
     for role, client in cast.items():
         expected = {"owner": 200, "admin": 200, "anonymous": 401}.get(role, 404)
         for part in FILES:
             assert client.get(address(job, part)).status_code == expected, (role, part)
 
 
-def test_its_models_are_driven_in_private(alice, cast, job):
+def test_a_training_model_is_evaluated_privately(alice, cast, job):
     made = cast["owner"].post(address(job, "evaluations/"), {"model": "last"})
     assert made.status_code == 201, made.data
     evaluation = Evaluation.objects.get()
@@ -84,7 +84,7 @@ def test_its_models_are_driven_in_private(alice, cast, job):
     assert Evaluation.objects.latest("pk").model == job.best_model
 
 
-def test_nobody_else_drives_them(cast, job):
+def test_only_the_owner_evaluates_a_training_model(cast, job):
     expected = {"member": (404, "not_found"), "stranger": (404, "not_found"), "admin": (403, "model_not_yours")}
     for role, refusal in (expected | {"anonymous": (401, "not_authenticated")}).items():
         answer = cast[role].post(address(job, "evaluations/"))
@@ -92,14 +92,14 @@ def test_nobody_else_drives_them(cast, job):
     assert not Evaluation.objects.exists()
 
 
-def test_without_a_model_there_is_nothing_to_drive(alice, as_racer, now, trainings_taken_on):
+def test_a_training_without_a_model_cannot_be_evaluated(alice, as_racer, now, trainings_taken_on):
     job = a_training(alice, a_track(), now)
     answer = as_racer(alice).post(address(job, "evaluations/"))
     assert (answer.status_code, answer.data["code"]) == (409, "training_no_model")
     assert as_racer(alice).post(address(job, "evaluations/"), {"model": "worst"}).status_code == 400
 
 
-def test_a_reward_function_is_tried_as_in_the_wizard(alice, as_racer):
+def test_a_reward_function_is_checked_as_in_the_wizard(alice, as_racer):
     client = as_racer(alice)
     good = client.post(CHECK, {"reward_code": REWARD.replace("\n", "\r\n")}).data
     assert good["valid"] and good["problems"] == [] and good["rewards"]["start"] > 0
@@ -112,7 +112,7 @@ def test_a_reward_function_is_tried_as_in_the_wizard(alice, as_racer):
     assert as_racer(None).post(CHECK, {"reward_code": REWARD}).status_code == 401
 
 
-def test_one_check_at_a_time(alice, as_racer):
+def test_a_racer_runs_one_check_at_a_time(alice, as_racer):
     cache.add(f"reward-check-{alice.pk}", 1)
     answer = as_racer(alice).post(CHECK, {"reward_code": REWARD})
     assert (answer.status_code, answer.data["code"]) == (409, "reward_check_runs")

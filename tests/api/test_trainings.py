@@ -28,7 +28,7 @@ def sent(**changes):
     return {"name": "first-car", "track": a_track().slug, "reward_code": REWARD} | changes
 
 
-def test_a_training_begins_with_what_is_sent_and_usual_values(alice, as_racer):
+def test_a_training_takes_what_is_sent_and_defaults(alice, as_racer):
     answer = as_racer(alice).post(ADDRESS, sent(hyperparameters={"lr": 0.0001}, stop_clean_laps=3))
     assert answer.status_code == 201, answer.data
     assert (answer.data["state"], answer.data["queue_position"], answer.data["track"]) == ("queued", 1, "oval")
@@ -38,7 +38,7 @@ def test_a_training_begins_with_what_is_sent_and_usual_values(alice, as_racer):
     assert answer.data["iterations"] == []
 
 
-def test_sac_gets_ranges_unless_told_otherwise(alice, as_racer):
+def test_sac_has_a_continuous_action_space_by_default(alice, as_racer):
     answer = as_racer(alice).post(ADDRESS, sent(algorithm="sac"))
     assert answer.data["action_space_type"] == "continuous"
 
@@ -57,7 +57,7 @@ def test_sac_gets_ranges_unless_told_otherwise(alice, as_racer):
         ({"track": "nowhere"}, 400, "invalid"),
     ],
 )
-def test_what_makes_no_training_is_refused_with_its_code(alice, as_racer, changes, status, code):
+def test_an_invalid_training_is_refused_with_its_code(alice, as_racer, changes, status, code):
     answer = as_racer(alice).post(ADDRESS, sent(**changes))
     assert (answer.status_code, answer.data["code"]) == (status, code)
     assert not TrainingJob.objects.exists()
@@ -104,7 +104,7 @@ NONSENSE = [
 
 
 @pytest.mark.parametrize("changes", NONSENSE, ids=lambda changes: ascii(changes)[:60])
-def test_nonsense_is_refused_with_a_code_and_never_breaks_the_site(alice, as_racer, changes):
+def test_malformed_input_is_refused_with_a_code(alice, as_racer, changes):
     answer = as_racer(alice).post(ADDRESS, json.dumps(sent(**changes)), content_type="application/json")
     assert 400 <= answer.status_code < 500, answer.data
     assert answer.data["code"]
@@ -112,19 +112,19 @@ def test_nonsense_is_refused_with_a_code_and_never_breaks_the_site(alice, as_rac
 
 
 @pytest.mark.parametrize("body", ["", "[]", "3", "null", '{"name":', '{"a":' * 5000, "\x00"])
-def test_a_body_that_is_no_training_is_refused(alice, as_racer, body):
+def test_a_malformed_body_is_refused(alice, as_racer, body):
     answer = as_racer(alice).post(ADDRESS, body, content_type="application/json")
     assert 400 <= answer.status_code < 500
 
 
-def test_a_race_that_takes_no_cars_is_said_at_once_as_in_the_wizard(alice, as_racer):
+def test_a_target_race_that_accepts_no_cars_is_refused(alice, as_racer):
     race = a_race(timezone.now() - timedelta(days=60), track=a_track())
     answer = as_racer(alice).post(ADDRESS, sent(submit_to_race=race.slug))
     assert (answer.status_code, answer.data["code"]) == (409, "race_closed")
     assert not TrainingJob.objects.exists()
 
 
-def test_the_site_itself_never_reads_the_code_as_python():
+def test_the_site_itself_never_parses_reward_code():
     """The parser needs ten seconds for this one, and other texts bring it to fall: only the wall can bear that."""
     began = time.process_time()
     assert signature_of("def reward_function(params):\n    return f'" + "{x}" * 40_000 + "'\n") == "params"
@@ -136,7 +136,7 @@ def test_the_site_itself_never_reads_the_code_as_python():
     assert signature_of("def reward_function(params: dict[str, float]) -> float:\n    return 1.0\n") == "params"
 
 
-def test_a_second_one_of_the_same_name_and_a_closed_room_are_told(alice, as_racer, settings):
+def test_a_taken_name_and_disabled_training_are_reported(alice, as_racer, settings):
     client = as_racer(alice)
     client.post(ADDRESS, sent())
     assert client.post(ADDRESS, sent()).status_code == 409
@@ -145,7 +145,7 @@ def test_a_second_one_of_the_same_name_and_a_closed_room_are_told(alice, as_race
     assert (answer.status_code, answer.data["code"]) == (503, "training_unavailable")
 
 
-def test_a_training_is_its_owners_and_admins_see_it(alice, cast, now):
+def test_only_the_owner_and_admins_see_a_training(alice, cast, now):
     job = a_training(alice, a_track(), now)
     TrainingIteration.objects.create(
         job=job, number=1, steps=2000, seconds=2.0, eval_progress=100.0, eval_reward=9.0, is_best=True

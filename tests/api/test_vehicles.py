@@ -18,7 +18,7 @@ def vehicle(alice) -> Vehicle:
     return save_vehicle(owner=alice, name="Bolt", neural_network="DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", **looks)
 
 
-def test_a_vehicle_is_added_read_changed_and_deleted(alice, as_racer):
+def test_a_vehicle_can_be_added_read_changed_and_deleted(alice, as_racer):
     client = as_racer(alice)
     added = client.post(ADDRESS, {"name": "Bolt", "sensors": [IN_STEPS, "STEREO_CAMERAS"], "colour": "#AABBCC"})
     assert added.status_code == 201, added.data
@@ -33,7 +33,7 @@ def test_a_vehicle_is_added_read_changed_and_deleted(alice, as_racer):
     assert client.delete(one).status_code == 204 and not Vehicle.objects.exists()
 
 
-def test_what_is_left_out_is_as_on_the_page(alice, as_racer):
+def test_omitted_fields_default_as_on_the_page(alice, as_racer):
     made = as_racer(alice).post(ADDRESS, {"name": "Plain"}).data
     assert made["sensors"] == ["FRONT_FACING_CAMERA"] and made["lidar_config"] == {}
     assert made["neural_network"] == Vehicle().neural_network and made["shell"] == Vehicle().shell
@@ -57,19 +57,19 @@ def test_what_is_left_out_is_as_on_the_page(alice, as_racer):
         ({"name": "Bolt"}, 409, "vehicle_name_taken"),
     ],
 )
-def test_what_is_no_vehicle_is_refused_with_its_code(alice, as_racer, vehicle, sent, status, code):
+def test_an_invalid_vehicle_is_refused_with_its_code(alice, as_racer, vehicle, sent, status, code):
     answer = as_racer(alice).post(ADDRESS, sent)
     assert (answer.status_code, answer.data["code"]) == (status, code)
     assert Vehicle.objects.count() == 1
 
 
-def test_a_full_garage_takes_no_more(alice, as_racer, vehicle):
+def test_a_full_garage_refuses_another_vehicle(alice, as_racer, vehicle):
     Vehicle.objects.bulk_create(Vehicle(owner=alice, name=f"v{number}") for number in range(VEHICLES_PER_RACER - 1))
     answer = as_racer(alice).post(ADDRESS, {"name": "one more"})
     assert (answer.status_code, answer.data["code"]) == (409, "vehicle_limit")
 
 
-def test_a_vehicle_is_its_owners_alone(cast, vehicle):
+def test_only_its_owner_may_use_a_vehicle(cast, vehicle):
     one = f"{ADDRESS}{vehicle.public_id}/"
     for role, client in cast.items():
         expected = {"owner": 200, "anonymous": 401}.get(role, 404)

@@ -26,7 +26,7 @@ def address(run) -> str:
     return f"/api/v1/evaluations/{run.public_id}/videos/"
 
 
-def test_a_video_from_asking_to_download(cast, address, run):
+def test_a_video_can_be_requested_and_downloaded(cast, address, run):
     member = cast["member"]
     asked = member.post(address, {"part": "whole"})
     assert asked.status_code == 202
@@ -53,7 +53,7 @@ def test_a_video_from_asking_to_download(cast, address, run):
     assert [each["public_id"] for each in cast["stranger"].get(address).json()["results"]] == [video["public_id"]]
 
 
-def test_the_best_lap_unless_told_otherwise_in_the_language_of_the_request(cast, address):
+def test_a_video_is_of_the_best_lap_in_the_requests_language(cast, address):
     asked = cast["member"].post(address, headers={"accept-language": "ko"}).json()
     assert (asked["lap"], asked["car"], asked["language"]) == (2, 0, "ko")
     assert cast["member"].post(address, {"language": "en"}).json()["language"] == "en"
@@ -70,12 +70,12 @@ def test_the_best_lap_unless_told_otherwise_in_the_language_of_the_request(cast,
         ({"lap": 1}, 400, "invalid"),
     ],
 )
-def test_what_is_refused_says_why(cast, address, body, status, code):
+def test_a_refused_video_says_why(cast, address, body, status, code):
     answer = cast["member"].post(address, body)
     assert (answer.status_code, answer.json()["code"]) == (status, code)
 
 
-def test_limits_are_conflicts(cast, address, settings):
+def test_exceeding_a_limit_is_a_conflict(cast, address, settings):
     settings.VIDEOS_AT_ONCE = 1
     cast["member"].post(address, {"part": "1"})
     answer = cast["member"].post(address, {"part": "2"})
@@ -84,7 +84,7 @@ def test_limits_are_conflicts(cast, address, settings):
     assert cast["owner"].post(address, {"part": "2"}).json()["code"] == "videos_off"
 
 
-def test_who_asked_and_admins_stop_it_and_nobody_else(cast, address):
+def test_only_the_requester_and_admins_stop_a_video(cast, address):
     for stops, refused in (("member", ("stranger", "owner")), ("admin", ())):
         video = cast["member"].post(address).json()["public_id"]
         stop = f"/api/v1/videos/{video}/stop/"
@@ -96,7 +96,7 @@ def test_who_asked_and_admins_stop_it_and_nobody_else(cast, address):
         assert cast[stops].post(stop).status_code == 200
 
 
-def test_videos_of_a_secret_race_are_its_members_only(cast, alice, bob, video_wakes):
+def test_only_members_see_videos_of_a_private_race(cast, alice, bob, video_wakes):
     now = timezone.now()
     race = a_race(now, organiser=alice, visibility=Visibility.INVITATION)
     for racer in (alice, bob):
@@ -113,7 +113,7 @@ def test_videos_of_a_secret_race_are_its_members_only(cast, alice, bob, video_wa
     assert cast["anonymous"].post(address).status_code == 401
 
 
-def test_a_video_that_shows_an_old_name_is_told_and_not_given(cast, address, bob, alice):
+def test_a_video_with_an_old_alias_is_stale_and_not_served(cast, address, bob, alice):
     video = cast["member"].post(address).json()["public_id"]
     run_next_video(worker="w")
     type(alice).objects.filter(pk=alice.pk).update(alias="alicia")

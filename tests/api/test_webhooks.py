@@ -20,7 +20,7 @@ def hook(alice) -> Webhook:
     return add_webhook(owner=alice, url="https://example.org/hook")
 
 
-def test_a_webhook_is_added_tried_given_a_new_secret_and_removed(alice, as_racer, now, monkeypatch):
+def test_a_webhook_is_added_tested_rekeyed_and_removed(alice, as_racer, now, monkeypatch):
     heard(monkeypatch, "league.tasks.webhooks")
     client, race = as_racer(alice), a_race(now, organiser=alice)
     sent = {"url": "https://example.org/x", "race": race.slug, "events": ["race.closed", "run.finished"]}
@@ -53,13 +53,13 @@ def test_a_webhook_is_added_tried_given_a_new_secret_and_removed(alice, as_racer
         ({"secret": "mine"}, 400, "invalid"),
     ],
 )
-def test_what_is_no_webhook_is_refused(alice, as_racer, changes, status, code):
+def test_an_invalid_webhook_is_refused(alice, as_racer, changes, status, code):
     answer = as_racer(alice).post(ADDRESS, {"url": "https://example.org/"} | changes)
     assert (answer.status_code, answer.data["code"]) == (status, code)
     assert not Webhook.objects.exists()
 
 
-def test_ten_are_as_many_as_there_may_be_and_an_address_of_a_chat_says_so(alice, as_racer):
+def test_a_racer_has_at_most_ten_webhooks(alice, as_racer):
     client = as_racer(alice)
     for number in range(PER_RACER):
         made = client.post(ADDRESS, {"url": f"https://discord.com/api/webhooks/{number}/x"})
@@ -68,7 +68,7 @@ def test_ten_are_as_many_as_there_may_be_and_an_address_of_a_chat_says_so(alice,
     assert (answer.status_code, answer.data["code"]) == (409, "webhook_limit")
 
 
-def test_a_webhook_is_its_owners_alone(cast, hook, now):
+def test_only_its_owner_may_use_a_webhook(cast, hook, now):
     WebhookDelivery.objects.create(
         webhook=hook, event="race.opened", about="x", at=now, not_before=now + timedelta(1), body=""
     )

@@ -18,5 +18,5 @@ AT_ONCE = {
 
 @pytest.mark.slow
 @pytest.mark.postgres
-def test_what_happens_at_once_ends_on_postgresql_as_on_sqlite(again_on_postgresql):
+def test_concurrency_on_postgresql_ends_as_on_sqlite(again_on_postgresql):
     again_on_postgresql(*(f"tests/{room}/test_{name}.py" for room, names in AT_ONCE.items() for name in names))

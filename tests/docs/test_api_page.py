@@ -30,12 +30,12 @@ def routes(schema) -> set[tuple[str, str]]:
     return {(method.upper(), path.removeprefix("/api/v1")) for path, item in schema["paths"].items() for method in item}
 
 
-def test_every_operation_has_its_row(routes):
+def test_every_operation_has_a_row(routes):
     rows = set(re.findall(r"^\| `([A-Z]+) (\S+)` \|", section(text("api.md"), "## Operations"), re.M))
     assert rows == routes
 
 
-def test_no_page_names_an_operation_that_does_not_exist(routes):
+def test_every_named_operation_exists(routes):
     for page in ("api.md", "organisers.md", "operators.md", "racers.md", "webhooks.md"):
         assert set(ROUTE.findall(text(page))) <= routes, page
 
@@ -49,7 +49,7 @@ def api_codes() -> dict[str, int]:
     return {kind.default_code: kind.status_code for kind in below(exceptions.APIException)}
 
 
-def test_the_codes_of_the_error_table_exist_and_have_that_status():
+def test_the_error_table_has_existing_codes_and_their_statuses():
     rows = re.findall(r"^\| ([\d, ]+) \| .+ \| (.+) \|$", section(text("api.md"), "## Errors"), re.M)
     assert len(rows) == 10
     known = api_codes()
@@ -65,14 +65,14 @@ def test_the_codes_of_the_error_table_exist_and_have_that_status():
             assert status in allowed, code
 
 
-def test_every_code_of_the_apis_own_is_in_the_table():
+def test_every_code_of_the_api_is_in_the_table():
     table = section(text("api.md"), "## Errors")
     own = {code for code in api_codes() if code not in ("error", "parse_error")}
     missing = {code for code in own if f"`{code}`" not in table}
     assert not missing
 
 
-def test_examples_of_answers_have_the_fields_of_the_schema(schema):
+def test_example_answers_have_the_fields_of_the_schema(schema):
     shapes = {
         name: set(part["properties"]) for name, part in schema["components"]["schemas"].items() if "properties" in part
     }
@@ -89,7 +89,7 @@ def test_examples_of_answers_have_the_fields_of_the_schema(schema):
     assert set(board["results"][0]) == shapes["Row"]
 
 
-def test_every_json_example_is_json():
+def test_every_json_example_is_valid():
     for page in ("api.md", "racers.md", "webhooks.md"):
         for block in code_blocks(text(page), "json"):
             json.loads(block)

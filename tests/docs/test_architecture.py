@@ -86,7 +86,7 @@ def file_of(dotted: str) -> Path:
     return module.with_suffix(".py") if module.with_suffix(".py").exists() else module / "__init__.py"
 
 
-def test_rooms_stand_in_the_order_of_their_imports():
+def test_rooms_are_listed_in_import_order():
     told = first_cells("## Rooms")
     floors = rooms_by_floor()
     assert sorted(told) == ROOMS
@@ -95,7 +95,7 @@ def test_rooms_stand_in_the_order_of_their_imports():
 
 
 @pytest.mark.parametrize("walk", WALKS)
-def test_each_step_of_a_walk_names_a_function_of_its_file(walk: str):
+def test_each_step_of_a_walk_names_an_existing_function(walk: str):
     steps = table(walk)
     assert len(steps) >= 12
     for _step, function, file in steps:
@@ -103,13 +103,13 @@ def test_each_step_of_a_walk_names_a_function_of_its_file(walk: str):
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TOP], ids=lambda page: page.name)
-def test_every_file_that_a_page_names_exists(page: Path):
+def test_every_named_file_exists(page: Path):
     named = re.findall(rf"`((?:{'|'.join(ROOMS)}|tests|scripts|static|benchmarks)/[\w/.-]*)`", page.read_text())
     assert page.name != PAGE or len(named) > 100
     assert [name for name in named if not (CHECKOUT / name).exists()] == []
 
 
-def test_every_name_with_a_file_behind_it_stands_there():
+def test_every_name_followed_by_a_file_is_defined_there():
     for cell in re.findall(r"[^|]+", text(PAGE)):
         for name, file in re.findall(r"`([\w.]+)` (?:in|\() ?`([\w/]+\.py)`", cell):
             assert name in defined(CHECKOUT / file), f"{name} in {file}"
@@ -171,7 +171,7 @@ def test_every_registry_of_the_code_is_listed():
     assert "core.events.reading.register_reader" in found
 
 
-def test_every_kind_of_job_has_its_row():
+def test_every_kind_of_job_has_a_row():
     for module in ("evaluation.services.jobs", "league.services.deliveries", "league.services.mails"):
         import_module(module)
     told = [

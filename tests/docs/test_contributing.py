@@ -18,18 +18,18 @@ def test_every_target_of_make_exists():
     assert all(re.search(rf"^{target}:", makefile, flags=re.M) for target in targets)
 
 
-def test_every_folder_and_file_that_is_named_exists():
+def test_every_named_folder_and_file_exists():
     named = re.findall(r"(?<![\w./])((?:tests|paddock|core|docs|locale)/[\w/.]+)", PAGE)
     assert len(named) >= 8
     assert [name for name in named if not (CHECKOUT / name.rstrip(".")).exists()] == []
 
 
-def test_tests_of_one_room_and_of_one_file_are_shown():
+def test_it_shows_how_to_test_one_room_and_one_file():
     commands = "\n".join(code_blocks(PAGE, ""))
     assert ".venv/bin/python -m pytest -q -n 2 tests/" in commands and re.search(r"tests/\w+/test_\w+\.py", commands)
 
 
-def test_it_says_how_long_a_subject_and_a_line_may_be():
+def test_it_states_the_limits_of_subjects_and_lines():
     lines = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["ruff"]["line-length"]
     assert f"lines are at most {lines} characters" in PAGE
     commit = " ".join(PAGE.split("## Commit")[1].split())

@@ -12,7 +12,7 @@ from .pages import CHECKOUT, DECISIONS
 RECORDS = [page for page in DECISIONS if page.name != "README.md"]
 
 
-def test_decisions_are_numbered_and_listed_by_their_titles():
+def test_decisions_are_numbered_and_listed_by_title():
     index = (DECISIONS[0].parent / "README.md").read_text()
     listed = re.findall(r"^(\d+)\. \[(.+)\]\((.+)\)$", index, flags=re.M)
     told = [(int(page.name[:2]), page.read_text().split("\n", 1)[0].removeprefix("# "), page.name) for page in RECORDS]
@@ -21,7 +21,7 @@ def test_decisions_are_numbered_and_listed_by_their_titles():
 
 
 @pytest.mark.parametrize("page", RECORDS, ids=lambda page: page.stem)
-def test_a_decision_has_all_its_parts_and_names_what_exists(page: Path):
+def test_a_decision_is_complete_and_names_existing_things(page: Path):
     record = page.read_text()
     assert re.findall(r"^## (.+)$", record, flags=re.M) == ["Context", "Decision", "Consequences", "Refused"]
     assert len(record.splitlines()) <= 60

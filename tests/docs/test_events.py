@@ -21,7 +21,7 @@ def rows(heading: str) -> dict[str, list[str]]:
     return {first.strip("`"): rest for first, *rest in cells}
 
 
-def test_every_kind_has_its_row_as_it_is_registered():
+def test_every_kind_has_a_row_as_registered():
     told = {}
     for kind in KINDS.values():
         readers = sorted(reader.name for reader in READERS.values() if kind in reader.kinds)
@@ -36,11 +36,11 @@ def test_every_kind_has_its_row_as_it_is_registered():
     assert rows("### Kinds of events") == told and "race.official" in told
 
 
-def test_every_reader_has_its_row():
+def test_every_reader_has_a_row():
     assert set(rows("### Readers of events")) == set(READERS)
 
 
-def test_every_signal_has_its_row():
+def test_every_signal_has_a_row():
     ours = set()
     for room in ROOMS:
         found = vars(import_module(f"{room}.signals"))

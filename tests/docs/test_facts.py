@@ -36,7 +36,7 @@ from races.validation import MAX_AHEAD, MAX_DURATION
 from .pages import code_blocks, section, text
 
 
-def test_the_operators_that_are_listed_are_those_that_are_allowed():
+def test_the_listed_operators_are_the_allowed_ones():
     contract = section(text("racers.md"), "## The ONNX contract")
     listed = contract.split("Allowed operators:")[1].split("Not allowed:")[0]
     assert set(re.findall(r"`(\w+)`", listed)) == set(OPERATORS)
@@ -44,7 +44,7 @@ def test_the_operators_that_are_listed_are_those_that_are_allowed():
     assert not set(re.findall(r"`([A-Z]\w+)`", refused)) & set(OPERATORS)
 
 
-def test_the_bounds_of_an_upload():
+def test_the_bounds_of_an_upload_are_correct():
     page = text("racers.md")
     limits = DEFAULT_LIMITS
     assert f"{limits.upload_bytes // MEGABYTE} MB for the upload as sent" in page
@@ -57,7 +57,7 @@ def test_the_bounds_of_an_upload():
     assert f"a list of 1 to {MAX_ACTIONS} objects" in page
 
 
-def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
+def test_every_sensor_has_a_row_that_says_if_races_offer_it():
     page = section(text("racers.md"), "## model_metadata.json")
     rows = dict(re.findall(r"^\| `([A-Za-z_]+)`[^|]* \| [^|]+ \| (yes|no) \|$", page, re.M))
     assert rows == {name: "yes" if SAME_AS.get(name, name) in OFFERABLE else "no" for name in SENSOR_NAMES}
@@ -65,19 +65,19 @@ def test_every_sensor_has_its_row_and_says_whether_races_offer_it():
         assert f"`{word}`" in page
 
 
-def test_the_snippet_for_the_environment_names_its_arguments():
+def test_the_environment_snippet_names_its_arguments():
     page = section(text("environments.md"), "## The three race types")
     arguments = set(signature(race_setting).parameters) - {"race_type", "rules", "theme", "physics"}
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
     assert set(re.findall(r"`(\w+)`", rows)) == arguments | {"render_mode"}
 
 
-def test_every_rule_of_an_environment_has_its_default_in_the_table():
+def test_every_environment_rule_has_its_default_in_the_table():
     rows = dict(re.findall(r"^\| `(\w+)` \| .* \| (.+?) \|$", text("rules.md"), re.M))
     assert {name for race_type in RACE_TYPES for name in rules_of_episodes(race_type)} <= set(rows)
 
 
-def test_every_sensor_and_the_lidars_beams():
+def test_every_sensor_and_the_lidar_beams_are_described():
     page = section(text("simulator.md"), "## Sensors")
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
     assert set(re.findall(r"`(\w+)`", rows)) == set(SENSOR_NAMES)
@@ -95,14 +95,14 @@ def test_every_sensor_and_the_lidars_beams():
     assert f"8 beams is under {lidar.SECTOR_LIMIT_M} m" in page
 
 
-def test_the_object_keys_of_a_reward_have_their_rows():
+def test_the_object_keys_of_reward_params_have_rows():
     page = section(text("environments.md"), "## Rewards")
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
     keys = set(Objects(load_track("oval")).params(Pose(0.0, 0.0, 0.0), 0.0, []))
     assert set(re.findall(r"`(\w+)`", rows)) == keys | {"is_crashed"}
 
 
-def test_every_key_of_an_environments_info_has_its_row():
+def test_every_key_of_an_environments_info_has_a_row():
     page = section(text("environments.md"), "## Info")
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
     env = gymnasium.make("Paddock/TimeTrial-v1", max_simulated_ms=100)
@@ -115,7 +115,7 @@ def test_every_key_of_an_environments_info_has_its_row():
 
 
 @pytest.mark.parametrize("name", SENSOR_NAMES)
-def test_every_sensor_has_the_space_that_its_environment_has(name):
+def test_the_observation_space_of_every_sensor_is_correct(name):
     page = section(text("environments.md"), "## Observations")
     (said,) = re.findall(rf"^\| .*`{name}`.* \| `Box\(([^,]+), ([^,]+), \((.+?),?\), (\w+)\)`", page, re.M)
     setting = time_trial(metadata={**DEFAULT_METADATA, "sensor": [name] if name in CAMERAS else [name, "observation"]})
@@ -128,7 +128,7 @@ def test_every_sensor_has_the_space_that_its_environment_has(name):
 
 
 @pytest.mark.slow
-def test_the_snippet_for_the_environment_runs():
+def test_the_environment_snippet_runs():
     snippets = [block for block in code_blocks(text("environments.md"), "python")]
     names: dict = {}
     for snippet in snippets:
@@ -142,13 +142,13 @@ def test_the_snippet_for_the_environment_runs():
     assert names["observations"]["FRONT_FACING_CAMERA"].shape == (16, 120, 160, 1)
 
 
-def test_catalogue_tracks_and_their_lengths():
+def test_catalogue_tracks_and_their_lengths_are_correct():
     for track in CATALOGUE:
         assert f"`{track.slug}`" in text("racers.md")
         assert f"`{track.slug}` {track.stated_length_m:.2f} m" in text("simulator.md").replace("\n", " ")
 
 
-def test_the_numbers_of_the_simulator_page():
+def test_the_numbers_on_the_simulator_page_are_correct():
     page = text("simulator.md")
     theme, car, camera = OFFICIAL, PADDOCK_CAR, FRONT_CAMERA
     for line in (
@@ -192,7 +192,7 @@ def test_every_column_and_status_of_the_trace_is_explained():
     assert set(STATUSES) <= set(re.findall(r"`(\w+)`", part))
 
 
-def test_limits_of_races_and_tokens():
+def test_limits_of_races_and_tokens_are_correct():
     assert f"at most {MAX_DURATION.days} days long; opening at most {MAX_AHEAD.days} days ahead" in text(
         "organisers.md"
     )

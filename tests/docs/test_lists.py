@@ -18,15 +18,15 @@ def test_every_notice_has_a_sentence():
     assert set(SENTENCES) == set(NoticeKind)
 
 
-def test_every_sensor_has_words():
+def test_every_sensor_has_a_label():
     assert set(SENSOR_WORDS) == set(SENSOR_NAMES)
 
 
-def test_every_ranking_method_has_its_rule_and_its_name_in_records():
+def test_every_ranking_method_has_a_rule_and_a_name_in_records():
     assert set(RULES) == set(TIMING_METHODS.values()) == set(RANKING_METHODS)
 
 
-def test_the_tasks_of_every_kind_of_job_are_sent_by_the_clock_too():
+def test_celery_beat_sends_the_tasks_of_every_kind_of_job():
     """A wake-up may be lost: the sweep of a kind stands beside its task, and Beat sends it."""
     sent = {entry["task"] for entry in settings.CELERY_BEAT_SCHEDULE.values()}
     rooms = {task.rpartition(".")[0] for task in sent}

@@ -18,11 +18,11 @@ PROSE = everything() + OTHERS + (CHECKOUT / "CONTRIBUTING.md").read_text()
 
 
 @pytest.mark.parametrize("module", sorted(set(re.findall(r"python -m ([a-z]\w*(?:\.\w+)*)", PROSE))))
-def test_a_module_that_is_run_exists(module: str):
+def test_every_module_run_by_a_program_exists(module: str):
     assert find_spec(module) is not None
 
 
-def test_celery_is_given_our_application():
+def test_celery_is_started_with_our_application():
     named = set(re.findall(r"celery (?:--app|-A) (\w+)", PROSE))
     assert len(named) == 1
     app = find_app(named.pop())

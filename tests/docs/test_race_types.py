@@ -19,7 +19,7 @@ def words(title):
     return re.sub(r"\s+", " ", section(PAGE, title))
 
 
-def test_boxes():
+def test_the_facts_about_boxes_are_correct():
     solid = box(0, 0, 0)
     said = words("## Boxes")
     for fact in (
@@ -37,7 +37,7 @@ def test_boxes():
         assert fact in said, fact
 
 
-def test_bots():
+def test_the_facts_about_bots_are_correct():
     least, most = (ms / 1000 for ms in RULES.bot_lane_change_ms)
     said = words("## Bots")
     for fact in (
@@ -54,14 +54,14 @@ def test_bots():
         assert fact in said, fact
 
 
-def test_several_cars():
+def test_the_facts_about_several_cars_are_correct():
     said = words("## Several cars")
     assert f"Two to {NUMBER_WORDS[MAX_CARS]} submitted cars in one world" in said
     assert f"one {referee.GRID_M} m behind the other" in said
 
 
 @pytest.mark.parametrize("title", ["## Boxes", "## Bots"])
-def test_the_refusals_have_reasons(title):
+def test_every_named_refusal_has_a_reason(title):
     from paddock.errors.reasons import REASONS
 
     codes = re.findall(r"`(\w+_\w+_\w+|boxes_overlap)`", section(PAGE, title))

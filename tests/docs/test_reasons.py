@@ -26,18 +26,18 @@ def test_the_table_has_a_section_for_every_code():
     assert {reason.subject for reason in REASONS.values()} == set(reason_table.SECTIONS)
 
 
-def test_the_page_has_the_present_table():
+def test_the_page_has_the_current_table():
     page = text("racers.md")
     assert page == reason_table.replaced(page), "write it anew with: python -m tests.docs.reason_table"
 
 
-def test_every_code_stands_in_one_file():
+def test_every_code_is_defined_in_one_file():
     found = [code for path in FILES for code in codes_in(path)]
     assert sorted(found) == sorted(REASONS) and len(FILES) >= 15
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(CHECKOUT)))
-def test_a_package_raises_the_reasons_that_it_keeps(path):
+def test_a_package_raises_the_reasons_it_defines(path):
     code = "".join(one.read_text() for one in (*path.parent.rglob("*.py"), *LISTS) if one != path)
     assert "reasons" in (path.parent / "__init__.py").read_text(), "nothing loads them"
     # the codes of a list's settings are made of their names
@@ -50,7 +50,7 @@ def test_a_package_raises_the_reasons_that_it_keeps(path):
     assert set(unsaid) <= made
 
 
-def test_a_code_has_one_sentence():
+def test_a_code_has_one_message():
     with pytest.raises(ValueError, match="too_large"):
         register("Upload", "user", {"too_large": "Another sentence."})
     with pytest.raises(ValueError, match="nobody"):

@@ -29,13 +29,13 @@ def rows(table: str) -> list[tuple[list[str], str]]:
     return [(re.findall(r"`(\w+)`", first), rest[0]) for first, *rest in cells]
 
 
-def test_every_key_of_params_is_explained_in_the_order_of_the_code_and_no_other():
+def test_exactly_the_keys_of_params_are_explained_in_order():
     explained = [name for names, _ in rows(TABLES[0]) for name in names]
     assert explained == list(five_states()[0])
     assert len(explained) == 27
 
 
-def test_the_types_are_those_of_the_values():
+def test_the_documented_types_match_the_values():
     params = five_states("object_avoidance")[1]
     for names, told in rows(TABLES[0]):
         kind = told.split(",")[0]
@@ -66,7 +66,7 @@ def test_the_snippets_pass_validation():
         assert validate_reward(block) == []
 
 
-def test_the_bounds_are_those_of_the_code():
+def test_the_documented_bounds_match_the_code():
     page = " ".join(SECTION.split())
     assert f"1 to {MAX_CHARACTERS:,} characters" in page
     assert f"more than {MAX_REWARD:.0f} either way" in page
@@ -84,12 +84,12 @@ def test_every_example_is_named():
     assert len(EXAMPLES) == 5
 
 
-def test_operators_read_what_one_may_use():
+def test_operators_can_read_the_limits_of_a_check():
     page = " ".join(text("operators.md").split())
     assert f"gets {REWARD.address_space_mb} MB and {REWARD.cpu_s} s of CPU time" in page
     assert SLOTS == 2
     assert "at most two at a time." in page
 
 
-def test_with_uploads_they_leave_the_site_threads_to_answer_others():
+def test_checks_and_uploads_leave_threads_for_other_requests():
     assert SLOTS + WAITING + DEFAULT_LIMITS.slots + DEFAULT_LIMITS.waiting < PROCESSES * THREADS

@@ -4,5 +4,5 @@ from .pages import text
 from .rule_table import replaced
 
 
-def test_the_table_is_written_from_the_list():
+def test_the_table_is_generated_from_the_rules():
     assert text("rules.md") == replaced(text("rules.md"))

@@ -42,21 +42,21 @@ def variables() -> set[str]:
     return found
 
 
-def test_the_search_finds_the_variables_that_are_known():
+def test_the_search_finds_known_variables():
     assert {"PADDOCK_DATA", "DATABASE_URL", "STORAGE", "PADDOCK_SANDBOX_LEVEL", "PADDOCK_SANDBOX_UIDS"} <= variables()
 
 
 @pytest.mark.parametrize("name", sorted(variables()))
-def test_every_variable_has_its_row(name):
+def test_every_variable_has_a_row(name):
     assert re.search(rf"^\| `{name}` \| .+ \| .+ \|$", section(text("operators.md"), "## Environment variables"), re.M)
 
 
-def test_no_variable_is_described_that_nothing_reads():
+def test_every_described_variable_is_read():
     named = set(re.findall(r"\b(PADDOCK_[A-Z_]+|AWS_[A-Z_0-9]+|[A-Z]+_URL)\b", everything()))
     assert named <= variables() | READ_BY_LIBRARIES
 
 
-def test_defaults_are_those_of_the_settings():
+def test_documented_defaults_match_the_settings():
     settings = (CHECKOUT / "config/settings.py").read_text()
     defaults = re.findall(r'env_(?:int|bool)\("([A-Z_]+)", (\w+)', settings)
     defaults += re.findall(r'env_(?:str|list|url|hosts|choice|sender|time_zone)\("([A-Z_]+)", "([^"]+)"', settings)
@@ -77,13 +77,13 @@ def test_every_command_is_described_with_all_its_options(name):
         assert shown, f"{name} {action.option_strings}"
 
 
-def test_no_command_is_described_that_does_not_exist():
+def test_every_described_command_exists():
     named = set(re.findall(r"manage\.py ([a-z_]+)", everything()))
     assert named <= set(get_commands())
     assert set(OURS) <= named | set(re.findall(r"^\| `([a-z_]+)", section(text("operators.md"), "## Commands"), re.M))
 
 
-def test_make_targets_that_are_named_exist():
+def test_every_named_make_target_exists():
     makefile = (CHECKOUT / "Makefile").read_text()
     for target in set(re.findall(r"`make ([a-z-]+)", everything())):
         assert re.search(rf"^{target}:", makefile, re.M), target

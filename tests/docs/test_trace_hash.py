@@ -26,7 +26,7 @@ def trace_sha256():
     return names["trace_sha256"]
 
 
-def test_the_recipe_comes_to_the_hash_of_a_run(trace_sha256, tmp_path):
+def test_the_recipe_computes_the_hash_of_a_run(trace_sha256, tmp_path):
     drifter = car("drifter")  # continuous commands, off the road
     track = by_slug("kuei-super-raceway").geometry()
     outcome = evaluate(RaceJob(track, RaceRules(max_simulated_ms=5000), drifter.onnx, drifter.metadata))
@@ -38,7 +38,7 @@ def test_the_recipe_comes_to_the_hash_of_a_run(trace_sha256, tmp_path):
     assert trace_sha256(file) != outcome.trace_sha256
 
 
-def test_the_recipe_takes_every_status_and_odd_numbers(trace_sha256, tmp_path):
+def test_the_recipe_handles_every_status_and_odd_numbers(trace_sha256, tmp_path):
     odd = [1e-300, -0.0, 1 / 3, 123456789.123456789]
     rows = [
         Row(0, step, odd[step % 4], -odd[step % 4], 0.1, 0, 1.0, -1, 0.0, step % 2 == 0, True, 1.5, 7, 18.0, step / 15,

@@ -12,7 +12,7 @@ from .pages import section, text
 
 
 @pytest.mark.parametrize("name", [name for name, one in HYPERPARAMETERS.items() if not one.choices])
-def test_every_hyperparameter_has_its_range_and_its_defaults(name):
+def test_every_hyperparameter_has_a_range_and_defaults(name):
     page = section(text("racers.md"), "## How a training learns")
     (row,) = re.findall(rf"^\| `{name}` \| (.+?) \| (.+?) \|", page, re.M)
     low, high = (float(end) for end in row[0].split(" to "))

@@ -88,7 +88,7 @@ def test_a_name_or_reason_cannot_inject_calendar_lines(first):
     assert str(events[0]["summary"]) == f"R {MARK}" and str(calendar["x-wr-calname"]) == f"S {MARK}"
 
 
-class TestLookingChangesNothing:
+class TestViewingChangesNothing:
     def test_every_change_needs_a_post(self, first, alice):
         notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="1", at=first.closed_at)
         hook = add_webhook(owner=alice, url="https://example.org/")

@@ -35,7 +35,7 @@ def stored(race: Race, **values: object) -> None:
 
 
 @pytest.mark.django_db
-class TestTheDatabase:
+class TestDatabase:
     @pytest.mark.parametrize(("name", "value"), BOUNDED)
     def test_the_database_enforces_both_bounds(self, name, value, now):
         race, rule = a_race(now), RULES[name]

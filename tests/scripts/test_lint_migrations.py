@@ -21,19 +21,19 @@ def asked(monkeypatch, tmp_path) -> list:
     return asked
 
 
-def test_only_what_is_newer_than_the_accepted_ones_is_looked_at(asked):
+def test_only_migrations_newer_than_the_accepted_are_checked(asked):
     lint_migrations.ACCEPTED.write_text("races 0001_a\n")
     assert lint_migrations.main() == 1 and asked == [[("races", "0002_b")]]
 
 
-def test_what_is_accepted_is_written_down_and_not_looked_at_again(asked, monkeypatch):
+def test_accepted_migrations_are_recorded_and_not_checked_again(asked, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["lint_migrations.py", "--accept"])
     assert lint_migrations.main() == 0
     monkeypatch.setattr(sys, "argv", ["lint_migrations.py"])
     assert lint_migrations.main() == 0 and asked == []
 
 
-def test_every_migration_of_the_checkout_is_known_and_every_accepted_one_is_there():
+def test_recorded_and_existing_migrations_are_the_same():
     known = lint_migrations.all_migrations()
     accepted = lint_migrations.accepted_migrations()
     assert {app for app, _name in known} == {
@@ -45,7 +45,7 @@ def test_every_migration_of_the_checkout_is_known_and_every_accepted_one_is_ther
 @pytest.mark.slow
 @pytest.mark.postgres
 @pytest.mark.skipif(not is_installed(), reason="PostgreSQL is not installed")
-def test_a_new_column_that_running_code_does_not_fill_is_refused(capfd):
+def test_a_new_column_that_old_code_cannot_fill_is_refused(capfd):
     settings = {"DJANGO_SETTINGS_MODULE": "tests.scripts.careless.settings"}
     assert lint_migrations.lint([("careless", "0002_colour")], settings) == 1
     said = capfd.readouterr()

@@ -29,7 +29,7 @@ def test_a_lock_is_up_to_date_with_pyproject(name):
 
 
 @pytest.mark.parametrize("name", WANTED)
-def test_what_is_wanted_is_locked_at_a_version_that_will_do(name):
+def test_every_requirement_is_locked_at_an_allowed_version(name):
     found = locked(name)
     for wish in map(Requirement, WANTED[name]):
         if wish.name == lock.APART:
@@ -40,24 +40,24 @@ def test_what_is_wanted_is_locked_at_a_version_that_will_do(name):
 
 
 @pytest.mark.parametrize("name", WANTED)
-def test_everything_locked_has_a_sum_and_no_index_is_named(name):
+def test_every_locked_package_has_a_hash_and_no_index_is_named(name):
     text = text_of(name)
     entries = re.findall(r"^(\S+==\S+).*\\\n((?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)", text, re.M)
     assert len(entries) == sum(len(versions) for versions in lock.pins(text).values()) > 5
     assert "://" not in text
 
 
-def test_what_the_tests_run_with_is_what_the_site_runs_with():
+def test_tests_and_training_use_the_versions_of_the_site():
     run, test, training = (locked(name) for name in ("run", "test", "training"))
     for other in (test, training):
         assert {package: other[package] for package in run} == run
 
 
-def test_constraints_are_the_versions_of_the_locks_and_torchs():
+def test_constraints_are_the_versions_of_the_locks_and_torch():
     assert lock.CONSTRAINTS.read_text() == lock.constraints(WANTED)
     assert "torch==2.13.0\n" in lock.CONSTRAINTS.read_text()
 
 
-def test_a_changed_wish_makes_a_lock_stale():
+def test_a_changed_requirement_makes_a_lock_stale():
     assert lock.heading([*WANTED["run"], "moonphase>=1"]) != lock.heading(WANTED["run"])
     assert lock.heading(list(reversed(WANTED["run"]))) == lock.heading(WANTED["run"])

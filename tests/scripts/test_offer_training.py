@@ -53,37 +53,37 @@ def offer(script: ModuleType, monkeypatch: pytest.MonkeyPatch, pip: Pip) -> Pip:
     return pip
 
 
-def test_training_comes_along_where_torch_is_small(script, monkeypatch, capsys) -> None:
+def test_training_is_installed_if_torch_is_small(script, monkeypatch, capsys) -> None:
     locked, torch = offer(script, monkeypatch, Pip(SMALL)).installed
     assert "--require-hashes" in locked and "locks/training.txt" in locked
     assert torch[-1] == "torch==2.13.0"
     assert "make training" not in capsys.readouterr().out
 
 
-def test_gigabytes_of_cuda_are_not_fetched_unasked(script, monkeypatch, capsys) -> None:
+def test_cuda_is_not_downloaded_without_being_asked_for(script, monkeypatch, capsys) -> None:
     assert not offer(script, monkeypatch, Pip(LARGE)).installed
     said = capsys.readouterr().out
     assert "2 packages of CUDA" in said and "make training" in said
 
 
-def test_it_can_be_left_out(script, monkeypatch, capsys) -> None:
+def test_training_can_be_left_out(script, monkeypatch, capsys) -> None:
     monkeypatch.setenv("TRAINING", "no")
     assert not offer(script, monkeypatch, Pip(SMALL)).installed
     assert "make training" in capsys.readouterr().out
 
 
-def test_a_pip_that_cannot_tell_stops_nothing(script, monkeypatch, capsys) -> None:
+def test_a_failing_pip_dry_run_stops_nothing(script, monkeypatch, capsys) -> None:
     assert not offer(script, monkeypatch, Pip(SMALL, status=1)).installed
     assert "make training" in capsys.readouterr().out
 
 
-def test_nothing_is_looked_at_where_training_is_installed(script, monkeypatch) -> None:
+def test_nothing_is_checked_if_training_is_installed(script, monkeypatch) -> None:
     monkeypatch.setattr(script, "find_spec", lambda name: object())
     monkeypatch.setattr(script, "_pip", lambda *arguments, **options: pytest.fail("pip was asked"))
     script.main()
 
 
-def test_torch_comes_from_the_index_that_is_named_and_from_no_other(script, monkeypatch) -> None:
+def test_torch_comes_only_from_the_named_index(script, monkeypatch) -> None:
     monkeypatch.setenv("TORCH_INDEX", "https://builds.example.org/cpu")
     monkeypatch.setattr(script.sys, "argv", ["offer_training.py", "--always"])
     pip = Pip(LARGE)
@@ -94,7 +94,7 @@ def test_torch_comes_from_the_index_that_is_named_and_from_no_other(script, monk
     assert pip.only_here == [False, True, False] and not any("--extra-index-url" in one for one in pip.installed)
 
 
-def test_an_index_is_alone_whatever_pip_is_configured_to_ask(script, monkeypatch) -> None:
+def test_a_named_index_overrides_pips_configuration(script, monkeypatch) -> None:
     monkeypatch.setenv("PIP_EXTRA_INDEX_URL", "https://other.example.org/simple")
     monkeypatch.setenv("PIP_CERT", "/kept")
     asked = []
@@ -105,7 +105,7 @@ def test_an_index_is_alone_whatever_pip_is_configured_to_ask(script, monkeypatch
     assert asked[0]["PIP_CERT"] == "/kept" and asked[1]["PIP_EXTRA_INDEX_URL"]
 
 
-def test_what_was_asked_for_and_cannot_be_installed_fails(script, monkeypatch) -> None:
+def test_failing_to_install_requested_training_is_an_error(script, monkeypatch) -> None:
     monkeypatch.setattr(script.sys, "argv", ["offer_training.py", "--always"])
     monkeypatch.setattr(script, "_pip", Pip(SMALL, status=1))
     assert script.main() == 1

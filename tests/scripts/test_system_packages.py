@@ -36,17 +36,17 @@ def run(tmp_path):
 
 
 @pytest.mark.parametrize("compiler", ["cc", "gcc", "clang"])
-def test_nothing_is_installed_where_all_is_there(run, compiler):
+def test_nothing_is_installed_if_nothing_is_missing(run, compiler):
     assert run("bwrap", "python3", compiler, root=True) == (0, "", "")
 
 
-def test_root_gets_what_is_missing_the_compiler_too(run):
+def test_root_installs_what_is_missing_including_the_compiler(run):
     status, _, asked = run("python3", root=True)
     assert status == 0
     assert "bubblewrap" in asked and "gcc" in asked
 
 
-def test_without_a_compiler_it_goes_on_even_where_none_can_be_had(run):
+def test_it_continues_if_no_compiler_can_be_installed(run):
     status, said, _ = run("bwrap", "python3", root=True, apt="exit 100")
     assert status == 0 and "goes on without: gcc" in said
     assert run("bwrap", "python3", root=False)[:2] == (
@@ -55,11 +55,11 @@ def test_without_a_compiler_it_goes_on_even_where_none_can_be_had(run):
     )
 
 
-def test_without_a_compiler_it_goes_on_where_there_is_no_apt(run):
+def test_it_continues_without_a_compiler_if_there_is_no_apt(run):
     assert run("bwrap", "python3", root=False, apt=None) == (0, "", "")
 
 
-def test_without_the_wall_it_does_not_go_on(run):
+def test_it_stops_without_bubblewrap(run):
     status, said, _ = run("python3", "gcc", root=False)
     assert status == 1 and "sudo apt-get install -y bubblewrap\n" in said
     status, said, _ = run("python3", root=False, apt=None)

@@ -70,7 +70,7 @@ def differences(was: Any, now: Any, where: str = "") -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("site", SITES)
-def test_every_page_every_board_and_every_result_are_there_after_an_upgrade(site, tmp_path):
+def test_an_upgrade_keeps_every_page_board_and_result(site, tmp_path):
     data = tmp_path / "data"
     data.mkdir(mode=0o700)
     with tarfile.open(HERE / f"{site}.tar.xz") as archive:
@@ -109,10 +109,10 @@ class TestRefusals:
         assert not Racer.objects.exclude(alias="alice").exists() and not Race.objects.exists()
         return caught.value
 
-    def test_a_site_that_has_racers_keeps_them(self, before, alice):
+    def test_a_site_with_racers_is_not_overwritten(self, before, alice):
         assert self.refused(before).code == "carry_not_empty"
 
-    def test_a_file_that_is_not_there_or_no_database_is_named(self, tmp_path):
+    def test_a_missing_or_invalid_database_file_is_named(self, tmp_path):
         assert self.refused(tmp_path / "none").params["problem"] == "there is no such file"
         (tmp_path / "text").write_text("no database" * 500)
         assert "not a database" in self.refused(tmp_path / "text").params["problem"]
@@ -121,17 +121,17 @@ class TestRefusals:
     def test_another_kind_of_database_is_refused(self):
         assert self.refused("postgres://localhost/paddock").params == {"theirs": "postgresql", "ours": "sqlite"}
 
-    def test_a_database_that_is_older_still_is_refused(self, before):
+    def test_an_even_older_database_is_refused(self, before):
         with closing(sqlite3.connect(before)) as old, old:
             old.execute("DELETE FROM django_migrations WHERE name = '0013_turns'")
         assert self.refused(before).params["found"] == "evaluation.0013_turns"
 
-    def test_a_column_that_nothing_takes_is_refused(self, before):
+    def test_an_unmapped_column_is_refused(self, before):
         with closing(sqlite3.connect(before)) as old, old:
             old.execute("ALTER TABLE league_racer ADD COLUMN colour TEXT")
         assert self.refused(before).params["found"] == "league_racer.colour"
 
-    def test_a_row_without_what_it_points_to_changes_nothing(self, before):
+    def test_a_row_with_a_dangling_reference_changes_nothing(self, before):
         with closing(sqlite3.connect(before)) as old, old:
             old.execute("DELETE FROM tracks_track")
         with pytest.raises(IntegrityError):
@@ -140,7 +140,7 @@ class TestRefusals:
 
 
 @pytest.mark.django_db
-def test_who_may_do_what_is_carried_over_by_name(before):
+def test_permissions_are_carried_over_by_name(before):
     with closing(sqlite3.connect(before)) as old, old:
         [[racer]] = old.execute("SELECT id FROM league_racer WHERE alias = 'alice'")
         [[permission]] = old.execute("SELECT id FROM auth_permission WHERE codename = 'change_racer'")
@@ -153,7 +153,7 @@ def test_who_may_do_what_is_carried_over_by_name(before):
     assert totals_of(Race.objects.get(name="Before the upgrade")).racers == 2
 
 
-def test_a_difference_is_found():
+def test_a_difference_after_the_upgrade_is_found():
     was = {"a": [{"b": 1}], "edition": "x", "c": 2}
     assert differences(was, {"a": [{"b": 1, "new": 2}], "edition": "y", "c": 2}) == []
     assert differences(was, {"a": [{"b": 2}], "c": 2}) == ["/a/0/b: 1 is now 2"]

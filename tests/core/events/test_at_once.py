@@ -29,7 +29,7 @@ def note(event: Happening, now) -> int:
     return 1
 
 
-def test_two_readers_of_one_name_and_four_writers_lose_and_double_nothing(now):
+def test_concurrent_readers_and_writers_lose_and_repeat_nothing(now):
     register_reader(Reader("ear", (BELL,), note))
     done = Event()
 
@@ -57,13 +57,13 @@ def test_two_readers_of_one_name_and_four_writers_lose_and_double_nothing(now):
     assert positions == list(range(1, WRITERS * EACH + 1))
 
 
-def test_what_happens_once_is_written_once_whoever_notices_it(now):
+def test_a_one_time_event_is_written_once_by_concurrent_writers(now):
     answers = at_once([lambda: record(FIRST, at=now, subject="church", once="church") for _ in range(6)])
     assert not [one for one in answers if isinstance(one, BaseException | str)], answers
     assert Happening.objects.count() == 1
 
 
-def test_an_event_that_commits_after_a_later_one_was_read_is_not_missed(now):
+def test_an_event_committed_late_is_not_missed(now):
     if connection.vendor != "postgresql":
         pytest.skip("SQLite has one writer at a time")
     register_reader(Reader("ear", (BELL,), note))

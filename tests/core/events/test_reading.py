@@ -25,7 +25,7 @@ def positions() -> list[int | None]:
 
 
 class TestFollowing:
-    def test_a_reader_hears_each_event_of_its_kinds_once_and_in_order(self, ear, heard, now):
+    def test_a_reader_gets_each_event_of_its_kinds_once_in_order(self, ear, heard, now):
         ring(now, 1, 2)
         record(OTHER, at=now)
         ring(now, 3)
@@ -34,7 +34,7 @@ class TestFollowing:
         assert follow("ear", now=now) == 1
         assert heard == [1, 2, 3, 4] and positions() == [1, 2, 3, 4, 5]
 
-    def test_readers_go_their_own_ways(self, ear, heard, now):
+    def test_readers_progress_independently(self, ear, heard, now):
         ring(now, 1)
         follow("ear", now=now)
         late = []
@@ -44,7 +44,7 @@ class TestFollowing:
         assert follow("late", now=now) == 3, "from the first that is kept"
         assert heard == [1] and late == [BELL.name, BELL.name, FIRST.name]
 
-    def test_a_reader_that_raises_has_done_nothing_and_hears_it_again(self, ear, heard, now):
+    def test_a_reader_that_raises_gets_the_event_again(self, ear, heard, now):
         ring(now, 1, 2, 3)
 
         def stumble(event: Event, now) -> int:
@@ -61,14 +61,14 @@ class TestFollowing:
         assert Event.objects.filter(kind="test.note").count() == 1, "what it wrote for the second is undone"
         assert follow("ear", now=now) == 3 and heard == [1, 2, 3], "the others go on"
 
-    def test_a_look_at_nothing_new_takes_no_lock(self, ear, now, django_assert_num_queries):
+    def test_reading_nothing_new_takes_no_lock(self, ear, now, django_assert_num_queries):
         ring(now, 1)
         follow("ear", now=now)
         with django_assert_num_queries(3) as looked:
             follow("ear", now=now)
         assert not [query["sql"] for query in looked if not query["sql"].startswith("SELECT")]
 
-    def test_many_events_are_numbered_in_the_order_of_their_writing(self, ear, heard, now, monkeypatch):
+    def test_many_events_are_numbered_in_writing_order(self, ear, heard, now, monkeypatch):
         monkeypatch.setattr("core.events.reading.AT_ONCE", 3)
         ring(now, *range(8))
         assert number_new() == 8 and number_new() == 0
@@ -76,7 +76,7 @@ class TestFollowing:
         follow("ear", now=now)
         assert heard == list(range(8))
 
-    def test_the_sweep_wakes_every_reader_and_the_task_lets_it_follow(self, ear, heard, now, monkeypatch):
+    def test_the_sweep_wakes_every_reader(self, ear, heard, now, monkeypatch):
         ring(now, 1)
         asked = []
         monkeypatch.setattr(tasks, "wake", asked.append)
@@ -93,7 +93,7 @@ class TestTrimming:
         settings.EVENTS_KEPT_DAYS = 10
         return timezone.now() + timedelta(days=11)
 
-    def test_what_is_old_and_read_goes_and_positions_are_never_given_again(self, ear, now, old):
+    def test_old_read_events_are_trimmed_and_positions_never_reused(self, ear, now, old):
         ring(now, 1, 2)
         follow("ear", now=now)
         assert trim(now=old - timedelta(days=2)) == 0, "not old yet"
@@ -101,7 +101,7 @@ class TestTrimming:
         ring(now, 3)
         assert follow("ear", now=now) == 1 and positions() == [3]
 
-    def test_what_a_reader_has_not_read_stays_however_old(self, ear, heard, now, old):
+    def test_unread_events_are_kept_however_old(self, ear, heard, now, old):
         ring(now, 1)
         follow("ear", now=now)
         ring(now, 2)
@@ -109,17 +109,17 @@ class TestTrimming:
         follow("ear", now=now)
         assert heard == [1, 2] and trim(now=old) == 1
 
-    def test_a_reader_of_rare_events_keeps_none_of_the_others(self, ear, now, old):
+    def test_a_reader_of_rare_events_does_not_retain_the_others(self, ear, now, old):
         for _ in range(5):
             record(OTHER, at=now)
         assert trim(now=old) == 5 and EventCursor.objects.get(pk="ear").position == 5
 
-    def test_a_reader_that_never_looked_keeps_all_of_its_kinds(self, ear, now, old):
+    def test_a_reader_that_never_read_retains_all_of_its_kinds(self, ear, now, old):
         record(OTHER, at=now)
         ring(now, 1)
         record(OTHER, at=now)
         assert trim(now=old) == 1 and list(Event.objects.values_list("kind", flat=True)) == [BELL.name, OTHER.name]
 
-    def test_without_readers_age_alone_counts(self, now, old):
+    def test_without_readers_events_are_trimmed_by_age(self, now, old):
         ring(now, 1)
         assert trim(now=now) == 0 and tasks.trim() == 0 and trim(now=old) == 1

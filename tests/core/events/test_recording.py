@@ -15,7 +15,7 @@ from .conftest import BELL, FIRST, OTHER
 pytestmark = pytest.mark.django_db
 
 
-def test_an_event_stands_with_the_transaction_that_wrote_it(now):
+def test_an_event_is_rolled_back_with_its_transaction(now):
     record(BELL, at=now, number=1)
     with pytest.raises(ZeroDivisionError), transaction.atomic():
         record(BELL, at=now, number=2)
@@ -24,12 +24,12 @@ def test_an_event_stands_with_the_transaction_that_wrote_it(now):
     assert (event.kind, event.at, event.data, event.position) == ("test.rang", now, {"number": 1}, None)
 
 
-def test_when_it_was_written_is_the_database_s_clock(now):
+def test_an_events_time_is_the_databases(now):
     record(BELL, at=now, number=1)
     assert abs(Event.objects.get().recorded_at - timezone.now()) < timedelta(minutes=1)
 
 
-def test_what_happens_once_is_written_once(now):
+def test_a_one_time_event_is_written_once(now):
     assert record(FIRST, at=now, subject="church", once="church")
     assert not record(FIRST, at=now + timedelta(days=1), subject="church", once="church")
     assert record(FIRST, at=now, subject="school", once="school")
@@ -38,7 +38,7 @@ def test_what_happens_once_is_written_once(now):
         Event.objects.create(kind=FIRST.name, at=now, once="church")
 
 
-def test_many_at_once_are_written_by_a_few_queries(now, django_assert_max_num_queries):
+def test_many_events_are_written_in_few_queries(now, django_assert_max_num_queries):
     with django_assert_max_num_queries(4):
         assert record_all(written(BELL, at=now, number=number) for number in range(100)) == 100
     assert record_all([]) == 0 and Event.objects.count() == 100
@@ -56,13 +56,13 @@ def test_many_at_once_are_written_by_a_few_queries(now, django_assert_max_num_qu
         (Kind("test.unheard", "of which nobody has heard", "own"), {}),
     ],
 )
-def test_an_event_that_is_not_as_its_kind_says_is_a_mistake_of_ours(now, kind, what):
+def test_an_event_that_does_not_fit_its_kind_is_an_error(now, kind, what):
     with pytest.raises(TypeError):
         record(kind, at=now, **what)
     assert not Event.objects.exists()
 
 
-def test_two_kinds_of_one_name_and_columns_that_there_are_not_are_refused():
+def test_duplicate_kinds_and_unknown_columns_are_refused():
     assert register(BELL) is BELL
     with pytest.raises(ValueError):
         register(Kind(BELL.name, "something else", "own"))
@@ -71,7 +71,7 @@ def test_two_kinds_of_one_name_and_columns_that_there_are_not_are_refused():
 
 
 class TestWakingUp:
-    def test_readers_of_the_kind_are_woken_once_after_the_commit(
+    def test_readers_of_a_kind_are_woken_once_after_the_commit(
         self, ear, woken, now, django_capture_on_commit_callbacks
     ):
         with django_capture_on_commit_callbacks(execute=True):
@@ -81,14 +81,12 @@ class TestWakingUp:
             assert woken == []
         assert woken == ["ear"]
 
-    def test_nobody_is_woken_for_what_nobody_reads_or_what_is_no_news(
-        self, ear, woken, now, django_capture_on_commit_callbacks
-    ):
+    def test_unread_kinds_and_repeated_events_wake_nobody(self, ear, woken, now, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
             record(OTHER, at=now)
         assert woken == []
 
-    def test_an_undone_savepoint_takes_its_wake_up_along_and_no_other(
+    def test_rolling_back_a_savepoint_cancels_only_its_own_wake_up(
         self, ear, woken, now, django_capture_on_commit_callbacks
     ):
         with django_capture_on_commit_callbacks(execute=True):

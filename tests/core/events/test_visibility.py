@@ -10,7 +10,7 @@ from core.events import Event, Kind, can_see_event, events_visible_to, record, r
 pytestmark = pytest.mark.django_db
 
 
-def test_what_concerns_somebody_is_theirs_and_staff_s(alice, bob, now):
+def test_only_the_racer_and_staff_see_a_personal_event(alice, bob, now):
     mine = register(Kind("test.mine", "something of one's own", "own", names=("racer",)))
     record(mine, at=now, racer=alice.pk)
     event, admin = Event.objects.get(), type(alice).objects.create_superuser("root", "root@example.org", None)
@@ -18,7 +18,7 @@ def test_what_concerns_somebody_is_theirs_and_staff_s(alice, bob, now):
         assert can_see_event(viewer, event) == sees == (event in events_visible_to(viewer)), viewer
 
 
-def test_an_event_of_a_kind_that_is_gone_is_staff_s(alice, now):
+def test_only_staff_see_events_of_a_removed_kind(alice, now):
     Event.objects.create(kind="test.forgotten", at=now, racer=alice)
     assert not can_see_event(alice, Event.objects.get()) and not events_visible_to(alice).exists()
     alice.is_staff = True

@@ -22,14 +22,14 @@ def asked(monkeypatch) -> list:
     return sent
 
 
-def test_a_reader_is_asked_for_by_the_name_of_the_task(asked):
+def test_a_reader_is_woken_by_task_name(asked):
     REALLY_WAKE("ear")
     assert asked == [(FOLLOW, "ear")]
     current_app.loader.import_default_modules()
     assert FOLLOW in current_app.tasks
 
 
-def test_a_broker_that_is_away_is_left_alone_for_a_moment(asked, monkeypatch, caplog):
+def test_an_unreachable_broker_is_not_tried_again_immediately(asked, monkeypatch, caplog):
     tries = []
 
     def refuse(name, **options):

@@ -28,38 +28,38 @@ def key(job) -> dict:
     return {"pk": job.pk, "lease": job.lease}
 
 
-def test_every_table_of_jobs_is_one_kind_and_this_contract_is_about_all_of_them():
+def test_every_table_of_jobs_is_a_tested_kind():
     tables = {model for model in apps.get_models() if issubclass(model, Leased)}
     kinds = all_kinds()
     assert {kind.model for kind in kinds} == tables and len(kinds) == len(tables)
     assert set(kinds) == set(MAKERS)
 
 
-def test_its_task_is_one_that_workers_know(kind):
+def test_its_task_is_known_to_workers(kind):
     app.loader.import_default_modules()
     assert kind.task in app.tasks
     assert app.amqp.router.route({}, kind.task)["queue"].name in (kind.queue, "celery")
 
 
-class TestAClaim:
-    def test_writes_who_has_it_until_when(self, kind, waiting, now):
+class TestClaim:
+    def test_it_records_the_worker_and_the_lease(self, kind, waiting, now):
         job = kind.claim(worker="w" * 200, now=now)
         assert (job.state, job.attempt, job.started_at) == (kind.working, 1, now)
         assert (job.worker, job.leased_until) == ("w" * 128, now + kind.lease)
         assert kind.claim(worker="other", now=now) is None
 
-    def test_waits_for_a_pause_to_be_over(self, kind, waiting, now):
+    def test_it_skips_a_paused_job(self, kind, waiting, now):
         kind.model.objects.filter(pk=waiting.pk).update(
             not_before=now + SECOND, **({"failed_at": now} if isinstance(kind, RetriedKind) else {})
         )
         assert kind.claim(worker="w", now=now) is None
         assert kind.claim(worker="w", now=now + SECOND) == waiting
 
-    def test_waits_while_a_part_that_it_needs_is_out(self, kind, waiting, now):
+    def test_it_waits_during_an_outage_of_a_needed_part(self, kind, waiting, now):
         Outage.objects.create(part="storage", since=now, look_at=now + SECOND)
         assert (kind.claim(worker="w", now=now) is None) == ("storage" in kind.needs)
 
-    def test_of_one_that_is_stopped_in_that_moment_is_none(self, kind, waiting, now, monkeypatch):
+    def test_it_fails_for_a_job_stopped_at_that_moment(self, kind, waiting, now, monkeypatch):
         held = kind.held
 
         def stopped_meanwhile(pk, lease):
@@ -71,13 +71,13 @@ class TestAClaim:
 
 
 @pytest.mark.django_db(transaction=True)
-def test_of_many_workers_that_claim_at_once_one_gets_it(kind, waiting, now):
+def test_it_succeeds_for_one_of_many_workers(kind, waiting, now):
     answers = at_once([lambda n=n: kind.claim(worker=f"w{n}", now=now) for n in range(4)])
     assert [job for job in answers if job is not None] == [waiting], answers
 
 
-class TestALease:
-    def test_that_is_not_the_rows_changes_nothing(self, kind, claimed, now):
+class TestLease:
+    def test_a_foreign_lease_changes_nothing(self, kind, claimed, now):
         other = {"pk": claimed.pk, "lease": uuid.uuid4()}
         assert not kind.beat(**other, now=now)
         assert not kind.release(**other, now=now)
@@ -88,13 +88,13 @@ class TestALease:
         row = kind.model.objects.get(pk=claimed.pk)
         assert (row.state, row.lease, row.leased_until) == (kind.working, claimed.lease, claimed.leased_until)
 
-    def test_is_prolonged_by_a_heartbeat(self, kind, claimed, now):
+    def test_a_heartbeat_prolongs_the_lease(self, kind, claimed, now):
         assert kind.beat(**key(claimed), now=now + 9 * SECOND)
         claimed.refresh_from_db()
         assert claimed.leased_until == now + 9 * SECOND + kind.lease
 
     @GO_ON
-    def test_that_ran_out_is_taken_back_and_its_worker_changes_nothing_more(self, kind, claimed, now):
+    def test_an_expired_lease_is_taken_back(self, kind, claimed, now):
         assert kind.sweep(now=claimed.leased_until).requeued == 0
         after = claimed.leased_until + SECOND
         assert kind.sweep(now=after).requeued == 1
@@ -103,7 +103,7 @@ class TestALease:
         assert again.lease != claimed.lease
         assert not kind.beat(**key(claimed), now=after)
 
-    def test_that_is_handed_back_costs_no_attempt(self, kind, claimed, now, woken, django_capture_on_commit_callbacks):
+    def test_a_released_lease_costs_no_attempt(self, kind, claimed, now, woken, django_capture_on_commit_callbacks):
         woken.clear()
         with django_capture_on_commit_callbacks(execute=True):
             assert kind.release(**key(claimed), now=now)
@@ -112,7 +112,7 @@ class TestALease:
         assert woken == [(kind.task, kind.queue)]
 
     @GO_ON
-    def test_of_a_host_that_is_lost_time_and_again_is_never_the_end(self, kind, claimed, now):
+    def test_losing_hosts_repeatedly_never_fails_the_job(self, kind, claimed, now):
         for attempt in range(2, 12):
             now += timedelta(hours=3)
             kind.sweep(now=now)
@@ -120,20 +120,20 @@ class TestALease:
             assert claimed.attempt == attempt
 
 
-class TestASweep:
-    def test_wakes_a_worker_for_what_waits(self, kind, waiting, now, woken, django_capture_on_commit_callbacks):
+class TestSweep:
+    def test_it_wakes_a_worker_for_waiting_jobs(self, kind, waiting, now, woken, django_capture_on_commit_callbacks):
         woken.clear()
         with django_capture_on_commit_callbacks(execute=True):
             assert kind.sweep(now=now).waiting == 1
         assert woken == [(kind.task, kind.queue)]
 
-    def test_is_silent_where_nothing_waits(self, kind, claimed, now, woken, django_capture_on_commit_callbacks):
+    def test_it_wakes_nobody_if_nothing_waits(self, kind, claimed, now, woken, django_capture_on_commit_callbacks):
         woken.clear()
         with django_capture_on_commit_callbacks(execute=True):
             assert kind.sweep(now=now).waiting == 0
         assert woken == []
 
-    def test_does_not_stop_at_one_that_cannot_be_put_back(self, kind, claimed, now, monkeypatch, caplog):
+    def test_it_continues_past_a_job_it_cannot_requeue(self, kind, claimed, now, monkeypatch, caplog):
         def refuse(*args):
             raise RuntimeError("a receiver failed")
 
@@ -143,15 +143,15 @@ class TestASweep:
 
 
 @RETRIED
-class TestAFault:
-    def test_of_a_user_is_final_at_once(self, retried, claimed, now):
+class TestFault:
+    def test_a_user_fault_is_final_immediately(self, retried, claimed, now):
         fault = UserFault("policy_late", step=7, step_s=1, overage_s=10, total_s=60)
         assert retried.fail(**key(claimed), fault=fault, now=now, detail="stderr")
         claimed.refresh_from_db()
         assert (claimed.state, claimed.reason, claimed.ended_at) == (retried.failed, str(fault), now)
         assert "stderr" in claimed.operator_detail and not claimed.is_platform_fault
 
-    def test_of_ours_is_tried_again_after_pauses_that_grow_to_an_hour(self, retried, claimed, now, settings):
+    def test_a_platform_fault_is_retried_after_growing_pauses(self, retried, claimed, now, settings):
         settings.EVALUATION_MAX_ATTEMPTS = 2
         pauses = []
         for _ in range(8):
@@ -164,7 +164,7 @@ class TestAFault:
         assert pauses == [0, 4, 16, 64, 256, 1024, 3600, 3600]
         assert claimed.operator_detail.count("Traceback") == 8
 
-    def test_of_ours_wakes_a_worker_where_it_does_not_pause(
+    def test_a_platform_fault_without_a_pause_wakes_a_worker(
         self, retried, claimed, now, woken, django_capture_on_commit_callbacks
     ):
         woken.clear()
@@ -172,7 +172,7 @@ class TestAFault:
             retried.fail(**key(claimed), fault=PlatformFault("internal_error"), now=now)
         assert woken == [(retried.task, retried.queue)]
 
-    def test_keeps_the_newest_of_what_operators_read(self, retried, claimed, now):
+    def test_operator_details_keep_the_newest_attempts(self, retried, claimed, now):
         for number in range(8):
             fault = PlatformFault("internal_error")
             retried.fail(**key(claimed), fault=fault, now=now, detail=f"{number}" * 5_000)
@@ -181,7 +181,7 @@ class TestAFault:
         detail = retried.model.objects.get(pk=claimed.pk).operator_detail
         assert len(detail) == 20_000 and "Attempt 8: internal_error. 7777" in detail and "Attempt 1:" not in detail
 
-    def test_that_ended_it_is_forgotten_when_it_begins_anew(self, retried, claimed, now):
+    def test_restarting_a_job_clears_its_fault(self, retried, claimed, now):
         retried.fail(**key(claimed), fault=UserFault("stopped"), now=now)
         failed = retried.model.objects.filter(pk=claimed.pk, state=retried.failed)
         own = {"ended_because": ""} if hasattr(claimed, "ended_because") else {}
@@ -193,7 +193,7 @@ class TestAFault:
 
 
 @of_each((EVALUATIONS, VIDEOS))
-def test_a_fault_of_ours_ends_only_what_fails_alone_again_and_again(retried, claimed, now, settings, monkeypatch):
+def test_a_platform_fault_ends_only_a_job_that_keeps_failing_alone(retried, claimed, now, settings, monkeypatch):
     settings.EVALUATION_MAX_ATTEMPTS = 3
     monkeypatch.setattr(retried, "others_passed", lambda job: True)
     for kills in (1, 2, 3):
@@ -208,8 +208,8 @@ def test_a_fault_of_ours_ends_only_what_fails_alone_again_and_again(retried, cla
 
 
 @RETRIED
-class TestAStorageThatIsBack:
-    def test_wakes_what_paused_since_it_went(self, retried, claimed, now):
+class TestStorageReturns:
+    def test_jobs_paused_during_the_outage_are_woken(self, retried, claimed, now):
         Outage.objects.create(part="storage", since=now, look_at=now + SECOND)
         retried.model.objects.filter(pk=claimed.pk).update(attempt=5)
         claimed.attempt = 5
@@ -221,8 +221,8 @@ class TestAStorageThatIsBack:
         assert retried.claim(worker="w", now=now + SECOND) == claimed
 
 
-class TestTheDatabaseRefuses:
-    def test_a_row_whose_state_and_lease_contradict_each_other(self, kind, waiting, now):
+class TestDatabaseConstraints:
+    def test_a_lease_contradicting_the_state_is_refused(self, kind, waiting, now):
         for changes in (
             {"state": "lost"},
             {"state": kind.working},
@@ -233,7 +233,7 @@ class TestTheDatabaseRefuses:
             with pytest.raises(IntegrityError), transaction.atomic():
                 kind.model.objects.filter(pk=waiting.pk).update(**changes)
 
-    def test_a_pause_of_one_that_does_not_wait(self, kind, claimed, now):
+    def test_a_pause_of_a_job_that_is_not_waiting_is_refused(self, kind, claimed, now):
         with pytest.raises(IntegrityError), transaction.atomic():
             kind.model.objects.filter(pk=claimed.pk).update(not_before=now)
 
