@@ -15,7 +15,7 @@ CONTINUOUS = {
 }
 
 
-def test_the_greatest_score_wins_and_the_first_of_equals():
+def test_the_highest_score_wins_and_the_first_of_equals():
     space = ActionSpace.discrete([(-30, 1), (0, 2), (30, 1)])
     assert space.decode(np.float32([0.1, 0.7, 0.2])) == (0.0, 2.0, 1)
     assert space.decode(np.float32([0.4, 0.2, 0.4])).index == 0
@@ -30,13 +30,13 @@ def test_two_values_are_scaled_to_the_ranges():
     assert space.decode(np.float32([9, -9])) == (30.0, 0.5, None)
 
 
-def test_actions_are_clipped_to_what_the_car_can_do_and_rounded():
+def test_actions_are_clipped_to_the_car_and_rounded():
     space = ActionSpace.discrete([(45, 9), (-45, 0.01), (1.23456789, 1.00004999)])
     assert [space.decode(np.eye(3)[i])[:2] for i in range(3)] == [(30.0, 4.0), (-30.0, 0.1), (1.2346, 1.0)]
 
 
 @needs_shared
-def test_numbers_in_a_metadata_file_may_be_strings():
+def test_numbers_in_metadata_may_be_strings():
     metadata = json.loads((SHARED / "traces" / "a-to-z-2023-model_metadata.json").read_text())
     for action in metadata["action_space"]:
         action["speed"] = str(action["speed"])
@@ -46,7 +46,7 @@ def test_numbers_in_a_metadata_file_may_be_strings():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_an_answer_that_is_not_finite_is_the_racers_fault(bad):
+def test_a_non_finite_answer_is_the_racers_fault(bad):
     for space in (ActionSpace.discrete([(0, 1), (5, 1)]), ActionSpace.from_metadata(CONTINUOUS)):
         with pytest.raises(UserFault) as caught:
             space.decode(np.float32([0.5, bad]), step=17)
@@ -60,18 +60,18 @@ def test_an_answer_of_another_size_is_refused():
 
 
 @pytest.mark.parametrize("actions", [[], [(float("nan"), 1.0)]])
-def test_an_empty_or_meaningless_list_is_refused(actions):
+def test_an_empty_or_invalid_action_list_is_refused(actions):
     with pytest.raises(ValueError):
         ActionSpace.discrete(actions)
 
 
-def test_a_range_upside_down_is_refused():
+def test_an_inverted_range_is_refused():
     with pytest.raises(ValueError, match="low < high"):
         ActionSpace.continuous((10, -10), (1, 2))
 
 
 @given(st.lists(st.floats(-1e6, 1e6, width=32), min_size=2, max_size=2))
-def test_whatever_a_network_answers_the_command_is_within_the_car(values):
+def test_every_command_stays_within_the_cars_limits(values):
     steering, speed, index = ActionSpace.from_metadata(CONTINUOUS).decode(np.float32(values))
     assert -20 <= steering <= 30
     assert 0.5 <= speed <= 2

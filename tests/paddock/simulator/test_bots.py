@@ -54,7 +54,7 @@ def put(bot, metres, lane, bots):
 
 @pytest.mark.parametrize("speed", [0.2, 1.0, 4.0])
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_a_bot_follows_the_centre_of_its_lane_at_its_speed_over_the_ground(speed, direction):
+def test_a_bot_follows_its_lane_at_its_ground_speed(speed, direction):
     track = TRACK.in_direction(direction)
     bots = Bots(LanePaths(track), rules_of(1, speed), HZ)
     (bot,) = bots.bots
@@ -69,7 +69,7 @@ def test_a_bot_follows_the_centre_of_its_lane_at_its_speed_over_the_ground(speed
         before = bot.pose
 
 
-def test_a_lap_of_the_inner_lane_is_shorter():
+def test_a_lap_on_the_inner_lane_is_shorter():
     laps = {}
     for lane in ("inner", "outer"):
         bots = bots_of(1, 1.0)
@@ -85,7 +85,7 @@ def test_a_lap_of_the_inner_lane_is_shorter():
     assert laps["outer"] == pytest.approx(8 + 2 * math.pi * 1.45, rel=0.02)
 
 
-def test_bots_start_on_both_lanes_apart_and_off_the_grid():
+def test_bots_start_apart_on_both_lanes_and_off_the_grid():
     bots = bots_of(4).bots
     assert [bot.lane for bot in bots] in (["inner", "outer"] * 2, ["outer", "inner"] * 2)
     assert all(2.5 <= bot.metres <= LENGTH - 2.5 for bot in bots)
@@ -96,7 +96,7 @@ def test_the_seed_decides_the_lanes():
     assert len({tuple(bot.lane for bot in bots_of(2, seed=seed).bots) for seed in range(20)}) == 2
 
 
-def test_without_lane_changes_nobody_leaves_his_lane():
+def test_without_lane_changes_bots_keep_their_lanes():
     bots = bots_of(3, 2.0)
     lanes = [bot.lane for bot in bots.bots]
     for _ in range(600):
@@ -105,7 +105,7 @@ def test_without_lane_changes_nobody_leaves_his_lane():
         assert all(abs(abs(bot.offset) - 0.25) < 0.01 for bot in bots.bots)
 
 
-def test_lanes_are_changed_over_a_metre_at_seeded_intervals():
+def test_bots_change_lanes_over_a_metre_at_seeded_intervals():
     bots = bots_of(1, 1.5, bot_lane_changes=True, bot_lane_change_ms=(3000, 5000), seed=4)
     (bot,) = bots.bots
     begun, ended, offsets = [], [], []
@@ -126,7 +126,7 @@ def test_lanes_are_changed_over_a_metre_at_seeded_intervals():
     assert max(waits) - min(waits) > 0.5
 
 
-def test_the_heading_follows_the_way_in_a_lane_change():
+def test_the_heading_follows_the_path_of_a_lane_change():
     bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_ms=(1, 1))
     (bot,) = bots.bots
     before, turned = bot.pose, 0.0
@@ -141,7 +141,7 @@ def test_the_heading_follows_the_way_in_a_lane_change():
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_on_every_catalogue_track_six_bots_stay_on_the_road_and_apart(entry, direction):
+def test_six_bots_stay_apart_on_every_catalogue_track(entry, direction):
     track = entry.geometry().in_direction(direction)
     bots = Bots(LanePaths(track), rules_of(6, 2.0, bot_lane_changes=True, seed=9), HZ)
     for step in range(900):
@@ -156,7 +156,7 @@ def test_on_every_catalogue_track_six_bots_stay_on_the_road_and_apart(entry, dir
 # --- yielding ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_bot_stops_behind_a_car_that_stands_in_its_lane():
+def test_a_bot_stops_behind_a_standing_car_in_its_lane():
     bots = bots_of(1, 4.0)
     (bot,) = bots.bots
     put(bot, 3.0, "inner", bots)
@@ -179,14 +179,14 @@ def test_a_bot_follows_a_slower_car_at_a_distance():
 
 
 @pytest.mark.parametrize("offset", [-0.25, 0.25])
-def test_a_bot_drives_past_a_car_in_the_other_lane(offset):
+def test_a_bot_passes_a_car_in_the_other_lane(offset):
     bots = bots_of(1, 2.0)
     put(bots.bots[0], 6.0, "inner" if offset < 0 else "outer", bots)
     drive(bots, 30, [(8.0, offset)])
     assert bots.bots[0].metres == pytest.approx(10.0, abs=0.2)
 
 
-def test_a_bot_changes_into_no_lane_that_is_taken():
+def test_a_bot_does_not_change_into_an_occupied_lane():
     bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_ms=(1, 1))
     (bot,) = bots.bots
     put(bot, 6.5, "inner", bots)
@@ -198,7 +198,7 @@ def test_a_bot_changes_into_no_lane_that_is_taken():
     assert bot.lane == "outer"
 
 
-def test_bots_do_not_run_into_a_bot_that_pauses():
+def test_bots_do_not_run_into_a_pausing_bot():
     bots = bots_of(2, 2.0, bot_pause_ms=3000)
     first, second = bots.bots
     put(first, 8.0, "inner", bots)
@@ -228,7 +228,7 @@ def place(stage, car, bot_m, lane, car_m, offset):
     car.referee.place(pose, car_m)
 
 
-def test_a_car_that_runs_into_a_bot_is_stopped_on_the_spot_and_the_bot_pauses(stage):
+def test_hitting_a_bot_stops_the_car_and_pauses_the_bot(stage):
     car = stage.add(())
     place(stage, car, 8.0, "inner", 7.5, 0.25)
     while car.status != CRASHED:
@@ -248,7 +248,7 @@ def test_a_car_that_runs_into_a_bot_is_stopped_on_the_spot_and_the_bot_pauses(st
     assert car.referee.lap.crashes == 1
 
 
-def test_after_they_were_clear_of_each_other_the_next_contact_counts_again(stage):
+def test_a_contact_after_separation_counts_again(stage):
     car = stage.add(())
     place(stage, car, 8.0, "inner", 7.5, 0.25)
     while car.status != CRASHED:
@@ -261,7 +261,7 @@ def test_after_they_were_clear_of_each_other_the_next_contact_counts_again(stage
     assert car.status == CRASHED and car.referee.lap.crashes == 2
 
 
-def test_a_bot_that_runs_into_the_car_from_behind_pauses_and_the_car_drives_on(stage):
+def test_a_bot_hitting_the_car_from_behind_pauses_alone(stage):
     car = stage.add(())
     place(stage, car, 7.8, "inner", 8.05, 0.25)
     stage.step((STILL,))
@@ -277,7 +277,7 @@ def test_a_bot_that_runs_into_the_car_from_behind_pauses_and_the_car_drives_on(s
     assert stage.bots.poses != at
 
 
-def test_who_is_behind_is_told_right_around_the_finish_line(stage):
+def test_the_car_behind_is_known_across_the_finish_line(stage):
     car = stage.add(())
     place(stage, car, LENGTH - 0.15, "inner", 0.1, 0.25)  # the bot behind the line, the car before it
     stage.step((STILL,))
@@ -286,7 +286,7 @@ def test_who_is_behind_is_told_right_around_the_finish_line(stage):
     assert stage.bots.bots[0].pause_steps == 30
 
 
-def test_bots_drive_through_a_car_that_stands_out_a_penalty(stage):
+def test_bots_pass_through_a_car_waiting_out_a_penalty(stage):
     car = stage.add(())
     place(stage, car, 6.5, "inner", 7.2, 0.25)
     car.referee.pause_steps = 60
@@ -321,7 +321,7 @@ def pilot_race(track=TRACK, speed=2.0, offset=0.0, **rules):
     return result, told
 
 
-def test_bots_have_a_place_for_every_row_of_the_trace():
+def test_bots_have_a_pose_for_every_row_of_the_trace():
     result, told = pilot_race(bots=3, speed=2.0, offset=0.25, laps=2, bot_lane_changes=True)
     assert result.end_reason == LAPS_DONE
     bots = result.layout["bots"]
@@ -333,7 +333,7 @@ def test_bots_have_a_place_for_every_row_of_the_trace():
     assert told[0].bots[0] == tuple(bots[0][15][:2])
 
 
-def test_bots_drive_on_while_the_car_stands_out_a_penalty(stage):
+def test_bots_drive_on_while_the_car_waits_out_a_penalty(stage):
     car = stage.add(())
     place(stage, car, 10.0, "inner", 3.0, 0.8)
     stage.step((STILL,))
@@ -346,13 +346,13 @@ def test_bots_drive_on_while_the_car_stands_out_a_penalty(stage):
         assert math.dist(before[:2], after[:2]) == pytest.approx(1.0 / HZ, rel=0.01)
 
 
-def test_the_clean_way_past_bots_costs_nothing():
+def test_passing_bots_cleanly_costs_nothing():
     result, _ = pilot_race(stadium(width=1.6), bots=2, speed=1.0, offset=0.0, laps=3)  # between the two lanes
     assert result.end_reason == LAPS_DONE
     assert [lap.crashes for lap in result.laps] == [0, 0, 0]
 
 
-def test_the_stage_shows_the_bots_where_they_are():
+def test_the_stage_shows_bots_at_their_poses():
     with Stage(GROUND, rules_of(2, 1.0)) as stage:
         car = stage.add(())
         before = stage.solids(car)

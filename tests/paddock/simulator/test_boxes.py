@@ -83,11 +83,11 @@ def stand(judge, put_back):
         (Pose(-0.24, -0.33, math.pi / 4), True),  # a corner only
     ],
 )
-def test_a_crash_is_a_corner_of_the_car_in_the_box_of_forty_by_fifty_centimetres(pose, crashed):
+def test_a_car_corner_inside_the_40_by_50_cm_box_is_a_crash(pose, crashed):
     assert hits_box(pose, box(0.0, 0.0, 0.0)) == crashed
 
 
-def test_a_corner_of_the_box_inside_the_car_is_no_crash_but_no_place_to_put_a_car_either():
+def test_a_box_corner_inside_the_car_is_an_overlap_but_no_crash():
     pose = Pose(-0.3044, -0.3544, math.pi / 4)  # the box's corner under the middle of the car's nose
     solid = box(0.0, 0.0, 0.0)
     assert not hits_box(pose, solid)
@@ -96,7 +96,7 @@ def test_a_corner_of_the_box_inside_the_car_is_no_crash_but_no_place_to_put_a_ca
 
 @given(x=st.floats(-1, 1), y=st.floats(-1, 1), yaw=st.floats(-7, 7), turn=st.floats(-7, 7), dx=st.floats(-9, 9))
 @settings(max_examples=200, deadline=None)
-def test_a_crash_is_the_same_wherever_the_two_stand(x, y, yaw, turn, dx):
+def test_a_crash_does_not_depend_on_where_it_happens(x, y, yaw, turn, dx):
     cos, sin = math.cos(turn), math.sin(turn)
     moved = Pose(dx + x * cos - y * sin, 3.0 + x * sin + y * cos, yaw + turn)
     corners = [Pose(x, y, yaw).ahead(along * 0.16176, across * 0.09805) for along in (1, -1) for across in (1, -1)]
@@ -106,7 +106,7 @@ def test_a_crash_is_the_same_wherever_the_two_stand(x, y, yaw, turn, dx):
         assert hits_box(moved, box(dx, 3.0, turn)) == any(margin < 0 for margin in margins)
 
 
-def test_a_car_that_drives_into_a_box_has_crashed_and_stands_out_the_collision_penalty():
+def test_a_crash_costs_the_collision_penalty():
     judge = referee((8.0, "inner"), collision_penalty_ms=5000, off_track_penalty_ms=200)
     put_back = drive(judge, 0.0, 9.0, "inner")
     assert judge.status == CRASHED
@@ -116,7 +116,7 @@ def test_a_car_that_drives_into_a_box_has_crashed_and_stands_out_the_collision_p
     assert put_back is not None
 
 
-def test_the_other_lane_is_free():
+def test_passing_a_box_in_the_other_lane_is_no_crash():
     judge = referee((6.0, "inner"), (9.0, "outer"), laps=1)
     assert drive(judge, 0.0, 7.5, "outer") is None
     assert drive(judge, 7.5, 9.5, "inner") is None
@@ -129,7 +129,7 @@ def test_without_resets_a_crash_ends_the_run():
     assert (judge.end_reason, judge.status, judge.lap.crashes, judge.lap.resets) == (RESETS_USED, CRASHED, 1, 0)
 
 
-def test_a_crash_comes_before_leaving_the_road():
+def test_a_crash_takes_precedence_over_leaving_the_road():
     judge = referee((6.0, "outer"))
     drive(judge, 0.0, 5.5, "outer")
     x, y, heading = TRACK.point_at(5.75, -0.59)  # no wheel on the road, the left corners in the box
@@ -141,14 +141,14 @@ def test_a_crash_comes_before_leaving_the_road():
 
 
 @pytest.mark.parametrize(("lane", "other"), [("inner", "outer"), ("outer", "inner")])
-def test_after_a_crash_the_car_stands_a_metre_before_the_box_in_the_other_lane(lane, other):
+def test_a_crashed_car_goes_a_metre_back_to_the_other_lane(lane, other):
     judge = referee((6.0, lane))
     put_back = drive(judge, 0.0, 7.0, lane)
     assert put_back.metres == pytest.approx(5.0)
     assert tuple(put_back.pose) == pytest.approx(TRACK.lane_centre(5.0, other))
 
 
-def test_off_track_within_a_metre_before_a_box_is_put_back_like_a_crash():
+def test_off_track_just_before_a_box_is_put_back_like_a_crash():
     judge = referee((6.0, "outer"))
     drive(judge, 0.0, 5.2, offset=0.4)
     put_back = judge.judge(on_track(5.3, offset=0.7))
@@ -156,7 +156,7 @@ def test_off_track_within_a_metre_before_a_box_is_put_back_like_a_crash():
     assert tuple(put_back.pose) == pytest.approx(TRACK.lane_centre(5.0, "inner"))
 
 
-def test_off_track_farther_from_a_box_is_put_back_as_in_a_time_trial():
+def test_off_track_far_from_a_box_is_put_back_as_in_a_time_trial():
     judge = referee((6.0, "outer"))
     drive(judge, 0.0, 1.2, offset=0.4)
     put_back = judge.judge(on_track(1.3, offset=0.7))
@@ -165,7 +165,7 @@ def test_off_track_farther_from_a_box_is_put_back_as_in_a_time_trial():
 
 
 @pytest.mark.parametrize("beyond", [0.1, 0.4, 0.6, 0.9])
-def test_a_car_that_has_passed_a_box_is_never_put_back_before_it(beyond):
+def test_a_car_is_never_put_back_before_a_passed_box(beyond):
     judge = referee((6.0, "inner"))
     drive(judge, 0.0, 6.0 + beyond, "outer")
     put_back = judge.judge(on_track(6.0 + beyond, offset=-0.75))
@@ -176,7 +176,7 @@ def test_a_car_that_has_passed_a_box_is_never_put_back_before_it(beyond):
     assert judge.boxes.free(put_back.pose)
 
 
-def test_not_even_one_that_turned_round_and_drove_back_into_it():
+def test_a_car_returning_to_a_passed_box_goes_on_behind_it():
     judge = referee((6.0, "inner"))
     drive(judge, 0.0, 7.0, "outer")
     # It turns round behind the box and comes back to it, nose first.
@@ -190,7 +190,7 @@ def test_not_even_one_that_turned_round_and_drove_back_into_it():
     assert judge.boxes.free(put_back.pose)
 
 
-def test_in_the_next_lap_the_same_box_lies_ahead_again():
+def test_a_box_counts_as_ahead_again_in_the_next_lap():
     judge = referee((6.0, "inner"), laps=3)
     assert drive(judge, 0.0, LENGTH + 5.0, "outer") is None
     put_back = drive(judge, LENGTH + 5.0, LENGTH + 7.0, "inner")
@@ -199,7 +199,7 @@ def test_in_the_next_lap_the_same_box_lies_ahead_again():
     assert [lap.crashes for lap in judge.laps] == [0, 1]
 
 
-def test_a_car_is_put_back_behind_the_box_before_when_two_stand_close():
+def test_between_close_boxes_a_car_goes_back_behind_the_first():
     judge = referee((6.0, "inner"), (7.2, "outer"), laps=1)
     drive(judge, 0.0, 6.1, "outer")
     put_back = drive(judge, 6.1, 8.0, "outer")
@@ -220,14 +220,14 @@ def test_a_car_is_never_put_into_a_box():
     assert put_back.metres >= 6.5
 
 
-def test_a_car_that_would_start_in_a_box_starts_beside_or_behind_it():
+def test_a_start_inside_a_box_moves_beside_or_behind_it():
     judge = referee((6.0, "inner"), start_m=6.0)
     assert judge.boxes.free(judge.pose)
     assert TRACK.on_road(judge.pose.x, judge.pose.y)
     assert judge.lap_start_m == 6.0
 
 
-def test_the_third_reset_near_one_box_puts_the_car_a_metre_behind_it():
+def test_the_third_reset_near_a_box_puts_the_car_behind_it():
     judge = referee((6.0, "inner"), laps=1)
     metres = []
     for _ in range(3):
@@ -241,7 +241,7 @@ def test_the_third_reset_near_one_box_puts_the_car_a_metre_behind_it():
     assert judge.lap.crashes == 3
 
 
-def test_passing_a_box_forgets_the_resets_near_it():
+def test_passing_a_box_clears_its_count_of_resets():
     judge = referee((6.0, "inner"), (9.0, "inner"), laps=1)
     for _ in range(2):
         stand(judge, drive(judge, judge.odometer.metres - NOSE, 7.5, "inner"))
@@ -249,14 +249,14 @@ def test_passing_a_box_forgets_the_resets_near_it():
     assert drive(judge, 8.0, 10.0, "inner").metres == pytest.approx(8.0)
 
 
-def test_mercy_before_another_box_close_by_still_stops_before_that_one():
+def test_mercy_at_one_box_still_stops_before_the_next():
     judge = referee((6.0, "inner"), (7.5, "outer"), laps=1, mercy_resets=1)
     put_back = drive(judge, 0.0, 7.0, "inner")
     assert put_back.metres == pytest.approx(6.5)
     assert tuple(put_back.pose) == pytest.approx(TRACK.lane_centre(6.5, "inner"))
 
 
-def test_without_mercy_the_same_crash_goes_on_until_the_time_is_up():
+def test_without_mercy_the_same_crash_repeats_until_time_is_up():
     rules = rules_of((4.0, "outer"), mercy_resets=0, laps=1, collision_penalty_ms=1000, max_simulated_ms=30_000)
     result = run_race(TRACK, rules, *_along(rules, offset=-0.25))
     assert result.end_reason == TIME_UP
@@ -264,7 +264,7 @@ def test_without_mercy_the_same_crash_goes_on_until_the_time_is_up():
     assert np.max(result.trace["progress"]) < 100 * 4.2 / LENGTH
 
 
-def test_a_car_that_cannot_steer_round_a_box_still_comes_home():
+def test_a_car_that_cannot_avoid_boxes_still_finishes():
     rules = rules_of((4.0, "inner"), (9.0, "outer"), laps=2)
     result = run_race(TRACK, rules, *_along(rules, offset=0.0))
     assert result.end_reason == LAPS_DONE
@@ -280,7 +280,7 @@ def _along(rules, offset):
 # --- whole races ------------------------------------------------------------------------------------------------------
 
 
-def test_the_crash_is_in_trace_metrics_and_course():
+def test_trace_metrics_and_layout_show_the_crash():
     rules = rules_of((4.0, "outer"), laps=1, collision_penalty_ms=3000)
     result = run_race(TRACK, rules, *_along(rules, offset=-0.25))
     trace = result.trace
@@ -295,7 +295,7 @@ def test_the_crash_is_in_trace_metrics_and_course():
     assert (placed["x"], placed["y"]) == pytest.approx(TRACK.lane_centre(4.0, "outer")[:2], abs=1e-3)
 
 
-def test_a_time_trial_has_an_empty_course_and_nothing_to_see():
+def test_a_time_trial_has_an_empty_layout_and_no_solids():
     result = run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, (), lambda readings: np.float32([1.0]))
     assert result.layout == {"boxes": [], "bots": []}
     assert (result.order, result.rivals, result.retired) == ([0], [], None)
@@ -303,21 +303,21 @@ def test_a_time_trial_has_an_empty_course_and_nothing_to_see():
         assert stage.solids(stage.add(())) == ()
 
 
-def test_every_entrant_meets_the_same_boxes():
+def test_every_car_meets_the_same_boxes():
     rules = RaceRules(race_type="object_avoidance", random_boxes=4, seed=12, max_simulated_ms=3000)
     layouts = [run_race(TRACK, rules, *_along(rules, offset)).layout for offset in (-0.3, 0.0, 0.3)]
     assert layouts[0] == layouts[1] == layouts[2]
     assert len(layouts[0]["boxes"]) == 4
 
 
-def test_the_stage_shows_the_boxes_of_the_course():
+def test_the_stage_shows_the_boxes_of_the_layout():
     rules = rules_of((4.0, "outer"), (9.0, "inner"))
     with Stage(Ground(TRACK), rules) as stage:
         car = stage.add(())
         assert stage.solids(car) == tuple(placed.solid for placed in lay_out(TRACK, rules).boxes)
 
 
-def test_a_pilot_that_sees_the_boxes_drives_round_them():
+def test_a_pilot_that_sees_boxes_avoids_them():
     rules = rules_of((7.8, "inner"), (14.2, "outer"), laps=2)
     pilot = CentreLinePilot(TRACK, speed=1.5, layout=lay_out(TRACK, rules))
     result = run_race(TRACK, rules, pilot.action_space, pilot.sensors, pilot)
@@ -328,7 +328,7 @@ def test_a_pilot_that_sees_the_boxes_drives_round_them():
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_on_every_catalogue_track_a_car_put_back_is_on_the_road_and_in_no_box(entry, direction):
+def test_every_put_back_is_on_the_road_and_clear_of_boxes(entry, direction):
     track = entry.geometry()
     driven = track.in_direction(direction)
     reach, passed = Reach(driven), []
@@ -354,7 +354,7 @@ def test_on_every_catalogue_track_a_car_put_back_is_on_the_road_and_in_no_box(en
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_on_every_catalogue_track_even_a_car_that_knows_no_boxes_finishes_and_never_falls_behind_one(entry, direction):
+def test_a_car_blind_to_boxes_finishes_every_catalogue_track(entry, direction):
     track = entry.geometry()
     driven = track.in_direction(direction)
     rules = RaceRules(race_type="object_avoidance", random_boxes=6, seed=3, laps=1, direction=direction)
@@ -377,7 +377,7 @@ def test_a_lap_between_boxes_counts_once():
     assert len(judge.laps) == 2
 
 
-def test_a_car_that_hits_a_box_with_its_rear_goes_on_behind_it():
+def test_a_car_hitting_a_box_with_its_rear_goes_on_behind_it():
     judge = referee((8.0, "inner"))
     assert drive(judge, 0.0, 8.1, "outer") is None  # its nose is past the box
     x, y, heading = TRACK.point_at(8.1, 0.0)

@@ -41,7 +41,7 @@ def pairs(camera):
     return found
 
 
-def test_a_frame_is_grey_bytes_of_the_official_size_and_the_callers_own(camera):
+def test_a_frame_is_a_fresh_grey_picture_of_official_size(camera):
     frame = camera.render(Pose(0.0, -1.2, 0.0))
     assert frame.shape == (120, 160) and frame.dtype == np.uint8 and frame.flags.c_contiguous
     kept = frame.copy()
@@ -49,7 +49,7 @@ def test_a_frame_is_grey_bytes_of_the_official_size_and_the_callers_own(camera):
     assert (frame == kept).all()
 
 
-def test_bullets_own_renderer_sees_the_same_scene(pairs):
+def test_bullets_renderer_draws_the_same_scene(pairs):
     differences = [np.abs(ours.astype(int) - theirs) for ours, theirs in pairs]
     assert np.mean(differences) < 1.5
     for difference in differences:
@@ -57,7 +57,7 @@ def test_bullets_own_renderer_sees_the_same_scene(pairs):
         assert (difference > 40).mean() < 0.02
 
 
-def test_edges_are_where_bullets_renderer_has_them(pairs):
+def test_edges_agree_with_bullets_renderer(pairs):
     """Of all shifts by half pixels the pictures fit best with at most one of them: TinyRenderer itself is half of one
     of its four times smaller pixels off."""
     shifts = [(dx / 2, dy / 2) for dx in range(-3, 4) for dy in range(-3, 4)]
@@ -77,7 +77,7 @@ def test_edges_are_where_bullets_renderer_has_them(pairs):
         assert apart(far) > 1.3 * apart(best)
 
 
-def test_the_horizon_and_the_wall_are_at_the_height_that_geometry_says(camera, scene):
+def test_horizon_and_wall_have_their_geometric_height(camera, scene):
     xmax, middle = scene.walls[2], (scene.walls[1] + scene.walls[3]) / 2
     optics = FRONT_CAMERA
     for away in (0.5, 1.0, 3.0):
@@ -93,7 +93,7 @@ def test_the_horizon_and_the_wall_are_at_the_height_that_geometry_says(camera, s
 
 @pytest.mark.parametrize("level_m", [0.0, 0.05, 1.0])
 @pytest.mark.parametrize("optics", [FRONT_CAMERA, STEREO_RIGHT, Optics(pitch=0.6, columns=64, rows=48)])
-def test_a_pixel_shows_the_ground_that_its_ray_meets(optics, level_m):
+def test_a_pixel_shows_the_ground_its_ray_meets(optics, level_m):
     eye = np.array((optics.x, optics.y, optics.height))
     axis = np.array((math.cos(optics.pitch), 0.0, -math.sin(optics.pitch)))
     down = np.array((-math.sin(optics.pitch), 0.0, -math.cos(optics.pitch)))
@@ -109,7 +109,7 @@ def test_a_pixel_shows_the_ground_that_its_ray_meets(optics, level_m):
                 assert ahead > 5000
 
 
-def test_a_row_at_the_horizon_meets_no_ground_that_there_is():
+def test_the_row_at_the_horizon_meets_no_ground():
     assert FRONT_CAMERA.line_of_row(FRONT_CAMERA.horizon)[0] > 9000
 
 
@@ -120,17 +120,17 @@ def test_a_camera_may_look_up_or_down_past_its_horizon(scene, pitch):
 
 
 @pytest.mark.parametrize("pose", [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.nan)])
-def test_nothing_is_seen_from_nowhere(camera, pose):
+def test_a_non_finite_pose_is_refused(camera, pose):
     with pytest.raises(ValueError, match="nothing is seen"):
         camera.render(Pose(*pose))
 
 
-def test_from_far_outside_there_are_only_walls(camera):
+def test_only_walls_are_seen_from_far_outside(camera):
     for far in (100.0, 1e7, 1e300):
         assert set(camera.render(Pose(far, -far, 0.7)).ravel().tolist()) == {OFFICIAL.wall}
 
 
-def test_lines_dashes_road_field_and_sky_have_the_themes_greys(camera):
+def test_every_part_of_a_picture_has_its_themes_grey(camera):
     # On the centre line of the lower straight: dash or road ahead, border lines and field to both sides.
     frame = camera.render(Pose(-1.0, -1.2, 0.0))
     values = set(frame[110].tolist())
@@ -142,7 +142,7 @@ def test_lines_dashes_road_field_and_sky_have_the_themes_greys(camera):
 
 
 @pytest.mark.parametrize("yaw", np.linspace(-math.pi, math.pi, 9))
-def test_a_wall_that_passes_through_the_near_plane_is_cut_and_not_turned_inside_out(camera, scene, yaw):
+def test_a_wall_through_the_near_plane_is_clipped(camera, scene, yaw):
     xmin, ymin, _, _ = scene.walls
     frame = camera.render(Pose(xmin + 0.2, ymin + 0.2, float(yaw)))
     # Nothing but the scene's greys and their mixtures, and the sky only ever above the horizon.
@@ -151,7 +151,7 @@ def test_a_wall_that_passes_through_the_near_plane_is_cut_and_not_turned_inside_
     assert not (np.abs(frame[horizon + 1 :].astype(int) - OFFICIAL.sky) < 3).sum() > 80
 
 
-def test_far_lines_do_not_sparkle(camera):
+def test_distant_lines_do_not_flicker(camera):
     """A small step forward must change the far rows by little: without anti-aliasing they flicker."""
     frames = [camera.render(Pose(-1.9 + 0.01 * i, -1.2, 0.0))[27:40].astype(float) for i in range(20)]
     jumps = [np.abs(a - b).max() for a, b in pairwise(frames)]

@@ -38,7 +38,7 @@ def yaw_rate(world, car):
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 2.0, 4.0])
-def test_a_car_drives_dead_straight_at_the_speed_it_is_told(world, speed):
+def test_a_car_drives_straight_at_the_commanded_speed(world, speed):
     car = world.add_car()
     last = drive(world, car, 0.0, speed, 60)[-1]
     assert abs(last.y) < 0.003 and abs(last.yaw) < 0.001
@@ -47,7 +47,7 @@ def test_a_car_drives_dead_straight_at_the_speed_it_is_told(world, speed):
 
 
 @pytest.mark.parametrize(("steering", "speed"), [(30, 1.0), (-30, 1.0), (15, 2.0), (-10, 2.0), (5, 3.0), (30, 4.0)])
-def test_the_steady_curve_is_the_demanded_one_as_far_as_the_grip_goes(world, steering, speed):
+def test_a_steady_curve_is_as_commanded_within_the_grip(world, steering, speed):
     car = world.add_car()
     drive(world, car, steering, speed, 45)
     demand = math.tan(math.radians(steering)) / PADDOCK_CAR.effective_wheelbase
@@ -57,14 +57,14 @@ def test_the_steady_curve_is_the_demanded_one_as_far_as_the_grip_goes(world, ste
 
 
 @pytest.mark.parametrize(("steering", "speed"), [(5, 2.0), (10, 1.0), (15, 1.0)])
-def test_gentle_curves_are_those_of_the_recorded_drives(steering, speed):
+def test_gentle_curves_match_the_recorded_drives(steering, speed):
     tangent = math.tan(math.radians(steering))
     curvature = PADDOCK_CAR.curvature(tangent / PADDOCK_CAR.effective_wheelbase, speed)
     assert 0.25 < tangent / curvature < 0.31  # not the geometric 0.164
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, 2.5, 4.0])
-def test_the_grip_cuts_curves_off_smoothly_and_more_so_at_speed(speed):
+def test_grip_limits_curves_smoothly_and_more_at_speed(speed):
     curves = [PADDOCK_CAR.curvature(demand / 10, speed) for demand in range(40)]
     assert all(after > before for before, after in pairwise(curves))
     assert curves[-1] < PADDOCK_CAR.curvature_limit
@@ -87,7 +87,7 @@ def test_left_and_right_are_mirror_images(world):
 
 
 @pytest.mark.parametrize(("speed", "least", "most"), [(1.0, 0.5, 0.7), (1.5, 0.38, 0.54), (2.5, 0.25, 0.4)])
-def test_the_yaw_rate_follows_with_a_lag_that_grows_with_speed(world, speed, least, most):
+def test_the_yaw_rates_lag_grows_with_speed(world, speed, least, most):
     car = world.add_car()
     car.start(Pose(0.0, 0.0, 0.0), Response(PADDOCK_CAR, speed=speed * PADDOCK_CAR.speed_gain))
     rates = []
@@ -127,7 +127,7 @@ def test_nothing_moves_during_the_dead_time():
         assert yaw_rate(world, car) > 0.1
 
 
-def test_a_command_is_answered_alike_in_strides_of_any_length(world):
+def test_the_response_does_not_depend_on_the_stride(world):
     """Recorded steps are uneven; what a car does must not hang on how its ticks are bundled."""
     whole, parts = Response(PADDOCK_CAR, speed=1.0), Response(PADDOCK_CAR, speed=1.0)
     for response, strides in ((whole, (8, 8, 8)), (parts, (8, 1, 2, 5, 3, 3, 2))):
@@ -158,11 +158,11 @@ def wild_poses(physics, strides=(8,)):
     return poses, lift
 
 
-def test_a_step_is_made_of_equally_long_moves():
+def test_a_step_consists_of_equal_moves():
     assert [PADDOCK_CAR.moves(ticks) for ticks in (1, 2, 3, 7, 8, 32)] == [1, 1, 2, 4, 4, 16]
 
 
-def test_a_car_that_is_moved_twice_as_often_drives_the_same_way():
+def test_moving_a_car_twice_as_often_changes_nothing():
     ours, _ = wild_poses(PADDOCK_CAR)
     finer, _ = wild_poses(dataclasses.replace(PADDOCK_CAR, ticks_per_move=1))
     apart = [math.dist(one[:2], other[:2]) for one, other in zip(ours, finer, strict=True)]
@@ -176,7 +176,7 @@ def test_wheels_stay_on_the_ground_under_wild_commands():
     assert lift < 2e-4
 
 
-def test_the_first_step_of_a_world_is_a_step_like_any_other():
+def test_the_first_step_of_a_world_is_like_any_other():
     """Motors are told their limits in the length of Bullet's calls, which must be set before."""
     with World() as fresh, World() as used:
         first = drive(fresh, fresh.add_car(), 20.0, 4.0, 5)
@@ -187,7 +187,7 @@ def test_the_first_step_of_a_world_is_a_step_like_any_other():
 
 
 @pytest.mark.parametrize("strides", [(7, 1), (3, 5), (2, 1, 5)])
-def test_a_car_drives_the_same_way_in_steps_of_any_length(strides):
+def test_a_cars_path_hardly_depends_on_the_step_length(strides):
     """Recorded steps are uneven, so are the strides of a replay."""
     whole, _ = wild_poses(PADDOCK_CAR)
     parts, _ = wild_poses(PADDOCK_CAR, strides)
@@ -195,7 +195,7 @@ def test_a_car_drives_the_same_way_in_steps_of_any_length(strides):
     assert statistics.median(apart) < 0.02 and max(apart) < 0.06
 
 
-def test_a_car_started_in_motion_goes_on_as_it_was(world):
+def test_a_car_started_in_motion_keeps_its_motion(world):
     car, twin = world.add_car(), world.add_car()
     drive(world, car, 15.0, 2.0, 20)
     twin.start(car.pose, car.response.copy())
@@ -206,7 +206,7 @@ def test_a_car_started_in_motion_goes_on_as_it_was(world):
     assert twin.pose.ahead(0.14) == pytest.approx(car.pose.ahead(0.14), abs=0.02)
 
 
-def test_commands_beyond_the_car_are_clipped(world):
+def test_commands_beyond_the_cars_limits_are_clipped(world):
     wild, tame = world.add_car(), world.add_car()
     tame.place(Pose(0.0, 9.0, 0.0))
     for _ in range(20):
@@ -217,7 +217,7 @@ def test_commands_beyond_the_car_are_clipped(world):
     assert wild.speed < 4.2
 
 
-def test_a_placed_car_stands_still_with_straight_wheels(world):
+def test_a_placed_car_is_still_with_straight_wheels(world):
     car = world.add_car()
     drive(world, car, 30.0, 3.0, 20)
     target = Pose(1.0, 2.0, 3.0)
@@ -230,7 +230,7 @@ def test_a_placed_car_stands_still_with_straight_wheels(world):
     assert angles == pytest.approx([0.0, 0.0], abs=1e-4)
 
 
-def test_the_inertias_and_the_joint_speed_are_ours_and_not_bullets_guess(world):
+def test_inertias_and_joint_speed_are_set_by_us(world):
     car = world.add_car()
     for link, inertia in [(-1, PADDOCK_CAR.chassis_inertia), *((wheel, PADDOCK_CAR.wheel_inertia) for wheel in WHEELS)]:
         info = pybullet.getDynamicsInfo(car.body, link, world.client)
@@ -239,7 +239,7 @@ def test_the_inertias_and_the_joint_speed_are_ours_and_not_bullets_guess(world):
         assert pybullet.getDynamicsInfo(car.body, wheel, world.client)[1] == PADDOCK_CAR.friction
 
 
-def test_a_second_car_changes_nothing_to_the_last_bit(world):
+def test_a_second_car_does_not_change_a_single_bit(world):
     first = drive(world, world.add_car(), 12.0, 2.0, 30)
     with World() as other:
         car, second = other.add_car(), other.add_car()
@@ -283,7 +283,7 @@ def wandering(cars=1, make=World):
 
 
 @pytest.mark.parametrize("cars", [1, 3])
-def test_a_world_that_was_made_ready_moves_like_any_other_to_the_last_bit(cars):
+def test_a_prepared_world_moves_bit_identically(cars):
     world_module.make_ready()
     (ready,) = world_module._ready
     other = dataclasses.replace(PADDOCK_CAR, friction=3.0)
@@ -294,7 +294,7 @@ def test_a_world_that_was_made_ready_moves_like_any_other_to_the_last_bit(cars):
 
 
 @pytest.mark.parametrize("cars", [1, 3])
-def test_the_cheaper_search_for_contacts_finds_what_bullets_own_finds_to_the_last_bit(monkeypatch, cars):
+def test_our_contact_search_matches_bullets_bit_for_bit(monkeypatch, cars):
     def full_filters(body, client):
         for link in (-1, *range(len(WHEELS) + len(HINGES))):
             pybullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP, client)

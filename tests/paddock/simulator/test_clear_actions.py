@@ -22,14 +22,14 @@ errors = st.floats(-1.0, 1.0)
 
 @pytest.mark.parametrize("space", [WIDE, NARROW, BEYOND])
 @given(pair=st.tuples(values, values), bound=bounds, wrong=st.tuples(errors, errors))
-def test_a_clear_answer_of_a_continuous_space_is_one_command(space, pair, bound, wrong):
+def test_a_clear_continuous_answer_gives_one_command(space, pair, bound, wrong):
     if is_clear(pair, bound, space.ranges):
         other = [value + bound * error for value, error in zip(pair, wrong, strict=True)]
         assert space.decode(np.array(other)) == space.decode(np.array(pair))
 
 
 @given(scores=st.lists(values, min_size=3, max_size=3), bound=bounds, wrong=st.lists(errors, min_size=3, max_size=3))
-def test_a_clear_answer_of_a_table_is_one_action(scores, bound, wrong):
+def test_a_clear_discrete_answer_gives_one_action(scores, bound, wrong):
     if is_clear(scores, bound, TABLE.ranges):
         other = [value + bound * error for value, error in zip(scores, wrong, strict=True)]
         assert TABLE.decode(np.array(other)) == TABLE.decode(np.array(scores))
@@ -42,7 +42,7 @@ def test_a_clear_answer_of_a_table_is_one_action(scores, bound, wrong):
     bound=st.floats(1e-8, 1e-5),
     wrong=st.tuples(errors, errors),
 )
-def test_commands_change_nowhere_but_half_way_between_two_steps(space, step, off, bound, wrong):
+def test_a_clear_answer_near_a_rounding_gives_one_command(space, step, off, bound, wrong):
     """Where answers are close to a rounding, of which one at random never is."""
     pair = [
         (value - low) / (high - low) * 2.0 - 1.0
@@ -55,18 +55,18 @@ def test_commands_change_nowhere_but_half_way_between_two_steps(space, step, off
         assert space.decode(np.array(other)) == space.decode(np.array(pair))
 
 
-def test_half_way_between_two_steps_is_not_clear():
+def test_an_answer_half_way_between_two_steps_is_not_clear():
     value = 0.005 / 30.0  # 0.005 degrees: 0.00 or 0.01
     assert not is_clear([value, 0.0], 1e-7, WIDE.ranges)
     assert is_clear([value + 2e-5, 0.0], 1e-7, WIDE.ranges)
 
 
-def test_most_answers_are_clear_of_an_error_as_large_as_networks_have():
+def test_most_answers_are_clear_at_realistic_errors():
     pairs = np.random.default_rng(3).uniform(-1.0, 1.0, (5000, 2)).tolist()
     assert np.mean([is_clear(pair, 2e-6, WIDE.ranges) for pair in pairs]) > 0.97
 
 
-def test_what_is_clipped_to_an_end_is_clear():
+def test_an_answer_clipped_to_an_end_is_clear():
     assert is_clear([1.5, -7.0], 1e-3, WIDE.ranges)
 
 
@@ -82,5 +82,5 @@ def test_the_only_action_is_always_clear():
 
 @pytest.mark.parametrize("ranges", [None, WIDE.ranges])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_never_clear(ranges, value):
+def test_a_non_finite_answer_is_never_clear(ranges, value):
     assert not is_clear([value, 0.1], 1e-6, ranges)

@@ -29,7 +29,7 @@ def assert_clear(track: TrackGeometry) -> None:
 
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
-def test_everything_within_the_clear_distance_is_road(entry) -> None:
+def test_all_points_within_the_clear_distance_are_road(entry) -> None:
     track = entry.geometry()
 
     assert_clear(track)
@@ -38,12 +38,12 @@ def test_everything_within_the_clear_distance_is_road(entry) -> None:
 
 @needs_shared
 @pytest.mark.parametrize("name", ["caecer_loop", "AWS_track", "thunder_hill_open", "reInvent2019_wide"])
-def test_everything_within_the_clear_distance_is_road_on_tracks_of_uneven_width(name: str) -> None:
+def test_the_clear_distance_holds_on_tracks_of_uneven_width(name: str) -> None:
     assert_clear(read_npy((SHARED / "tracks" / f"{name}.npy").read_bytes(), name))
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.4, 0.62])
-def test_the_trace_is_the_same_with_and_without_the_shortcut(offset: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shortcut_does_not_change_the_trace(offset: float, monkeypatch: pytest.MonkeyPatch) -> None:
     track = next(entry for entry in CATALOGUE if entry.slug == "oval").geometry()
 
     def trace() -> str:

@@ -87,7 +87,7 @@ def expected():
     return race()
 
 
-def test_the_race_is_worth_comparing(expected):
+def test_the_compared_race_is_eventful(expected):
     _, result = expected
     trace = result.trace
     assert len(set(trace["action"].tolist())) >= 3
@@ -124,7 +124,7 @@ def test_five_races_of_each_type_give_one_hash(kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", TYPES)
-def test_a_fresh_process_gives_the_same_race_of_each_type(kind):
+def test_a_fresh_process_gives_the_same_race_in_each_type(kind):
     code = (
         "import json; from tests.paddock.simulator.test_determinism import race_of;"
         f"print(json.dumps(race_of({kind!r})[0]))"
@@ -160,6 +160,6 @@ def test_busy_neighbours_change_nothing(expected):
             neighbour.join()
 
 
-def test_a_run_before_it_changes_nothing(expected):
+def test_an_earlier_run_changes_nothing(expected):
     run_race(stadium(radius=0.9), RaceRules(max_simulated_ms=3000), SPACE, ["FRONT_FACING_CAMERA"], Camera())
     assert race()[0] == expected[0]

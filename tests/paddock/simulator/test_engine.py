@@ -4,7 +4,7 @@ from importlib import metadata
 from paddock.simulator import engine
 
 
-def test_the_versions_are_those_that_the_packages_say_themselves():
+def test_versions_are_those_the_packages_report():
     names = {"pybullet": "pybullet", "numpy": "numpy", "opencv": "opencv-python-headless"}
     found = engine.versions()
     assert found.pop("libc").startswith("glibc 2.") or platform.libc_ver()[0] != "glibc"
@@ -12,6 +12,6 @@ def test_the_versions_are_those_that_the_packages_say_themselves():
     assert found == {short: metadata.version(name) for short, name in names.items()}
 
 
-def test_a_package_without_a_folder_of_its_name_is_looked_up_the_long_way(monkeypatch):
+def test_a_package_without_its_own_folder_is_still_found(monkeypatch):
     monkeypatch.setattr(engine.os, "listdir", lambda folder: [])
     assert engine._version("numpy") == metadata.version("numpy")

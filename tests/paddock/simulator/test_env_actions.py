@@ -23,7 +23,7 @@ def begun_cars(**options):
 
 
 @pytest.mark.parametrize("action", [-1, 10, 99, 3.7, float("nan"), "3", None, True, np.array([1, 2]), np.array([])])
-def test_what_is_no_action_of_the_list_is_refused_in_a_sentence_and_moves_nothing(action):
+def test_an_unknown_action_is_refused_and_moves_nothing(action):
     env = begun()
     with pytest.raises(ValueError, match="an action must be a whole number from 0 to 9, not"):
         env.step(action)
@@ -31,7 +31,7 @@ def test_what_is_no_action_of_the_list_is_refused_in_a_sentence_and_moves_nothin
 
 
 @pytest.mark.parametrize("action", [np.array([3]), np.array([[3]]), np.int64(3), np.array(3), 3.0, [3]])
-def test_an_action_may_come_in_any_form_that_holds_one_whole_number(action):
+def test_an_action_may_be_any_single_integer(action):
     plain, other = begun(), begun()
     for _ in range(5):
         expected, got = plain.step(3), other.step(action)
@@ -40,12 +40,12 @@ def test_an_action_may_come_in_any_form_that_holds_one_whole_number(action):
 
 
 @pytest.mark.parametrize("action", [0.5, [0.1], [0.1, 0.2, 0.3], "left", None])
-def test_a_continuous_action_is_two_numbers(action):
+def test_a_continuous_action_must_be_two_numbers(action):
     with pytest.raises(ValueError, match="an action must be two numbers in"):
         begun(metadata=CONTINUOUS).step(action)
 
 
-def test_a_continuous_action_that_is_not_finite_is_refused_as_in_a_race():
+def test_a_non_finite_action_is_refused_as_in_a_race():
     with pytest.raises(UserFault) as fault:
         begun(metadata=CONTINUOUS).step(np.array([np.nan, 0.0], np.float32))
     assert fault.value.code == "non_finite_action"
@@ -62,7 +62,7 @@ def test_a_continuous_action_that_is_not_finite_is_refused_as_in_a_race():
         (np.array([99, 0]), "car 0: an action must be a whole number from 0 to 9, not"),
     ],
 )
-def test_many_cars_refuse_what_one_car_would_and_none_has_moved(actions, said):
+def test_many_cars_refuse_what_one_would_and_none_moves(actions, said):
     cars = begun_cars()
     with pytest.raises(ValueError, match=said):
         cars.step(actions)
@@ -70,7 +70,7 @@ def test_many_cars_refuse_what_one_car_would_and_none_has_moved(actions, said):
     assert infos["time_ms"].tolist() == [67, 67]
 
 
-def test_a_step_after_the_last_one_asks_for_a_reset():
+def test_a_step_after_the_end_demands_a_reset():
     env = begun(max_simulated_ms=100)
     while not any(env.step(4)[2:4]):
         pass

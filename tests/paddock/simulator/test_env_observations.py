@@ -22,7 +22,7 @@ def make_cars(**options):
     ("observation", "metadata", "channels"),
     [("box", DEFAULT_METADATA, 1), ("box", PAIR, 2), ("rgb", DEFAULT_METADATA, 3)],
 )
-def test_one_sensor_can_be_the_observation_itself(observation, metadata, channels):
+def test_a_single_sensor_can_be_the_observation_itself(observation, metadata, channels):
     env = make(observation=observation, metadata=metadata, render_mode="rgb_array").unwrapped
     check_env(env)
     assert env.observation_space == gymnasium.spaces.Box(0, 255, (120, 160, channels), np.uint8)
@@ -51,7 +51,7 @@ def test_many_cars_give_the_same_pictures_as_one(observation, mode):
     assert (kept == last).all()
 
 
-def test_gymnasiums_wrappers_of_pictures_take_it():
+def test_gymnasiums_picture_wrappers_accept_it():
     grey = GrayscaleObservation(make(observation="rgb"), keep_dim=True)
     small = ResizeObservation(make(observation="box"), (60, 80))
     smaller_grey = ResizeObservation(GrayscaleObservation(make(observation="rgb")), (60, 80))
@@ -72,7 +72,7 @@ def test_gymnasiums_wrappers_of_pictures_take_it():
     ],
 )
 @pytest.mark.parametrize("maker", [make, make_cars])
-def test_a_car_that_has_no_single_picture_is_told_so(maker, options, said):
+def test_a_car_without_a_single_picture_is_refused(maker, options, said):
     with pytest.raises(ValueError, match=said):
         maker(**options)
 

@@ -51,7 +51,7 @@ def make_kind(kind, **options):
 )
 @pytest.mark.parametrize("start", ["fixed", "random"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_passes_gymnasiums_own_check(kind, metadata, start):
+def test_it_passes_gymnasiums_checker(kind, metadata, start):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(make_kind(kind, metadata=metadata, start=start, render_mode="rgb_array").unwrapped)
@@ -69,7 +69,7 @@ def test_spaces_come_from_the_metadata():
     assert (lidar.low.min(), lidar.high.max(), lidar.shape) == (np.float32(0.15), 1.0, (64,))
 
 
-def test_it_is_the_very_simulator_that_judges():
+def test_an_episode_equals_a_race_of_the_same_actions():
     """The same actions give the same states, judgements and times as a race."""
     actions = np.random.default_rng(3).integers(0, 10, 600)
     env = make(laps=2, max_resets=4).unwrapped
@@ -101,7 +101,7 @@ def test_it_is_the_very_simulator_that_judges():
     assert statuses.count("off_track") == sum(lap.off_tracks for lap in race.laps)
 
 
-def test_every_episode_is_as_the_first_to_the_last_bit():
+def test_every_episode_repeats_the_first_bit_for_bit():
     env = make(metadata=CONTINUOUS).unwrapped
     actions = np.random.default_rng(8).uniform(-1, 1, (60, 2)).astype(np.float32)
 
@@ -146,7 +146,7 @@ def test_leaving_the_road_terminates_and_time_truncates():
     assert outcomes[-1] == (False, True) and not any(any(pair) for pair in outcomes[:-1])
 
 
-def test_the_reward_function_is_given_the_documented_params():
+def test_the_reward_function_gets_the_documented_params():
     seen = []
 
     def reward_function(params):
@@ -196,7 +196,7 @@ def test_the_default_reward_prefers_the_centre_line():
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_a_reward_that_is_not_finite_is_refused(value):
+def test_a_non_finite_reward_is_refused(value):
     env = make(reward_function=lambda params: value).unwrapped
     env.reset()
     with pytest.raises(ValueError, match="finite"):
@@ -228,7 +228,7 @@ class Watch:
 
 
 @pytest.mark.parametrize("kind", ["ObjectAvoidance", "HeadToHead"])
-def test_what_stands_on_the_track_comes_from_the_seed_of_reset(kind):
+def test_resets_seed_decides_the_layout(kind):
     env = make_kind(kind, reward_function=Watch())
     first, again = objects_seen(env, 3), objects_seen(env)
     assert len(first[0]) == 3
@@ -237,7 +237,7 @@ def test_what_stands_on_the_track_comes_from_the_seed_of_reset(kind):
     assert objects_seen(make_kind(kind, reward_function=Watch()), 3) == first
 
 
-def test_boxes_stay_and_bots_drive():
+def test_boxes_stand_still_and_bots_drive():
     boxes = objects_seen(make_kind("ObjectAvoidance", reward_function=Watch()), 1)
     assert boxes[0] == boxes[2]
     bots = objects_seen(make_kind("HeadToHead", reward_function=Watch(), bot_speed_mps=1.5), 1)
@@ -246,7 +246,7 @@ def test_boxes_stay_and_bots_drive():
 
 
 @pytest.mark.parametrize("kind", ["ObjectAvoidance", "HeadToHead"])
-def test_a_course_seed_keeps_what_stands_on_the_track(kind):
+def test_a_layout_seed_keeps_the_layout(kind):
     env = make_kind(kind, reward_function=Watch(), layout_seed=5)
     assert objects_seen(env, 1) == objects_seen(env, 2)
     other = make_kind(
@@ -262,7 +262,7 @@ def test_boxes_may_have_fixed_places():
     assert np.allclose(objects_seen(env, 9)[0], wanted)
 
 
-def test_a_box_ahead_crashes_the_car_and_ends_the_episode():
+def test_driving_into_a_box_ends_the_episode():
     seen = []
     env = make_kind(
         "ObjectAvoidance",
@@ -281,7 +281,7 @@ def test_a_box_ahead_crashes_the_car_and_ends_the_episode():
     assert info["laps"][0]["crashes"] == 1
 
 
-def test_object_avoidance_is_the_race_that_is_judged():
+def test_object_avoidance_gives_the_laps_of_a_race():
     """The same actions past the same boxes give the same laps as a race."""
     actions = np.random.default_rng(5).integers(0, 10, 400)
     env = make_kind("ObjectAvoidance", layout_seed=8, max_resets=50, max_simulated_ms=20_000).unwrapped
@@ -318,12 +318,12 @@ def test_object_avoidance_is_the_race_that_is_judged():
         ("TimeTrial", {"metadata": {"action_space": [object()]}}),
     ],
 )
-def test_a_course_or_a_car_that_makes_no_sense_is_refused(kind, bad):
+def test_an_invalid_layout_or_car_is_refused(kind, bad):
     with pytest.raises(ValueError):
         make_kind(kind, **bad)
 
 
-def test_boxes_that_have_no_room_are_refused_with_their_reason():
+def test_boxes_without_room_are_refused_with_their_reason():
     with pytest.raises(UserFault) as fault:
         make_kind("ObjectAvoidance", random_boxes=0, boxes=[(0.001, "inner")])
     assert fault.value.code == "box_on_start_line"
@@ -339,7 +339,7 @@ def test_an_unknown_argument_is_named():
 
 
 @pytest.mark.parametrize("start", [float("nan"), float("inf")])
-def test_a_start_that_is_no_place_is_refused(start):
+def test_an_invalid_start_is_refused(start):
     with pytest.raises(ValueError, match="start_m"):
         make().reset(options={"start_m": start})
 
@@ -352,7 +352,7 @@ def test_wrong_arguments_are_refused(bad):
         paddock.simulator.envs.TimeTrialEnv(track=TRACK, **bad)
 
 
-def test_a_track_is_a_geometry_a_slug_or_a_file(tmp_path):
+def test_a_track_may_be_a_geometry_a_slug_or_a_file(tmp_path):
     path = tmp_path / "mine.npy"
     path.write_bytes(write_npy(TRACK))
     assert load_track(path).fingerprint == load_track(str(path)).fingerprint == TRACK.fingerprint

@@ -39,7 +39,7 @@ def rows(result):
 
 
 @needs_shared
-def test_the_trace_has_the_columns_of_the_official_file_in_their_order():
+def test_the_trace_has_the_official_columns_in_order():
     with open(SHARED / "traces" / "spain-2026-training-0.csv") as file:
         official = file.readline().strip().split(",")
     assert list(COLUMNS) == official
@@ -59,7 +59,7 @@ def test_values_are_written_as_in_the_official_file(result, troubled):
     assert {row["episode_status"] for row in rows(troubled)} <= known
 
 
-def test_a_row_holds_the_state_before_its_action_acts(result):
+def test_a_row_holds_the_state_before_its_action(result):
     trace = result.trace
     assert trace["tstamp"][0] == 0.0 and trace["episode_status"][0] == "prepare"
     x, y, _ = TRACK.point_at(0.14)
@@ -69,7 +69,7 @@ def test_a_row_holds_the_state_before_its_action_acts(result):
     assert (trace["wall_clock"] == trace["tstamp"]).all()
 
 
-def test_each_lap_is_an_episode_that_ends_in_a_complete_row(result):
+def test_each_lap_is_an_episode_ending_with_lap_complete(result):
     trace = result.trace
     for lap in result.laps:
         mine = trace["episode"] == lap.number - 1
@@ -85,7 +85,7 @@ def test_discrete_actions_carry_their_index(troubled):
     assert set(troubled.trace["steer"][driven].tolist()) == {5.0}
 
 
-def test_the_drawn_points_are_the_noses(result):
+def test_the_drawn_points_are_those_of_the_nose(result):
     points = result.trace.points()
     assert points.shape == (result.steps + 1, 2)
     assert points[:, 0].tolist() == result.trace["X"].tolist()

@@ -65,7 +65,7 @@ def no_lap(judge):
 
 
 @pytest.mark.parametrize("swing", [0.1, 0.3, 0.6, 1.5])
-def test_swinging_over_the_line_scores_no_lap(swing):
+def test_crossing_the_line_back_and_forth_scores_no_lap(swing):
     judge = referee(laps=1)
     for _ in range(30):
         drive(judge, 0.0, swing)
@@ -75,7 +75,7 @@ def test_swinging_over_the_line_scores_no_lap(swing):
     assert judge.percent < 100 * (swing + NOSE + 0.2) / STADIUM.length
 
 
-def test_swinging_over_the_line_after_a_lap_scores_no_second_one():
+def test_crossing_back_and_forth_after_a_lap_scores_no_second():
     judge = referee(laps=3)
     end = STADIUM.length + 0.5
     drive(judge, 0.0, end)
@@ -87,7 +87,7 @@ def test_swinging_over_the_line_after_a_lap_scores_no_second_one():
 
 
 @pytest.mark.parametrize("track", TRACKS, ids=lambda track: track.name)
-def test_swinging_over_the_line_of_any_catalogue_track_scores_no_lap(track):
+def test_crossing_back_and_forth_scores_no_lap_on_any_track(track):
     judge = referee(track, laps=1)
     for _ in range(10):
         drive(judge, 0.0, 0.8)
@@ -107,7 +107,7 @@ def test_reversing_over_the_line_and_driving_on_scores_no_lap():
     assert judge.percent == pytest.approx(100 * (2.5 + NOSE) / STADIUM.length, abs=0.2)
 
 
-def test_turning_round_behind_the_start_and_driving_a_lap_backwards_scores_nothing():
+def test_a_full_lap_driven_backwards_scores_nothing():
     judge = referee(max_resets=0)
     judge.place(pose_at(STADIUM, 0.0, turned=math.pi), 0.0)
     statuses = drive(judge, 0.0, -STADIUM.length, turned=math.pi)
@@ -115,7 +115,7 @@ def test_turning_round_behind_the_start_and_driving_a_lap_backwards_scores_nothi
     assert no_lap(judge)
 
 
-def test_a_lap_backwards_in_short_pieces_scores_nothing():
+def test_a_backward_lap_in_short_pieces_scores_nothing():
     judge = referee(laps=1)
     at = 0.0
     while at > -STADIUM.length - 1.0:  # never fifteen steps in a row, so that no reversal is judged
@@ -126,7 +126,7 @@ def test_a_lap_backwards_in_short_pieces_scores_nothing():
     assert judge.percent < -90
 
 
-def test_driving_backwards_through_the_line_takes_away_what_driving_forwards_gives():
+def test_reversing_over_the_line_undoes_the_gain_of_crossing():
     judge = referee(laps=2)
     drive(judge, 0.0, STADIUM.length + 1.0)
     drive(judge, STADIUM.length + 1.0, STADIUM.length - 1.0)
@@ -140,7 +140,7 @@ def test_driving_backwards_through_the_line_takes_away_what_driving_forwards_giv
 # --- cutting the infield ----------------------------------------------------------------------------------------------
 
 
-def test_cutting_the_infield_is_off_track_and_put_back_where_the_car_left():
+def test_a_car_cutting_the_infield_is_put_back_where_it_left():
     judge = referee()
     drive(judge, 0.0, 1.0)
     left_at = judge.odometer.metres
@@ -155,7 +155,7 @@ def test_cutting_the_infield_is_off_track_and_put_back_where_the_car_left():
     assert no_lap(judge)
 
 
-def test_a_jump_to_another_place_on_the_road_counts_nothing():
+def test_a_jump_along_the_road_counts_nothing():
     judge = referee(laps=1, max_resets=0)
     drive(judge, 0.0, 1.0)
     before = judge.odometer.metres
@@ -165,7 +165,7 @@ def test_a_jump_to_another_place_on_the_road_counts_nothing():
 
 
 @pytest.mark.parametrize("resets", [0, 3])
-def test_a_driver_who_circles_over_the_infield_scores_no_lap(resets):
+def test_circling_over_the_infield_scores_no_lap(resets):
     """A real car that turns left for ever: over the line's straight, the field inside it, and back."""
     space = ActionSpace.discrete([(28.0, 1.5)])
     result = run_race(STADIUM, RaceRules(laps=1, max_resets=resets), space, (), lambda readings: np.float32([1.0]))
@@ -176,7 +176,7 @@ def test_a_driver_who_circles_over_the_infield_scores_no_lap(resets):
 # --- another part of the track that runs alongside --------------------------------------------------------------------
 
 
-def test_moving_over_to_a_part_of_the_track_that_lies_alongside_is_off_track():
+def test_crossing_to_a_parallel_part_is_off_track():
     judge = referee(HAIRPIN)
     drive(judge, 0.0, 0.5)
     before = judge.odometer.metres
@@ -190,7 +190,7 @@ def test_moving_over_to_a_part_of_the_track_that_lies_alongside_is_off_track():
     assert judge.odometer.metres == pytest.approx(before, abs=0.05)
 
 
-def test_driving_home_on_the_part_alongside_scores_no_lap():
+def test_finishing_on_a_parallel_part_scores_no_lap():
     judge = referee(HAIRPIN, laps=1)
     drive(judge, 0.0, 2.0)
     x, y, _ = HAIRPIN.point_at(HAIRPIN.length - 2.0)
@@ -212,7 +212,7 @@ def test_standing_still_scores_nothing():
     assert no_lap(judge)
 
 
-def test_standing_still_from_reset_to_reset_gains_nothing():
+def test_standing_still_between_resets_gains_nothing():
     """A car off the track is put where its nose was; one that only stands would creep round the track like that."""
     judge = referee(laps=1, max_simulated_ms=60_000)
     while not judge.done:
@@ -230,7 +230,7 @@ def test_standing_still_from_reset_to_reset_gains_nothing():
 
 @given(moves=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.9, 0.9)), max_size=120))
 @settings(max_examples=60, deadline=None)
-def test_progress_never_runs_ahead_of_what_the_road_allows(moves):
+def test_progress_never_exceeds_what_the_road_allows(moves):
     judge = referee(laps=2)
     distance = 0.0
     for along, offset in moves:
@@ -248,7 +248,7 @@ def test_progress_never_runs_ahead_of_what_the_road_allows(moves):
     boxes=st.booleans(),
 )
 @settings(max_examples=60, deadline=None)
-def test_no_sum_of_steps_on_the_road_shorter_than_a_lap_is_a_lap(moves, boxes):
+def test_driving_less_than_a_lap_never_scores_one(moves, boxes):
     """Without resets progress can only come from driving: less than a lap of way along the road is no lap."""
     rules = {"race_type": "object_avoidance", "boxes": (BoxPlace(0.5, "inner"),)} if boxes else {}
     judge = referee(laps=1, max_resets=0, **rules)
@@ -266,7 +266,7 @@ def test_no_sum_of_steps_on_the_road_shorter_than_a_lap_is_a_lap(moves, boxes):
 
 
 @pytest.mark.parametrize("slug", ["oval", "baja-turnpike"])
-def test_flat_out_from_one_reset_to_the_next_is_slower_than_half_as_fast_on_the_road(slug):
+def test_driving_flat_out_from_reset_to_reset_is_slower(slug):
     track = next(entry.geometry() for entry in CATALOGUE if entry.slug == slug)
     rules = RaceRules(laps=1, off_track_penalty_ms=1000)  # half of the usual one
     flat_out = run_race(track, rules, CentreLinePilot.action_space, (), lambda readings: np.float32([0.0, 1.0]))

@@ -43,13 +43,13 @@ def refusal(track, rules):
     return caught.value
 
 
-def test_a_time_trial_has_an_empty_course():
+def test_a_time_trial_has_an_empty_layout():
     assert lay_out(TRACK, RaceRules()) == Layout(())
 
 
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 @pytest.mark.parametrize("lane", ["inner", "outer"])
-def test_a_box_stands_in_the_middle_of_its_lane_at_its_share_of_the_lap_driven(direction, lane):
+def test_a_box_stands_mid_lane_at_its_share_of_the_lap(direction, lane):
     track = TRACK.in_direction(direction)
     (box,) = lay_out(track, avoidance((0.25, lane), direction=direction)).boxes
     assert (box.solid.x, box.solid.y, box.solid.yaw) == track.lane_centre(0.25 * track.length, lane)
@@ -60,7 +60,7 @@ def test_a_box_stands_in_the_middle_of_its_lane_at_its_share_of_the_lap_driven(d
     assert abs(place.offset) == pytest.approx(0.25)
 
 
-def test_boxes_are_in_driving_order_whatever_the_order_of_the_rules():
+def test_boxes_are_listed_in_driving_order():
     boxes = lay_out(TRACK, avoidance((0.7, "inner"), (0.2, "outer"), (0.45, "inner"))).boxes
     assert [box.fraction for box in boxes] == [0.2, 0.45, 0.7]
     assert [box.lane for box in boxes] == ["outer", "inner", "inner"]
@@ -73,7 +73,7 @@ def test_a_box_on_the_start_line_is_refused(metres):
 
 
 @pytest.mark.parametrize("lanes", [("inner", "inner"), ("inner", "outer")])
-def test_boxes_that_block_the_road_together_are_refused(lanes):
+def test_boxes_that_together_block_the_road_are_refused(lanes):
     apart = 0.98 * BOX_SPACING_M / TRACK.length
     fault = refusal(TRACK, avoidance((0.05 + apart + 0.1, lanes[0]), (0.15, lanes[1])))
     assert fault.code == "boxes_overlap"
@@ -81,7 +81,7 @@ def test_boxes_that_block_the_road_together_are_refused(lanes):
     assert lay_out(TRACK, avoidance((0.15, lanes[0]), (0.15 + 1.05 * BOX_SPACING_M / TRACK.length, lanes[1])))
 
 
-def test_boxes_on_two_parts_of_the_track_that_lie_alongside_may_not_overlap():
+def test_boxes_on_parallel_parts_of_a_track_may_not_overlap():
     track = hairpin()
     beside = track.project(1.0, 0.3).distance / track.length  # the straight back, 0.64 m beside the one out
     fault = refusal(track, avoidance((1.0 / track.length + 0.02, "inner"), (beside - 0.02, "inner")))
@@ -96,7 +96,7 @@ def test_a_box_that_no_car_can_pass_is_refused():
     assert lay_out(stadium(width=0.6), avoidance((0.3, "inner")))
 
 
-def test_more_random_boxes_than_the_track_has_room_for_are_refused():
+def test_too_many_random_boxes_for_the_track_are_refused():
     fault = refusal(TRACK, drawn(10, box_distance_m=2.0))
     assert fault.code == "boxes_do_not_fit"
     assert fault.params == {"boxes": 10, "distance_m": 2.0, "length_m": round(TRACK.length, 2)}
@@ -117,7 +117,7 @@ def test_six_bots_have_room_on_every_catalogue_track():
 
 
 @given(length=st.floats(5.0, 100.0), bots=st.integers(1, 6))
-def test_bots_fit_wherever_they_can_stand_2_m_apart_off_the_grid(length, bots):
+def test_bots_fit_where_they_can_start_2_m_apart(length, bots):
     room = length - BOTS_START_M - BOTS_END_M
     try:
         places = start_places(length, bots)
@@ -129,14 +129,14 @@ def test_bots_fit_wherever_they_can_stand_2_m_apart_off_the_grid(length, bots):
 
 
 @needs_shared
-def test_six_bots_have_room_on_the_shortest_track_of_the_official_league():
+def test_six_bots_have_room_on_the_shortest_official_track():
     track = read_npy((SHARED / "tracks" / "reInvent2019_wide.npy").read_bytes(), "reInvent2019_wide")
     assert len(start_places(track.length, 6)) == 6
 
 
 @given(seed=st.integers(0, 10**9), count=st.integers(1, 6), distance=st.floats(0.0, 2.2))
 @settings(max_examples=150, deadline=None)
-def test_random_boxes_keep_their_distance_also_across_the_line_and_leave_the_start_free(seed, count, distance):
+def test_random_boxes_keep_their_distance_and_the_start_free(seed, count, distance):
     rules = drawn(count, seed=seed, box_distance_m=distance)
     boxes = lay_out(TRACK, rules).boxes
     assert len(boxes) == count
@@ -149,20 +149,20 @@ def test_random_boxes_keep_their_distance_also_across_the_line_and_leave_the_sta
     assert lay_out(TRACK, fixed) == lay_out(TRACK, rules)
 
 
-def test_a_wide_distance_holds_across_the_line():
+def test_a_wide_distance_holds_across_the_finish_line():
     for seed in range(200):
         first, second, third = (box.metres for box in lay_out(TRACK, drawn(3, seed=seed, box_distance_m=4.5)).boxes)
         assert min(second - first, third - second, first + TRACK.length - third) >= 4.5
 
 
-def test_a_seed_is_one_course_and_seeds_differ():
+def test_each_seed_gives_its_own_layout():
     layouts = {lay_out(TRACK, drawn(4, seed=seed)) for seed in range(50)}
     assert len(layouts) == 50
     assert {box.lane for layout in layouts for box in layout.boxes} == {"inner", "outer"}
     assert lay_out(TRACK, drawn(4, seed=7)) == lay_out(TRACK, drawn(4, seed=7))
 
 
-def test_a_seed_draws_the_same_boxes_in_every_process_and_version():
+def test_a_seed_gives_the_same_boxes_in_every_process():
     expected = [(0.406151, "outer"), (0.620561, "outer"), (0.899156, "outer")]
     code = (
         "from tests.paddock.simulator.test_layout import TRACK, drawn, lay_out;"
@@ -191,7 +191,7 @@ def test_every_catalogue_track_has_room_for_six_random_boxes(entry, direction):
         assert all(track.on_road(box.solid.x, box.solid.y) for box in boxes)
 
 
-def test_a_course_is_plain_json_to_a_millimetre():
+def test_a_layout_is_plain_json_to_a_millimetre():
     (box,) = lay_out(TRACK, avoidance((0.3, "outer"))).boxes
     assert Layout((box,)).to_dict() == {
         "boxes": [

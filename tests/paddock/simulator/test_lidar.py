@@ -45,7 +45,7 @@ def walked(pose, solids, hall, reach):
 
 
 @pytest.mark.parametrize("reach", [0.5, 1.0, 2.0, 12.0])
-def test_every_beam_ends_where_a_ray_walked_by_hand_does(reach):
+def test_every_beam_ends_where_a_hand_walked_ray_does(reach):
     rng = random.Random(5)
     for _ in range(60):
         solids = [
@@ -70,7 +70,7 @@ def test_a_scan_is_64_fresh_distances_in_whole_centimetres():
     assert again is not first and (again == first).all()
 
 
-def test_the_beams_run_from_ahead_left_over_the_rear_to_ahead_right():
+def test_beams_run_from_front_left_over_the_rear_to_front_right():
     """The unit is mounted backwards: yaw pi, so its -150 degrees are the car's +30."""
     assert BEAM_DEG[0] == pytest.approx(30) and BEAM_DEG[63] == pytest.approx(-30)
     assert abs(BEAM_DEG[31]) > 177 and abs(BEAM_DEG[32]) > 177
@@ -82,7 +82,7 @@ def test_the_beams_run_from_ahead_left_over_the_rear_to_ahead_right():
     ("bearing", "beams"),
     [(90, (13,)), (180, (31, 32)), (-90, (50,)), (45, (3,)), (-45, (60,)), (0, ())],
 )
-def test_a_box_is_on_the_beams_that_point_at_it(bearing, beams):
+def test_a_box_appears_on_the_beams_that_point_at_it(bearing, beams):
     for yaw in (0.0, 2.0, -2.5):
         pose = Pose(3.0, -7.0, yaw)
         x, y = pose.ahead(MOUNT_X)
@@ -114,17 +114,17 @@ def test_walls_are_seen_and_blocks_hide_them():
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (0.03, 0.05)])
-def test_a_block_that_touches_the_unit_reads_the_least_distance(place):
+def test_a_block_touching_the_lidar_reads_the_least_distance(place):
     assert (scan(Pose(0, 0, 0), [car(*place, 0.4)], FAR) == LEAST_M).all()
 
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi / 2, math.pi, -math.pi / 2])
-def test_beams_along_a_wall_give_numbers(yaw):
+def test_beams_along_a_wall_give_finite_distances(yaw):
     scanned = scan(Pose(0.0, 0.0, yaw), [Solid(0.0, 1.0, 0.0, 0.2, 0.2, 0.3, "box")], HALL)
     assert np.isfinite(scanned).all()
 
 
-def test_outside_the_hall_nothing_breaks():
+def test_a_scan_outside_the_hall_stays_within_range():
     scanned = scan(Pose(20.0, 0.0, 0.0), [], HALL)
     assert ((scanned >= LEAST_M) & (scanned <= 12.0)).all()
 
@@ -132,13 +132,13 @@ def test_outside_the_hall_nothing_breaks():
 # --- encodings ---------------------------------------------------------------------------------------------------
 
 
-def test_lidar_is_clipped_to_a_metre():
+def test_the_plain_lidar_is_clipped_to_a_metre():
     reading = raw(np.linspace(0.1, 12, BEAMS))
     assert reading.dtype == np.float32 and reading.shape == (64,)
     assert (reading.min(), reading.max()) == (np.float32(0.15), 1.0)
 
 
-def test_a_sector_is_on_when_its_nearest_beam_is_under_half_a_metre():
+def test_a_sector_is_on_under_half_a_metre():
     distances = np.full(BEAMS, 12.0)
     distances[8:16] = 0.5  # not nearer than half a metre
     distances[23] = 0.49
@@ -148,7 +148,7 @@ def test_a_sector_is_on_when_its_nearest_beam_is_under_half_a_metre():
     assert reading.tolist() == [0, 0, 1, 0, 0, 0, 0, 1]
 
 
-def test_discretized_sectors_are_one_hot_and_nothing_is_all_zeros():
+def test_discretized_sectors_are_one_hot_or_all_zeros():
     distances = np.full(BEAMS, 12.0)
     distances[0] = 0.15  # sector 0, first step
     distances[17] = 0.25  # sector 2: the edge of two steps belongs to the farther one
@@ -163,7 +163,7 @@ def test_discretized_sectors_are_one_hot_and_nothing_is_all_zeros():
 
 @pytest.mark.parametrize("num_sectors", [1, 2, 4, 8, 16, 32, 64])
 @pytest.mark.parametrize(("values", "limit"), [(1, 0.5), (3, 0.7), (11, 1.1), (7, 0.7), (64, 12.0), (5, 0.15)])
-def test_any_configuration_fits_the_original_formula(num_sectors, values, limit):
+def test_every_configuration_follows_the_original_formula(num_sectors, values, limit):
     """ObservationSectorDiscretizeFilter of deepracer-simapp, in whole centimetres so that no rounding decides."""
     rng = np.random.default_rng(num_sectors)
     distances = np.round(rng.uniform(0.15, 1.5 * limit + 0.2, BEAMS), 2)
@@ -176,6 +176,6 @@ def test_any_configuration_fits_the_original_formula(num_sectors, values, limit)
             assert row.sum() == 1 and row[centimetres * values // round(limit * 100)] == 1
 
 
-def test_the_binary_sectors_are_the_discretized_ones_with_one_value():
+def test_binary_sectors_equal_discretized_ones_of_one_value():
     distances = np.round(np.random.default_rng(1).uniform(0.15, 2, BEAMS), 2)
     assert (sectors(distances) == discretized(distances, 8, 1, 0.5)).all()

@@ -18,13 +18,13 @@ def frame(look: str) -> np.ndarray:
     return Camera(Scene.of(OVAL, THEMES[look])).render(Pose(*OVAL.point_at(0.0)))
 
 
-def test_the_looks_that_a_track_may_have_are_the_themes_that_can_be_drawn() -> None:
+def test_every_look_of_a_track_can_be_drawn() -> None:
     assert set(THEMES) == set(Look.values)
     assert all(theme.name == name for name, theme in THEMES.items())
     assert Look("official") == "official"
 
 
-def test_every_look_is_another_picture() -> None:
+def test_every_look_gives_a_different_picture() -> None:
     pictures = {look: frame(look).tobytes() for look in THEMES}
     assert len(set(pictures.values())) == len(THEMES)
 

@@ -9,26 +9,26 @@ from tests.shared import SHARED, needs_shared
 from .tracks_for_tests import hairpin, stadium
 
 
-def test_on_a_straight_a_stride_gains_a_stride():
+def test_on_a_straight_the_reach_is_a_stride_and_a_half():
     track = stadium()
     assert Reach(track).at(0) == pytest.approx(1.5 * STRIDE_M, abs=0.1)
 
 
-def test_on_the_inside_of_a_bend_a_stride_gains_more():
+def test_a_bend_extends_the_reach():
     track = stadium(radius=0.8, width=1.0)
     bend = int(np.argmax(track.centre[:, 0]))
     # The inner border has a radius of 0.3 m, the centre line one of 0.8 m.
     assert Reach(track).at(bend) == pytest.approx(1.5 * STRIDE_M * 0.8 / 0.3, abs=0.3)
 
 
-def test_even_round_the_tightest_hairpin_a_stride_gains_no_more_than_the_window_and_its_margin():
+def test_a_tight_hairpin_keeps_the_reach_within_the_window():
     reach = Reach(hairpin())
     assert max(reach.at(index) for index in range(len(hairpin()))) <= 1.5 * 2.0
 
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_driving_along_either_border_credits_the_whole_lap(entry, direction):
+def test_driving_along_either_border_counts_the_whole_lap(entry, direction):
     track = entry.geometry().in_direction(direction)
     reach = Reach(track)
     for share in (-0.95, 0.0, 0.95):
@@ -47,7 +47,7 @@ def test_driving_along_either_border_credits_the_whole_lap(entry, direction):
 
 @needs_shared
 @pytest.mark.parametrize("name", ["reInvent2019_wide", "Austin", "caecer_loop", "reinvent_base"])
-def test_strides_along_the_borders_of_real_tracks_are_never_refused(name):
+def test_driving_along_real_borders_is_never_refused(name):
     track = read_npy((SHARED / "tracks" / f"{name}.npy").read_bytes(), name)
     reach = Reach(track)
     for border in (track.left, track.right, track.centre):

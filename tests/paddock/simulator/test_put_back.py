@@ -37,7 +37,7 @@ def loaded(track):
 
 @both
 @pytest.mark.parametrize("track", OWN)
-def test_a_driver_who_leaves_the_road_at_every_bend_is_always_put_back_onto_it(track, direction):
+def test_a_car_leaving_at_every_bend_is_put_back_on_the_road(track, direction):
     track = track()
     rules = RaceRules(direction=direction, off_track_penalty_ms=100, max_simulated_ms=60_000)
     space = ActionSpace.discrete([(0.0, 2.0)])
@@ -53,7 +53,7 @@ def test_a_driver_who_leaves_the_road_at_every_bend_is_always_put_back_onto_it(t
 @both
 @pytest.mark.parametrize("apart", [0.65, pytest.param(0.13, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("track", [*OWN, *GIVEN])
-def test_every_place_where_a_car_is_put_is_on_the_road_and_keeps_its_progress(track, apart, direction):
+def test_every_put_back_is_on_the_road_and_keeps_progress(track, apart, direction):
     """``apart``: metres from one place to the next."""
     driven = loaded(track).in_direction(direction)
     rules = RaceRules(direction=direction)
@@ -76,7 +76,7 @@ def test_every_place_where_a_car_is_put_is_on_the_road_and_keeps_its_progress(tr
 @pytest.mark.slow
 @both
 @pytest.mark.parametrize("track", [*OWN, *GIVEN])
-def test_boxes_and_bots_have_room_on_every_track_and_bots_keep_apart(track, direction):
+def test_boxes_and_bots_have_room_on_every_track(track, direction):
     driven = loaded(track).in_direction(direction)
     for seed in range(5):
         rules = RaceRules(race_type="object_avoidance", random_boxes=5, seed=seed, direction=direction)

@@ -30,7 +30,7 @@ def straight_on(readings):
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_the_pilot_completes_a_lap_of_every_catalogue_track_in_both_directions(entry, direction):
+def test_the_pilot_laps_every_catalogue_track_both_ways(entry, direction):
     track = entry.geometry()
     result = pilot_race(track, direction, speed=3.0, laps=1)
     assert result.end_reason == "laps_done"
@@ -53,7 +53,7 @@ def test_laps_and_sectors_add_up_to_the_millisecond():
         assert all(isinstance(value, int) for value in (lap.time_ms, *lap.sector_ms))
 
 
-def test_a_car_that_goes_straight_on_is_put_back_until_its_resets_are_used():
+def test_a_straying_car_is_put_back_until_its_resets_are_used():
     result = run_race(TRACK, RaceRules(max_resets=3), STRAIGHT_ON, (), straight_on)
     assert result.end_reason == "resets_used"
     assert [(lap.off_tracks, lap.resets, lap.complete, lap.status) for lap in result.laps] == [
@@ -67,7 +67,7 @@ def test_without_resets_the_first_fault_ends_the_race():
     assert (result.end_reason, result.laps[0].resets, result.laps[0].off_tracks) == ("resets_used", 0, 1)
 
 
-def test_a_penalty_is_stood_still_on_the_road_and_the_clock_runs_on():
+def test_the_clock_runs_while_a_car_waits_out_a_penalty():
     result = run_race(TRACK, RaceRules(max_resets=1, off_track_penalty_ms=2000), STRAIGHT_ON, (), straight_on)
     trace = result.trace
     statuses = trace["episode_status"].tolist()
@@ -86,14 +86,14 @@ def test_a_penalty_is_stood_still_on_the_road_and_the_clock_runs_on():
     assert 0 < moved[fault + 30] < 0.08
 
 
-def test_time_is_up():
+def test_the_race_ends_when_time_is_up():
     result = pilot_race(speed=0.5, max_simulated_ms=5000)
     assert (result.end_reason, result.simulated_ms, result.steps) == ("time_up", 5000, 75)
     assert result.laps[-1].status == "Time Up" and not result.laps[-1].complete
     assert result.laps[-1].time_ms == 5000
 
 
-def test_progress_is_told_every_so_many_steps_and_at_the_end():
+def test_progress_is_reported_regularly_and_at_the_end():
     told = []
     result = pilot_race(laps=2, on_progress=told.append)
     assert len(told) == result.steps // 15 + (1 if result.steps % 15 else 0)
@@ -125,7 +125,7 @@ def clients():
     return client
 
 
-def test_a_policys_own_failure_passes_through_and_leaves_no_world_behind():
+def test_a_policys_error_propagates_and_leaves_no_world():
     def dies(readings):
         raise UserFault("non_finite_action", step=1)
 
@@ -135,7 +135,7 @@ def test_a_policys_own_failure_passes_through_and_leaves_no_world_behind():
     assert clients() == before
 
 
-def test_a_world_that_nobody_closed_goes_with_its_last_reference():
+def test_an_unclosed_world_goes_with_its_last_reference():
     gc.collect()
     before = clients()
     world = World()
@@ -145,14 +145,14 @@ def test_a_world_that_nobody_closed_goes_with_its_last_reference():
     assert clients() == before
 
 
-def test_an_answer_that_is_not_finite_names_its_step():
+def test_a_non_finite_answer_names_its_step():
     answers = iter([1.0, 1.0, float("nan")])
     with pytest.raises(UserFault) as caught:
         run_race(TRACK, RaceRules(), STRAIGHT_ON, (), lambda readings: np.float32([next(answers)]))
     assert caught.value.params["step"] == 3
 
 
-def test_the_policy_sees_a_frame_of_its_own_every_step():
+def test_the_policy_gets_a_fresh_frame_every_step():
     seen = []
 
     def watch(readings):
@@ -164,7 +164,7 @@ def test_the_policy_sees_a_frame_of_its_own_every_step():
     assert len({frame.tobytes() for frame in seen}) > 10
 
 
-def test_the_seconds_spent_are_told_but_belong_to_no_result():
+def test_seconds_spent_are_reported_but_not_part_of_the_result():
     result = pilot_race(laps=1)
     assert set(result.seconds) == {"physics", "camera", "policy", "other"}
     assert all(value >= 0 for value in result.seconds.values())

@@ -20,24 +20,24 @@ def row(step, *, episode=0, x=None, yaw=0.0, t=None, status="in_progress"):
     return f"{episode},{step},{x},0,{yaw},10,1.5,{t},{status}"
 
 
-def test_a_row_becomes_the_base_behind_the_nose():
+def test_a_row_gives_the_cars_base_behind_its_nose():
     (drive,) = read_drives(trace(row(0, yaw=90.0), row(1, yaw=90.0)))
     assert drive[0].pose == pytest.approx((0.0, -0.14, math.pi / 2))
     assert (drive[0].steering_deg, drive[0].speed_mps) == (10.0, 1.5)
 
 
-def test_columns_may_stand_in_any_order_and_others_are_ignored():
+def test_columns_may_come_in_any_order_among_others():
     header = "episode_status,tstamp,wall_clock,episode,X,Y,yaw,steer,throttle,obstacle_crash_counter"
     data = trace("in_progress,5,x,0,0,0.1,0,10,1.5,0", "in_progress,5.1,x,0,0.1,0.1,0,10,1.5,1", header=header)
     assert len(read_drives(data)) == 1
 
 
-def test_a_rows_time_is_the_stamp_of_the_row_before():
+def test_a_rows_time_is_the_previous_rows_timestamp():
     (drive,) = read_drives(trace(row(0, t=10.0), row(1, t=10.05), row(2, t=10.13)))
     assert [state.time for state in drive] == pytest.approx([10.0 - 1 / 15, 10.0, 10.05])
 
 
-def test_a_drive_ends_with_its_episode_a_pause_a_fault_a_jump_or_a_gap():
+def test_every_interruption_ends_a_drive():
     rows = [row(0, status="prepare"), row(1), row(2), row(3, status="off_track"), row(4, status="pause"), row(5)]
     rows += [row(6), row(7, x=50.0), row(8, x=50.1), row(9, x=50.2, t=9.0), row(10, x=50.3, t=9.1)]
     rows += [row(11, episode=1, x=50.4, t=9.2), row(12, episode=1, x=50.5, t=9.3)]
@@ -45,7 +45,7 @@ def test_a_drive_ends_with_its_episode_a_pause_a_fault_a_jump_or_a_gap():
     assert [len(drive) for drive in drives] == [3, 2, 3, 2]
 
 
-def test_headings_run_on_over_the_half_turn():
+def test_headings_are_continuous_over_the_half_turn():
     (drive,) = read_drives(trace(row(0, yaw=170.0), row(1, yaw=179.0), row(2, yaw=-172.0)))
     assert math.degrees(drive[2].pose.yaw) == pytest.approx(188.0)
 
@@ -69,7 +69,7 @@ def test_headings_run_on_over_the_half_turn():
         (trace(f"{row(0)},0", f"{row(1)},0", header=f"{HEADER},X"), "trace_column_twice"),
     ],
 )
-def test_what_is_no_trace_is_refused_with_a_code(data, code):
+def test_anything_but_a_trace_is_refused_with_a_code(data, code):
     with pytest.raises(UserFault) as caught:
         read_drives(data)
     assert caught.value.code == code
@@ -81,7 +81,7 @@ def test_a_refusal_names_the_line():
         read_drives(trace(row(0), row(1, x="fast")))
 
 
-def test_a_huge_file_is_not_read():
+def test_an_oversized_file_is_not_read():
     from paddock.simulator.recording import MAX_BYTES
 
     with pytest.raises(UserFault) as caught:
@@ -89,5 +89,5 @@ def test_a_huge_file_is_not_read():
     assert caught.value.code == "trace_too_large"
 
 
-def test_a_trace_without_rows_holds_no_drive():
+def test_a_trace_without_rows_has_no_drive():
     assert read_drives(trace()) == []

@@ -47,7 +47,7 @@ def steps(start, end, stride=0.2):
 # --- laps ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_lap_is_complete_when_the_nose_is_round():
+def test_a_lap_is_complete_when_the_nose_crosses_the_line():
     judge = referee(laps=1)
     drive(judge, steps(0, TRACK.length - NOSE - 0.01))
     assert judge.status == IN_PROGRESS and not judge.done
@@ -56,7 +56,7 @@ def test_a_lap_is_complete_when_the_nose_is_round():
     assert judge.percent == 100.0
 
 
-def test_laps_are_counted_without_stopping_and_their_times_add_up_to_the_total():
+def test_lap_times_add_up_to_the_total():
     judge = referee(laps=3)
     statuses = drive(judge, steps(0, 3 * TRACK.length, 0.173))
     assert statuses.count(LAP_COMPLETE) == 3
@@ -71,7 +71,7 @@ def test_laps_are_counted_without_stopping_and_their_times_add_up_to_the_total()
 
 @given(stride=st.floats(0.05, 0.27))
 @settings(max_examples=25, deadline=None)
-def test_a_crossing_is_timed_within_the_step_to_the_millisecond(stride):
+def test_a_crossing_is_timed_to_the_millisecond(stride):
     judge = referee(laps=2)
     drive(judge, [stride * (i + 1) for i in range(int(2 * TRACK.length / stride) + 2)])
     # At constant speed on the straight of the finish the crossing is where the nose has driven whole laps.
@@ -80,13 +80,13 @@ def test_a_crossing_is_timed_within_the_step_to_the_millisecond(stride):
         assert lap.end_ms == pytest.approx(exact * 1000 / 15, abs=1.0)
 
 
-def test_the_clock_of_the_last_lap_stops_at_the_line_and_not_at_the_step():
+def test_the_last_lap_ends_at_the_line_not_at_the_step():
     judge = referee(laps=1)
     drive(judge, steps(0, TRACK.length, 0.2))
     assert judge.time_ms == judge.lap.end_ms < milliseconds(judge.step)
 
 
-def test_a_start_elsewhere_has_its_line_there():
+def test_a_start_elsewhere_moves_the_finish_line():
     judge = referee(laps=1, start_m=5.0)
     drive(judge, steps(5.0, TRACK.length))
     assert not judge.done
@@ -113,7 +113,7 @@ def test_all_four_wheels_off_is_off_track():
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_car_is_put_back_on_the_nearer_lane_at_the_progress_before(side):
+def test_a_car_is_put_back_on_the_nearer_lane(side):
     judge = referee()
     drive(judge, steps(0, 1.0), offset=0.3 * side)
     metres = judge.odometer.metres
@@ -123,7 +123,7 @@ def test_a_car_is_put_back_on_the_nearer_lane_at_the_progress_before(side):
     assert tuple(put_back.pose) == pytest.approx((x, y, heading))
 
 
-def test_the_penalty_is_stood_still_in_simulated_time_and_the_count_starts_afresh():
+def test_a_penalty_is_waited_out_in_simulated_time():
     judge = referee(off_track_penalty_ms=2000)
     put_back = judge.judge(on_track(0.1, 0.7))
     at = judge.step
@@ -136,7 +136,7 @@ def test_the_penalty_is_stood_still_in_simulated_time_and_the_count_starts_afres
     assert set(drive(judge, steps(put_back.metres, 1.0))) == {IN_PROGRESS}
 
 
-def test_a_car_is_never_put_over_the_line():
+def test_a_car_is_never_put_across_the_finish_line():
     judge = referee(laps=1)
     drive(judge, steps(0, TRACK.length - NOSE - 0.02))
     put_back = judge.judge(on_track(TRACK.length - NOSE - 0.01, 0.7))
@@ -148,7 +148,7 @@ def test_a_car_is_never_put_over_the_line():
     assert judge.end_reason == LAPS_DONE
 
 
-def test_crossing_the_line_counts_before_leaving_the_road_in_the_same_step():
+def test_a_crossing_counts_before_off_track_in_the_same_step():
     judge = referee(laps=2)
     drive(judge, steps(0, TRACK.length - NOSE - 0.05))
     assert drive(judge, [TRACK.length - NOSE + 0.1], offset=0.65) == [LAP_COMPLETE]
@@ -156,7 +156,7 @@ def test_crossing_the_line_counts_before_leaving_the_road_in_the_same_step():
     assert [lap.off_tracks for lap in judge.laps] == [0, 1]
 
 
-def test_fifteen_steps_without_movement_are_immobilised_at_no_penalty():
+def test_fifteen_still_steps_are_immobilised_without_penalty():
     judge = referee()
     drive(judge, steps(0, 1.0))
     statuses = drive(judge, [1.0 + 0.0002 * i for i in range(1, 30)])
@@ -165,12 +165,12 @@ def test_fifteen_steps_without_movement_are_immobilised_at_no_penalty():
     assert judge.lap.immobilised == 1
 
 
-def test_a_crawl_is_no_standstill():
+def test_a_crawling_car_is_not_immobilised():
     judge = referee()
     assert set(drive(judge, steps(0, 0.5, 0.01))) == {IN_PROGRESS}
 
 
-def test_fifteen_steps_of_falling_progress_are_reversed_and_fourteen_are_not():
+def test_fifteen_backward_steps_are_reversed_fourteen_are_not():
     judge = referee()
     drive(judge, steps(0, 2.0))
     assert set(drive(judge, steps(2.0, 1.3, 0.05))) == {IN_PROGRESS}  # 14 steps
@@ -203,7 +203,7 @@ def test_the_reset_budget_covers_all_laps():
     assert [lap.off_tracks for lap in judge.laps] == [1, 1, 1]
 
 
-def test_time_is_up_also_while_a_penalty_is_stood_out():
+def test_time_may_run_out_during_a_penalty():
     judge = referee(max_simulated_ms=1000)
     put_back = judge.judge(on_track(0.1, 0.7))
     judge.place(*put_back)
@@ -213,7 +213,7 @@ def test_time_is_up_also_while_a_penalty_is_stood_out():
     assert judge.time_ms == 1000
 
 
-def test_time_up_comes_before_a_lap():
+def test_time_up_takes_precedence_over_a_lap():
     judge = referee(laps=1, max_simulated_ms=67)
     judge.odometer.put(*on_track(TRACK.length - NOSE - 0.01).ahead(NOSE), TRACK.length - 0.01)
     drive(judge, [TRACK.length])

@@ -37,7 +37,7 @@ def own_drive(steps=60, steering=lambda step: 20.0 * math.sin(step / 5), speed=1
 
 @needs_shared
 @pytest.mark.parametrize("name", TRACES)
-def test_the_car_drives_as_the_official_simulators_car_did(name):
+def test_our_car_drives_like_the_official_simulators(name):
     comparison = compare(read_drives((SHARED / "traces" / f"{name}.csv").read_bytes()))
     after_1_s = comparison.to_dict()["1"]
     assert comparison.replayed()["1"] >= 40
@@ -50,7 +50,7 @@ def test_the_car_drives_as_the_official_simulators_car_did(name):
     assert after_1_s["heading_deg"]["median"] <= share * after_1_s["bicycle_heading_deg"]["median"]
 
 
-def test_a_drive_of_our_own_car_is_replayed_almost_exactly():
+def test_our_own_cars_drive_is_replayed_almost_exactly():
     comparison = compare([own_drive()])
     assert comparison.starts >= 50
     assert statistics.median(miss.position_m for miss in comparison.ours[1.0]) < 0.03
@@ -58,14 +58,14 @@ def test_a_drive_of_our_own_car_is_replayed_almost_exactly():
     assert statistics.median(miss.position_m for miss in comparison.bicycle[1.0]) > 0.1
 
 
-def test_the_start_state_comes_from_the_rows_before_alone():
+def test_the_start_state_comes_only_from_earlier_rows():
     drive = own_drive()
     cut = drive[:31] + [State(state.time, Pose(9.0, 9.0, 9.0), 0.0, 4.0) for state in drive[31:]]
     ours, other = estimate(drive, 30), estimate(cut, 30)
     assert (ours.speed, ours.demand) == (other.speed, other.demand)
 
 
-def test_the_estimated_state_is_the_cars_own():
+def test_the_estimated_state_matches_the_car():
     drive = own_drive(steering=lambda step: 15.0)
     car = Response(PADDOCK_CAR)
     for state in drive[:40]:
@@ -76,7 +76,7 @@ def test_the_estimated_state_is_the_cars_own():
     assert found.curvature == pytest.approx(car.curvature, rel=0.05)
 
 
-def test_a_bicycle_drives_the_geometric_circle():
+def test_the_bicycle_model_drives_a_geometric_circle():
     drive = [State(step / 15, Pose(0.0, 0.0, 0.0), 10.0, 1.0) for step in range(40)]
     comparison = compare([drive])
     turned = math.degrees(math.tan(math.radians(10)) / PADDOCK_CAR.wheelbase)
@@ -106,7 +106,7 @@ def write_csv(path, drive, status="in_progress"):
     return path
 
 
-def test_the_command_prints_the_figures_of_each_horizon_as_json(run, tmp_path):
+def test_the_command_prints_each_horizon_as_json(run, tmp_path):
     status, out, _ = run(write_csv(tmp_path / "drive.csv", own_drive()), "--json")
     report = json.loads(out)
     assert status == 0
@@ -136,7 +136,7 @@ def test_a_horizon_that_no_drive_reaches_has_no_figures(run, tmp_path):
     ("trace", "track"),
     [("a-to-z-2023-evaluation", "reInvent2019_wide"), ("spain-2026-training-0", "Spain_track")],
 )
-def test_a_recording_is_known_to_lie_on_its_track_wherever_the_file_has_its_origin(trace, track):
+def test_a_recording_is_matched_to_its_track_at_any_origin(trace, track):
     drives = read_drives((SHARED / "traces" / f"{trace}.csv").read_bytes())
     geometry = read_npy((SHARED / "tracks" / f"{track}.npy").read_bytes(), track)
     assert share_on_track(drives, geometry) > 0.95
@@ -158,7 +158,7 @@ def test_a_trace_of_another_track_is_replayed_with_a_warning(run, tmp_path):
     assert "another track" in err
 
 
-def test_a_refused_trace_ends_with_the_status_of_a_refusal_and_its_code(run, tmp_path):
+def test_a_refused_trace_exits_with_its_code(run, tmp_path):
     path = tmp_path / "drive.csv"
     path.write_text(HEADER.replace("steer,", "") + "\n")
     status, out, err = run(path, "--json")
@@ -167,7 +167,7 @@ def test_a_refused_trace_ends_with_the_status_of_a_refusal_and_its_code(run, tmp
     assert "steer" in err
 
 
-def test_a_trace_without_a_drivable_second_is_refused(run, tmp_path):
+def test_a_trace_shorter_than_a_second_is_refused(run, tmp_path):
     status, _, err = run(write_csv(tmp_path / "drive.csv", own_drive(steps=12)))
     assert status == 2
     assert err.startswith("trace_too_short")

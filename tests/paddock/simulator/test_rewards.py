@@ -37,7 +37,7 @@ def test_without_objects_every_key_has_its_default():
     assert params_at(1.0, [])["objects_speed"] == []
 
 
-def test_each_list_has_an_entry_for_each_object_in_their_own_order():
+def test_each_list_has_one_entry_per_object_in_order():
     solids = [at(9.0, "outer"), at(2.0, "inner"), at(5.0, "inner", car)]
     params = params_at(3.0, solids)
     assert params["objects_location"] == [(solid.x, solid.y) for solid in solids]
@@ -51,22 +51,22 @@ def test_each_list_has_an_entry_for_each_object_in_their_own_order():
 @pytest.mark.parametrize(
     ("distance", "closest"), [(1.0, [0, 1]), (2.5, [1, 2]), (6.0, [2, 0]), (9.5, [0, 1]), (0.1, [0, 1])]
 )
-def test_the_closest_objects_are_the_one_behind_and_the_one_ahead_round_the_lap(distance, closest):
+def test_the_closest_objects_are_the_nearest_behind_and_ahead(distance, closest):
     solids = [at(9.0, "outer"), at(2.0, "inner"), at(5.0, "inner")]
     assert params_at(distance, solids)["closest_objects"] == closest
 
 
-def test_a_single_object_is_behind_and_ahead():
+def test_a_single_object_is_both_behind_and_ahead():
     assert params_at(3.0, [at(2.0, "inner")])["closest_objects"] == [0, 0]
 
 
-def test_the_left_of_a_clockwise_track_is_its_outer_side():
+def test_on_a_clockwise_track_left_is_outside():
     track = TRACK.in_direction("cw")
     params = Objects(track).params(Pose(*track.point_at(0.0)), 0.0, [box(*track.lane_centre(3.0, "outer"))])
     assert params["objects_left_of_center"] == [True]
 
 
-def test_moving_objects_are_followed_and_standing_ones_stay():
+def test_moving_objects_are_tracked_and_standing_ones_stay():
     objects = Objects(TRACK, 1.0)
     seen = []
     for step in range(250):
@@ -82,14 +82,14 @@ def test_moving_objects_are_followed_and_standing_ones_stay():
     ("x", "y", "seen"),
     [(1.0, 0.0, True), (3.0, 1.0, True), (-1.0, 0.0, False), (0.5, 2.0, False), (0.2, 0.0, False)],
 )
-def test_the_camera_sees_what_lies_in_its_view(x, y, seen):
+def test_an_object_in_view_counts_as_seen(x, y, seen):
     """A box before the bumper is too near: its floor is below the picture."""
     for yaw in (0.0, 2.2):
         pose = Pose(4.0, -3.0, yaw)
         assert in_camera(pose, box(*pose.ahead(x, y), yaw)) is seen
 
 
-def test_only_the_object_ahead_counts_for_the_camera():
+def test_only_the_object_ahead_counts_as_seen():
     behind_the_bend = [at(1.0, "inner"), at(9.0, "inner")]
     assert params_at(0.0, behind_the_bend)["object_in_camera"] is True
     assert params_at(2.0, behind_the_bend)["object_in_camera"] is False

@@ -71,7 +71,7 @@ def failing(after, fault):
 # --- the start and the finish -----------------------------------------------------------------------------------------
 
 
-def test_cars_start_three_quarters_of_a_metre_apart_in_both_lanes():
+def test_cars_start_75_cm_apart_in_both_lanes():
     with Stage(GROUND, rules_of()) as stage:
         cars = [stage.add((), grid=number) for number in range(4)]
         for number, (car, lane) in enumerate(zip(cars, ["outer", "inner", "outer", "inner"], strict=True)):
@@ -80,7 +80,7 @@ def test_cars_start_three_quarters_of_a_metre_apart_in_both_lanes():
             assert car.referee.lap_start_m == 0.0
 
 
-def test_all_cars_are_timed_over_the_same_line_from_the_same_signal():
+def test_all_cars_share_the_finish_line_and_starting_signal():
     result = race(pilot(2.0, -0.25), pilot(2.0, 0.25), laps=1)
     first, second = result, result.rivals[0]
     assert {first.end_reason, second.end_reason} == {"laps_done"}
@@ -94,12 +94,12 @@ def test_all_cars_are_timed_over_the_same_line_from_the_same_signal():
     assert second.trace["progress"][0] == pytest.approx(100 * (0.14 - 0.75) / LENGTH, abs=1e-3)
 
 
-def test_the_order_is_that_of_the_finish():
+def test_cars_are_ranked_by_their_finish():
     assert race(pilot(1.5, -0.25), pilot(2.5, 0.25), laps=2).order == [1, 0]
     assert race(pilot(2.5, -0.25), pilot(1.5, 0.25), laps=2).order == [0, 1]
 
 
-def test_who_has_done_all_laps_is_before_who_has_not_and_then_distance_counts():
+def test_finishers_rank_first_then_distance_counts():
     result = race(pilot(0.6, -0.25), pilot(2.5, 0.25), pilot(0.9, 0.25), laps=1, max_simulated_ms=12_000)
     assert [result.end_reason, *(car.end_reason for car in result.rivals)] == ["time_up", "laps_done", "time_up"]
     assert result.order == [1, 2, 0]
@@ -110,12 +110,12 @@ def test_a_car_without_rivals_wins():
     assert race(entrant, laps=1).order == [0]
 
 
-def test_a_world_takes_four_cars():
+def test_a_world_holds_up_to_four_cars():
     with pytest.raises(ValueError, match="4 cars"):
         race(*(pilot() for _ in range(5)))
 
 
-def test_a_car_that_is_done_is_off_the_track():
+def test_a_finished_car_leaves_the_track():
     result = race(pilot(2.5, -0.25), pilot(1.0, -0.25), laps=1)
     assert result.order == [0, 1]
     assert result.rivals[0].end_reason == "laps_done"
@@ -147,7 +147,7 @@ def go(stage, *actions):
 
 
 @pytest.mark.parametrize("behind", [0, 1])
-def test_the_car_behind_is_at_fault_and_stopped_on_the_spot(two, behind):
+def test_the_car_behind_is_at_fault_and_stopped(two, behind):
     stage, *cars = two
     rear, front = cars[behind], cars[1 - behind]
     place(rear, 7.0, 0.25)
@@ -167,7 +167,7 @@ def test_the_car_behind_is_at_fault_and_stopped_on_the_spot(two, behind):
     assert not rear.pausing and rear.car.pose == pytest.approx(at, abs=1e-9)
 
 
-def test_the_car_behind_is_told_right_around_the_finish_line(two):
+def test_the_car_behind_is_known_across_the_finish_line(two):
     stage, first, second = two
     place(first, LENGTH - 0.15, 0.25)
     place(second, 0.1, 0.25)
@@ -176,7 +176,7 @@ def test_the_car_behind_is_told_right_around_the_finish_line(two):
     assert (first.referee.lap.crashes, second.referee.lap.crashes) == (1, 0)
 
 
-def test_a_lapped_car_in_front_is_still_in_front(two):
+def test_a_lapped_car_ahead_still_counts_as_ahead(two):
     stage, first, second = two
     place(first, 7.2, 0.25)
     place(second, 7.5, 0.25)
@@ -187,7 +187,7 @@ def test_a_lapped_car_in_front_is_still_in_front(two):
     assert (first.referee.crashes, second.referee.crashes) == (1, 0)
 
 
-def test_a_car_that_waits_is_driven_through_and_is_safe_until_it_is_clear(two):
+def test_a_waiting_car_can_be_driven_through_without_crash(two):
     stage, first, second = two
     place(first, 7.5, 0.25)
     place(second, 6.9, 0.25)
@@ -210,7 +210,7 @@ def test_one_contact_is_one_crash(two):
     assert (first.referee.crashes, second.referee.crashes) == (0, 1)
 
 
-def test_side_by_side_nobody_is_at_fault(two):
+def test_side_by_side_contact_is_nobodys_fault(two):
     stage, first, second = two
     place(first, 7.0, 0.25)
     place(second, 7.0, -0.25)
@@ -231,7 +231,7 @@ def test_two_cars_are_not_put_back_onto_each_other(two):
     assert not cars_touch(first.referee.pose, second.referee.pose)
 
 
-def test_each_sees_the_other_and_not_itself(two):
+def test_each_car_sees_the_other_and_not_itself(two):
     stage, first, second = two
     (seen,) = stage.solids(first)
     assert (seen.x, seen.y, seen.yaw, seen.look) == (*second.referee.pose, "car")
@@ -259,7 +259,7 @@ def test_cars_do_not_push_each_other():
 # --- cars whose policy fails ------------------------------------------------------------------------------------------
 
 
-def test_a_rival_whose_policy_fails_retires_and_the_other_drives_on():
+def test_a_failing_rival_retires_and_the_other_drives_on():
     died = UserFault("policy_died", how="signal 9")
     result = race(pilot(2.0, -0.25), pilot(2.5, 0.25, wrap=failing(40, died)), laps=2)
     assert result.end_reason == "laps_done" and result.retired is None
@@ -272,7 +272,7 @@ def test_a_rival_whose_policy_fails_retires_and_the_other_drives_on():
     assert rival.steps == 39
 
 
-def test_the_first_car_may_retire_too_and_the_laps_it_drove_stand():
+def test_a_retired_first_car_keeps_its_laps():
     died = UserFault("policy_late", limit_s=1)
     result = race(pilot(2.0, -0.25, wrap=failing(200, died)), pilot(1.0, 0.25), laps=2)
     assert (result.end_reason, result.retired["code"]) == ("retired", "policy_late")
@@ -281,21 +281,21 @@ def test_the_first_car_may_retire_too_and_the_laps_it_drove_stand():
     assert result.order == [1, 0]
 
 
-def test_all_may_retire():
+def test_all_cars_may_retire():
     died = UserFault("policy_died", how="exit 1")
     result = race(pilot(wrap=failing(5, died)), pilot(wrap=failing(3, died)), laps=1)
     assert result.end_reason == result.rivals[0].end_reason == "retired"
     assert result.order == [0, 1]
 
 
-def test_an_answer_that_is_not_finite_retires_a_car():
+def test_a_non_finite_answer_retires_a_car():
     broken = Entrant(STRAIGHT_ON, (), lambda readings: np.float32([float("nan")]))
     result = race(pilot(2.0, -0.25), broken, laps=1)
     assert result.rivals[0].retired == {"code": "non_finite_action", "params": {"step": 1}}
     assert result.end_reason == "laps_done"
 
 
-def test_a_fault_of_the_platform_goes_through_and_leaves_no_world_behind():
+def test_a_platform_fault_propagates_and_leaves_no_world():
     before = clients()
     broken = PlatformFault("runner_died", how="exit 1")
     with pytest.raises(PlatformFault):
@@ -306,7 +306,7 @@ def test_a_fault_of_the_platform_goes_through_and_leaves_no_world_behind():
 # --- results ----------------------------------------------------------------------------------------------------------
 
 
-def test_who_watches_sees_all_cars():
+def test_progress_reports_include_all_cars():
     told = []
     race(pilot(2.0, -0.25), pilot(1.0, 0.25), laps=1, on_progress=told.append)
     one = told[3].to_dict()
@@ -324,7 +324,7 @@ def test_every_car_has_its_own_metrics():
         assert [lap["elapsed_time_in_milliseconds"] for lap in metrics] == [lap.time_ms for lap in car.laps]
 
 
-def test_boxes_bots_and_rivals_go_together():
+def test_boxes_bots_and_rivals_can_be_combined():
     result = race(pilot(2.0, -0.25), pilot(1.5, 0.25), laps=1, bots=2, bot_speed_mps=0.5)
     assert {result.end_reason, result.rivals[0].end_reason} == {"laps_done"}
     assert all(len(path) == len(result.trace) for path in result.layout["bots"])
@@ -333,7 +333,7 @@ def test_boxes_bots_and_rivals_go_together():
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_four_cars_come_home_on_every_catalogue_track(entry, direction):
+def test_four_cars_finish_on_every_catalogue_track(entry, direction):
     track = entry.geometry()
     cars = [pilot(1.2 + 0.4 * number, 0.1 * number - 0.15, track, direction) for number in range(4)]
     result = race(*cars, track=track, laps=1, direction=direction)

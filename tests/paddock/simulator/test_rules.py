@@ -25,7 +25,7 @@ def test_rules_survive_json():
         {"seed": -1},
     ],
 )
-def test_rules_that_make_no_sense_are_refused(bad):
+def test_invalid_rules_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         RaceRules(**bad)
 
@@ -35,11 +35,11 @@ def test_an_unknown_rule_is_refused():
         RaceRules.from_dict({"lap_count": 3})
 
 
-def test_penalties_last_whole_steps_rounded_up():
+def test_penalties_are_rounded_up_to_whole_steps():
     assert [penalty_steps(ms, 15.0) for ms in (0, 1, 200, 2000, 5000, 2500)] == [0, 1, 3, 30, 75, 38]
 
 
-def test_the_clock_counts_steps_and_shares_of_them():
+def test_the_clock_counts_steps_and_fractions_of_them():
     assert milliseconds(0) == 0
     assert milliseconds(15) == 1000
     assert milliseconds(1) == 67

@@ -38,13 +38,13 @@ def read(name, scene, body, solids=(), lidar_config=None):
     return make_sensors([name], lambda: scene, lidar_config)[name](body, solids)
 
 
-def test_the_simulator_has_the_sensors_that_a_metadata_file_may_name():
+def test_the_simulator_has_every_sensor_metadata_may_name():
     assert set(SENSORS) == set(SENSOR_NAMES)
 
 
 @pytest.mark.parametrize("config", [None, {"num_sectors": 16, "num_values_per_sector": 3, "clipping_dist": 4.0}])
 @pytest.mark.parametrize("name", SENSOR_NAMES)
-def test_a_reading_is_what_its_spec_and_the_networks_input_say(name, config, scene, mine):
+def test_a_reading_matches_its_spec_and_the_networks_input(name, config, scene, mine):
     spec = sensor_spec(name, config)
     assert spec.shape == input_spec(name, config).shape
     reading = read(name, scene, mine, [box(-0.6, -1.2, 0.0)], config)
@@ -53,7 +53,7 @@ def test_a_reading_is_what_its_spec_and_the_networks_input_say(name, config, sce
 
 
 @pytest.mark.parametrize("name", SENSOR_NAMES)
-def test_readings_are_fresh_and_the_same_again(name, scene, mine):
+def test_readings_are_fresh_arrays_and_repeatable(name, scene, mine):
     reading = make_sensors([name], lambda: scene)[name]
     first = reading(mine, [box(1.0, -1.0, 0.2)])
     kept = first.copy()
@@ -62,25 +62,25 @@ def test_readings_are_fresh_and_the_same_again(name, scene, mine):
     assert (reading(mine, [box(1.0, -1.0, 0.2)]) == kept).all()
 
 
-def test_a_sensor_that_is_not_here_is_refused(scene):
+def test_an_unknown_sensor_is_refused(scene):
     with pytest.raises(ValueError, match="RADAR"):
         make_sensors(["FRONT_FACING_CAMERA", "RADAR"], lambda: scene)
     with pytest.raises(ValueError, match="RADAR"):
         sensor_spec("RADAR")
 
 
-def test_sensors_come_in_the_order_of_their_names(scene):
+def test_sensors_are_ordered_by_name(scene):
     assert list(make_sensors(["STEREO_CAMERAS", "LIDAR"], lambda: scene)) == ["LIDAR", "STEREO_CAMERAS"]
 
 
-def test_a_scene_is_not_drawn_for_a_driver_that_reads_poses(mine):
+def test_no_scene_is_drawn_for_a_driver_that_reads_poses(mine):
     def drawn():
         raise AssertionError("drawn")
 
     assert make_sensors([POSE], drawn)[POSE](mine, ()).shape == (4,)
 
 
-def test_the_left_camera_of_a_car_without_a_pair_is_its_front_camera(scene, mine):
+def test_a_left_camera_without_a_pair_is_the_front_camera(scene, mine):
     solids = [box(1.0, -1.1, 0.0), car(2.0, -1.4, 0.1)]
     front = read("FRONT_FACING_CAMERA", scene, mine, solids)
     assert (front == read("LEFT_CAMERA", scene, mine, solids)).all()
@@ -88,7 +88,7 @@ def test_the_left_camera_of_a_car_without_a_pair_is_its_front_camera(scene, mine
     assert (front[:, :, 0] == Camera(scene, FRONT_CAMERA).render(HERE, solids)).all()
 
 
-def test_stereo_is_the_left_picture_and_then_the_right_one(scene, mine):
+def test_stereo_gives_the_left_picture_then_the_right(scene, mine):
     solids = [box(1.0, -1.2, 0.0)]
     pair = read("STEREO_CAMERAS", scene, mine, solids)
     assert (pair[:, :, 0] == Camera(scene, STEREO_LEFT).render(HERE, solids)).all()
@@ -106,20 +106,20 @@ def test_stereo_is_the_left_picture_and_then_the_right_one(scene, mine):
 
 @pytest.mark.parametrize("name", ["FRONT_FACING_CAMERA", "STEREO_CAMERAS", "LIDAR", "SECTOR_LIDAR"])
 @pytest.mark.parametrize("make", [box, car])
-def test_boxes_and_cars_are_seen(name, make, scene, mine):
+def test_boxes_and_cars_are_visible(name, make, scene, mine):
     ahead = name.endswith(("CAMERA", "CAMERAS"))
     x, y = HERE.ahead(0.8 if ahead else -0.4, 0.0)
     assert (read(name, scene, mine, [make(x, y, 0.0)]) != read(name, scene, mine)).any()
 
 
-def test_a_lidar_on_the_track_sees_the_hall_but_no_line(scene, mine):
+def test_the_lidar_sees_the_hall_but_no_track_lines(scene, mine):
     """The lane's borders lie 0.5 m to each side, the wall 1.26 m to the right."""
     reading = read("DISCRETIZED_SECTOR_LIDAR", scene, mine, (), {"clipping_dist": 12.0})
     assert reading.reshape(8, 8).any(axis=1).all()  # walls on every side, nearer than 12 m
     assert (read("LIDAR", scene, mine) == 1.0).all()
 
 
-def test_a_contestant_reads_the_stages_boxes_with_the_configuration_of_its_lidar():
+def test_a_car_senses_boxes_with_its_lidar_configuration():
     rules = RaceRules(race_type="object_avoidance", random_boxes=3, seed=4)
     config = {"num_sectors": 4, "num_values_per_sector": 2, "clipping_dist": 12.0}
     with Stage(Ground(TRACK), rules) as stage:

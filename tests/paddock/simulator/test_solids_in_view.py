@@ -45,7 +45,7 @@ def count(frame: np.ndarray, grey: int) -> int:
 BACK = OFFICIAL.box[2]  # of a box that heads as the car does
 
 
-def test_bullets_own_renderer_sees_the_same_boxes(camera):
+def test_bullets_renderer_draws_the_same_boxes(camera):
     boxes = tuple(
         box(*TRACK.point_at(distance, side)[:2], TRACK.point_at(distance)[2] + turn)
         for distance, side, turn in ((0.6, 0.25, 0.0), (1.2, -0.25, 0.4), (3.0, 0.2, 1.0), (5.5, -0.2, 0.0))
@@ -76,14 +76,14 @@ def test_no_solids_change_nothing(camera):
         assert (camera.render(pose, ()) == camera.render(pose)).all()
 
 
-def test_a_solid_that_is_not_in_view_changes_nothing(camera):
+def test_a_solid_out_of_view_changes_nothing(camera):
     empty = camera.render(HERE)
     for forward, left in ((-1.0, 0.0), (1.0, 3.0), (1.0, -3.0), (-0.5, 0.5)):
         assert (camera.render(HERE, (before_the_eye(forward, left),)) == empty).all()
 
 
 @pytest.mark.parametrize("away", [0.4, 1.0, 2.5])
-def test_a_box_is_as_large_and_stands_where_geometry_says(camera, away):
+def test_a_box_has_its_geometric_size_and_place(camera, away):
     solid = before_the_eye(away + 0.15)  # its near face is `away` from the eye
     changed = camera.render(HERE, (solid,)) != camera.render(HERE)
     columns, rows = np.nonzero(changed.any(axis=0))[0], np.nonzero(changed.any(axis=1))[0]
@@ -100,7 +100,7 @@ def test_a_box_is_as_large_and_stands_where_geometry_says(camera, away):
     assert rows[0] == pytest.approx(max(row(0.25), 0.0), abs=1.0)
 
 
-def test_the_nearer_box_hides_the_farther_one_in_whatever_order_they_come(camera):
+def test_the_nearer_box_hides_the_farther_in_any_order(camera):
     near, far = before_the_eye(0.8), before_the_eye(1.6)
     alone = camera.render(HERE, (near,))
     for both in ((near, far), (far, near)):
@@ -119,7 +119,7 @@ def test_a_box_half_behind_another_shows_its_other_half(camera):
     assert (together[free] == only_far[free]).all() and free.sum() > 20
 
 
-def test_a_box_side_by_side_with_a_long_one_is_hidden_by_the_nearest_point_not_by_the_middle(camera):
+def test_the_nearest_point_decides_which_box_hides_which(camera):
     """The long one's middle is farther off than the small one's, and yet it stands before it."""
     long = Solid(EYE[0] + 1.0, EYE[1] + 0.12, 0.0, 0.7, 0.1, 0.25, BOX)  # from 0.3 to 1.7 ahead
     small = Solid(EYE[0] + 0.9, EYE[1] + 0.45, 0.0, 0.1, 0.1, 0.25, CAR)  # beside it, to the left
@@ -136,7 +136,7 @@ def test_boxes_hide_walls_lines_and_sky(camera):
     assert set(frame[20:80, 70:90].ravel().tolist()) == {BACK}
 
 
-def test_a_box_shows_two_faces_of_different_greys_from_a_corner(camera):
+def test_a_box_seen_at_a_corner_shows_two_greys(camera):
     frame = camera.render(HERE, (before_the_eye(0.9, 0.0, 0.8),))
     greys = [grey for grey in OFFICIAL.box if count(frame, grey) > 50]
     assert len(greys) == 2
@@ -156,7 +156,7 @@ def test_a_box_at_the_bumper_fills_the_picture(camera):
     assert (frame == BACK).all()
 
 
-def test_a_box_partly_behind_the_camera_is_cut_at_the_near_plane(camera):
+def test_a_box_partly_behind_the_camera_is_clipped(camera):
     # A long one, beside the lens and reaching past it: it covers the picture's left, and the right is untouched.
     solid = Solid(EYE[0], EYE[1] + 0.3, 0.0, 1.0, 0.2, 0.25, BOX)
     frame, empty = camera.render(HERE, (solid,)), camera.render(HERE)
@@ -165,17 +165,17 @@ def test_a_box_partly_behind_the_camera_is_cut_at_the_near_plane(camera):
     assert (frame[:, 85:] == empty[:, 85:]).all()
 
 
-def test_from_within_a_box_one_looks_through_its_faces(camera):
+def test_a_box_around_the_camera_is_invisible(camera):
     assert (camera.render(HERE, (before_the_eye(0.0),)) == camera.render(HERE)).all()
 
 
-def test_a_far_box_is_small_and_there(camera):
+def test_a_far_box_is_small_but_visible(camera):
     changed = camera.render(HERE, (before_the_eye(4.5),)) != camera.render(HERE)
     assert 20 < changed.sum() < 250
     assert changed[:28].any() and changed[29:].any()  # it is higher than the camera
 
 
-def test_a_car_is_dark_with_a_window_and_wheels_and_only_a_shape_far_off(camera):
+def test_a_car_has_window_and_wheels_only_up_close(camera):
     near = camera.render(HERE, (before_the_eye(0.8, 0.0, math.pi / 2, car),))
     assert count(near, OFFICIAL.car[1]) > 150
     assert count(near, OFFICIAL.car_window) > 60
@@ -185,7 +185,7 @@ def test_a_car_is_dark_with_a_window_and_wheels_and_only_a_shape_far_off(camera)
     assert count(far, OFFICIAL.car_wheel) == 0
 
 
-def test_the_left_camera_sees_a_near_box_farther_right_than_the_right_camera_does(scene):
+def test_the_left_camera_sees_a_near_box_farther_right(scene):
     def middle(optics):
         camera = Camera(scene, optics)
         changed = camera.render(HERE, (before_the_eye(0.8),)) != camera.render(HERE)
@@ -199,7 +199,7 @@ def test_the_left_camera_sees_a_near_box_farther_right_than_the_right_camera_doe
     assert (STEREO_LEFT.y, STEREO_RIGHT.y) == (0.03, -0.03)
 
 
-def test_the_pair_of_cameras_differs_from_the_front_camera_only_by_its_place():
+def test_stereo_cameras_differ_from_the_front_one_only_by_place():
     for optics in (STEREO_LEFT, STEREO_RIGHT):
         assert replace(optics, y=0.0) == FRONT_CAMERA
 
@@ -214,7 +214,7 @@ blocks = st.builds(
 
 @settings(max_examples=300, deadline=None)
 @given(st.builds(Pose, metres, metres, angles), st.lists(blocks, max_size=6))
-def test_any_solids_are_drawn_from_any_place(scene, pose, solids):
+def test_any_solids_can_be_drawn_from_any_place(scene, pose, solids):
     camera = Camera(scene)
     frame = camera.render(pose, solids)
     assert frame.shape == (120, 160)
@@ -225,7 +225,7 @@ def test_any_solids_are_drawn_from_any_place(scene, pose, solids):
 
 @settings(max_examples=200, deadline=None)
 @given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), angles, st.sampled_from((box, car)))
-def test_a_solid_that_touches_the_camera_paints_only_its_own_greys(scene, forward, left, yaw, make):
+def test_a_solid_touching_the_camera_shows_only_its_own_greys(scene, forward, left, yaw, make):
     """No polygon is turned inside out where it passes through the plane of the lens: every pixel is the scene's or
     between it and the solid's."""
     camera = Camera(scene)

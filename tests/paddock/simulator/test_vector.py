@@ -81,27 +81,27 @@ def compare(kind, steps, **more):
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("kind", ALL)
-def test_every_value_of_eight_cars_is_that_of_eight_environments(kind, mode):
+def test_eight_cars_equal_eight_environments(kind, mode):
     """Episodes end at different steps, so cars begin anew while others drive on."""
     assert compare(kind, 80, autoreset_mode=mode) >= 8
 
 
 @pytest.mark.parametrize("kind", ALL)
-def test_penalties_pass_within_a_step_for_the_car_that_has_one_alone(kind):
+def test_a_penalty_delays_only_the_car_that_has_it(kind):
     compare(kind, 60, count=4, max_resets=5, off_track_penalty_ms=500)
 
 
-def test_continuous_actions_stereo_cameras_and_a_lidar_too():
+def test_other_actions_and_sensors_equal_single_environments():
     compare("ObjectAvoidance", 50, count=4, metadata=STEREO_AND_LIDAR)
 
 
 @pytest.mark.slow
-def test_it_stays_so_for_many_episodes_of_a_fixed_start():
+def test_many_episodes_from_a_fixed_start_stay_equal():
     """A car that is put where it was before is where old contacts would be kept."""
     assert compare("TimeTrial", 600, start="fixed", max_simulated_ms=400, count=3) > 150
 
 
-def test_all_cars_are_in_one_world_and_apart():
+def test_all_cars_share_one_world_without_touching():
     env = vector(count=5)
     env.reset(seed=1)
     worlds = {id(drive.world) for drive in env.unwrapped._drives}
@@ -111,7 +111,7 @@ def test_all_cars_are_in_one_world_and_apart():
     assert len(env.unwrapped._world.cars) == 5
 
 
-def test_the_caller_may_reset_some_cars_alone():
+def test_the_caller_may_reset_some_of_the_cars():
     ours, theirs = vector(count=3, autoreset_mode="Disabled"), singles(count=3, autoreset_mode="Disabled")
     assert_same(ours.reset(seed=[5, 6, 7]), theirs.reset(seed=[5, 6, 7]))
     for _ in range(5):
@@ -126,7 +126,7 @@ def test_the_caller_may_reset_some_cars_alone():
         assert_same(ours.step(actions), theirs.step(actions))
 
 
-def test_without_autoreset_a_car_whose_episode_is_over_must_be_reset():
+def test_without_autoreset_a_finished_car_must_be_reset():
     env = vector(count=2, autoreset_mode="Disabled", max_simulated_ms=200)
     env.reset(seed=0)
     for _ in range(3):
@@ -135,7 +135,7 @@ def test_without_autoreset_a_car_whose_episode_is_over_must_be_reset():
         env.step(np.array([4, 5]))
 
 
-def test_without_copies_the_arrays_are_the_same_ones_every_time():
+def test_without_copies_the_same_arrays_are_reused():
     env = vector(count=2, copy=False)
     first, _ = env.reset(seed=0)
     second = env.step(np.array([0, 1]))[0]
@@ -147,7 +147,7 @@ def test_without_copies_the_arrays_are_the_same_ones_every_time():
     assert (first["FRONT_FACING_CAMERA"] == before).all()
 
 
-def test_it_draws_frames_and_may_be_closed_and_reset():
+def test_it_renders_a_frame_per_car():
     env = vector(count=2, render_mode="rgb_array")
     assert env.render() is None
     env.reset(seed=0)
@@ -155,7 +155,7 @@ def test_it_draws_frames_and_may_be_closed_and_reset():
     env.close()
 
 
-def test_each_car_may_have_a_reward_function_of_its_own():
+def test_each_car_may_have_its_own_reward_function():
     env = vector(count=3, reward_function=[lambda params, car=car: car + 0.5 for car in range(3)])
     env.reset(seed=0)
     assert env.step(np.array([4, 4, 4]))[1].tolist() == [0.5, 1.5, 2.5]
@@ -163,7 +163,7 @@ def test_each_car_may_have_a_reward_function_of_its_own():
         vector(count=3, reward_function=[lambda params: 0.0])
 
 
-def test_it_must_be_reset_first():
+def test_it_must_be_reset_before_stepping():
     with pytest.raises(gymnasium.error.ResetNeeded):
         vector(count=2).step(np.array([0, 1]))
 
@@ -177,14 +177,14 @@ def test_wrong_arguments_are_refused(bad):
 
 
 @pytest.mark.parametrize("mask", [[True, False], np.array([1, 0]), np.array([True]), np.array([False, False])])
-def test_a_mask_that_is_none_is_refused(mask):
+def test_an_invalid_reset_mask_is_refused(mask):
     env = vector(count=2)
     env.reset(seed=0)
     with pytest.raises(ValueError, match="reset_mask"):
         env.reset(options={"reset_mask": mask})
 
 
-def test_seeds_must_be_as_many_as_cars():
+def test_there_must_be_one_seed_per_car():
     with pytest.raises(ValueError, match="2 cars"):
         vector(count=2).reset(seed=[1, 2, 3])
 
@@ -206,7 +206,7 @@ def driven(car, world, steps, start):
     return poses
 
 
-def test_a_car_that_was_given_back_drives_as_a_new_one():
+def test_a_reused_car_drives_like_a_new_one():
     """Also where it hardly moved: the contacts of its last run lie where its next one begins."""
     start = Pose(0.3, -0.2, 0.7)
     with World() as fresh:

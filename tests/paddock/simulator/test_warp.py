@@ -77,7 +77,7 @@ def one_row(pixels, column, row, column_step=0.0, row_step=0.0, columns=1):
     return drawn(NumpyWarp, [Strip(np.array(pixels, np.uint8), 0, 1, 0)], columns, lines)[0].tolist()
 
 
-def test_a_pixel_is_its_neighbours_by_their_nearness():
+def test_a_pixel_interpolates_its_neighbours():
     picture = [[0, 100], [200, 40]]
     assert one_row(picture, 0, 0) == [0]
     assert one_row(picture, 1, 0) == [100]
@@ -88,7 +88,7 @@ def test_a_pixel_is_its_neighbours_by_their_nearness():
     assert one_row(picture, 0, 0, column_step=0.25, columns=5) == [0, 25, 50, 75, 100]
 
 
-def test_outside_of_the_picture_is_wall_and_the_edge_is_a_mixture():
+def test_outside_the_picture_is_wall_blended_at_the_edge():
     picture = [[114, 114], [114, 114]]
     assert one_row(picture, -2, 0, column_step=0.5, columns=9) == [14, 14, 14, 64, 114, 114, 114, 64, 14]
     assert one_row(picture, 0, -1.25, row_step=0.5, columns=8) == [14, 39, 89, 114, 114, 89, 39, 14]
@@ -104,7 +104,7 @@ def test_a_row_of_several_lines_is_their_mean():
 
 @needs_compiler
 @pytest.mark.parametrize("columns", [1, 31, 32, 33, 160])
-def test_both_ways_are_equal_to_the_bit_wherever_lines_lie(in_c, columns):
+def test_numpy_and_c_agree_bit_for_bit_on_any_lines(in_c, columns):
     rng = np.random.default_rng(columns)
     for width, height in ((1, 1), (1, 9), (2, 2), (7, 3), (40, 33), (300, 200)):
         pixels = rng.integers(0, 256, (height, width), np.uint8)
@@ -136,13 +136,13 @@ def test_both_ways_are_equal_to_the_bit_wherever_lines_lie(in_c, columns):
         Optics(pitch=math.atan(0.5 / Optics().focal), rows=120),  # a row exactly at the horizon
     ],
 )
-def test_both_ways_draw_the_same_frames(scene, in_c, optics):
+def test_numpy_and_c_draw_the_same_frames(scene, in_c, optics):
     fast, slow = Camera(scene, optics, in_c), Camera(scene, optics, NumpyWarp)
     for pose in poses(scene, 30):
         assert np.array_equal(fast.render(pose), slow.render(pose)), pose
 
 
-def test_frames_are_those_of_this_engine(scene):
+def test_frames_match_this_engines_hash(scene):
     digest = hashlib.sha256()
     for optics in (FRONT_CAMERA, STEREO_LEFT):
         camera = Camera(scene, optics, NumpyWarp)
@@ -151,7 +151,7 @@ def test_frames_are_those_of_this_engine(scene):
     assert digest.hexdigest() == GOLDEN
 
 
-def test_the_camera_takes_numpy_where_nothing_is_compiled(scene, monkeypatch):
+def test_the_camera_uses_numpy_where_nothing_is_compiled(scene, monkeypatch):
     monkeypatch.setattr(CompiledWarp, "library", None)
     frame = Camera(scene).render(Pose(0.0, -1.2, 0.0))
     assert OFFICIAL.road in frame
@@ -159,7 +159,7 @@ def test_the_camera_takes_numpy_where_nothing_is_compiled(scene, monkeypatch):
 
 
 @needs_compiler
-def test_a_library_of_another_source_is_not_taken_and_is_replaced(tmp_path, monkeypatch):
+def test_a_library_of_another_source_is_replaced(tmp_path, monkeypatch):
     source, library = tmp_path / "warp.c", tmp_path / "warp.so"
     source.write_bytes(compiled.SOURCE.read_bytes())
     monkeypatch.setattr(compiled, "SOURCE", source)
@@ -180,18 +180,18 @@ def test_a_library_of_another_source_is_not_taken_and_is_replaced(tmp_path, monk
 
 
 @pytest.mark.parametrize("content", [None, b"", b"\x7fELF and no more"])
-def test_what_is_no_library_is_not_taken(tmp_path, content):
+def test_a_file_that_is_no_library_is_not_loaded(tmp_path, content):
     library = tmp_path / "warp.so"
     if content is not None:
         library.write_bytes(content)
     assert compiled.load(library) is None
 
 
-def test_a_library_without_the_identity_is_not_taken():
+def test_a_library_without_an_identity_is_not_loaded():
     assert compiled.load(Path(np._core._multiarray_umath.__file__)) is None
 
 
-def test_without_a_compiler_the_reason_is_said_and_nothing_is_left(tmp_path, monkeypatch):
+def test_a_missing_compiler_is_reported_and_leaves_nothing(tmp_path, monkeypatch):
     library = tmp_path / "warp.so"
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -204,14 +204,14 @@ def test_without_a_compiler_the_reason_is_said_and_nothing_is_left(tmp_path, mon
 
 
 @needs_compiler
-def test_a_compiler_that_fails_is_quoted_and_nothing_is_left(tmp_path, monkeypatch):
+def test_a_failing_compiler_is_quoted_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled, "_FLAGS", ["-shared", "-D__BYTE_ORDER__=0"])
     with pytest.raises(RuntimeError, match="little-endian"):
         compiled.build(tmp_path / "warp.so")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_compiling_does_nothing_where_nothing_is_to_be_done(monkeypatch, capsys):
+def test_compiling_is_skipped_when_up_to_date(monkeypatch, capsys):
     monkeypatch.setattr(compiled, "load", lambda: object())
     monkeypatch.setattr(compiled, "build", lambda: pytest.fail("it was built"))
     assert compiled.main() == 0
