@@ -10,9 +10,12 @@ class AccountsConfig(AppConfig):
         from allauth.account.signals import password_changed, password_reset
         from django.contrib.auth.signals import user_logged_in
 
+        from core.pages import register_slots
+
         from .receivers import keep_the_session, know_the_address, take_over_on_reset
 
         for signal in (user_logged_in, password_changed, password_reset):
             signal.connect(know_the_address, dispatch_uid="accounts.know_the_address")
         password_reset.connect(take_over_on_reset, dispatch_uid="accounts.take_over_on_reset")
         user_logged_in.connect(keep_the_session, dispatch_uid="accounts.keep_the_session")
+        register_slots({"head.account": "accounts/parts/head.html"})

@@ -9,6 +9,8 @@ class LeagueConfig(AppConfig):
     def ready(self) -> None:
         from accounts.signals import account_taken_over
         from core.events import register_reader
+        from core.pages import register_slots
+        from races.cuts import register_cut
         from races.eligibility import register
         from races.engines import register_official
         from races.signals import board_changed
@@ -16,6 +18,7 @@ class LeagueConfig(AppConfig):
 
         from .eligibility import check_division
         from .receivers import drop_webhooks, follow_board
+        from .selectors.boards import cut_shown
         from .services.closing import is_official
         from .services.follow import SEASONS
         from .services.news import NOTICES
@@ -28,5 +31,22 @@ class LeagueConfig(AppConfig):
         register_time_check(check_round_times)
         register_hold(hold_season)
         register_official(is_official)
+        register_cut(cut_shown)
+        register_slots(
+            {
+                "head.notices": "league/parts/bell.html",
+                "settings.notices": "league/parts/tab_notices.html",
+                "settings.webhooks": "league/parts/tab_webhooks.html",
+                "race.crumb": "league/parts/race_crumb.html",
+                "race.side": "league/parts/race_side.html",
+                "race.cancelling": "league/parts/cancelling.html",
+                "race.removing": "league/parts/removing.html",
+                "board.moved": "league/parts/cut_tag.html",
+                "board.cut": "league/parts/cut.html",
+                "board.me": "league/parts/cut_of_me.html",
+                "worth.said": "league/parts/cut_of_place.html",
+                "duels.side": "league/parts/duels_side.html",
+            }
+        )
         board_changed.connect(follow_board, dispatch_uid="league.follow_board")
         account_taken_over.connect(drop_webhooks, dispatch_uid="league.drop_webhooks")

@@ -12,10 +12,10 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from core.events import Event
+from core.times import clock
 from evaluation.events import RUN_FAILED, RUN_FINISHED
 from evaluation.models import Evaluation, State
 from races import events as of_races
-from races.facts import clock
 from races.models import Entry, Race, Submission
 from races.names import named
 

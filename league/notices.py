@@ -6,8 +6,8 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from core.jobs.models import reason_sentence
+from core.times import clock
 from races.change import sentence as change_sentence
-from races.facts import clock
 from races.names import named
 
 from .models import Notice, NoticeKind

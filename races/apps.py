@@ -9,6 +9,7 @@ class RacesConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts.quotas import register
+        from core.pages import register_slots
         from evaluation.signals import evaluation_ended
 
         from . import queues, video_words
@@ -21,5 +22,12 @@ class RacesConfig(AppConfig):
         video_words.register()
         queues.register()
         register_audiences()
+        register_slots(
+            {
+                "model.runs": "races/parts/model_runs.html",
+                "track.actions": "races/parts/hold_here.html",
+                "track.races": "races/parts/races_here.html",
+            }
+        )
         post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
+from core.times import clock, gap
 from evaluation.templatetags.garage import SENSOR_WORDS
 from paddock.rules.race import BY_PLACE, RULES, RaceRules
 
@@ -154,21 +155,6 @@ def behind(place: Place, rival: Rival) -> str:
     if place.counts_ties:
         return ngettext("%(count)s tie", "%(count)s ties", rival.gap) % {"count": rival.gap}
     return ngettext("%(count)s point", "%(count)s points", rival.gap) % {"count": rival.gap}
-
-
-def gap(milliseconds: int) -> str:
-    """A difference as ``+s.mmm``, ``+m:ss.mmm`` from a minute on."""
-    sign = "+" if milliseconds >= 0 else "−"
-    minutes, rest = divmod(abs(milliseconds), 60_000)
-    seconds = f"{rest // 1000:02d}" if minutes else f"{rest // 1000}"
-    return f"{sign}{f'{minutes}:' if minutes else ''}{seconds}.{rest % 1000:03d}"
-
-
-def clock(milliseconds: int | None) -> str:
-    """A time as ``m:ss.mmm``; a dash for none."""
-    if milliseconds is None:
-        return "–"
-    return f"{milliseconds // 60_000}:{milliseconds // 1000 % 60:02}.{milliseconds % 1000:03}"
 
 
 def _box_rules(race: Race) -> list[str]:

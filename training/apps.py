@@ -17,6 +17,7 @@ class TrainingConfig(AppConfig):
     def ready(self) -> None:
         from accounts import storage
         from accounts.quotas import register
+        from core.pages import register_slots
         from evaluation import proof
 
         from . import events, queues  # noqa: F401 - its kinds of events are known from the start
@@ -28,6 +29,18 @@ class TrainingConfig(AppConfig):
         queues.register()
         _read_policies_of_sb3()
         proof.register(_prove)
+        register_slots(
+            {
+                "ways_to_a_car": "training/parts/ways_to_a_car.html",
+                "garage.tabs": "training/parts/garage_tabs.html",
+                "model.crumb": "training/parts/shared_crumb.html",
+                "model.actions": "training/parts/model_clone.html",
+                "model.races": "training/parts/model_races.html",
+                "model.origin": "training/parts/model_origin.html",
+                "race.train": "training/parts/train_for_race.html",
+                "racer.cars": "training/parts/shared_by.html",
+            }
+        )
 
 
 def _prove() -> Proof:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from django import template
 from django.conf import settings
 
+from .. import countries
 from ..sign_up import CLOSED
 
 register = template.Library()
@@ -21,3 +22,9 @@ def sign_up_offered() -> bool:
 def amount(number: float) -> str:
     """A number of a quota: whole where it is, else with one digit."""
     return f"{number:.0f}" if number == round(number) else f"{number:.1f}"
+
+
+@register.filter
+def country_name(code: str) -> str:
+    """The country's name in the reader's language; the code itself when it is not known."""
+    return countries.country_name(code)

@@ -52,7 +52,7 @@ class Operation:
 @require_safe
 def page(request: HttpRequest) -> HttpResponse:
     """Every operation by subject."""
-    return render(request, "league/api.html", {"subjects": operations(), "origin": origin_of(request)})
+    return render(request, "config/api.html", {"subjects": operations(), "origin": origin_of(request)})
 
 
 @lru_cache(maxsize=1)

@@ -17,7 +17,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_GET, require_POST, require_safe
 
 from config.health import readiness
-from league.templatetags.paddock import THEMES
+from core.templatetags.site import THEMES
 
 A_YEAR_S = 365 * 24 * 3600
 
@@ -25,7 +25,7 @@ A_YEAR_S = 365 * 24 * 3600
 @require_safe
 def about(request: HttpRequest) -> HttpResponse:
     """How it works and the rules."""
-    return render(request, "league/about.html", {"upload_limit_mb": settings.UPLOAD_LIMIT_MB})
+    return render(request, "config/about.html", {"upload_limit_mb": settings.UPLOAD_LIMIT_MB})
 
 
 @require_safe

@@ -12,6 +12,7 @@ from django.db.models.functions import Coalesce
 
 from accounts.models import Racer
 from races.models import Kind, Race
+from races.selectors import Board
 
 from ..models import ChampionshipPlace, Membership, Round, Stage, StewardDecision
 from ..rules import ChampionshipField, FinaleField, Promotion
@@ -83,6 +84,24 @@ def board_cut(round_: Round, classified: int, racers: Mapping[int, int]) -> Boar
     if round_.stage in (Stage.PRO, Stage.FINALE):
         return _field(round_)
     return None
+
+
+def cut_shown(board: Board) -> BoardCut | None:
+    """The line that the season draws through a page of a board: promoted, in the finale, qualified; None for others.
+
+    It is worked out once for a page: what was read stays with the board's race.
+    """
+    race = board.race
+    if not hasattr(race, "_cut_shown"):
+        round_ = round_of(race)
+        race._cut_shown = None if round_ is None else _cut_of_page(board, round_)
+    return race._cut_shown
+
+
+def _cut_of_page(board: Board, round_: Round) -> BoardCut | None:
+    rows = [*board.rows, board.my_row] if board.my_row is not None else board.rows
+    ranked = {row.entry.racer_id: row.rank for row in rows if row.rank is not None}
+    return board_cut(round_, board.classified_count, ranked)
 
 
 def _promotion(round_: Round, classified: int, ranks: Mapping[int, int]) -> BoardCut:

@@ -16,7 +16,7 @@ from league.selectors.boards import BoardCut, board_cut, round_of
 from league.services.organising import cancelling_says, removal_says
 from league.stewarding import actions_now
 from races.models import Entry, Race
-from races.selectors import Board, BoardRow
+from races.selectors import BoardRow
 from races.selectors.results import Place
 
 register = template.Library()
@@ -27,25 +27,6 @@ DECISIONS = 20
 def round_shown(race: Race) -> Round | None:
     """The round that a race is; none for community races."""
     return round_of(race)
-
-
-@register.simple_tag
-def cut_of_board(board: Board) -> BoardCut | None:
-    """The line that the season draws through a board: promoted, in the finale, qualified. None for other races.
-
-    It is worked out once for a page: what was read stays with the board's race.
-    """
-    if hasattr(board.race, "_cut_shown"):
-        return board.race._cut_shown
-    round_ = round_of(board.race)
-    board.race._cut_shown = None if round_ is None else _cut(board, round_)
-    return board.race._cut_shown
-
-
-def _cut(board: Board, round_: Round) -> BoardCut | None:
-    rows = [*board.rows, board.my_row] if board.my_row is not None else board.rows
-    ranked = {row.entry.racer_id: row.rank for row in rows if row.rank is not None}
-    return board_cut(round_, board.classified_count, ranked)
 
 
 @register.simple_tag

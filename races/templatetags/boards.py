@@ -8,7 +8,16 @@ from django.template.base import FilterExpression, NodeList, Parser, Token
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import get_language
 
+from races.cuts import Cut, cut_of
+from races.selectors import Board
+
 register = template.Library()
+
+
+@register.simple_tag
+def cut_of_board(board: Board) -> Cut | None:
+    """The line through a board; None for races that move nobody on."""
+    return cut_of(board)
 
 
 class _Drawn(template.Node):

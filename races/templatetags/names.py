@@ -1,4 +1,4 @@
-"""Names of races and seasons on pages; built in, so that no template has to load it."""
+"""Names of races and seasons on pages."""
 
 from __future__ import annotations
 

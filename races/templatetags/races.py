@@ -19,6 +19,7 @@ from races import facts, ranking
 from races.engines import hidden_runs
 from races.layout import box_marks
 from races.models import Entry, Race, RaceState
+from races.replay import LAP_COLOURS
 from races.selectors import evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
@@ -213,3 +214,25 @@ def lap_status(status: str) -> str:
 def tens(percent: int) -> int:
     """Rounded down to tens, for what is said aloud."""
     return int(percent) // 10 * 10
+
+
+@register.filter
+def lap_colour(number: int) -> int:
+    """Which of the lap colours lap ``number`` (from 1) has."""
+    return (number - 1) % LAP_COLOURS
+
+
+@register.filter
+def overall_percent(progress: dict) -> int:
+    """How much of a whole run is driven, from the progress within its lap."""
+    if not progress or not progress.get("laps"):
+        return 0
+    driven = 100 * (progress["lap"] - 1) + min(100.0, max(0.0, progress["percent"]))
+    return round(driven / progress["laps"])
+
+
+@register.filter
+def sector_word(colour: str | None) -> str:
+    """What a sector's colour means, for who does not see it."""
+    words = {"purple": _("fastest of all"), "green": _("own best"), "yellow": _("slower")}
+    return words.get(colour or "", "")

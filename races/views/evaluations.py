@@ -39,7 +39,7 @@ REPLAY_FORMAT = 2
 def evaluation(request: HttpRequest, public_id: str) -> HttpResponse:
     """One evaluation; while it waits or drives, the page renews itself."""
     shown = visible_evaluation(request, public_id)
-    response = render(request, "evaluation/evaluation.html", _context(request, shown))
+    response = render(request, "races/evaluation/page.html", _context(request, shown))
     if not shown.is_final:
         response["Cache-Control"] = "private, no-store"
     return response
@@ -56,11 +56,11 @@ def evaluation_live(request: HttpRequest, public_id: str) -> HttpResponse:
     if context["mark"] == request.GET.get("seen"):
         return HttpResponse(status=204)
     if shown.is_final:
-        response = render(request, "evaluation/parts/evaluation.html", context)
+        response = render(request, "races/evaluation/evaluation.html", context)
         response["HX-Retarget"] = "#evaluation"
         response["HX-Reswap"] = "outerHTML"
     else:
-        response = render(request, "evaluation/parts/live.html", context)
+        response = render(request, "races/evaluation/live.html", context)
     response["Cache-Control"] = "private, no-store"
     return response
 

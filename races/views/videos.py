@@ -71,7 +71,7 @@ def video_live(request: HttpRequest, public_id: str) -> HttpResponse:
         response = HttpResponse(status=204)
     elif video.is_under_way:
         context = {"shown": shown, "can_stop_video": can_stop_video(request.user, video)}
-        response = render(request, "evaluation/parts/video_now.html", context)
+        response = render(request, "races/evaluation/video_now.html", context)
     else:
         response = _card(request, visible_evaluation(request, video.evaluation.public_id), video)
         response["HX-Retarget"] = "#video"
@@ -129,7 +129,7 @@ def _card(
         "evaluation": evaluation,
         "video_fault": fault and fault_text(fault),
     }
-    return render(request, "evaluation/parts/video.html", context)
+    return render(request, "races/evaluation/video.html", context)
 
 
 def _of_card(request: HttpRequest, run: VideoRun, videos: list[ShownVideo], shown: ShownVideo | None) -> dict:

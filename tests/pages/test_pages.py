@@ -9,7 +9,7 @@ import pytest
 from django.utils import translation
 from django.utils.formats import date_format, localize
 
-from league.templatetags import paddock
+from core.templatetags import formats
 from tests.pages.conftest import VIEWERS, World
 
 ALL = dict.fromkeys(VIEWERS, 200)
@@ -219,4 +219,4 @@ def test_pages_and_admin_write_dates_in_one_style(language: str) -> None:
     with translation.override(language):
         assert date_format(moment, "DATETIME_FORMAT") == "2026-03-09 08:05"
         assert date_format(moment, "DATE_FORMAT") == localize(moment.date()) == "2026-03-09"
-        assert ">2026-03-09 08:05 UTC<" in paddock.moment(moment)
+        assert ">2026-03-09 08:05 UTC<" in formats.moment(moment)

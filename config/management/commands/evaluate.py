@@ -18,12 +18,12 @@ from config.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
 from config.management.race_options import add_race_options, rules_of
 from config.management.run_video import save_video
 from config.management.tracks import TRACK_HELP, find_track
+from core.templatetags.formats import lap_time
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.bounds import package_limits
 from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
 from evaluation.rivals import check_rivals
 from evaluation.told import sentences
-from league.templatetags.paddock import lap_time
 from paddock.errors import PaddockError, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.read import UploadPart

@@ -1,60 +1,23 @@
-"""What every page needs to show: times as m:ss.mmm, moments, track maps, the reader's theme."""
+"""What every page needs to show: times as m:ss.mmm, moments, counts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timedelta
-from functools import lru_cache
 from typing import Any, Literal
 
 from django import template
 from django.forms.boundfield import BoundField
 from django.forms.widgets import ChoiceWidget
-from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.html import format_html
-from django.utils.safestring import SafeString, mark_safe
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 
-from accounts import countries
-from paddock.geometry.track import TrackGeometry
-from races import facts
-from races.replay import LAP_COLOURS
-from tracks.drawing import DrivenLine, draw_svg
-from tracks.models import Track
+from core import times
 
 register = template.Library()
-
-THEMES = ("dark", "light")
-SECTIONS = (
-    ("/seasons/", "league"),
-    ("/hall-of-fame/", "league"),
-    ("/races/", "races"),
-    ("/community/", "races"),
-    ("/join/", "races"),
-    ("/evaluations/", "races"),
-    ("/tracks/", "tracks"),
-    ("/models/", "garage"),
-    ("/vehicles/", "garage"),
-    ("/train/", "train"),
-    ("/learn/", "learn"),
-    ("/about/", "about"),
-)
-
-
-@register.filter
-def theme(request: HttpRequest | str) -> str:
-    """The theme that the reader chose: ``dark``, ``light``, or ``""`` to follow the system."""
-    chosen = getattr(request, "COOKIES", {}).get("theme", "")
-    return chosen if chosen in THEMES else ""
-
-
-@register.filter
-def section(request: HttpRequest | str) -> str:
-    """Which entry of the site's navigation a page belongs to."""
-    path = getattr(request, "path", "")
-    return next((name for prefix, name in SECTIONS if path.startswith(prefix)), "")
 
 
 @register.filter
@@ -62,7 +25,7 @@ def lap_time(milliseconds: int | Literal[""] | None) -> str:
     """A lap time as ``m:ss.mmm``; a dash for none."""
     if milliseconds is None or milliseconds == "":
         return "–"
-    return facts.clock(round(milliseconds))
+    return times.clock(round(milliseconds))
 
 
 @register.filter
@@ -70,7 +33,7 @@ def gap(milliseconds: int | Literal[""] | None) -> str:
     """A difference as ``+s.mmm`` (``+m:ss.mmm`` from a minute on); nothing for none."""
     if milliseconds is None or milliseconds == "":
         return ""
-    return facts.gap(round(milliseconds))
+    return times.gap(round(milliseconds))
 
 
 @register.filter
@@ -85,12 +48,6 @@ def sector_time(milliseconds: int | None) -> str:
 def seconds(milliseconds: int | None) -> str:
     """Milliseconds as seconds without needless zeros: 3000 is ``3``, 2500 is ``2.5``."""
     return "" if milliseconds is None else f"{milliseconds / 1000:g}"
-
-
-@register.filter
-def country_name(code: str) -> str:
-    """The country's name in the reader's language; the code itself when it is not known."""
-    return countries.country_name(code)
 
 
 @register.filter
@@ -138,34 +95,6 @@ def ceil(number: float) -> int:
 def plain(number: float) -> str:
     """A number for a drawing: never with the reader's decimal comma."""
     return f"{number:g}"
-
-
-@register.filter
-def dot_radius(size: tuple[float, float]) -> str:
-    """Radius of a car's dot on a map of this size."""
-    return f"{0.018 * max(size):.2f}"
-
-
-@register.filter
-def lap_colour(number: int) -> int:
-    """Which of the lap colours lap ``number`` (from 1) has."""
-    return (number - 1) % LAP_COLOURS
-
-
-@register.filter
-def overall_percent(progress: dict) -> int:
-    """How much of a whole run is driven, from the progress within its lap."""
-    if not progress or not progress.get("laps"):
-        return 0
-    driven = 100 * (progress["lap"] - 1) + min(100.0, max(0.0, progress["percent"]))
-    return round(driven / progress["laps"])
-
-
-@register.filter
-def sector_word(colour: str | None) -> str:
-    """What a sector's colour means, for who does not see it."""
-    words = {"purple": _("fastest of all"), "green": _("own best"), "yellow": _("slower")}
-    return words.get(colour or "", "")
 
 
 @register.simple_tag
@@ -221,30 +150,6 @@ def ago(when: datetime | None) -> SafeString | str:
     return format_html(
         '<time datetime="{}" title="{}">{}</time>', when.isoformat(), local.strftime("%Y-%m-%d %H:%M %Z"), text
     )
-
-
-@lru_cache(maxsize=256)
-def _plain_map(track: TrackGeometry, direction: str, title: str) -> str:
-    return draw_svg(track.in_direction(direction), title=title)
-
-
-@register.filter
-def track_length(track: Track) -> str:
-    """The length of a track for reading, or that it is not known."""
-    return f"{track.length_m:.2f} m" if track.has_shape else _("length unknown")
-
-
-@register.simple_tag
-def track_map(track: Track, direction: str = "", lines: Iterable[DrivenLine] = (), title: str = "") -> SafeString:
-    """The track's map as inline SVG, driven in ``direction`` (default: the file's own), with driven ``lines``."""
-    direction, title = direction or track.direction, title or track.name
-    if not track.has_shape:
-        return format_html('<p class="muted">{}</p>', _("No map: the shape of this track is not known here."))
-    if lines:
-        drawing = draw_svg(track.geometry.in_direction(direction), lines=tuple(lines), title=title)
-    else:
-        drawing = _plain_map(track.geometry, direction, title)
-    return mark_safe(drawing)  # the only text in it is the title, which draw_svg escapes
 
 
 @register.filter
