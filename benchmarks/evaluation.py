@@ -74,7 +74,7 @@ def table(figures: dict[str, Any]) -> str:
         f"{machine['engine']}; {race['laps']} laps of {race['track']} ({race['length_m']:.1f} m), "
         f"medians of {race['runs']}",
         "",
-        "Whole evaluation behind the wall, all its processes on one core (cold: it starts them itself)",
+        "Whole evaluation in the sandbox, all its processes on one core (cold: it starts them itself)",
         f"{'':12}{'x real time':>12}{'cold':>8}{'x CPU time':>12}{'driving':>9}{'start':>8}{'step':>9}{'peak':>9}"
         "  wall time in",
     ]
@@ -97,7 +97,7 @@ def table(figures: dict[str, Any]) -> str:
     tiny = figures["tiny_renderer"]
     lines += [
         "",
-        f"Same loop, no wall ({tiny['model']}): x{tiny['warped']['real_time_factor']:.0f} with the warped camera, "
+        f"Same loop, no sandbox ({tiny['model']}): x{tiny['warped']['real_time_factor']:.0f} with the warped camera, "
         f"x{tiny['tiny_renderer']['real_time_factor']:.1f} with TinyRenderer: {tiny['ratio']:.0f} times faster "
         f"(a frame {tiny['warped']['frame_ms'] * 1000:.0f} us, {tiny['tiny_renderer']['frame_ms'] * 1000:.0f} us)",
         f"A frame of a track with six boxes {tiny['six_boxes']['frame_ms'] * 1000:.0f} us, "

@@ -12,7 +12,7 @@ _TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 class Clock:
     """Processor seconds of this process's descendants, as last seen: call :meth:`look` now and then, and :meth:`close`.
 
-    The walled processes die with their namespace and nobody waits for them, so that the kernel adds their time to no
+    The sandboxed processes die with their namespace and nobody waits for them, so that the kernel adds their time to no
     parent. A look costs some tens of microseconds, the first one a walk through /proc.
     """
 
@@ -27,8 +27,8 @@ class Clock:
             for pid in _descendants(os.getpid()):
                 with contextlib.suppress(OSError):
                     self._files.append(os.open(f"/proc/{pid}/stat", os.O_RDONLY))
-        walled = sum(map(_ticks, self._files)) * _TICK_S
-        self.seconds = max(self.seconds, walled + time.process_time() - self._own)
+        sandboxed = sum(map(_ticks, self._files)) * _TICK_S
+        self.seconds = max(self.seconds, sandboxed + time.process_time() - self._own)
 
     def close(self) -> None:
         """Give the files back."""

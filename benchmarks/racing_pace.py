@@ -6,7 +6,7 @@ time, everything else as it is.
 (With the default actions, 1.4 m/s at most, any car that stays on the road is within 25 %: no curve slows it down.)
 
 Whenever the trainer's own look says that the car is fast enough, the platform's evaluation drives three laps from a
-standing start behind its own wall. The time that counts is wall time from the call that starts the training to the end
+standing start in its own sandbox. The time that counts is wall time from the call that starts the training to the end
 of the evaluation whose laps are clean and whose mean lap is near enough; it goes on until there is one.
 """
 

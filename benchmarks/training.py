@@ -1,7 +1,7 @@
 """``python -m benchmarks.training [--json]``: how long a training takes from its start to a car that laps.
 
 For each track and seed a training as the wizard makes it (the default centre-line reward, all defaults) runs behind the
-wall, alone, until its car drives three clean laps in a row from the finish line: wall time from the call that starts
+sandbox, alone, until its car drives three clean laps in a row from the finish line: wall time from the call that starts
 the process to its end, imports, learning and every evaluation included. Three laps through the platform's own
 evaluation then confirm it. Times are medians over the seeds; ``cpu_s`` is the processor time of the same, which depends
 less on what else the machine does.

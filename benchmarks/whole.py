@@ -1,4 +1,4 @@
-"""Whole evaluations behind the wall on one core: speed, where the time goes, memory.
+"""Whole evaluations in the sandbox on one core: speed, where the time goes, memory.
 
 As a worker runs them: the two processes were started while it had nothing to do, and wait for another race on the track
 of the last one. ``cold_factor`` is for an evaluation that has to start them itself.
@@ -95,7 +95,7 @@ def _figures(outcome: EvaluationOutcome, cold: EvaluationOutcome, cpu_s: float) 
         "shares": {name: value / outcome.wall_s for name, value in parts.items()},
         "bullet_and_network": sum(parts[name] for name in IN_BULLET_AND_NETWORK) / outcome.wall_s,
         "peak_mb": own_mb + outcome.peak_mb,
-        "peak_mb_walled": outcome.peak_mb,
+        "peak_mb_sandboxed": outcome.peak_mb,
     }
 
 

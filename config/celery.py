@@ -1,4 +1,4 @@
-"""Celery is the bell: a message only says that there may be work. The queue is the table of evaluations."""
+"""Celery only sends wake-ups: a message says that there may be work. The queue is the table of evaluations."""
 
 import os
 

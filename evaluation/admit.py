@@ -1,7 +1,7 @@
-"""The one way into Paddock for a model: read, convert behind the wall, gate, identity.
+"""The one way into Paddock for a model: read, convert in the sandbox, gate, identity.
 
 This process unpacks archives and reads the metadata's JSON, both with bounds; it never parses a stranger's protobuf.
-What comes back from behind the wall is believed as little as the upload was: sizes, types and codes are checked, and
+What comes back from the sandbox is believed as little as the upload was: sizes, types and codes are checked, and
 the sha-256 is computed here.
 """
 

@@ -1,4 +1,4 @@
-"""The admission of one network, inside the wall: convert if need be, gate, write anew, run three synthetic frames.
+"""The admission of one network, inside the sandbox: convert if need be, gate, write anew, run three synthetic frames.
 
 Started by :mod:`.admit` through ``evaluation.sandbox.launch``, which locks the process before :func:`main` is called.
 Everything it needs is imported here at the top: a locked process opens no file. Only this process ever parses a byte

@@ -1,4 +1,4 @@
-"""The walled-off processes of an evaluation: a policy for each submitted car, and the runner that asks them.
+"""The sandboxed processes of an evaluation: a policy for each submitted car, and the runner that asks them.
 
 Starting two interpreters takes a fifth of a second and more, as long as a short race, and building up a track another
 thirtieth. A worker with nothing to do therefore keeps a crew for one car ready, which has rehearsed on the tracks that
@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 class Crew:
     """A policy process for each of ``cars`` and a runner process that has the pipes of all of them, without a job.
 
-    Each policy is behind a wall of its own and shares nothing with the others. A context manager: leaving kills all.
+    Each policy has its own sandbox and shares nothing with the others. A context manager: leaving kills all.
     ``level``: as for :func:`evaluation.sandbox.launch.launch`. ``venues``: where the job may be, which the runner gets
     ready for while it waits. Raises PlatformFault where they cannot be started.
     """

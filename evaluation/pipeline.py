@@ -141,7 +141,7 @@ def evaluate(
     level: int | None = None,
     crew: Crew | None = None,
 ) -> EvaluationOutcome:
-    """Run the job behind the wall. Whatever happens, no process, descriptor or file is left when it returns.
+    """Run the job in the sandbox. Whatever happens, no process, descriptor or file is left when it returns.
 
     ``on_progress`` gets dicts of :class:`paddock.simulator.race.Progress`; ``should_stop`` is asked about four
     times a second, also in between; both are called in this thread, and what they raise goes through. ``wall_limit_s``

@@ -88,7 +88,7 @@ register(
     "platform",
     {
         "sandbox_unavailable": _(
-            "This host cannot wall off models safely enough (level %(level)s, at least %(minimum)s is needed), so none "
+            "This host cannot sandbox models safely enough (level %(level)s, at least %(minimum)s is needed), so none "
             "is run. An operator sees with “manage.py doctor” what is missing."
         ),
         "worker_inexact": _(
@@ -96,7 +96,7 @@ register(
             "must come to. It takes no work, which waits for another worker. An operator sees with “manage.py doctor” "
             "what differs."
         ),
-        "sandbox_failed": _("A walled-off process could not be started. The evaluation will be repeated."),
+        "sandbox_failed": _("A sandboxed process could not be started. The evaluation will be repeated."),
         "host_overloaded": _(
             "This host was too busy to run the network. Nothing is wrong with it; the evaluation will be repeated."
         ),

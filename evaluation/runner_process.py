@@ -1,4 +1,4 @@
-"""The referee in its own walled-off process: simulator and rules, no secrets, no network, no file.
+"""The referee in its own sandboxed process: simulator and rules, no secrets, no network, no file.
 
 Started by :mod:`.crew`, used by :mod:`.pipeline`. It reads a message with the job, answers ``{"headers": [...]}``
 (what it will ask each policy, see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for

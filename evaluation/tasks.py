@@ -1,4 +1,4 @@
-"""Celery's side of the queue: thin, because the table of evaluations is the truth and a message only a bell."""
+"""Celery's side of the queue: thin, because the table of evaluations is the truth and a message is only a wake-up."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def work(self: Task) -> int:
 
 @shared_task(bind=True)
 def sweep(self: Task) -> dict[str, int]:
-    """Requeue what lost its worker and ring again. Beat sends it every few seconds."""
+    """Requeue what lost its worker and send wake-ups again. Beat sends it every few seconds."""
     fit = _fit(self.request.hostname or "local")
     report = EVALUATIONS.sweep(now=database_now())
     if fit and not report.waiting and not is_stopping():

@@ -211,7 +211,7 @@ def woken(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.fixture
-def bell(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
+def wakes(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
     """Every wake-up of a worker that runs evaluations, instead of a broker."""
     from tests.wakeups import heard
 
@@ -226,10 +226,10 @@ def video_wakes(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
     from tests.wakeups import heard
     from videos import drawing
 
-    rings = heard(monkeypatch, "videos.tasks.draw")
+    wakes = heard(monkeypatch, "videos.tasks.draw")
     monkeypatch.setattr(drawing, "write_video", a_drawing)
     monkeypatch.setattr(drawing, "poster", lambda scene: b"a still")
-    return rings
+    return wakes
 
 
 @pytest.fixture

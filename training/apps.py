@@ -51,7 +51,7 @@ def _prove() -> Proof:
 
 
 def _read_policies_of_sb3() -> None:
-    """Uploads of stable-baselines3's zips are read where torch is installed, in a process behind the wall."""
+    """Uploads of stable-baselines3's zips are read where torch is installed, in a process in the sandbox."""
     from evaluation.admit import PROCESSES, Reader
     from evaluation.sandbox.limits import SB3_CONVERTER
     from paddock.packages.kinds import SB3

@@ -30,7 +30,7 @@ def one_check(owner: Racer) -> Iterator[None]:
 
 
 def refusals(owner: Racer, code: str, race_type: str) -> list[UserFault]:
-    """What is wrong with a reward function, as the wall finds it. Raises UserFault ``reward_check_runs`` and what
+    """What is wrong with a reward function, as the sandbox finds it. Raises UserFault ``reward_check_runs`` and what
     :func:`training.rewards.validate.check_reward` raises."""
     # brings the physics along, which no other page needs
     from training.rewards.validate import validate_reward

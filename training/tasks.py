@@ -1,4 +1,4 @@
-"""Celery's side of training: thin, because the table of jobs is the truth and a message only a bell.
+"""Celery's side of training: thin, because the table of jobs is the truth and a message is only a wake-up.
 
 Trainings have a queue and workers of their own (``--queues training``), so that an evaluation never waits for one.
 """
@@ -22,8 +22,8 @@ logger = logging.getLogger(__name__)
 
 @shared_task(bind=True)
 def train(self) -> bool:
-    """Run one training; ring again if it was one. Without torch, below the sandbox's minimum, or where golden runs
-    differ, none runs."""
+    """Run one training; send another wake-up if it was one. Without torch, below the sandbox's minimum, or where golden
+    runs differ, none runs."""
     worker = self.request.hostname or "local"
     if not settings.TRAINING or settings.TRAINING_PAUSED:
         return False
@@ -37,7 +37,8 @@ def train(self) -> bool:
 
 @shared_task
 def sweep() -> int:
-    """Requeue trainings that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
+    """Requeue trainings that lost their worker, and send wake-ups for those that wait. Beat sends it every few
+    seconds."""
     return TRAININGS.sweep(now=database_now()).waiting
 
 

@@ -17,7 +17,7 @@ from .services import VIDEOS, purge_videos, run_next_video
 
 @shared_task(bind=True)
 def draw(self: Task) -> bool:
-    """Draw one video; ring again if there was one. Where videos are switched off none is drawn."""
+    """Draw one video; send another wake-up if there was one. Where videos are switched off none is drawn."""
     if not settings.VIDEOS:
         return False
     worker = self.request.hostname or "local"
@@ -27,7 +27,7 @@ def draw(self: Task) -> bool:
 
 @shared_task
 def sweep() -> int:
-    """Requeue videos that lost their worker, and ring for those that wait. Beat sends it every few seconds."""
+    """Requeue videos that lost their worker, and send wake-ups for those that wait. Beat sends it every few seconds."""
     return VIDEOS.sweep(now=database_now()).waiting
 
 

@@ -1,4 +1,4 @@
-"""The wall round untrusted code: probe, launch, lock and the frames that cross it. No Django.
+"""The sandbox around untrusted code: probe, launch, lock and the frames that cross it. No Django.
 
 Reading order: :mod:`.limits` (what a process may use), :mod:`.launch` (namespaces, files and pipes from outside),
 :mod:`.enter` and :mod:`.lock` (what the process gives up itself), :mod:`.frames` (how one talks to it),

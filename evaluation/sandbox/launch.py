@@ -1,4 +1,4 @@
-"""Start a module of ours in a process of its own, inside the wall, and end it without a trace.
+"""Start a module of ours in a process of its own, inside the sandbox, and end it without a trace.
 
 ::
 
@@ -46,7 +46,7 @@ _PIPE_SIZE = 1024 * 1024
 _GRACE_S = 5.0
 _PR_SET_CHILD_SUBREAPER = 36
 # A locked process can send no signal, not even to itself, and no fault of its own ends in one of these: somebody
-# outside of the wall did it, or a host that is short of memory. (SIGKILL also follows on RLIMIT_CPU, a second after
+# outside of the sandbox did it, or a host that is short of memory. (SIGKILL also follows on RLIMIT_CPU, a second after
 # SIGXCPU: who sets that limit low looks at the seconds, too.)
 FROM_OUTSIDE = frozenset(
     -number for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
@@ -257,7 +257,7 @@ def launch(
     level: int | None = None,
     random: bool = False,
 ) -> SandboxedProcess:
-    """Start ``module`` (of a room, such as ``evaluation.*``, or something below ``python_path``) behind the wall.
+    """Start ``module`` (of a room, such as ``evaluation.*``, or something below ``python_path``) in the sandbox.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
     of code to import from. Files can be read until the lock only. ``level``: a level to start at instead of the best

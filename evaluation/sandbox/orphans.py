@@ -1,8 +1,8 @@
 """Processes of bubblewrap that nobody is there for any more.
 
 The first process inside waits for the outer one before it asks the kernel to die with it. If a worker is killed
-by SIGKILL just then, the outer process dies with the worker, and the inner one waits for ever: before the wall stands,
-so nothing of a stranger's runs in it, but it is there.
+by SIGKILL just then, the outer process dies with the worker, and the inner one waits for ever: before the sandbox
+stands, so nothing of a stranger's runs in it, but it is there.
 """
 
 from __future__ import annotations

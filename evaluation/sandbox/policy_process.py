@@ -1,4 +1,4 @@
-"""A model behind the wall: ``main`` runs in its own locked process, made by :class:`.policy.PolicyProcess`.
+"""A model in the sandbox: ``main`` runs in its own locked process, made by :class:`.policy.PolicyProcess`.
 
 It says ``{"state": "locked"}``, reads a message with the canonical ONNX bytes and one with the header (two, so that the
 network loads while the referee still starts), answers ``{"state": "ready"}`` or why not, and then answers the

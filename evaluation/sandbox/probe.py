@@ -1,4 +1,4 @@
-"""Which layers of the wall this host offers, found out by building it: nothing is assumed from a version.
+"""Which layers of the sandbox this host offers, found out by building it: nothing is assumed from a version.
 
 Level 2 ("lock") is the least that anything runs at: no_new_privs, Landlock, seccomp, rlimits and, under root, a private
 user id. Level 3 ("namespaces") adds bubblewrap. ``PADDOCK_SANDBOX_LEVEL=3`` makes the stronger one the least.
@@ -94,7 +94,7 @@ _kept = probe
 
 
 def look_again() -> SandboxReport:
-    """Look anew: a wall that stood when this process began may be gone, and one that was missing may stand."""
+    """Look anew: a sandbox that stood when this process began may be gone, and one that was missing may stand."""
     _kept.cache_clear()
     return probe()
 
@@ -165,7 +165,7 @@ def _bubblewrap() -> Layer:
 
 
 def _attempt(level: int, name: str, possible: bool, otherwise: str) -> Layer:
-    """Build the wall at ``level`` and ask from inside what is open."""
+    """Build the sandbox at ``level`` and ask from inside what is open."""
     if not possible:
         return Layer(name, False, otherwise)
     try:

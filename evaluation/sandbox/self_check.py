@@ -1,4 +1,4 @@
-"""What the probe starts behind the wall: it reports from inside what is left. One JSON frame, then it ends."""
+"""What the probe starts in the sandbox: it reports from inside what is left. One JSON frame, then it ends."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def change_secret(*, webhook: Webhook, now: datetime) -> Webhook:
 
 
 def send_test(*, webhook: Webhook, now: datetime) -> WebhookDelivery:
-    """Queue a test delivery, signed as every other and sent by the same task, which is rung for at once.
+    """Queue a test delivery, signed as every other and sent by the same task, which is woken at once.
 
     Raises UserFault("webhook_test_limit") after ten of the owner within an hour, whichever webhooks they were for.
     """

@@ -14,8 +14,8 @@ from accounts.tokens import create_token, note_use
 
 
 @pytest.fixture(autouse=True)
-def counted_from_nothing(bell):
-    """Limits are counted anew in every test; nobody's broker rings."""
+def counted_from_nothing(wakes):
+    """Limits are counted anew in every test; no broker is called."""
     cache.clear()
 
 

@@ -150,7 +150,7 @@ def test_an_evaluation_needs_few_queries(bob, now, as_racer, django_assert_num_q
 
 
 @pytest.fixture
-def duel(alice, bob, now, bell):
+def duel(alice, bob, now, wakes):
     """A finished race of Bob's car and Alice's, which retired."""
     evaluation = queue_evaluation(
         owner=bob,

@@ -125,7 +125,7 @@ def test_a_target_race_that_accepts_no_cars_is_refused(alice, as_racer):
 
 
 def test_the_site_itself_never_parses_reward_code():
-    """The parser needs ten seconds for this one, and other texts bring it to fall: only the wall can bear that."""
+    """The parser needs ten seconds for this one, and other texts bring it to fall: only the sandbox can bear that."""
     began = time.process_time()
     assert signature_of("def reward_function(params):\n    return f'" + "{x}" * 40_000 + "'\n") == "params"
     assert signature_of("def reward_function(" * 7_000) == "params"

@@ -11,7 +11,7 @@ from tests.factories import a_race, a_racer, drive, laps
 
 
 @pytest.mark.django_db(transaction=True)
-def test_restoring_leaves_only_what_migrations_wrote(bell, now):
+def test_restoring_leaves_only_what_migrations_wrote(wakes, now):
     migrated = Migrated()
     before = list(Permission.objects.order_by("pk").values_list())
     drive(a_race(now), a_racer(), laps(10_000, 10_000, 10_000), now)

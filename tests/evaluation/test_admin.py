@@ -24,7 +24,7 @@ def admin(client):
 
 
 @pytest.fixture
-def evaluations(alice, oval, bell):
+def evaluations(alice, oval, wakes):
     """One that is finished, one that waits."""
     model = model_row(alice)
     for _ in range(2):
@@ -49,7 +49,7 @@ def test_every_list_and_row_is_read_only(admin, evaluations, name):
     assert admin.get(reverse(f"admin:evaluation_{name}_add")).status_code == 403
 
 
-def test_a_runs_page_shows_the_other_cars_and_their_results(admin, alice, oval, bell):
+def test_a_runs_page_shows_the_other_cars_and_their_results(admin, alice, oval, wakes):
     cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
     rules = RaceRules(race_type="head_to_head")
     services.queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=rules, now=timezone.now())

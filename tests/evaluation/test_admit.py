@@ -1,4 +1,4 @@
-"""What the site does when the process behind the wall dies, dawdles or lies."""
+"""What the site does when the process in the sandbox dies, dawdles or lies."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def clock_ahead(monkeypatch):
 
 
 @pytest.fixture
-def queued(alice, oval, bell):
+def queued(alice, oval, wakes):
     return services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=REAL())
 
 
@@ -65,7 +65,7 @@ def test_work_of_a_dead_worker_two_hours_ahead_is_soon_requeued(queued, clock_ah
 
 @pytest.mark.parametrize("kind", ["evaluation", "training", "video"])
 def test_a_worker_31_s_ahead_takes_no_live_lease(
-    kind, alice, oval, bell, video_wakes, monkeypatch, clock_ahead, settings
+    kind, alice, oval, wakes, video_wakes, monkeypatch, clock_ahead, settings
 ):
     heard(monkeypatch, "training.tasks.train")
     settings.TRAINING = settings.VIDEOS = True

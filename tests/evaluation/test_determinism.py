@@ -1,4 +1,4 @@
-"""Each race type through the wall: one result on every run, on one core, and while the other cores are busy."""
+"""Each race type through the sandbox: one result on every run, on one core, and while the other cores are busy."""
 
 from __future__ import annotations
 

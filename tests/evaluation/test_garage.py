@@ -347,7 +347,7 @@ class TestGarage:
         services.delete_model(model=model, now=replace_year(now))
         assert model.deleted_at == now
 
-    def test_evaluations_of_a_deleted_model_stay(self, alice, oval, bell, now):
+    def test_evaluations_of_a_deleted_model_stay(self, alice, oval, wakes, now):
         model = upload(alice, now).model
         services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
         services.delete_model(model=model, now=now)
@@ -356,7 +356,7 @@ class TestGarage:
 
 class TestPurge:
     def test_an_old_deleted_model_that_never_raced_is_purged(
-        self, alice, bob, oval, bell, now, django_capture_on_commit_callbacks
+        self, alice, bob, oval, wakes, now, django_capture_on_commit_callbacks
     ):
         long_ago = now - timedelta(days=2)
         gone, raced, shared, recent, kept = (

@@ -63,7 +63,7 @@ def bucket(monkeypatch):
 
 
 @pytest.fixture
-def cars(alice, bob, oval, bell, now):
+def cars(alice, bob, oval, wakes, now):
     """Four accepted cars."""
     for racer in (alice, bob):
         for number in range(2):
@@ -89,7 +89,7 @@ def turn(monkeypatch, now):
 
 
 class Steady:
-    """A heart that needs no thread."""
+    """A heartbeat that needs no thread."""
 
     lost = False
 

@@ -1,4 +1,4 @@
-"""One evaluation from end to end: real simulator, real network, real wall."""
+"""One evaluation from end to end: real simulator, real network, real sandbox."""
 
 from __future__ import annotations
 

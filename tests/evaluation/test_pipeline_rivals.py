@@ -1,4 +1,4 @@
-"""Several submitted cars behind the wall: each has a process of its own, and one that fails retires."""
+"""Several submitted cars in the sandbox: each has a process of its own, and one that fails retires."""
 
 from __future__ import annotations
 

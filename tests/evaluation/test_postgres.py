@@ -8,7 +8,7 @@ from tests.evaluation import test_processes as processes
 
 NAMES = ("states", "queue", "turns", "rivals", "work", "garage", "storm")
 FILES = [f"tests/evaluation/test_{name}.py" for name in NAMES]
-CUT_OFF = (  # in the middle of a transaction; a stop, a wall or a whole worker's end is the same with every database
+CUT_OFF = (  # in the middle of a transaction; a stop, a sandbox or a whole worker's end is the same with every database
     processes.test_a_killed_pool_process_costs_one_attempt_and_no_result,
     processes.test_a_killed_pool_process_is_replaced_with_redis_too,
 )

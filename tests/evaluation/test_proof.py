@@ -128,7 +128,7 @@ class TestWorkerProof:
         monkeypatch.setattr(
             probing, "probe", lambda: probing.SandboxReport([probing.Layer("Landlock", False, "none")], 0, 2)
         )
-        with pytest.raises(PlatformFault, match="wall off"):
+        with pytest.raises(PlatformFault, match="cannot sandbox"):
             note_worker(name="w@one")
         assert asked == [] and WorkerNode.objects.get().refuses
 
@@ -142,7 +142,7 @@ class TestWorkerProof:
 
 
 @pytest.mark.django_db(transaction=True)
-def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, bell, proves, monkeypatch, caplog):
+def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, wakes, proves, monkeypatch, caplog):
     monkeypatch.setattr(pipeline, "evaluate", finishes)
     queued = services.queue_evaluation(
         owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=timezone.now()

@@ -23,7 +23,7 @@ from tests.rows import model_row
 
 
 @pytest.fixture
-def submit(oval, bell, now):
+def submit(oval, wakes, now):
     """Queue an evaluation ``after`` seconds from now; the racer's model is made as needed."""
 
     def queue(racer, after=0, priority=0):
@@ -292,7 +292,7 @@ class TestQueueing:
             "metadata": model.metadata,
         }
 
-    def test_a_foreign_or_deleted_model_is_refused(self, alice, bob, oval, bell, now):
+    def test_a_foreign_or_deleted_model_is_refused(self, alice, bob, oval, wakes, now):
         model = model_row(bob)
         for owner in (alice, bob):
             if owner is bob:
@@ -302,13 +302,13 @@ class TestQueueing:
             assert refused.value.code == "model_not_yours"
         assert not Evaluation.objects.exists()
 
-    def test_the_wake_up_is_sent_on_commit(self, alice, submit, bell, django_capture_on_commit_callbacks):
+    def test_the_wake_up_is_sent_on_commit(self, alice, submit, wakes, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
             submit(alice)
-            assert bell == []
-        assert len(bell) == 1
+            assert wakes == []
+        assert len(wakes) == 1
 
-    def test_a_rolled_back_submission_sends_no_wake_up(self, alice, submit, bell, django_capture_on_commit_callbacks):
+    def test_a_rolled_back_submission_sends_no_wake_up(self, alice, submit, wakes, django_capture_on_commit_callbacks):
         with (
             django_capture_on_commit_callbacks(execute=True),
             pytest.raises(ZeroDivisionError),
@@ -316,7 +316,7 @@ class TestQueueing:
         ):
             submit(alice)
             raise ZeroDivisionError
-        assert bell == []
+        assert wakes == []
 
     def test_a_submission_is_accepted_while_the_broker_is_down(
         self, alice, submit, monkeypatch, caplog, django_capture_on_commit_callbacks
@@ -328,33 +328,33 @@ class TestQueueing:
         assert "the sweep wakes workers again" in caplog.text
 
     def test_the_sweep_sends_a_wake_up_for_waiting_runs(
-        self, alice, submit, bell, now, django_capture_on_commit_callbacks
+        self, alice, submit, wakes, now, django_capture_on_commit_callbacks
     ):
         for _ in range(20):
             submit(alice)
-        bell.clear()
+        wakes.clear()
         with django_capture_on_commit_callbacks(execute=True):
             report = services.EVALUATIONS.sweep(now=now)
         assert report.waiting == 20
-        assert len(bell) == 8
-        assert all(ring["expires"] == wakeup.STALE_AFTER_S for ring in bell)
+        assert len(wakes) == 8
+        assert all(wake["expires"] == wakeup.STALE_AFTER_S for wake in wakes)
 
-    def test_the_sweep_of_an_empty_queue_sends_nothing(self, db, bell, now, django_capture_on_commit_callbacks):
+    def test_the_sweep_of_an_empty_queue_sends_nothing(self, db, wakes, now, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
             assert services.EVALUATIONS.sweep(now=now) == SweepReport(0, 0)
-        assert bell == []
+        assert wakes == []
 
     def test_a_platform_fault_sends_a_wake_up_for_the_next_attempt(
-        self, alice, submit, bell, now, django_capture_on_commit_callbacks
+        self, alice, submit, wakes, now, django_capture_on_commit_callbacks
     ):
         submit(alice)
         evaluation = claim(now)
-        bell.clear()
+        wakes.clear()
         with django_capture_on_commit_callbacks(execute=True):
             services.EVALUATIONS.fail(
                 pk=evaluation.pk, lease=evaluation.lease, fault=PlatformFault("storage_failed"), now=now
             )
-        assert len(bell) == 1
+        assert len(wakes) == 1
 
 
 @pytest.mark.django_db(transaction=True)

@@ -26,7 +26,7 @@ BOX = {"fraction": 0.5, "lane": "inner", "x": 1.0, "y": 2.0, "yaw": 0.25}
 
 
 @pytest.fixture
-def duel(alice, bob, oval, bell, now):
+def duel(alice, bob, oval, wakes, now):
     """Alice's car and Bob's, waiting."""
     return services.queue_evaluation(
         owner=alice,
@@ -54,7 +54,7 @@ def stored(evaluation):
 
 
 class TestQueueing:
-    def test_cars_are_frozen_in_their_order(self, alice, bob, charlie, oval, bell, now):
+    def test_cars_are_frozen_in_their_order(self, alice, bob, charlie, oval, wakes, now):
         rivals = [model_row(racer, onnx=racer.alias.encode()) for racer in (charlie, bob)]
         evaluation = services.queue_evaluation(
             owner=alice, model=model_row(alice, onnx=b"a"), rivals=rivals, track=oval, rules=DUEL, now=now
@@ -89,7 +89,7 @@ class TestQueueing:
             (DUEL, 4, "too_many_rivals"),
         ],
     )
-    def test_unsuitable_rivals_are_refused(self, alice, bob, oval, bell, now, rules, count, code):
+    def test_unsuitable_rivals_are_refused(self, alice, bob, oval, wakes, now, rules, count, code):
         with pytest.raises(UserFault) as caught:
             services.queue_evaluation(
                 owner=alice,
@@ -102,7 +102,7 @@ class TestQueueing:
         assert caught.value.code == code
         assert not Evaluation.objects.exists()
 
-    def test_a_deleted_model_still_races_others_but_not_alone(self, alice, bob, oval, bell, now):
+    def test_a_deleted_model_still_races_others_but_not_alone(self, alice, bob, oval, wakes, now):
         mine, other = model_row(alice, onnx=b"a"), model_row(bob, onnx=b"b")
         for model in (mine, other):
             services.delete_model(model=model, now=now)
@@ -113,7 +113,7 @@ class TestQueueing:
         with pytest.raises(UserFault):
             services.queue_evaluation(**{**queue, "model": other}, rivals=[mine])
 
-    def test_duels_and_runs_of_one_racer_share_turns(self, alice, bob, oval, bell, now):
+    def test_duels_and_runs_of_one_racer_share_turns(self, alice, bob, oval, wakes, now):
         cars = {racer: model_row(racer, onnx=racer.alias.encode()) for racer in (alice, bob)}
         for second in range(2):
             services.queue_evaluation(
@@ -138,7 +138,7 @@ class TestQueueing:
         alice.is_staff = True
         assert selectors.can_stop_evaluation(alice, duel)
 
-    def test_a_racer_stops_a_run_of_their_own_cars_only(self, alice, oval, bell, now):
+    def test_a_racer_stops_a_run_of_their_own_cars_only(self, alice, oval, wakes, now):
         cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
         evaluation = services.queue_evaluation(
             owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=DUEL, now=now
@@ -235,7 +235,7 @@ class TestResult:
         assert finish(claimed, now, end_reason="retired", retired=retired)
         assert "in step 3" in Result.objects.get().retired
 
-    def test_a_car_alone_has_won(self, alice, oval, bell, now):
+    def test_a_car_alone_has_won(self, alice, oval, wakes, now):
         services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
         evaluation = services.EVALUATIONS.claim(worker="w", now=now)
         assert finish(evaluation, now, rivals=[])

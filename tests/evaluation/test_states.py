@@ -127,7 +127,7 @@ def put_in(state, owner, track, now):
 @pytest.mark.parametrize(
     ("event", "before", "after"), CASES, ids=[f"{event.__name__}-{before}" for event, before, _ in CASES]
 )
-def test_every_event_moves_each_state_as_the_table_says(event, before, after, alice, oval, now, bell):
+def test_every_event_moves_each_state_as_the_table_says(event, before, after, alice, oval, now, wakes):
     evaluation = put_in(before, alice, oval, now)
     stored = Evaluation.objects.get(pk=evaluation.pk)
     assert stored.state == before

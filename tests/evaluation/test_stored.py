@@ -48,7 +48,7 @@ def admin():
 
 
 @pytest.fixture
-def ran(bell):
+def ran(wakes):
     """A submission that has driven, with a trace that is stored."""
     now = timezone.now()
     return drive(a_race(now), a_racer(), laps(9_000, 9_000, 9_000), now)
@@ -142,7 +142,7 @@ class TestReading:
         assert not list((storage / "traces").iterdir())
 
 
-def test_a_network_with_zeroed_bytes_does_not_race(storage, alice, oval, bell, now):
+def test_a_network_with_zeroed_bytes_does_not_race(storage, alice, oval, wakes, now):
     from evaluation.models import Evaluation
     from evaluation.services import queue_evaluation
     from paddock.rules.race import RaceRules

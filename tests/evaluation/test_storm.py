@@ -26,7 +26,7 @@ ROWS, WORKERS = 300, 4
 @pytest.mark.soak
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.xdist_group("workers")
-def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie, oval, bell, tmp_path):
+def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie, oval, wakes, tmp_path):
     racers = [(racer, model_row(racer, onnx=racer.alias.encode())) for racer in (alice, bob, charlie)]
     for seed in range(ROWS):
         racer, model = racers[seed % 3]

@@ -20,7 +20,7 @@ HOUR = timedelta(hours=1)
 
 
 @pytest.fixture
-def submit(oval, bell, now):
+def submit(oval, wakes, now):
     """Queue an evaluation ``after`` seconds from now, of a race that closes at ``closes_at``."""
 
     def queue(racer, after=0, **options):

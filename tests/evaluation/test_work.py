@@ -21,11 +21,11 @@ from paddock.simulator.engine import ENGINE_ID
 from tests.evaluation.stubs import finishes, outcome_of, trace_csv
 from tests.rows import model_row
 
-pytestmark = pytest.mark.django_db(transaction=True)  # the heart beats in another thread
+pytestmark = pytest.mark.django_db(transaction=True)  # the heartbeat runs in another thread
 
 
 @pytest.fixture
-def queued(alice, oval, bell):
+def queued(alice, oval, wakes):
     return services.queue_evaluation(
         owner=alice, model=model_row(alice), track=oval, rules=RaceRules(seed=3, direction="cw"), now=timezone.now()
     )
@@ -38,7 +38,7 @@ def plays(monkeypatch):
 
 
 @pytest.fixture
-def quick_heart(monkeypatch, settings):
+def quick_beats(monkeypatch, settings):
     monkeypatch.setattr(services.EVALUATIONS, "beat_s", 0.01)
     settings.LEASE_SECONDS = 1
 
@@ -125,7 +125,7 @@ class TestOneEvaluation:
         assert queued.state == State.QUEUED
         assert "internal_error" in queued.operator_detail
 
-    def test_an_owners_stop_takes_effect_at_the_next_heartbeat(self, queued, plays, quick_heart):
+    def test_an_owners_stop_takes_effect_at_the_next_heartbeat(self, queued, plays, quick_beats):
         noticed = []
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):
@@ -158,7 +158,7 @@ class TestOneEvaluation:
 
 
 class TestHeartbeat:
-    def test_it_writes_the_progress_and_extends_the_lease(self, queued, plays, quick_heart):
+    def test_it_writes_the_progress_and_extends_the_lease(self, queued, plays, quick_beats):
         seen = []
 
         def play(job, on_progress, should_stop, wall_limit_s, crew):
@@ -172,7 +172,7 @@ class TestHeartbeat:
         run()
         assert seen == [({"lap": 2, "percent": 40.0}, True)]
 
-    def test_it_continues_without_any_progress(self, queued, plays, quick_heart):
+    def test_it_continues_without_any_progress(self, queued, plays, quick_beats):
         def play(job, on_progress, should_stop, wall_limit_s, crew):
             before = Evaluation.objects.get().leased_until
             wait_until(lambda: Evaluation.objects.get().leased_until > before)
@@ -183,7 +183,7 @@ class TestHeartbeat:
         queued.refresh_from_db()
         assert queued.state == State.FINISHED
 
-    def test_it_survives_a_short_database_outage(self, queued, plays, quick_heart, monkeypatch):
+    def test_it_survives_a_short_database_outage(self, queued, plays, quick_beats, monkeypatch):
         calls = []
 
         def failing_twice(**kwargs):
@@ -203,7 +203,7 @@ class TestHeartbeat:
         queued.refresh_from_db()
         assert queued.state == State.FINISHED
 
-    def test_it_gives_up_after_a_database_outage_of_a_lease(self, queued, plays, quick_heart, monkeypatch, settings):
+    def test_it_gives_up_after_a_database_outage_of_a_lease(self, queued, plays, quick_beats, monkeypatch, settings):
         settings.LEASE_SECONDS = 0.1
         noticed = []
 
@@ -230,7 +230,7 @@ class TestHeartbeat:
 
 
 class TestTask:
-    def test_it_works_until_nothing_waits(self, queued, alice, oval, bell, plays):
+    def test_it_works_until_nothing_waits(self, queued, alice, oval, wakes, plays):
         plays(finishes)
         for _ in range(2):
             services.queue_evaluation(
@@ -239,13 +239,13 @@ class TestTask:
         assert tasks.work.apply().get() == 3
         assert set(Evaluation.objects.values_list("state", flat=True)) == {State.FINISHED}
 
-    def test_it_sends_a_wake_up_when_its_time_is_up(self, queued, alice, oval, bell, plays, monkeypatch):
+    def test_it_sends_a_wake_up_when_its_time_is_up(self, queued, alice, oval, wakes, plays, monkeypatch):
         plays(finishes)
         services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
         monkeypatch.setattr(tasks, "BUDGET_S", 0.0)
-        bell.clear()
+        wakes.clear()
         assert tasks.work.apply().get() == 1
-        assert len(bell) == 1
+        assert len(wakes) == 1
         assert services.EVALUATIONS.sweep(now=timezone.now(), wake=False).waiting == 1
 
     def test_it_requeues_runs_of_lost_workers(self, queued, plays):
@@ -290,7 +290,7 @@ class TestTask:
         assert signal.getsignal(signal.SIGTERM) is before
         assert list(Evaluation.objects.values_list("state", "attempt")) == [(State.QUEUED, 0)] * 2
 
-    def test_the_sweep_reports_what_it_found(self, queued, bell):
+    def test_the_sweep_reports_what_it_found(self, queued, wakes):
         services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
         assert tasks.sweep.apply().get() == {"requeued": 1, "waiting": 1}
 

@@ -3,8 +3,8 @@
 ``tests/hostile/<reason code>/<case>.py`` has ``build()``, which returns the files to upload as ``(name, bytes)``; and,
 where it needs them, ``LIMITS`` (bounds other than the defaults) and ``CHECKPOINT`` (the one that is asked for).
 
-What converts and gates them answers in this process; the first of each folder meets it behind the wall as well, and
-those of :data:`ONLY_BEHIND_THE_WALL` only there.
+What converts and gates them answers in this process; the first of each folder meets it in the sandbox as well, and
+those of :data:`ONLY_IN_THE_SANDBOX` only there.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ UNREACHABLE = {
     "conversion_time",
     "conversion_crashed",
 }
-ONLY_BEHIND_THE_WALL = ("conversion_memory",)  # whose limit is the process's
+ONLY_IN_THE_SANDBOX = ("conversion_memory",)  # whose limit is the process's
 IN_A_PROCESS = ("Conversion of a TensorFlow graph", "Policies of stable-baselines3", "The network")
 SUBJECTS = ("Upload", "model_metadata.json", *IN_A_PROCESS)
 
@@ -73,8 +73,8 @@ def children() -> set[str]:
     return found
 
 
-def needs_the_wall(case: str) -> bool:
-    return case.startswith(ONLY_BEHIND_THE_WALL)
+def needs_the_sandbox(case: str) -> bool:
+    return case.startswith(ONLY_IN_THE_SANDBOX)
 
 
 def is_refused(case: str, folder: Path) -> None:
@@ -94,7 +94,7 @@ def is_refused(case: str, folder: Path) -> None:
     assert list(folder.iterdir()) == [], "something was written"
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if not needs_the_wall(case)])
+@pytest.mark.parametrize("case", [case for case in CASES if not needs_the_sandbox(case)])
 def test_a_hostile_upload_is_refused_with_its_folders_reason(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -103,7 +103,7 @@ def test_a_hostile_upload_is_refused_with_its_folders_reason(
     is_refused(case, tmp_path)
 
 
-@pytest.mark.parametrize("case", sorted({*FIRST_OF_EACH, *filter(needs_the_wall, CASES)}))
+@pytest.mark.parametrize("case", sorted({*FIRST_OF_EACH, *filter(needs_the_sandbox, CASES)}))
 def test_the_sandbox_gives_the_same_reason(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     is_refused(case, tmp_path)

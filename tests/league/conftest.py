@@ -1,4 +1,4 @@
-"""The league's tests ring nobody's bell; the folder of a small record."""
+"""The league's tests send no wake-ups; the folder of a small record."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from tests.listening import Listener, listening
 
 
 @pytest.fixture(autouse=True)
-def _no_broker(bell: list[dict]) -> None:
-    """Submissions ring the bell; no test here needs a worker to hear it."""
+def _no_broker(wakes: list[dict]) -> None:
+    """Submissions send wake-ups; no test here needs a worker to take them."""
 
 
 @pytest.fixture

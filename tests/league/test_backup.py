@@ -43,7 +43,7 @@ def storage(settings, tmp_path):
 
 
 @pytest.fixture
-def race(storage, bell):
+def race(storage, wakes):
     """A race with three cars that have driven."""
     now = timezone.now()
     race = a_race(now, slug="the-race")

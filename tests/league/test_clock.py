@@ -41,7 +41,7 @@ def test_a_postponed_race_opens_again_and_a_cancelled_one_does_not(now):
     assert tick(now=now + HOUR) == 1 and kinds() == ["race.opened"] * 2
 
 
-def test_a_race_becomes_official_when_its_last_car_is_timed(bell, alice, now):
+def test_a_race_becomes_official_when_its_last_car_is_timed(wakes, alice, now):
     race = a_race(now, closes_at=now + HOUR)
     submission = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     tick(now=now + HOUR)
@@ -72,7 +72,7 @@ def test_closing_makes_a_round_official_and_notifies_its_racers():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_concurrent_clocks_and_readers_tell_each_thing_once(bell, now):
+def test_concurrent_clocks_and_readers_tell_each_thing_once(wakes, now):
     race = a_race(now, opens_at=now)
     board(race, [a_racer() for _ in range(3)])
 

@@ -75,7 +75,7 @@ def test_duel_scores_sort_in_board_order(first, second):
     assert DuelScore(False, 2, **first).number < DuelScore(False, 2, **second).number < 2**62
 
 
-def test_an_imported_round_of_duels_keeps_its_order_of_points(now, tmp_path, bell):
+def test_an_imported_round_of_duels_keeps_its_order_of_points(now, tmp_path, wakes):
     season = create_season(slug="duels", name="Duels", starts_on=date(2020, 1, 1), ends_on=date(2040, 1, 1))
     race = a_duel_race(now, kind="league", division="all", organiser=None)
     Round.objects.create(season=season, number=1, race=race)

@@ -164,7 +164,7 @@ class TestSite:
     """The worker's code, the command line and a second run agree."""
 
     @pytest.fixture
-    def models(self, alice, bob, bell):
+    def models(self, alice, bob, wakes):
         def upload(racer, car):
             files = [UploadPart(path.name, BytesIO(path.read_bytes())) for path in (car.onnx, car.metadata)]
             return services.upload_model(owner=racer, files=files, now=timezone.now()).model

@@ -67,7 +67,7 @@ def test_a_board_is_rendered_once_for_all_guests(race, made):
     assert (unchanged.status_code, unchanged.content) == (304, b"")
 
 
-def test_a_changed_board_is_rendered_again_immediately(race, made, now, bell):
+def test_a_changed_board_is_rendered_again_immediately(race, made, now, wakes):
     client, at = Client(), race.get_absolute_url()
     before = client.get(at)
     drive(race, a_racer("newcomer"), laps(9000, 9100, 9200), now)
@@ -136,7 +136,7 @@ def test_a_cached_page_expires_with_its_times(race, made, monkeypatch):
     assert made == ["/", "/"]
 
 
-def test_a_racer_sees_the_shared_board_with_their_own_row(race, now, bell):
+def test_a_racer_sees_the_shared_board_with_their_own_row(race, now, wakes):
     alice, bob = a_racer("alice"), a_racer("bob")
     for place, racer in enumerate((alice, bob, a_racer("carol"))):
         drive(race, racer, laps(*(9000 + 100 * place + n for n in range(3))), now)
@@ -153,7 +153,7 @@ def test_a_racer_sees_the_shared_board_with_their_own_row(race, now, bell):
     assert "Watch the run" not in korean, "a row in another language is another row"
 
 
-def test_a_racer_on_a_later_page_sees_their_row_beside_the_board(race, now, bell, monkeypatch):
+def test_a_racer_on_a_later_page_sees_their_row_beside_the_board(race, now, wakes, monkeypatch):
     racers = [a_racer(f"racer-{number}") for number in range(4)]
     for place, racer in enumerate(racers):
         drive(race, racer, laps(*(9000 + 100 * place + n for n in range(3))), now)

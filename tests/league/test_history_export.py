@@ -98,7 +98,7 @@ def test_a_disqualified_racer_is_not_exported(folder, tmp_path):
     read_folder(tmp_path / "out")
 
 
-def test_a_season_raced_here_survives_export_and_import(tmp_path, bell):
+def test_a_season_raced_here_survives_export_and_import(tmp_path, wakes):
     season = seasons.a_season()
     january, pro = seasons.a_round(season, 1, "open-qualifier"), seasons.a_round(season, 1, "pro-qualifier")
     upcoming = seasons.a_round(season, 2, "open-qualifier", ranking_method="total")

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture(autouse=True)
-def _commits(bell, monkeypatch):
+def _commits(wakes, monkeypatch):
     monkeypatch.setattr(transaction, "on_commit", lambda call, **options: call())
 
 

@@ -26,7 +26,7 @@ def said(racer: Racer, now) -> str:
 
 
 @pytest.fixture
-def alice(bell) -> Racer:
+def alice(wakes) -> Racer:
     return a_racer("alice")
 
 

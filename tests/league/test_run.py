@@ -180,7 +180,7 @@ def test_a_first_start_opens_a_season_and_ctrl_c_stops_it(first_start):
     static = first_start.data / "static"  # what everybody is sent
     kept = [path for path in first_start.data.rglob("*") if static not in (path, *path.parents)]
     assert [path for path in kept if path.lstat().st_mode & 0o077] == []
-    # the whole way is open: a house car was uploaded, queued, run behind the wall, and has a result
+    # the whole way is open: a house car was uploaded, queued, run in the sandbox, and has a result
     again = manage(first_start.data, "verify", first_start.evaluation)
     assert (again.returncode, again.stderr) == (0, ""), again.stdout
     assert "is the same" in again.stdout

@@ -151,7 +151,7 @@ def test_a_round_with_later_consequences_cannot_be_reopened(season, steward):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_run_repeated_within_the_window_changes_the_season(season, bell):
+def test_a_run_repeated_within_the_window_changes_the_season(season, wakes):
     january, racer = a_round(season, 1, "open-qualifier"), a_racer()
     four = racers(4)
     sent = january.race.closes_at - HOUR

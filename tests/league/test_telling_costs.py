@@ -45,7 +45,7 @@ def read_whole(call: Callable[[], object]) -> set[str]:
     return found
 
 
-def test_no_growing_table_is_read_in_full(bell, alice, bob):
+def test_no_growing_table_is_read_in_full(wakes, alice, bob):
     now = timezone.now()
     race = a_race(now, organiser=alice)
     drive(race, bob, laps(10_000, 10_000, 10_000), now)
@@ -61,7 +61,7 @@ def test_no_growing_table_is_read_in_full(bell, alice, bob):
     assert read_whole(lambda: deliver_due(now=now.replace(year=now.year - 1))) == set()
 
 
-def test_queueing_returns_the_number_of_new_deliveries(bell, alice, bob):
+def test_queueing_returns_the_number_of_new_deliveries(wakes, alice, bob):
     add_webhook(owner=alice, url="https://example.org/told")
     now = timezone.now()
     drive(a_race(now, organiser=alice), bob, laps(10_000, 10_000, 10_000), now)

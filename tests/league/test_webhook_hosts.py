@@ -150,17 +150,17 @@ def test_a_test_ignores_a_pause_and_ends_it_on_success(drips, net, now):
 
 
 def test_one_sender_is_woken_for_each_host_that_is_due(drips, bob, net, monkeypatch, now):
-    rings = []
-    monkeypatch.setattr(tasks, "send", lambda task, times: rings.append((task, times)))
+    wakes = []
+    monkeypatch.setattr(tasks, "send", lambda task, times: wakes.append((task, times)))
     monkeypatch.setattr(tasks, "database_now", lambda: now)
     told(drips, now, 3)
     tasks.webhooks()
-    assert rings == [], "one host, one sender"
+    assert wakes == [], "one host, one sender"
     for name in ("a", "b"):
         told(add_webhook(owner=bob, url=f"https://{name}.example/"), now)
     assert hosts_due(now=now) == 2
     tasks.webhooks()
-    assert rings == [("league.tasks.deliver", 1)]
+    assert wakes == [("league.tasks.deliver", 1)]
 
 
 def test_an_old_webhook_without_a_host_gets_one(drips, now):

@@ -134,11 +134,11 @@ class TestSendingATest:
         assert (delivery.state, delivery.error) == ("failed", "webhook_private") and not listener.heard
 
     def test_the_wake_up_is_sent_after_the_commit(self, hook, now, monkeypatch, django_capture_on_commit_callbacks):
-        rings = heard(monkeypatch, "league.tasks.webhooks")
+        wakes = heard(monkeypatch, "league.tasks.webhooks")
         with django_capture_on_commit_callbacks(execute=True):
             send_test(webhook=hook, now=now)
-            assert not rings
-        assert len(rings) == 1
+            assert not wakes
+        assert len(wakes) == 1
 
     def test_without_a_broker_the_periodic_task_sends_it(
         self, hook, now, monkeypatch, listener, django_capture_on_commit_callbacks

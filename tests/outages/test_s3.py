@@ -49,7 +49,7 @@ def turn(monkeypatch, now):
 
 
 @pytest.fixture
-def driven(s3, bell):
+def driven(s3, wakes):
     """Somebody's car that has driven, seen by its owner."""
     now, alice = timezone.now(), a_racer("alice")
     submission = drive(a_race(now, slug="the-race"), alice, laps(10_000, 9_000, 9_500), now)
@@ -68,7 +68,7 @@ def owner(driven):
 
 
 @pytest.mark.parametrize("mood", MOODS)
-def test_accepted_cars_finish_once_the_bucket_is_back(mood, s3, turn, alice, oval, bell, now):
+def test_accepted_cars_finish_once_the_bucket_is_back(mood, s3, turn, alice, oval, wakes, now):
     for number in range(3):
         model = model_row(alice, name=f"Car {number}", onnx=f"network {number}".encode())
         model.network.onnx.delete(save=False)

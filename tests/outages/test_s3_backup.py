@@ -20,7 +20,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
-def race(s3, bell):
+def race(s3, wakes):
     """A race with a car that has driven; its files are in the bucket."""
     now = timezone.now()
     race = a_race(now, slug="the-race")

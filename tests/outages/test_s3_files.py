@@ -34,7 +34,7 @@ def owner(alice):
 
 
 @pytest.fixture
-def video(s3, alice, video_wakes, bell) -> Video:
+def video(s3, alice, video_wakes, wakes) -> Video:
     """Of a run of Alice's, not drawn yet."""
     now = timezone.now()
     return ask_for_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now).video

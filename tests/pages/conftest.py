@@ -35,7 +35,7 @@ VIEWERS = ("anonymous", "newcomer", "alice", "bob", "admin")
 
 
 @pytest.fixture(autouse=True)
-def _alone(bell: list[dict]) -> None:
+def _alone(wakes: list[dict]) -> None:
     """No broker, and no rate limit left over from another test."""
     cache.clear()
 

@@ -41,7 +41,7 @@ OTHER_DATES = r"""() => {
 
 
 @pytest.fixture
-def site(live_server, bell, video_wakes, trainings_taken_on, monkeypatch: pytest.MonkeyPatch) -> Site:
+def site(live_server, wakes, video_wakes, trainings_taken_on, monkeypatch: pytest.MonkeyPatch) -> Site:
     # Playwright's loop runs in this thread, and the tests read the database beside it
     monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")
     return make_site()

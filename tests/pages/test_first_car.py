@@ -21,7 +21,7 @@ from training.models import JobState, TrainingJob
 from training.services import train_first_car
 from training.trainer.network import Layout
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("trainings_taken_on", "bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("trainings_taken_on", "wakes")]
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ PRESSED = """button => {
 
 
 @pytest.fixture
-def cast(monkeypatch: pytest.MonkeyPatch, bell, video_wakes, trainings_taken_on) -> Cast:
+def cast(monkeypatch: pytest.MonkeyPatch, wakes, video_wakes, trainings_taken_on) -> Cast:
     """The world with everybody in it, and no broker."""
     monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
     return Cast(make_world())

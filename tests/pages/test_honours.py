@@ -25,7 +25,7 @@ LOST = [lap(1, 9_000, complete=False, percentage=40)]
 
 
 @pytest.fixture(autouse=True)
-def _commits(bell, monkeypatch):
+def _commits(wakes, monkeypatch):
     monkeypatch.setattr(transaction, "on_commit", lambda call, **options: call())
 
 

@@ -42,7 +42,7 @@ def browser() -> Iterator:
 
 
 @pytest.fixture
-def now(browser, bell, video_wakes, trainings_taken_on) -> datetime:
+def now(browser, wakes, video_wakes, trainings_taken_on) -> datetime:
     return timezone.now()
 
 

@@ -19,7 +19,7 @@ from races.tasks import redrives as task
 from tests.factories import a_race, a_racer, drive, laps
 from tests.redrives import SITE, break_down, end, pending
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("wakes")]
 OLD, NEW = "engine-of-before", "engine-of-now"
 
 

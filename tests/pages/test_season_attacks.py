@@ -21,7 +21,7 @@ MARK = '<b title="x">&\'evil'
 
 
 @pytest.fixture(autouse=True)
-def _alone(bell: list[dict]) -> None:
+def _alone(wakes: list[dict]) -> None:
     """No broker."""
 
 

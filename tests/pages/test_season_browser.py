@@ -41,7 +41,7 @@ class Clock:
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch, settings, bell: list[dict]) -> Clock:
+def clock(monkeypatch: pytest.MonkeyPatch, settings, wakes: list[dict]) -> Clock:
     clock = Clock()
     monkeypatch.setattr("django.utils.timezone.now", lambda: clock.now)
     # Playwright's loop runs in this thread, and the tests read the database beside it

@@ -27,7 +27,7 @@ OF_A_RACE = (
 
 
 @pytest.fixture(autouse=True)
-def _alone(bell: list[dict], monkeypatch: pytest.MonkeyPatch) -> None:
+def _alone(wakes: list[dict], monkeypatch: pytest.MonkeyPatch) -> None:
     """No broker, and it is November 2026 for every view."""
     monkeypatch.setattr("django.utils.timezone.now", lambda: NOW)
 

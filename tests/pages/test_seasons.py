@@ -27,7 +27,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture(autouse=True)
-def _alone(bell: list[dict]) -> None:
+def _alone(wakes: list[dict]) -> None:
     """No broker."""
 
 

@@ -38,9 +38,9 @@ MINUTE = timedelta(minutes=1)
 
 
 @pytest.fixture(autouse=True)
-def bells(bell: list[dict]) -> list[dict]:
+def every_wake(wakes: list[dict]) -> list[dict]:
     """No broker."""
-    return bell
+    return wakes
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The cast of the race room: nobody's broker rings."""
+"""The cast of the race room: no broker is called."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from django.db import transaction
 
 
 @pytest.fixture(autouse=True)
-def _no_broker(bell: list[dict]) -> None:
-    """Submissions ring the bell; no test here needs a worker to hear it."""
+def _no_broker(wakes: list[dict]) -> None:
+    """Submissions send wake-ups; no test here needs a worker to take them."""
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture(autouse=True)
-def silent(bell):
-    return bell
+def silent(wakes):
+    return wakes
 
 
 def happened(**which) -> list[tuple]:

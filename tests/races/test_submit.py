@@ -26,7 +26,7 @@ from tests.refusals import refused
 pytestmark = pytest.mark.django_db
 
 
-def test_a_submission_enters_the_racer_and_queues_the_run(alice, now, bell):
+def test_a_submission_enters_the_racer_and_queues_the_run(alice, now, wakes):
     race = a_race(now, laps=2, minimum_laps=2, off_track_penalty_ms=1234, direction="cw", seed=7, max_resets=3)
     model = a_model(alice)
     submission = submit_model(race=race, racer=alice, model=model, now=now)

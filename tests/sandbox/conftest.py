@@ -1,4 +1,4 @@
-"""What every test of the wall needs: the levels this host offers, and proof that nothing is left behind."""
+"""What every test of the sandbox needs: the levels this host offers, and proof that nothing is left behind."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ PAYLOADS = Path(__file__).parent / "payloads"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Without a sufficient wall nothing here can be tested, and that is not a failure of the code."""
+    """Without a sufficient sandbox nothing here can be tested, and that is not a failure of the code."""
     if probe().level < LEVEL_LOCK:
         for item in items:
             if Path(item.fspath).parent == Path(__file__).parent and "level" in getattr(item, "fixturenames", ()):
-                item.add_marker(pytest.mark.skip(reason=f"this host offers no wall:\n{probe().table()}"))
+                item.add_marker(pytest.mark.skip(reason=f"this host offers no sandbox:\n{probe().table()}"))
 
 
 @pytest.fixture(params=[LEVEL_LOCK, LEVEL_NAMESPACES], ids=["lock", "namespaces"], scope="session")

@@ -1,4 +1,4 @@
-"""From inside: what a process behind the wall tries, and that the wall refuses it."""
+"""From inside: what a process in the sandbox tries, and that the sandbox refuses it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .payloads.attempts import attempts
 
 NAMES = list(attempts({"database": "", "media": "", "directory": ""}))
 
-# What works on any Linux without a wall, so that a refusal means something.
+# What works on any Linux without a sandbox, so that a refusal means something.
 SOUND = [
     "read the password file",
     "read the database",
@@ -71,7 +71,7 @@ def paths(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def outcomes(level, paths):
-    """What came of every attempt behind the wall."""
+    """What came of every attempt in the sandbox."""
     with launch("attempts", limits=POLICY, python_path=[PAYLOADS], level=level) as process:
         write_message(process.stdin, {"paths": paths}, deadline=process.deadline)
         message, _ = read_message(process.stdout, process.deadline)

@@ -1,4 +1,4 @@
-"""Starting, feeding, limiting and ending a walled-off process."""
+"""Starting, feeding, limiting and ending a sandboxed process."""
 
 from __future__ import annotations
 

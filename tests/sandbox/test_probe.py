@@ -71,7 +71,7 @@ def test_without_landlock_and_libseccomp_the_level_is_none(monkeypatch):
 
 def test_without_bubblewrap_the_lock_is_sufficient(monkeypatch):
     if probe.probe().level < LEVEL_LOCK:
-        pytest.skip("this host offers no wall")
+        pytest.skip("this host offers no sandbox")
     monkeypatch.setattr(bubblewrap, "find", lambda: None)
     report = fresh()
     assert report.level == LEVEL_LOCK
@@ -81,7 +81,7 @@ def test_without_bubblewrap_the_lock_is_sufficient(monkeypatch):
 
 def test_a_bubblewrap_without_namespaces_is_detected(monkeypatch, tmp_path):
     if probe.probe().level < LEVEL_LOCK:
-        pytest.skip("this host offers no wall")
+        pytest.skip("this host offers no sandbox")
     refusing = tmp_path / "bwrap"
     refusing.write_text("#!/bin/sh\necho 'bwrap: No permissions to create new namespace' >&2\nexit 1\n")
     refusing.chmod(0o755)
@@ -94,7 +94,7 @@ def test_a_bubblewrap_without_namespaces_is_detected(monkeypatch, tmp_path):
 def test_a_leaking_filter_is_detected(monkeypatch):
     """The lock itself tries its doors: here the filter allows every call, so a socket opens."""
     if probe.probe().level < LEVEL_LOCK:
-        pytest.skip("this host offers no wall")
+        pytest.skip("this host offers no sandbox")
     allow_everything = bytes.fromhex("060000000000ff7f")  # BPF_RET, SECCOMP_RET_ALLOW
     monkeypatch.setattr(seccomp, "build", lambda: allow_everything)
     report = fresh()

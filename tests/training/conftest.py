@@ -13,14 +13,14 @@ from .jobs import an_iteration
 
 
 @pytest.fixture
-def training_bell(monkeypatch) -> list[dict]:
+def training_wakes(monkeypatch) -> list[dict]:
     """Every wake-up of a trainer, instead of a broker."""
     return heard(monkeypatch, "training.tasks.train")
 
 
 @pytest.fixture
 def trainer(monkeypatch):
-    """In place of the walled process: two iterations, the first the best; then whatever ``at_the_end`` does."""
+    """In place of the sandboxed process: two iterations, the first the best; then whatever ``at_the_end`` does."""
 
     class Trainer:
         def __init__(self) -> None:

@@ -21,7 +21,7 @@ from training.vehicles import save_vehicle
 
 from .test_leases import NETWORKS, saved
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell")]
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_wakes")]
 TABS = 6
 
 

@@ -122,7 +122,7 @@ class TestTheRealCar:
             np.testing.assert_allclose(raced[0], answer, atol=1e-5)
 
     @pytest.mark.django_db
-    @pytest.mark.usefixtures("training_bell")
+    @pytest.mark.usefixtures("training_wakes")
     def test_its_owner_and_others_it_is_shared_with_may_clone_it(self, alice, bob, oval, now, settings):
         settings.TRAININGS_AT_ONCE = 2
         with CONSOLE_CAR.open("rb") as file:

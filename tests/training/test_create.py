@@ -15,7 +15,7 @@ from training.models import JobState, TrainingJob, Vehicle
 from training.selectors import can_clone_model, clonable_models, minutes_left, minutes_used
 from training.services import clone_settings
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
 
 
 def refusal(*arguments, **changes) -> PaddockError:
@@ -27,14 +27,14 @@ def refusal(*arguments, **changes) -> PaddockError:
 
 
 def test_a_training_with_the_defaults_waits_and_sends_a_wake_up(
-    alice, oval, now, training_bell, django_capture_on_commit_callbacks
+    alice, oval, now, training_wakes, django_capture_on_commit_callbacks
 ):
     with django_capture_on_commit_callbacks(execute=True):
         job = a_training(alice, oval, now)
     assert job.state == JobState.QUEUED
     assert job.sensors == ["FRONT_FACING_CAMERA"]
     assert job.hyperparameters["batch_size"] == 256
-    assert [ring["queue"] for ring in training_bell] == ["training"]
+    assert [wake["queue"] for wake in training_wakes] == ["training"]
 
 
 @pytest.mark.parametrize(

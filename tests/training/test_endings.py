@@ -13,7 +13,7 @@ from training.endings import how_it_ended
 from training.models import EndReason, JobState, TrainingJob
 from training.services import TRAININGS, stop_training
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
 
 
 def ended(job: TrainingJob, why: str, **more) -> TrainingJob:

@@ -69,7 +69,7 @@ class TestZip:
 @pytest.mark.django_db
 class TestTrainingFiles:
     @pytest.fixture
-    def job(self, alice, oval, now, training_bell) -> TrainingJob:
+    def job(self, alice, oval, now, training_wakes) -> TrainingJob:
         job = a_training(alice, oval, now)
         TrainingJob.objects.filter(pk=job.pk).update(log="한 줄\n")
         one = {"reward": 1.5, "progress": 20.0, "status": "Off track", "steps": 30, "time_ms": 2000}

@@ -40,7 +40,7 @@ from training.trainer.client import SavedState
 from training.trainer.messages import Prints
 
 NETWORKS = (b"best", b"last")
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ from training.services import (
     record_iteration,
 )
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell", "bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes", "wakes")]
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Validation: a reward function is tried behind the wall, in five states, and its problems come back."""
+"""Validation: a reward function is tried in the sandbox, in five states, and its problems come back."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def test_an_answers_text_is_made_printable():
     assert len(fault.params["error"]) <= 300
 
 
-# --- the wall's limits
+# --- the sandbox's limits
 
 
 def follow_peak(pid: int, peaks: list[float]) -> None:

@@ -1,4 +1,4 @@
-"""Real trainings behind the wall: they learn, end in good order whatever happens, and leave what they promise."""
+"""Real trainings in the sandbox: they learn, end in good order whatever happens, and leave what they promise."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ pytest.importorskip("torch", reason="training is not installed: make training")
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.django_db(transaction=True),
-    pytest.mark.usefixtures("training_bell", "bell"),
+    pytest.mark.usefixtures("training_wakes", "wakes"),
     pytest.mark.xdist_group("training"),
 ]
 SHORT = {"hyperparameters": {"num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3}, "trials": 1}

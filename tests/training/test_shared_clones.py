@@ -24,7 +24,7 @@ from training.selectors import can_clone_model, can_see_training, clonable_model
 from training.services.work import spec_of
 from training.trainer.network import CONSOLE, Layout
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell", "bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes", "wakes")]
 
 SPACE = [{key: action[key] for key in ("steering_angle", "speed")} for action in METADATA["action_space"]]
 

@@ -17,7 +17,7 @@ from tests.training.jobs import a_training, network
 from training.models import JobState
 from training.services import TRAININGS, results, run_next_training
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell", "bell")]
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_wakes", "wakes")]
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from training.trainer.client import Ended
 
 from .test_leases import NETWORKS, saved
 
-pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_bell")]
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
 MINUTE = timedelta(minutes=1)
 
 

@@ -29,7 +29,7 @@ from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
 from training.trainer.network import Layout, to_onnx
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_bell", "bell")]
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_wakes", "wakes")]
 
 
 def weights(onnx_bytes: bytes) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""Nobody's broker rings, and what waits for a commit is done at once."""
+"""No broker is called, and what waits for a commit is done at once."""
 
 from tests.races.conftest import _no_broker, commits
 

@@ -56,7 +56,7 @@ class TestRequest:
         assert asked.queued
         assert (video.state, video.car, video.part, video.language) == (VideoState.WAITING, 0, 2, "en")
         assert (video.asked_by, video.asked_at) == (bob, now)
-        assert [ring["queue"] for ring in video_wakes] == ["videos"]
+        assert [wake["queue"] for wake in video_wakes] == ["videos"]
 
     def test_it_is_made_once_however_many_ask(self, run, alice, bob, now):
         first = ask(run, bob, now)

@@ -255,21 +255,21 @@ class TestVideoWorker:
     def test_it_hands_back_its_video_when_told_to_stop(self, waiting, monkeypatch):
         told = []
 
-        def drawing(scene, out, *, on_progress, is_stopped):
+        def draws(scene, out, *, on_progress, is_stopped):
             told.append(True)
             assert is_stopped()
             raise drawing.Stopped
 
-        monkeypatch.setattr(drawing, "write_video", drawing)
+        monkeypatch.setattr(drawing, "write_video", draws)
         assert run_next_video(worker="w", interrupted=lambda: bool(told))
         waiting.refresh_from_db()
         assert (waiting.state, waiting.attempt) == (VideoState.WAITING, 0)
 
     def test_it_logs_errors_for_operators_only(self, waiting, monkeypatch):
-        def drawing(scene, out, *, on_progress, is_stopped):
+        def draws(scene, out, *, on_progress, is_stopped):
             raise ZeroDivisionError("a bug")
 
-        monkeypatch.setattr(drawing, "write_video", drawing)
+        monkeypatch.setattr(drawing, "write_video", draws)
         assert run_next_video(worker="w")
         waiting.refresh_from_db()
         assert (waiting.state, waiting.reason_code, waiting.kills) == (VideoState.WAITING, "", 0)

@@ -23,7 +23,7 @@ LAPS = 20
 @pytest.mark.soak
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.xdist_group("workers")
-def test_every_video_is_made_once_whatever_crashes(alice, video_wakes, bell, settings, tmp_path):
+def test_every_video_is_made_once_whatever_crashes(alice, video_wakes, wakes, settings, tmp_path):
     settings.VIDEOS_AT_ONCE = settings.VIDEOS_A_DAY = 100
     now = timezone.now()
     race = a_race(now, laps=LAPS)

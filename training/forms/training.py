@@ -281,7 +281,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
 
 def signature_of(code: str) -> str:
     """Which of the two forms a reward function has, by the commas among its arguments; today's form if that cannot be
-    told. It is not parsed: so much text can keep the parser busy for ten seconds, which only the wall can bear."""
+    told. It is not parsed: so much text can keep the parser busy for ten seconds, which only the sandbox can bear."""
     found = _ARGUMENTS.search(code)
     commas = found[1].count(",") if found else 0
     return RewardSignature.POSITIONAL if commas >= _COMMAS_OF_2018 else RewardSignature.PARAMS

@@ -28,14 +28,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--console", metavar="ARCHIVE", help="model.tar.gz of the old console's car, which drives a run"
     )
-    parser.add_argument("--bare", action="store_true", help="in one process without the wall; prints JSON")
+    parser.add_argument("--bare", action="store_true", help="in one process without the sandbox; prints JSON")
     parser.add_argument("--write", action="store_true", help="write the table of an engine that has none")
     parser.add_argument(
         "--processors", nargs="*", metavar="NAME", help=f"compare with these, emulated: {', '.join(PROCESSORS)}"
     )
     options = parser.parse_args(arguments)
     if options.write and (options.names or options.bare or options.processors is not None):
-        parser.error("a table is written of all runs, behind the wall")
+        parser.error("a table is written of all runs, in the sandbox")
     with contextlib.ExitStack() as stack:
         paths = {CONSOLE: stack.enter_context(console_car(Path(options.console)))} if options.console else {}
         try:
@@ -93,7 +93,7 @@ def _compare(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> int:
 def _write(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> int:
     """Both ways must have come to the same: a table that only one of them keeps is none."""
     if [one.traces for one in _bare(runs)] != [one.traces for one in driven]:
-        print("behind the wall and in a bare process the runs differ: nothing is written", file=sys.stderr)
+        print("in the sandbox and in a bare process the runs differ: nothing is written", file=sys.stderr)
         return 1
     try:
         path = table.write(runs, driven)

@@ -1,6 +1,6 @@
 """``python -m training.golden.bare``: drives runs in this one process; a JSON object for each on stdin's JSON list.
 
-No wall, no pipes: this is what runs under an emulator. It wants the pins of :mod:`paddock.exact` in its environment
+No sandbox, no pipes: this is what runs under an emulator. It wants the pins of :mod:`paddock.exact` in its environment
 and ends with 2 without them.
 """
 

@@ -1,4 +1,4 @@
-"""A golden run driven in two ways: through the pipeline behind the wall, and in this very process."""
+"""A golden run driven in two ways: through the pipeline in the sandbox, and in this very process."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Driven:
 
 
 def through_the_pipeline(run: GoldenRun) -> Driven:
-    """Drive as a worker does: networks and referee in walled-off processes of their own. Raises PaddockError."""
+    """Drive as a worker does: networks and referee in sandboxed processes of their own. Raises PaddockError."""
     from evaluation.pipeline import RaceJob, RivalCar, evaluate
 
     first, *rivals = cars = [car(name) for name in run.cars]

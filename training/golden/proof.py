@@ -19,7 +19,7 @@ _LASTING = ("runner_died", "policy_died", "policy_refused", "runner_error")
 
 
 def prove() -> Proof:
-    """Drive :data:`.runs.PROOF` behind the wall and compare with the engine's table. Raises nothing: whatever goes
+    """Drive :data:`.runs.PROOF` in the sandbox and compare with the engine's table. Raises nothing: whatever goes
     wrong is a run that is not equal."""
     runs = runs_of(PROOF)
     try:

@@ -1,4 +1,4 @@
-"""From outside of the wall: one reward function, its states, and what came of them. A process for each question.
+"""From outside of the sandbox: one reward function, its states, and what came of them. A process for each question.
 
 What comes back is believed as little as the code: a reward function could write the answer itself, and would fool
 nobody but whoever wrote it.
@@ -49,7 +49,7 @@ class Answer:
 
 
 def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None = None) -> Answer:
-    """Try ``code`` on ``states`` (of one drive) behind the wall; see :mod:`.process` for ``check``.
+    """Try ``code`` on ``states`` (of one drive) in the sandbox; see :mod:`.process` for ``check``.
 
     A fault of the code is in the answer. Raises PlatformFault (``reward_check_failed``, ``reward_check_busy``, those of
     the sandbox). Leaves no process behind. ``level``: as for :func:`evaluation.sandbox.launch.launch`.

@@ -1,6 +1,6 @@
-"""What can be said about a reward function before it runs. Help for whoever writes it; the wall does not rely on it.
+"""What can be said about a reward function before it runs. Help for whoever writes it; the sandbox does not rely on it.
 
-Runs inside the wall too: the parser of a stranger's text can be brought to fall.
+Runs inside the sandbox too: the parser of a stranger's text can be brought to fall.
 
 Rules (the reward function validation of DeepRacer on AWS): 1 to 140,000 characters; imports of math, random, numpy,
 scipy and shapely (there at module level only; the field's printed examples import inside of functions, and so may

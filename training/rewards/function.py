@@ -1,6 +1,6 @@
 """A racer's reward function: loaded from its text, called with a car's state, and each way it can fail.
 
-Only behind the wall: to load it is to run it. In the trainer it shares a process with the simulator that it is trained
+Only in the sandbox: to load it is to run it. In the trainer it shares a process with the simulator that it is trained
 in, so it can spoil its own training and nothing else; a result on a board always comes from an evaluation in other
 processes, where no reward function runs.
 

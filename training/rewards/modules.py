@@ -33,7 +33,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 
 def wanted_modules(code: str) -> list[str]:
     """The modules that this code may need, by the words in it: it is not parsed, which is safe for nobody outside the
-    wall. A word too many costs a little time at the start, nothing else. Only names of this file come out."""
+    sandbox. A word too many costs a little time at the start, nothing else. Only names of this file come out."""
     words = set(_WORD.findall(code))
     names = [name for name in ALLOWED if name in words]
     for package, parts in _PARTS.items():

@@ -1,4 +1,4 @@
-"""Behind the wall: checks one reward function, calls it with the states that it is sent, and answers.
+"""In the sandbox: checks one reward function, calls it with the states that it is sent, and answers.
 
 ``sys.argv[1:]``: modules to import before the lock (:func:`.modules.wanted_modules`). It says ``{"state": "locked"}``
 when it can be asked. Question: ``{"code", "check",

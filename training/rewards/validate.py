@@ -1,4 +1,4 @@
-"""Is this a reward function? It is read and tried behind the wall, in five states of a car on a real track."""
+"""Is this a reward function? It is read and tried in the sandbox, in five states of a car on a real track."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The admission of a policy of stable-baselines3, inside the wall: the only process of the site that imports torch
+"""The admission of a policy of stable-baselines3, inside the sandbox: the only process of the site that imports torch
 besides the trainer.
 
 Started by ``evaluation.admit``, asked and answered as ``evaluation.convert_process`` is. Of the

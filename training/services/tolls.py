@@ -1,6 +1,6 @@
 """What an attempt costs: seconds of the trainer by the database's clock, and how often the platform's faults are borne.
 
-Seconds run from the claim to the end, whatever ended it. Only what was taken away from outside of the wall, which no
+Seconds run from the claim to the end, whatever ended it. Only what was taken away from outside of the sandbox, which no
 reward function brings about, costs no more than what its last checkpoint has kept.
 
 After a fault of ours a training waits to go on, with pauses that grow while it gets no further, for as long as it

@@ -71,8 +71,8 @@ def spec_of(job: TrainingJob, checkpoint: Checkpoint | None = None) -> TrainerSp
 class _Turn(Listener):
     """One claimed training in this worker's hands."""
 
-    def __init__(self, job: TrainingJob, heart: TrainingHeartbeat, interrupted: Callable[[], bool]) -> None:
-        self._job, self._heart, self._interrupted = job, heart, interrupted
+    def __init__(self, job: TrainingJob, heartbeat: TrainingHeartbeat, interrupted: Callable[[], bool]) -> None:
+        self._job, self._heartbeat, self._interrupted = job, heartbeat, interrupted
         self._lease: uuid.UUID = job.lease
         self._best = self._last = b""
 
@@ -82,7 +82,7 @@ class _Turn(Listener):
             final = verdict(self._job)
             return self._run() if final is None else self._keep_models(final)
         except Exception as error:
-            if not self._heart.lost and not self._interrupted():
+            if not self._heartbeat.lost and not self._interrupted():
                 self._log(f"failed: {fault_of(error)[0]}")
             raise
 
@@ -91,7 +91,7 @@ class _Turn(Listener):
         try:
             ended = self._train()
         except Exception as error:
-            if self._heart.lost or self._interrupted():
+            if self._heartbeat.lost or self._interrupted():
                 raise
             fault, detail = fault_of(error)
             note_fault(fault, now=database_now())
@@ -166,22 +166,22 @@ class _Turn(Listener):
             self,
             start=start,
             blob=blob,
-            asked_to_stop=lambda: self._heart.stop_asked,
-            abandoned=lambda: self._heart.lost or self._interrupted(),
+            asked_to_stop=lambda: self._heartbeat.stop_asked,
+            abandoned=lambda: self._heartbeat.lost or self._interrupted(),
         )
 
     def ready(self) -> None:
         self._log(f"training starts on {self._job.worker}")
 
     def alive(self, steps: int, seconds: float) -> None:
-        self._heart.tell({**self._heart.progress, "steps": steps, "seconds": seconds})
+        self._heartbeat.tell({**self._heartbeat.progress, "steps": steps, "seconds": seconds})
 
     def iteration(self, iteration: Iteration) -> None:
         values = iteration.values
         self._last = iteration.onnx
         if values["is_best"]:
             self._best = iteration.onnx
-        self._heart.tell(
+        self._heartbeat.tell(
             {
                 "iteration": values["number"],
                 "steps": values["steps"],

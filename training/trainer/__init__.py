@@ -1,4 +1,4 @@
-"""The training itself, in a process of its own behind the wall: :mod:`.process` is what runs there.
+"""The training itself, in a process of its own in the sandbox: :mod:`.process` is what runs there.
 
 No Django. :mod:`.spec` says what a training is, :mod:`.client` starts one and listens to it; both import no torch, as
 the workers that use them must not. The reward function is a stranger's Python, so everything that comes out of the

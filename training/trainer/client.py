@@ -1,4 +1,4 @@
-"""Starting a training behind the wall and listening to it. No torch here, and nothing is believed."""
+"""Starting a training in the sandbox and listening to it. No torch here, and nothing is believed."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Listener:
     """What :func:`train` tells of; each method is called in its thread, and what it raises goes through."""
 
     def ready(self) -> None:
-        """The process stands behind the wall and begins."""
+        """The process stands in the sandbox and begins."""
 
     def alive(self, steps: int, seconds: float) -> None:
         """About once a second, whatever the process says: control steps and wall seconds so far."""
@@ -317,8 +317,8 @@ class _Run:
             raise self._unreadable() from None
 
     def _death(self) -> PaddockError:
-        """It ended without a word: of memory, by what the reward function did, or by a signal from outside of the wall.
-        Only what the kernel says is believed: it can end with any status that it likes."""
+        """It ended without a word: of memory, by what the reward function did, or by a signal from outside of the
+        sandbox. Only what the kernel says is believed: it can end with any status that it likes."""
         status = self._process.wait(2.0)
         if status == EXIT_MEMORY:
             return UserFault("training_memory", limit_mb=self._process.limits.address_space_mb)

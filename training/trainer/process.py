@@ -1,4 +1,4 @@
-"""The training, inside the wall: stable-baselines3 on the vectorised simulator. Started by :mod:`.client`.
+"""The training, inside the sandbox: stable-baselines3 on the vectorised simulator. Started by :mod:`.client`.
 
 Everything it needs is imported at the top: a locked process opens no file. It says ``{"ready": versions}``, reads
 ``{"spec": ..., "start": "" | "weights" | "checkpoint"}`` (the latter with a blob), and then writes, until it ends:
@@ -302,6 +302,6 @@ def _before_the_lock(planned: str, modules: str) -> None:
     arm()
 
 
-if sys.argv[0] == __name__:  # started behind the wall: nothing of the stranger's is here yet
+if sys.argv[0] == __name__:  # started in the sandbox: nothing of the stranger's is here yet
     _before_the_lock(*sys.argv[1:3])
 assert lean

@@ -1,4 +1,4 @@
-"""Every write to videos of runs. The row is the truth, a message only a bell: as with evaluations."""
+"""Every write to videos of runs. The row is the truth, a message is only a wake-up: as with evaluations."""
 
 from .ask import Asked, ask_for_video, draw_again, stop_video
 from .jobs import VIDEOS, DrawnVideo, finish_video

@@ -132,7 +132,7 @@ class Command(JsonCommand):
 
 
 def sandbox(report: SandboxReport) -> Iterator[Finding]:
-    """The wall's layers, and whether what is there is enough."""
+    """The sandbox's layers, and whether what is there is enough."""
     area = "Sandbox"
     for layer in report.layers:
         yield Finding(area, layer.name, OK if layer.available else WARN, layer.detail)

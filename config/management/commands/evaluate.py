@@ -1,4 +1,4 @@
-"""``manage.py evaluate``: time a model from the command line, through the same wall and simulator as the site's."""
+"""``manage.py evaluate``: time a model from the command line, through the same sandbox and simulator as the site's."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Command(JsonCommand):
     """Needs no broker, and a database only for a track that is in it alone."""
 
     help = (
-        "Time a model on a track without the site: the same reading, wall and simulator. "
+        "Time a model on a track without the site: the same reading, sandbox and simulator. "
         f"Exit status {REFUSED}: the model, the track or the race is refused; {OUR_FAULT}: Paddock itself failed."
     )
     requires_system_checks = []

@@ -1,4 +1,4 @@
-"""Everything a process behind the wall must not be able to do, as Python code that tries.
+"""Everything a process in the sandbox must not be able to do, as Python code that tries.
 
 ``main`` runs in the sandbox, as if the model's runtime had been taken over; ``try_all`` can also run outside, to show
 that the attempts are sound.

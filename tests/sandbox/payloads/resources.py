@@ -1,4 +1,4 @@
-"""What a process behind the wall does to the host's resources. ``sys.argv[1]`` names it."""
+"""What a process in the sandbox does to the host's resources. ``sys.argv[1]`` names it."""
 
 import contextlib
 import fcntl

@@ -1,4 +1,4 @@
-"""No result moves unseen: every golden run comes to what the engine's table says, behind the wall and without it."""
+"""No result moves unseen: every golden run comes to what the engine's table says, in the sandbox and without it."""
 
 from __future__ import annotations
 
