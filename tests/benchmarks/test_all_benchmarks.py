@@ -14,7 +14,7 @@ from tests.shared import CHECKOUT
 
 
 @pytest.mark.soak
-def test_requested_parts_come_as_one_object_failures_explained(monkeypatch, capsys, tmp_path, new_data):
+def test_requested_parts_and_failures_come_as_one_object(monkeypatch, capsys, tmp_path, new_data):
     monkeypatch.setenv("BENCH_DATABASE", str(new_data(tmp_path / "data") / "paddock.sqlite3"))
     monkeypatch.setitem(everything.PARTS, "season", ("season", (), ("--results", "300,900")))
     monkeypatch.setitem(everything.PARTS, "board", ("board", (), ("--sizes", "many")))

@@ -64,7 +64,7 @@ def test_a_runs_page_shows_the_other_cars_and_their_results(admin, alice, oval, 
     assert "policy_died" in page and "7654" in page
 
 
-def test_an_admin_stops_only_what_waits(admin, evaluations):
+def test_an_admin_can_stop_only_waiting_runs(admin, evaluations):
     answer = admin.post(
         reverse("admin:evaluation_evaluation_changelist"),
         {"action": "stop", "_selected_action": [row.pk for row in evaluations]},

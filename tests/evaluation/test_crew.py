@@ -154,7 +154,7 @@ def test_a_crew_that_cannot_start_is_reported_by_the_next_run(job, spare, monkey
     assert spare.take(job.venue) is None
 
 
-def test_a_ready_crews_wall_time_begins_with_its_job(job, spare):
+def test_a_ready_crews_clock_starts_with_its_job(job, spare):
     spare.prepare()
     crew = spare.take(job.venue)
     crew.runner.deadline = 0.0  # it has waited for longer than any race may take

@@ -155,7 +155,7 @@ class TestUpload:
         with model.network.onnx.open() as file:
             assert file.read() == b"onnx of a"
 
-    def test_a_failed_row_keeps_no_file(self, alice, now, monkeypatch):
+    def test_an_upload_whose_row_fails_keeps_no_file(self, alice, now, monkeypatch):
         def broken(*args, **kwargs):
             raise RuntimeError("the database is away")
 

@@ -46,7 +46,7 @@ def test_an_evaluation_reports_what_was_driven(job, level):  # noqa: F811
     json.dumps({name: value for name, value in asdict(outcome).items() if name != "trace_csv"}, allow_nan=False)
 
 
-def test_the_wall_time_is_accounted_for(job):
+def test_the_wall_clock_time_is_accounted_for(job):
     outcome = evaluate(job)
     parts = ("start", "physics", "camera", "policy", "other")
     assert sum(outcome.shares[name] for name in parts) == pytest.approx(outcome.wall_s)
@@ -54,7 +54,7 @@ def test_the_wall_time_is_accounted_for(job):
     assert outcome.shares["network"] <= outcome.shares["policy"] + 0.02  # a hundredth each of two clocks
 
 
-def test_a_broken_bound_has_the_whole_run_driven_again(job):
+def test_a_broken_bound_repeats_the_whole_run(job):
     exactly = evaluate(replace(job, facts=Facts(bound=None).to_dict()))
     assert [sum(ways) for ways in exactly.ways] == [ways[EXACT] for ways in exactly.ways]
     assert 100 < exactly.ways[0][EXACT] < exactly.steps  # in a pause nobody asks

@@ -59,7 +59,7 @@ def test_an_unsettled_proof_is_tried_again(proves):
 
 
 @pytest.mark.django_db
-def test_without_golden_runs_nobody_proves_or_refuses_work(proves):
+def test_without_golden_runs_every_worker_takes_work(proves):
     proof.register(None)
     assert proof.prove() is None
     assert note_worker(name="w@one").proof == {}

@@ -139,7 +139,7 @@ class TestPosition:
 
 
 class TestLease:
-    def test_a_result_under_an_old_lease_is_refused_and_its_trace_deleted(self, alice, submit, now):
+    def test_a_result_under_an_old_lease_is_refused(self, alice, submit, now):
         submit(alice)
         slow = claim(now)
         services.EVALUATIONS.sweep(now=now + timedelta(seconds=120))
@@ -171,7 +171,7 @@ class TestLease:
         assert not default_storage.exists(file_names(evaluation)[0])
         assert not Result.objects.exists()
 
-    def test_a_result_counts_once(self, alice, submit, now):
+    def test_a_result_counts_only_once(self, alice, submit, now):
         submit(alice)
         evaluation = claim(now)
         assert finish(evaluation, now)

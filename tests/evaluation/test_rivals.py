@@ -73,7 +73,7 @@ class TestQueueing:
         assert job.onnx == b"a"
         assert [(rival.onnx, rival.metadata) for rival in job.rivals] == [(b"b", METADATA)]
 
-    def test_a_rival_whose_file_is_gone_is_our_fault(self, claimed):
+    def test_a_rivals_missing_file_is_our_fault(self, claimed):
         network = claimed.rivals.get().model.network
         default_storage.delete(network.onnx.name)
         with pytest.raises(PlatformFault) as caught:

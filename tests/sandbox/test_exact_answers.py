@@ -69,7 +69,7 @@ def test_a_tied_network_is_answered_by_float64_at_every_step():
     assert car.counts == {FAST: 0, EXACT: 50, CHECKED: 0, EXCEEDED: 0}
 
 
-def test_a_continuous_answer_near_a_rounding_is_answered_by_float64():
+def test_a_continuous_answer_near_a_rounding_uses_float64():
     half_a_step = 0.005 / 30.0  # between 0.00 and 0.01 degrees
     car = policy(scaled([half_a_step / 100, 0.4 / 100], factor=1.0), PAIR, bound=1e-6)
     look(car, 100)

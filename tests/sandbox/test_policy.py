@@ -242,7 +242,7 @@ def test_a_network_that_fails_to_load_or_fit_is_refused(level, onnx, part):
     assert part.lower() in str(caught.value).lower()
 
 
-def test_an_early_end_still_gives_the_networks_reason(level):
+def test_a_refused_network_gives_its_reason_despite_an_early_end(level):
     with PolicyProcess(level=level) as policy:
         policy.give(b"not an onnx file")
         assert policy.process.wait(10.0) == 0

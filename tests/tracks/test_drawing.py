@@ -76,7 +76,7 @@ def test_the_arrow_points_in_the_driving_direction():
         assert x_of["ccw"] > 0 > x_of["cw"], "the finish straights of the catalogue run to the right"
 
 
-def test_the_finish_line_reaches_from_border_to_border_at_waypoint_0():
+def test_the_finish_line_spans_the_road_at_waypoint_0():
     track = CATALOGUE[0].geometry()
     (path,) = drawn(draw_svg(track), "track-finish")
     one, other = points_of(path)
@@ -103,7 +103,7 @@ def test_any_name_gives_parseable_xml(name):
     assert len(root) >= 5 and root[0].tag == SVG + "title"
 
 
-def test_a_line_style_cannot_break_out_of_its_attribute():
+def test_a_trajectorys_style_cannot_escape_its_attribute():
     assert drawn(draw_svg(CATALOGUE[0].geometry(), lines=[DrivenLine([(0, 0), (0, 0.1)], style="rival-2")]), "rival-2")
     for style in ('"><script>', "two words", "ü", "a;b"):
         with pytest.raises(ValueError, match="style"):
@@ -156,7 +156,7 @@ def test_a_standalone_map_carries_its_style():
 
 @every_track
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_a_preview_has_its_size_and_shows_road_mark_and_line(entry, scheme):
+def test_a_preview_has_its_size_and_shows_the_trajectory(entry, scheme):
     track = entry.geometry()
     line = DrivenLine(lap(track), [2.0] * len(lap(track)))
     image = Image.open(io.BytesIO(draw_png(track, (320, 200), scheme=scheme, lines=[line], car=lap(track)[50])))

@@ -115,7 +115,7 @@ def test_a_worker_without_its_lease_writes_nothing(oval, now):
     assert Checkpoint.objects.count() == 2
 
 
-def test_of_six_tabs_saving_a_vehicle_one_succeeds(now):
+def test_only_one_of_six_tabs_saves_the_vehicle(now):
     racer = a_racer()
     answers = at_once([lambda: save_vehicle(owner=racer, name="Owl")] * TABS)
     assert codes(answers, Vehicle) == ["vehicle_name_taken"] * (TABS - 1), answers

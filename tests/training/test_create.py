@@ -138,7 +138,7 @@ def test_past_and_pending_trainings_use_up_the_months_minutes(alice, oval, now, 
     assert minutes_left(alice, now + timedelta(days=31)) == 30.0
 
 
-def test_faults_of_the_platform_cost_no_minutes(alice, oval, now):
+def test_platform_faults_cost_no_minutes(alice, oval, now):
     job = a_training(alice, oval, now)
     TrainingJob.objects.filter(pk=job.pk).update(
         state=JobState.FAILED, ended_because="failed", ended_at=now, charged_s=600.0, reason_code="training_gave_up"

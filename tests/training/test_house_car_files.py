@@ -30,7 +30,7 @@ def admitted(name: str) -> AdmittedPackage:
     return admit([UploadPart(part, io.BytesIO(file.read_bytes())) for part, file in files.items()])
 
 
-def test_each_of_at_least_three_recipes_has_its_car() -> None:
+def test_at_least_three_recipes_each_have_a_car() -> None:
     assert set(NAMES) == set(RECIPES)
     assert len(NAMES) >= 3
 

@@ -206,7 +206,7 @@ class TestRewardFunctionBreaksTrainer:
         assert (held.state, held.reason_code, held.kills, held.failures) == (JobState.QUEUED, "", 0, 1)
 
 
-def test_faults_of_the_platform_are_logged_for_operators_only(held, now):
+def test_platform_faults_are_logged_for_operators_only(held, now):
     fault = PlatformFault("trainer_error", detail="x")
     TRAININGS.fail(pk=held.pk, lease=held.lease, fault=fault, now=now, detail="Traceback")
     held.refresh_from_db()
@@ -232,7 +232,7 @@ def test_old_checkpoints_go_with_their_files(held, now):
     assert not Checkpoint.objects.exists()
 
 
-def test_a_resumed_training_overwrites_what_followed_its_checkpoint(held, now):
+def test_a_resumed_training_overwrites_later_iterations(held, now):
     for number in (1, 2, 3):
         record_iteration(job=held, lease=held.lease, iteration=an_iteration(number, eval_reward=1.0), now=now)
     record_iteration(job=held, lease=held.lease, iteration=an_iteration(2, eval_reward=7.0), now=now)
@@ -308,7 +308,7 @@ def test_sim_traces_of_old_trainings_are_removed(held, now):
     assert purge_trainings(now=now + timedelta(days=365)) == 0
 
 
-def test_a_waiting_training_with_a_checkpoint_is_stopped_by_a_worker(held, now):
+def test_a_worker_stops_a_waiting_training_with_a_checkpoint(held, now):
     keep_checkpoint(job=held, lease=held.lease, saved=saved(1), networks=NETWORKS, now=now)
     TRAININGS.release(pk=held.pk, lease=held.lease, now=now)
     assert stop_training(job=held, now=now)

@@ -41,7 +41,7 @@ def found(text):
     return [(fault.code, fault.params.get("line")) for fault in check_text(text)]
 
 
-def test_an_ordinary_function_with_helpers_classes_and_libraries_passes():
+def test_helpers_classes_and_libraries_are_allowed():
     assert found(GOOD) == []
 
 

@@ -95,7 +95,7 @@ def test_a_worker_told_to_stop_begins_no_training(job, trainer, monkeypatch):
     assert not trainer.starts
 
 
-def test_a_fault_of_the_platform_requeues_it_to_resume(job, trainer):
+def test_a_platform_fault_requeues_the_training(job, trainer):
     trainer.at_the_end = fail(PlatformFault("trainer_died", how="signal 9"))
     run_next_training(worker="w")
     job.refresh_from_db()
@@ -178,7 +178,7 @@ class TestFullDisk:
         assert (job.state, trainer.starts) == (JobState.FINISHED, ["", "checkpoint"])
 
 
-def test_a_racers_fault_keeps_what_it_learned(job, trainer):
+def test_a_training_keeps_what_it_learned_after_a_racers_fault(job, trainer):
     trainer.at_the_end = fail(UserFault("reward_raised", line=4, error="KeyError"))
     run_next_training(worker="w")
     job.refresh_from_db()

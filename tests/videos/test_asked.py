@@ -203,7 +203,7 @@ class TestPermissions:
             assert {*evaluations_for_videos(racer).values_list("pk", flat=True)} == asked, name
             assert {*videos_to_stop(racer)} == {v for v in videos.values() if can_stop_video(racer, v)}, name
 
-    def test_running_runs_have_no_video_and_ended_videos_no_stop(self, cast, now, video_wakes):
+    def test_a_running_run_cannot_be_drawn_nor_a_done_video_stopped(self, cast, now, video_wakes):
         alice = cast["alice"]
         running = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now).evaluation
         assert not can_ask_for_video(alice, running)

@@ -186,7 +186,7 @@ def test_distance_wraps_both_ways():
 
 @pytest.mark.parametrize("hint", [None, 0])
 @pytest.mark.parametrize("point", [(math.nan, 0.0), (0.0, math.inf)])
-def test_a_point_that_is_not_finite_cannot_be_projected(point, hint):
+def test_a_non_finite_point_cannot_be_projected(point, hint):
     with pytest.raises(ValueError, match="not finite"):
         ring().project(*point, hint)
     with pytest.raises(ValueError, match="finite"):

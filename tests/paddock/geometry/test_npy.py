@@ -270,7 +270,7 @@ def test_a_table_of_another_shape_or_type_is_refused(rows):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_point_that_is_not_finite_is_refused_with_its_row(value):
+def test_a_non_finite_point_is_refused_with_its_row(value):
     rows = circle()
     rows[7, 3] = value
     fault = refused(rows)

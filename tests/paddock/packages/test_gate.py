@@ -209,7 +209,7 @@ def test_an_output_read_again_keeps_its_meaning() -> None:
     np.testing.assert_array_equal(answer(gate(model).onnx, feed), answer(model.SerializeToString(), feed))
 
 
-def test_dead_ends_cost_nothing() -> None:
+def test_unused_branches_cost_nothing() -> None:
     model = network()
     model.graph.node.append(helper.make_node("MatMul", ["dense_dead", "dense_dead"], ["dead"]))
     model.graph.initializer.append(numpy_helper.from_array(np.ones((1500, 1500), np.float32), "dense_dead"))

@@ -328,7 +328,7 @@ def test_a_pilot_that_sees_boxes_avoids_them():
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
-def test_every_put_back_is_on_the_road_and_clear_of_boxes(entry, direction):
+def test_a_car_is_always_put_back_on_the_road_clear_of_boxes(entry, direction):
     track = entry.geometry()
     driven = track.in_direction(direction)
     reach, passed = Reach(driven), []
@@ -370,7 +370,7 @@ def test_a_car_blind_to_boxes_finishes_every_catalogue_track(entry, direction):
     assert np.all(np.abs(np.diff(progress))[driving] < 1.0)  # no jump while it drives
 
 
-def test_a_lap_between_boxes_counts_once():
+def test_a_lap_past_boxes_counts_once():
     judge = referee((6.0, "inner"), laps=2)
     assert drive(judge, 0.0, 2 * LENGTH, "outer") is None
     assert judge.status == LAP_COMPLETE and judge.end_reason == LAPS_DONE

@@ -62,7 +62,7 @@ def test_a_non_finite_action_is_refused_as_in_a_race():
         (np.array([99, 0]), "car 0: an action must be a whole number from 0 to 9, not"),
     ],
 )
-def test_many_cars_refuse_what_one_would_and_none_moves(actions, said):
+def test_a_refused_action_moves_none_of_many_cars(actions, said):
     cars = begun_cars()
     with pytest.raises(ValueError, match=said):
         cars.step(actions)

@@ -126,7 +126,7 @@ def test_a_backward_lap_in_short_pieces_scores_nothing():
     assert judge.percent < -90
 
 
-def test_reversing_over_the_line_undoes_the_gain_of_crossing():
+def test_reversing_over_the_line_takes_back_the_progress():
     judge = referee(laps=2)
     drive(judge, 0.0, STADIUM.length + 1.0)
     drive(judge, STADIUM.length + 1.0, STADIUM.length - 1.0)

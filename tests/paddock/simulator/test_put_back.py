@@ -53,7 +53,7 @@ def test_a_car_leaving_at_every_bend_is_put_back_on_the_road(track, direction):
 @both
 @pytest.mark.parametrize("apart", [0.65, pytest.param(0.13, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("track", [*OWN, *GIVEN])
-def test_every_put_back_is_on_the_road_and_keeps_progress(track, apart, direction):
+def test_a_car_is_always_put_back_on_the_road_keeping_progress(track, apart, direction):
     """``apart``: metres from one place to the next."""
     driven = loaded(track).in_direction(direction)
     rules = RaceRules(direction=direction)

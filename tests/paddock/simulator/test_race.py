@@ -62,7 +62,7 @@ def test_a_straying_car_is_put_back_until_its_resets_are_used():
     assert 0 < result.laps[0].completion_percentage < 100
 
 
-def test_without_resets_the_first_fault_ends_the_race():
+def test_without_resets_leaving_the_road_ends_the_race():
     result = run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, (), straight_on)
     assert (result.end_reason, result.laps[0].resets, result.laps[0].off_tracks) == ("resets_used", 0, 1)
 

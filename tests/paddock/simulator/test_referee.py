@@ -180,7 +180,7 @@ def test_fifteen_backward_steps_are_reversed_fourteen_are_not():
     assert judge.pause_steps == 30
 
 
-def test_without_resets_the_first_fault_ends_the_run():
+def test_without_resets_leaving_the_road_ends_the_run():
     judge = referee(max_resets=0)
     drive(judge, [0.1], offset=0.7)
     assert (judge.end_reason, judge.status) == (RESETS_USED, OFF_TRACK)
