@@ -28,7 +28,8 @@ from core.clock import database_now
 from core.jobs.outages import storage_answers, storage_is_out
 from evaluation.models import WorkerNode
 from evaluation.selectors import waiting_since
-from evaluation.services.nodes import EVALUATIONS, SILENT_AFTER
+from evaluation.services import EVALUATIONS
+from evaluation.services.nodes import SILENT_AFTER
 from paddock.errors import PlatformFault
 
 from .cache import SteadyCache
@@ -163,7 +164,7 @@ def _workers(figures: dict[str, Any]) -> bool:
     """Whether somebody runs what waits: a worker for evaluations lives and takes work; or there is no sign that one
     should, because all were shut down in good order and nobody waits."""
     now = database_now()
-    known = [node for node in WorkerNode.objects.filter(stopped_at=None) if EVALUATIONS in node.queues]
+    known = [node for node in WorkerNode.objects.filter(stopped_at=None) if EVALUATIONS.queue in node.queues]
     living = [node for node in known if node.seen_at >= now - SILENT_AFTER]
     figures["workers"] = len(living)
     if any(not node.refuses for node in living):

@@ -12,7 +12,7 @@ from django.views.i18n import set_language
 from accounts.forms import LoginForm, SignUpForm
 from accounts.views import account
 
-from .views import site
+from .views import site, workers
 
 # One door: who is not logged in is sent to the site's own form, with its limits and its second factor
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
@@ -23,6 +23,8 @@ urlpatterns = [
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),
     path("health/ready", site.health_ready, name="health_ready"),
+    path("workers/", workers.workers, name="workers"),
+    path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
     path("", include("league.urls")),
     path("", include("accounts.urls")),
     path("", include("training.urls")),

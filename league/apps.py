@@ -19,6 +19,7 @@ class LeagueConfig(AppConfig):
         from .eligibility import check_division
         from .receivers import drop_webhooks, follow_board
         from .selectors.boards import cut_shown
+        from .services import deliveries, mails  # noqa: F401 - their kinds of jobs are known from the start
         from .services.closing import is_official
         from .services.follow import SEASONS
         from .services.news import NOTICES

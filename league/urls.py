@@ -2,7 +2,7 @@
 
 from django.urls import path, re_path
 
-from .views import home, notices, organising, racers, seasons, webhooks, workers
+from .views import home, notices, organising, racers, seasons, webhooks
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -30,6 +30,4 @@ urlpatterns = [
     path("settings/webhooks/<int:pk>/remove/", webhooks.webhook_remove, name="webhook_remove"),
     path("settings/webhooks/<int:pk>/test/", webhooks.webhook_test, name="webhook_test"),
     path("settings/webhooks/<int:pk>/secret/", webhooks.webhook_secret, name="webhook_secret"),
-    path("workers/", workers.workers, name="workers"),
-    path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
 ]

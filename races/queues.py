@@ -7,9 +7,9 @@ from datetime import datetime
 from django.db.models import QuerySet
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.models import Evaluation, State
-from evaluation.queues import Queue, register_queue
-from evaluation.services import queue_again
+from core.jobs.queues import Queue, register_queue
+from evaluation.models import Evaluation
+from evaluation.services import EVALUATIONS, queue_again
 
 from .models import Submission
 from .services import repeat_submission
@@ -19,8 +19,8 @@ def register() -> None:
     """Register them."""
     register_queue(
         Queue(
-            *("evaluations", _("Evaluations"), "celery", Evaluation),
-            *(State.QUEUED, State.RUNNING, State.FAILED, "queued_at"),
+            *("evaluations", _("Evaluations"), EVALUATIONS),
+            since="queued_at",
             related=("owner", "model", "track"),
             repeatable=_evaluations,
             run_again=_evaluate_again,

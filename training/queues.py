@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.queues import Queue, register_queue
+from core.jobs.queues import Queue, register_queue
 
-from .models import JobState, TrainingJob
-from .services import train_again
+from .services import TRAININGS, train_again
 
 
 def register() -> None:
     """Register them. One that left a model all the same is not run again: its owner goes on from that model."""
     register_queue(
         Queue(
-            *("trainings", _("Trainings"), "training", TrainingJob),
-            *(JobState.QUEUED, JobState.RUNNING, JobState.FAILED, "created_at"),
+            *("trainings", _("Trainings"), TRAININGS),
+            since="created_at",
             related=("owner", "track"),
             repeatable=lambda failed: failed.filter(best_model=None, last_model=None),
             run_again=lambda job, now: train_again(job=job),

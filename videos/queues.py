@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from django.utils.translation import gettext_lazy as _
 
-from evaluation.queues import Queue, register_queue
+from core.jobs.queues import Queue, register_queue
 
-from .models import Video, VideoState
-from .services import draw_again
+from .services import VIDEOS, draw_again
 
 
 def register() -> None:
     """Register them."""
     register_queue(
         Queue(
-            *("videos", _("Videos"), "videos", Video),
-            *(VideoState.WAITING, VideoState.DRAWING, VideoState.FAILED, "asked_at"),
+            *("videos", _("Videos"), VIDEOS),
+            since="asked_at",
             related=("asked_by", "evaluation__track"),
             repeatable=lambda failed: failed,
             run_again=lambda video, now: draw_again(video=video, now=now),

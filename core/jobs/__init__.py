@@ -17,7 +17,7 @@ One file of its own, a task that Celery finds, and what stands around them:
 4. Around it: the sweep in ``CELERY_BEAT_SCHEDULE``; for a queue of its own a worker that listens to it
    (``config/management/commands/run.py``) and its row in docs/operators.md; a row of docs/architecture.md; a waiting
    job in ``MAKERS`` of tests/core/jobs/kinds.py. Jobs that operators run again are registered with
-   :func:`evaluation.queues.register_queue`.
+   :func:`core.jobs.queues.register_queue`.
 
 Claim, heartbeat, failure, pauses, release, sweep, stop, wake-up and the breaker come with the kind, and the contract
 of tests/core/jobs holds for every kind that is registered.

@@ -20,11 +20,11 @@ from .. import proof as proving
 from ..models import WorkerNode
 from ..proof import Proof
 from ..sandbox import probe as probing
+from .jobs import EVALUATIONS
 
 logger = logging.getLogger(__name__)
 BEAT_EVERY_S = 15.0
 SILENT_AFTER = timedelta(seconds=60)  # three beats were missed
-EVALUATIONS = "celery"  # the broker's queue that they are in
 FORGOTTEN_AFTER = timedelta(days=2)
 
 
@@ -113,7 +113,7 @@ def stop_worker(*, name: str, now: datetime | Now | None = None) -> None:
 def engines_at_work(*, now: datetime | Now) -> set[str]:
     """The engines of all workers that run evaluations and were heard of within :data:`SILENT_AFTER` of ``now``."""
     alive = WorkerNode.objects.filter(stopped_at=None, seen_at__gt=now - SILENT_AFTER).exclude(engine="")
-    return {node.engine for node in alive if EVALUATIONS in node.queues and not node.refuses}
+    return {node.engine for node in alive if EVALUATIONS.queue in node.queues and not node.refuses}
 
 
 def forget_workers(*, now: datetime | Now) -> int:

@@ -14,6 +14,7 @@ from django.core.management import call_command
 from django.utils import timezone
 
 from config.management.commands import doctor
+from core.jobs.kinds import all_kinds
 from evaluation.proof import Proof
 from evaluation.sandbox.probe import Layer, SandboxReport
 from evaluation.services.nodes import SILENT_AFTER, beat_worker, start_worker
@@ -179,16 +180,30 @@ def test_a_missing_video_encoder_is_only_a_warning(monkeypatch, settings):
     assert finding(examine()[1], "encoder")["status"] == "ok"
 
 
-@pytest.mark.parametrize(("queues", "status"), [(["messages"], "ok"), (["celery"], "warn"), (None, "warn")])
-def test_it_says_if_no_worker_sends_webhooks_and_mails(queues, status):
-    if queues is not None:
-        start_worker(name="messenger@here", queues=queues, processes=8)
-    (found,) = doctor.messages()
-    assert found.status == status and ("nobody sends" in found.detail) is (status == "warn")
+def of_queue(queue: str):
+    (found,) = [each for each in doctor.queues() if each.name == queue]
+    return found
+
+
+@pytest.mark.parametrize("kind", all_kinds(), ids=lambda kind: kind.name)
+def test_it_says_if_no_worker_takes_a_kind_of_job(kind, settings):
+    settings.TRAINING = settings.VIDEOS = True
+    what = str(kind.model._meta.verbose_name_plural)
+    found = of_queue(kind.queue)
+    assert found.status == "warn" and "nobody takes" in found.detail and what in found.detail
+    start_worker(name="other@here", queues=["another"], processes=8)
+    assert of_queue(kind.queue).status == "warn"
+    start_worker(name="worker@here", queues=[kind.queue], processes=8)
+    found = of_queue(kind.queue)
+    assert found.status == "ok" and what in found.detail
+
+
+def test_what_is_switched_off_needs_no_worker(settings):
+    settings.TRAINING = settings.VIDEOS = False
+    assert [each.name for each in doctor.queues() if each.status == "ok"] == ["training", "videos"]
 
 
 def test_a_dead_messenger_is_a_warning():
     start_worker(name="messenger@here", queues=["messages"], processes=8)
     beat_worker(name="messenger@here", now=timezone.now() - 2 * SILENT_AFTER)
-    (found,) = doctor.messages()
-    assert found.status == "warn"
+    assert of_queue("messages").status == "warn"

@@ -12,6 +12,8 @@ from django.db.models.functions import Now
 from django.test import Client
 from django.utils import timezone
 
+from config.workers import queues_at, workers_at
+from core.clock import database_now
 from evaluation.models import Evaluation, State, WorkerNode
 from evaluation.proof import Proof
 from evaluation.services import queue_evaluation
@@ -23,7 +25,6 @@ from evaluation.services.nodes import (
     start_worker,
     stop_worker,
 )
-from league.selectors.workers import database_now, queues_at, workers_at
 from paddock.rules.race import RaceRules
 from races.models import Entry
 from races.services import submit_model

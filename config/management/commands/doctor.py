@@ -26,6 +26,7 @@ from config.backup.databases import damage
 from config.cache import SteadyCache
 from config.management import JsonCommand
 from core.clock import database_now
+from core.jobs.kinds import all_kinds
 from evaluation.models import StoredFile, WorkerNode
 from evaluation.proof import Proof, prove
 from evaluation.sandbox.probe import SandboxReport, probe
@@ -35,7 +36,8 @@ from paddock.simulator.camera import compiled
 from paddock.simulator.engine import ENGINE_ID, cpu_model
 from races.engines import site_engine
 from races.selectors.counting import failing_redrives, races_driven_again
-from videos.services import encoder_problem
+from training.services import TRAININGS
+from videos.services import VIDEOS, encoder_problem
 from videos.services.work import ENCODER
 
 OK, WARN, FAIL = "ok", "warn", "fail"
@@ -90,7 +92,7 @@ class Command(JsonCommand):
             *exactness(report, proof),
             *database(),
             *services(),
-            *messages(),
+            *queues(),
             *storage(),
             *simulator(),
             *videos(),
@@ -221,18 +223,23 @@ def services() -> Iterator[Finding]:
             yield Finding(area, name, OK, f"{address} answers")
 
 
-def messages() -> Iterator[Finding]:
-    """Whether somebody sends webhooks and e-mails, which wait for a worker of their own."""
+def queues() -> Iterator[Finding]:
+    """Whether a worker listens to each queue that jobs wait in."""
     try:
-        alive = WorkerNode.objects.filter(stopped_at=None, seen_at__gt=database_now() - SILENT_AFTER)
-        listening = sum("messages" in node.queues for node in alive)
+        alive = list(WorkerNode.objects.filter(stopped_at=None, seen_at__gt=database_now() - SILENT_AFTER))
     except DatabaseError:  # told above
         return
-    if listening:
-        yield Finding("Messages", "messenger", OK, f"{listening} send webhooks and e-mails")
-    else:
-        hint = "manage.py run starts one; on several machines one of them needs it"
-        yield Finding("Messages", "messenger", WARN, f"nobody sends webhooks and e-mails, which wait: {hint}")
+    on = {TRAININGS.queue: settings.TRAINING, VIDEOS.queue: settings.VIDEOS}
+    for queue in sorted({kind.queue for kind in all_kinds()}):
+        what = " and ".join(str(kind.model._meta.verbose_name_plural) for kind in all_kinds() if kind.queue == queue)
+        listening = sum(queue in node.queues for node in alive)
+        if not on.get(queue, True):
+            yield Finding("Workers", queue, OK, f"{what} are switched off")
+        elif listening:
+            yield Finding("Workers", queue, OK, f"{listening} for {what}")
+        else:
+            hint = "manage.py run starts one; on several machines one of them needs it"
+            yield Finding("Workers", queue, WARN, f"nobody takes {what}, which wait: {hint}")
 
 
 def storage() -> Iterator[Finding]:

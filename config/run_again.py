@@ -10,7 +10,7 @@ from typing import Any
 
 from django.db import IntegrityError
 
-from evaluation.queues import Queue
+from core.jobs.queues import Queue
 from paddock.errors import UserFault
 
 

@@ -20,10 +20,11 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.who import racer_of
+from config.run_again import run_again
+from config.workers import failed_runs, queues_at, workers_at
+from core.clock import database_now
+from core.jobs.queues import Queue, all_queues
 from evaluation.models import StoredFile
-from evaluation.queues import Queue, all_queues
-from league.selectors.workers import database_now, failed_runs, queues_at, workers_at
-from league.services.run_again import run_again
 from races.audit import log_many
 from races.selectors.counting import races_driven_again
 
@@ -45,7 +46,7 @@ def workers(request: HttpRequest) -> HttpResponse:
     shown = workers_at(now)
     context = {"workers": shown, "queues": queues_at(now, shown), "driven_again": races_driven_again(), "now": now}
     context["damaged"] = StoredFile.objects.exclude(damage="").order_by("damaged_at")[:DAMAGED_SHOWN]
-    return render(request, "league/workers.html", context)
+    return render(request, "config/workers.html", context)
 
 
 @login_required
@@ -82,7 +83,7 @@ def failed(request: HttpRequest, name: str) -> HttpResponse:
         "reasons": everything.values_list("reason_code", flat=True).distinct().order_by("reason_code"),
         "workers": everything.exclude(worker="").values_list("worker", flat=True).distinct().order_by("worker"),
     }
-    return render(request, "league/failed_runs.html", context)
+    return render(request, "config/failed_runs.html", context)
 
 
 def _require(request: HttpRequest, permission: str) -> None:

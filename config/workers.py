@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
-from django.db import connection
 from django.db.models import Count, QuerySet
 
+from core.jobs.queues import Queue, all_queues
 from evaluation.models import WorkerNode
-from evaluation.queues import Queue, all_queues
 from evaluation.services.nodes import SILENT_AFTER
 from paddock.errors.reasons import REASONS
 
@@ -50,20 +49,12 @@ class WorkerNow:
     jobs: list[tuple[Queue, Any]] = field(default_factory=list)
 
 
-def database_now() -> datetime:
-    """The database's time, which all heartbeats are written in."""
-    with connection.cursor() as cursor:
-        cursor.execute("SELECT CURRENT_TIMESTAMP")
-        (now,) = cursor.fetchone()
-    return datetime.fromisoformat(now).replace(tzinfo=UTC) if isinstance(now, str) else now
-
-
 def workers_at(now: datetime) -> list[WorkerNow]:
     """All workers that were heard of lately, the live ones first: five queries, however many there are."""
     shown = [WorkerNow(node, _state(node, now)) for node in WorkerNode.objects.order_by("name")]
     by_name = {one.node.name: one for one in shown}
     for queue in all_queues():
-        running: QuerySet[Any] = queue.model._default_manager.filter(state=queue.running)
+        running = queue.jobs().filter(state=queue.kind.working)
         for job in running.select_related(*queue.related).order_by("pk"):
             if job.worker in by_name:
                 by_name[job.worker].jobs.append((queue, job))
@@ -93,16 +84,16 @@ def _state(node: WorkerNode, now: datetime) -> str:
 
 
 def _queue_at(queue: Queue, now: datetime, workers: Sequence[WorkerNow]) -> QueueNow:
-    rows = queue.model._default_manager.order_by()
-    counts = dict(rows.filter(state__in=(queue.waiting, queue.running)).values_list("state").annotate(Count("pk")))
-    first = rows.filter(state=queue.waiting).order_by(queue.since).values_list(queue.since, flat=True).first()
-    failed = rows.filter(state=queue.failed, ended_at__gte=now - FAILED_WITHIN)
+    kind, rows = queue.kind, queue.jobs().order_by()
+    counts = dict(rows.filter(state__in=(kind.waiting, kind.working)).values_list("state").annotate(Count("pk")))
+    first = rows.filter(state=kind.waiting).order_by(queue.since).values_list(queue.since, flat=True).first()
+    failed = rows.filter(state=kind.failed, ended_at__gte=now - FAILED_WITHIN)
     reasons = failed.values_list("reason_code").annotate(many=Count("pk")).order_by("-many", "reason_code")
     return QueueNow(
         queue,
-        counts.get(queue.waiting, 0),
-        counts.get(queue.running, 0),
+        counts.get(kind.waiting, 0),
+        counts.get(kind.working, 0),
         first,
         [Failures(code, many, code in REASONS and REASONS[code].fault == "platform") for code, many in reasons],
-        sum(one.state == "alive" and queue.broker in one.node.queues for one in workers),
+        sum(one.state == "alive" and kind.queue in one.node.queues for one in workers),
     )
