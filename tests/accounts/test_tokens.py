@@ -193,7 +193,7 @@ def test_an_unconfirmed_new_address_cannot_reset_the_password(alice):
     assert not [message for message in mail.outbox if "/password/reset/key/" in message.body]
 
 
-def test_a_reset_of_a_verified_account_keeps_second_factor_and_webhooks(alice):
+def test_a_reset_of_a_verified_account_keeps_its_second_factor(alice):
     EmailAddress.objects.create(user=alice, email=alice.email, verified=True, primary=True)
     TOTP.activate(alice, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
     add_webhook(owner=alice, url="https://example.org/hook")

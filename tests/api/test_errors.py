@@ -137,7 +137,7 @@ def test_a_body_over_the_upload_limit_is_refused_before_it_is_read(settings):
 
 
 @pytest.mark.django_db
-def test_a_wrong_method_is_named(alice, as_racer):
+def test_an_unsupported_method_is_named(alice, as_racer):
     answer = as_racer(alice).put("/api/v1/me/", {})
     assert (answer.status_code, answer.data["code"]) == (405, "method_not_allowed")
 

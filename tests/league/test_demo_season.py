@@ -199,7 +199,7 @@ def test_opening_the_season_twice_changes_nothing(season, now):
     assert everything() == before
 
 
-def test_house_cars_enter_every_open_race_as_baselines_through_the_queue(season, now, stable):
+def test_house_cars_enter_every_open_race_as_queued_baselines(season, now, stable):
     report = enter_house_cars(now=now, folder=stable)
     races = set(racing_now(now))
     assert len(races) == 8 and {race.division for race in races} == {"open", "pro", ""}

@@ -184,7 +184,7 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
     assert post("/models/upload/", 60 * 1024 * 1024).status_code == 413, "who is not logged in uploads nothing"
 
 
-def test_the_limit_on_bodies_is_switched_on(settings) -> None:
+def test_the_limit_on_body_size_is_enabled(settings) -> None:
     assert "config.body_limit.BodyLimit" in settings.MIDDLEWARE
 
 

@@ -71,7 +71,7 @@ def test_the_owner_changes_a_models_look_by_page_and_api(world: World):
 
 
 @pytest.mark.django_db
-def test_a_card_names_the_house_car_to_beat_until_a_racer_is_classified():
+def test_a_card_names_the_house_car_to_beat_at_first():
     now = timezone.now()
     race = a_race(now)
     assert "No racer is classified yet" in Client().get("/races/").content.decode()

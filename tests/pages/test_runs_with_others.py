@@ -123,7 +123,7 @@ def test_a_duel_without_reports_yet_names_its_cars(world: World, boss) -> None:
     assert all(f">{name}</a>" in html for name in ("alice", "bob", "charlie")) and "Starting" in html
 
 
-def test_the_page_of_a_duel_is_headed_by_its_racers(world: World, boss) -> None:
+def test_the_heading_of_a_duel_names_its_racers(world: World, boss) -> None:
     html = boss.get(driving_duel(world).get_absolute_url()).content.decode()
     head = html[html.index("<h1") : html.index("</h1>")]
     assert [head.index(f">{name}</a>") for name in ("alice", "bob", "charlie")] == sorted(

@@ -449,7 +449,7 @@ class TestFeeds:
         assert len(set(ids)) == 4
         assert "board.atom" in Client().get(base).content.decode()
 
-    def test_a_badge_names_the_leader_or_a_racer_and_escapes_what_it_shows(self, set_clock):
+    def test_a_badge_names_the_leader_or_a_racer_and_escapes_both(self, set_clock):
         now = datetime(2027, 1, 15, tzinfo=UTC)
         set_clock(now)
         race = a_race(now, name='<b>"Night" & day')

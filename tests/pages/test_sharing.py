@@ -61,7 +61,7 @@ def test_only_its_owner_changes_a_shared_model(world: World, shared: TrainedMode
     assert statuses(world, path) == {"anonymous": 302, "newcomer": 404, "alice": 200, "bob": 404, "admin": 404}
 
 
-def test_the_page_says_what_sharing_means_and_shares(world: World) -> None:
+def test_the_page_explains_sharing_and_shares_the_model(world: World) -> None:
     client, path = world.client("alice"), f"/models/{world.model.public_id}/"
     page = body(client, path)
     assert "Only you see this model." in page and "can upload and race it as well" in page

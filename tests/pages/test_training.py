@@ -241,7 +241,7 @@ def test_a_taken_name_and_a_full_quota_are_reported(world: World, job: TrainingJ
     assert response.context["form"].non_field_errors().as_data()[0].code == "training_jobs_at_once"
 
 
-def test_without_torch_the_pages_say_so(world: World, settings, monkeypatch) -> None:
+def test_the_pages_say_if_torch_is_missing(world: World, settings, monkeypatch) -> None:
     monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
     settings.TRAINING = False
     client = world.client("alice")
@@ -251,7 +251,7 @@ def test_without_torch_the_pages_say_so(world: World, settings, monkeypatch) -> 
     assert response.status_code == 503
 
 
-def test_granularities_make_the_table_without_a_script(world: World) -> None:
+def test_granularities_fill_the_action_table_without_scripts(world: World) -> None:
     client = world.client("alice")
     sent = form_of(client, do="table", steering_granularity="3", speed_granularity="2", speed_max="2", name="")
     response = client.post("/train/new/", sent)
