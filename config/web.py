@@ -151,7 +151,7 @@ def _tell(pids: set[int], signum: int) -> None:
 
 def _serve(listening: socket.socket, application: str, threads: int, master: int) -> None:
     """What one of the processes does, to its end: it never returns."""
-    from config.supervisor import end_with_parent
+    from config.forking import end_with_parent
 
     stopping: list[int] = []
     for signum in (signal.SIGTERM, signal.SIGINT):

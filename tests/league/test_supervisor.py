@@ -38,9 +38,21 @@ s = supervisor.Supervisor()
 folder = sys.argv[1]
 for name, what in (one.split("=") for one in sys.argv[2:]):
     command = [sys.executable, "-I", "-S", f"{folder}/program.py", name, folder, what]
-    s.add(name, command, {}, needed_to_the_end=name == "broker", vital=name == "web")
-culprit, status = s.run(beside=lambda: s.say("beside"))
+    s.add(name, command, needed_to_the_end=name == "broker", vital=name == "web")
+culprit, status = s.run(beside=lambda: print("beside"))
 print("culprit", culprit, status, flush=True)
+"""
+
+
+SHARING = """
+import collections, signal, sys
+from config import supervisor
+from config.forking import PYTHON
+collections.loaded_here = "loaded by the supervisor"
+held = open(sys.argv[1], "a")
+s = supervisor.Supervisor()
+s.add("web", [*PYTHON, "tests.league.forked", sys.argv[1], "of its own"], nice=3, vital=True)
+s.run(beside=lambda: None)
 """
 
 
@@ -125,3 +137,20 @@ def test_nothing_outlives_a_killed_supervisor(programs):
     run.process.kill()
     run.process.wait()
     wait_for(lambda: not any(is_running(pid) for pid in pids), 5)
+
+
+def test_a_module_runs_in_a_fork_that_shares_what_is_loaded_and_no_open_file(tmp_path):
+    with subprocess.Popen(
+        [sys.executable, "-c", SHARING, str(tmp_path / "held")], cwd=CHECKOUT, stdout=subprocess.PIPE, text=True
+    ) as running:
+        said = [running.stdout.readline().partition(" | ")[2].strip() for _ in range(6)]
+        running.send_signal(signal.SIGTERM)
+        rest = running.stdout.read()
+        assert running.wait(10) == 0
+    assert said[0] == "loaded by the supervisor"
+    assert said[1] == f"{tmp_path}/held, of its own"
+    assert said[2] == "default_int_handler, 0, nice 3"
+    assert said[3] == "files 0, 1, 2"
+    assert said[4] == f"{sys.executable} -m tests.league.forked {tmp_path}/held of its own"
+    assert said[5] == "the environment is the same"
+    assert "stopped well" in rest

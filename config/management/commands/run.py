@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import signal
 import socket
 import sys
 import threading
 import urllib.error
 import urllib.request
+import warnings
 from argparse import ArgumentParser
+from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 
 from django.conf import settings
 from django.core.management import call_command
 from django.core.management.base import BaseCommand, CommandError
-from django.db import connections
 from django.utils import timezone
 
-from config import broker
+from config import broker, celery_app
+from config.forking import PYTHON, end_with_parent
 from config.management.data_lock import hold_data
+from config.own_address import HOST, PORT, port, shown
 from config.supervisor import Supervisor
 
 VIDEO_WORKER_NICE = 10
 # Celery advises against root; here root is what gives every model a user id of its own.
-_QUIET = "ignore:You're running the worker with superuser privileges"
+_QUIET = "You're running the worker with superuser privileges"
+# What the programs of Celery load beside our own code
+_OF_CELERY = ("celery.bin.celery", "celery.apps.worker", "celery.apps.beat", "celery.concurrency.prefork")
 
 
 class Command(BaseCommand):
@@ -33,8 +41,8 @@ class Command(BaseCommand):
     requires_system_checks = []  # the checks run once the database is there
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
-        parser.add_argument("--port", type=_port, default=8000, help="port to listen on (default 8000)")
+        parser.add_argument("--host", default=HOST, help="address to listen on (default: this machine only)")
+        parser.add_argument("--port", type=port, default=PORT, help="port to listen on (default 8000)")
 
     def handle(self, *, host: str, port: int, **options: object) -> None:
         try:
@@ -47,14 +55,13 @@ class Command(BaseCommand):
         os.umask(0o077)  # also of all that is started here
         lock = hold_data(settings.DATA_DIR / "run.lock")
         _refuse_taken_port(host, port)
-        self._prepare()
-        shown = f"http://{_in_url('127.0.0.1' if host in ('0.0.0.0', '::') else host)}:{port}"
-        environment = {"PADDOCK_SITE_URL": shown, "PYTHONWARNINGS": _QUIET, **os.environ, "PYTHONUNBUFFERED": "1"}
+        _in_a_process(self._prepare)
         supervisor = Supervisor()
         for name, command in _programs(host, port).items():
-            supervisor.add(name, command, environment, needed_to_the_end=name == "broker", vital=name == "web")
-        connections.close_all()  # nothing here needs the database any more
-        culprit, status = supervisor.run(beside=partial(_announce, supervisor, shown))
+            nice = VIDEO_WORKER_NICE if name == "video-worker" else 0
+            supervisor.add(name, command, nice=nice, needed_to_the_end=name == "broker", vital=name == "web")
+        _load()
+        culprit, status = supervisor.run(beside=partial(_announce, shown(host, port)))
         lock.close()
         if culprit is not None:
             how = f"signal {-status}" if status < 0 else f"exit status {status}"
@@ -82,11 +89,9 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
     """What is to run, by the name that stands before its lines."""
     from league.services.deliveries import AT_ONCE
 
-    celery = [sys.executable, "-m", "celery", "--quiet", "--app", "config"]
+    celery = [*PYTHON, "celery", "--quiet", "--app", "config"]
     programs = {
-        "web": [
-            *(sys.executable, "-m", "config.web", "--host", host, "--port", str(port)),
-        ],
+        "web": [*PYTHON, "config.web", "--host", host, "--port", str(port)],
         "worker": [
             *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.WORKER_CONCURRENCY)),
             *("--without-gossip", "--without-mingle"),
@@ -132,11 +137,40 @@ def _video_worker(celery: list[str]) -> dict[str, list[str]]:
         return {}
     return {
         "video-worker": [
-            *("nice", "-n", str(VIDEO_WORKER_NICE), *celery, "worker", "--pool", "prefork", "--concurrency", "1"),
+            *(*celery, "worker", "--pool", "prefork", "--concurrency", "1"),
             *("--without-gossip", "--without-mingle", "--max-tasks-per-child", "1"),
             *("--queues", "videos", "--hostname", "video-worker@%h"),
         ]
     }
+
+
+def _in_a_process(work: Callable[[], None]) -> None:
+    """Do ``work`` in a fork, and end as it does when it fails.
+
+    So nothing that it opens, of database, broker or storage, goes on to the programs.
+    """
+    ours = os.getpid()
+    if (pid := os.fork()) == 0:
+        end_with_parent(ours, signal.SIGTERM)
+        work()
+        sys.exit()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the fork, and that is the end
+    _, status = os.waitpid(pid, 0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if status:
+        ended = os.waitstatus_to_exitcode(status)
+        sys.exit(ended if ended > 0 else 128 - ended)
+
+
+def _load() -> None:
+    """Load what the programs share, so that they need not: they are forks."""
+    for module in ("config.wsgi", *_OF_CELERY):
+        import_module(module)
+    celery_app.loader.import_default_modules()
+    if not sys.warnoptions:
+        warnings.filterwarnings("ignore", _QUIET)
+    gc.collect()
+    gc.freeze()  # looking for garbage would write to what is shared
 
 
 def _refuse_taken_port(host: str, port: int) -> None:
@@ -153,7 +187,7 @@ def _refuse_taken_port(host: str, port: int) -> None:
         ) from None
 
 
-def _announce(supervisor: Supervisor, url: str) -> None:
+def _announce(url: str) -> None:
     """Say where the site is once it answers."""
     while True:
         try:
@@ -163,19 +197,5 @@ def _announce(supervisor: Supervisor, url: str) -> None:
         except OSError:
             threading.Event().wait(0.2)
             continue
-        supervisor.say(f"Paddock is ready: {url}  (Ctrl-C stops it)")
+        print(f"Paddock is ready: {url}  (Ctrl-C stops it)")
         return
-
-
-def _in_url(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
-
-
-def _port(text: str) -> int:
-    port = int(text)
-    if not 0 < port < 65536:
-        raise ValueError
-    return port
-
-
-_port.__name__ = "port"  # argparse says "invalid port value"
