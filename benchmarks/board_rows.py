@@ -26,10 +26,10 @@ def make_racers(count: int, now: datetime) -> None:
 
 def make_race(slug: str, track: Any, now: datetime) -> Any:
     """An open race that anybody may look at."""
-    from races.models import Kind, Race
+    from races.models import Race, RaceKind
 
     return Race.objects.create(
-        kind=Kind.COMMUNITY,
+        kind=RaceKind.COMMUNITY,
         slug=slug,
         name=slug,
         track=track,

@@ -17,7 +17,7 @@ import numpy as np
 
 from evaluation.runner_process import policy_header
 from evaluation.sandbox.policy_process import Policy
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 from paddock.network.session import load
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.race import run_race
@@ -33,10 +33,10 @@ class Asked:
         one = car(name)
         self.space = ActionSpace.from_metadata(one.metadata)
         header = policy_header(one.metadata, self.space)
-        facts = Facts.from_dict(one.facts)
+        facts = NetworkFacts.from_dict(one.facts)
         unjudged = {key: value for key, value in header.items() if key != "ranges"}
         self._judged, self._plain = Policy(load(one.onnx, facts), header), Policy(load(one.onnx, facts), unjudged)
-        self._exact = Policy(load(one.onnx, Facts(bound=None)), header)
+        self._exact = Policy(load(one.onnx, NetworkFacts(bound=None)), header)
         self.sensors, self.lidar = sorted(one.metadata["sensor"]), one.metadata.get("lidar_config")
         self.bound = facts.bound
         self.worst = self.judged_s = self.plain_s = self.checking_s = 0.0

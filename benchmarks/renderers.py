@@ -27,7 +27,7 @@ from paddock.simulator.layout import lay_out
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.sensors import POSE, sensor_spec
 from paddock.simulator.solids import Solid, box
-from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.stage import PreparedTrack, Simulation
 from tests.paddock.simulator.tiny_scene import OVERSAMPLING, TinyScene
 
 from .models import AdmittedCar
@@ -48,7 +48,7 @@ def compare(car: AdmittedCar, track: TrackGeometry, *, steps: int) -> dict[str, 
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {max(before)})
     try:
-        ground = Ground(track)
+        ground = PreparedTrack(track)
         camera = Camera(ground.scene)
         warped = _drive(car, ground, camera.render, steps)
         rules = RaceRules(race_type=OBJECT_AVOIDANCE, random_boxes=BOXES)
@@ -82,23 +82,23 @@ def _row_before(pose: Pose) -> Sequence[Solid]:
 
 
 def _drive(
-    car: AdmittedCar, ground: Ground, look: Look, steps: int, solids: Solids = lambda pose: ()
+    car: AdmittedCar, ground: PreparedTrack, look: Look, steps: int, solids: Solids = lambda pose: ()
 ) -> dict[str, float]:
     """``frame_ms`` is processor time, the same as wall time on an idle machine."""
     pilot = CentreLinePilot(ground.track, ground.track.direction)
     network = _network(car)
     looking = 0.0
-    with Stage(ground, RaceRules(laps=1000, max_simulated_ms=10_000_000)) as stage:
-        contestant = stage.add([POSE])
+    with Simulation(ground, RaceRules(laps=1000, max_simulated_ms=10_000_000)) as stage:
+        competitor = stage.add([POSE])
         started = time.perf_counter()
         for _ in range(steps):
-            pose = contestant.car.pose
+            pose = competitor.car.pose
             before_it = solids(pose)
             before = time.thread_time()
             frame = look(pose, before_it)
             looking += time.thread_time() - before
             network(frame)
-            stage.step((pilot.action_space.decode(pilot(contestant.observe())),))
+            stage.step((pilot.action_space.decode(pilot(competitor.observe())),))
         wall_s = time.perf_counter() - started
     return {"real_time_factor": steps * STEP_MS / 1000.0 / wall_s, "frame_ms": 1000.0 * looking / steps}
 

@@ -40,6 +40,7 @@ TABLES = {
     "accounts_racer_user_permissions": "league_racer_user_permissions",
     "videos_video": "races_video",
     "core_outage": "evaluation_outage",
+    "races_duelcompetitor": "races_duelcar",
     "league_mail": "league_notice",
 }
 # (new table, new column): old column
@@ -76,6 +77,7 @@ DROPPED: set[tuple[str, str]] = {
 MODELS = {
     ("accounts", "racer"): ("league", "racer"),
     ("core", "outage"): ("evaluation", "outage"),
+    ("races", "duelcompetitor"): ("races", "duelcar"),
     ("videos", "video"): ("races", "video"),
 }
 # Made by the migrations themselves, or by triggers from the rows of other tables
@@ -262,13 +264,17 @@ def _renumbered(related: Any, old: BaseDatabaseWrapper) -> dict[int, int]:
         permissions = {(kind, code): key for key, kind, code in cursor.fetchall()}
     found: dict[int, int] = {}
     for kind in ContentType.objects.all():
-        was = types.get(MODELS.get((kind.app_label, kind.model), (kind.app_label, kind.model)))
+        app, model = MODELS.get((kind.app_label, kind.model), (kind.app_label, kind.model))
+        was = types.get((app, model))
         if was is None:
             continue
         if related is ContentType:
             found[was] = kind.pk
             continue
         for permission in Permission.objects.filter(content_type=kind):
-            if (one := permissions.get((was, permission.codename))) is not None:
+            codename = permission.codename
+            if codename.endswith(f"_{kind.model}"):
+                codename = codename.removesuffix(kind.model) + model
+            if (one := permissions.get((was, codename))) is not None:
                 found[one] = permission.pk
     return found

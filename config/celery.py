@@ -5,13 +5,13 @@ import os
 from celery import Celery
 from celery.signals import beat_init, setup_logging, worker_init
 
-from evaluation.heartbeat import Heartbeat
+from evaluation.heartbeat import WorkerHeartbeat
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
 app = Celery("paddock")
 app.config_from_object("django.conf:settings", namespace="CELERY")
 app.autodiscover_tasks()
-app.steps["consumer"].add(Heartbeat)
+app.steps["consumer"].add(WorkerHeartbeat)
 
 
 @setup_logging.connect

@@ -429,7 +429,7 @@ SPECTACULAR_SETTINGS = {
     "SCHEMA_PATH_PREFIX": "/api/v1",
     "COMPONENT_SPLIT_REQUEST": True,
     "ENUM_NAME_OVERRIDES": {
-        "KindEnum": "races.models.Kind",
+        "KindEnum": "races.models.RaceKind",
         "SensorsEnum": "races.sensors.OFFERABLE",
         "NoticeKind": "league.models.NoticeKind",
         "VehicleSensor": "training.api.vehicles.SENSORS",

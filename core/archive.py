@@ -19,7 +19,7 @@ _GZIP_HEAD, _GZIP_TAIL = 10, 8
 
 
 @dataclass(frozen=True)
-class Part:
+class ZipPart:
     """One file of a zip: its name, and its content deflated, with the CRC-32 and the length of what it unpacks to."""
 
     name: str
@@ -28,7 +28,7 @@ class Part:
     length: int
 
 
-def part_of(name: str, content: Iterable[bytes]) -> Part:
+def part_of(name: str, content: Iterable[bytes]) -> ZipPart:
     """A file of the zip from its content in pieces; only what they are deflated to is held."""
     packing = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
     crc = length = 0
@@ -36,18 +36,18 @@ def part_of(name: str, content: Iterable[bytes]) -> Part:
     for piece in content:
         crc, length = zlib.crc32(piece, crc), length + len(piece)
         packed.append(packing.compress(piece))
-    return Part(name, b"".join((*packed, packing.flush())), crc, length)
+    return ZipPart(name, b"".join((*packed, packing.flush())), crc, length)
 
 
-def part_of_gzip(name: str, packed: bytes) -> Part:
+def part_of_gzip(name: str, packed: bytes) -> ZipPart:
     """A file of the zip from a gzip of one member, not unpacked where its head is plain, as Python writes it."""
     if not packed.startswith(_PLAIN_GZIP):
         return part_of(name, [zlib.decompress(packed, wbits=31)])
     crc, length = struct.unpack("<II", packed[-_GZIP_TAIL:])
-    return Part(name, packed[_GZIP_HEAD:-_GZIP_TAIL], crc, length)
+    return ZipPart(name, packed[_GZIP_HEAD:-_GZIP_TAIL], crc, length)
 
 
-def zipped(parts: Iterable[Part]) -> Iterator[bytes]:
+def zipped(parts: Iterable[ZipPart]) -> Iterator[bytes]:
     """The zip, piece by piece; of ``parts`` one at a time is held."""
     index, at = [], 0
     for part in parts:

@@ -20,7 +20,7 @@ from evaluation.sandbox.limits import CONVERTER, Limits
 from evaluation.sandbox.lock import EXIT_MEMORY
 from paddock.errors import PlatformFault, UserFault
 from paddock.errors.reasons import REASONS
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 from paddock.network.wire import printable
 from paddock.packages.identity import identity
 from paddock.packages.kinds import SB3
@@ -34,11 +34,11 @@ _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
 # canonical bytes, parameters, multiplications, which of several outputs, facts
-Answer = tuple[bytes, int, int, str, Facts]
+Answer = tuple[bytes, int, int, str, NetworkFacts]
 _LOCKED = {"state": "locked"}
 
 
-class Reader(NamedTuple):
+class UploadReader(NamedTuple):
     """A sandboxed process that reads one kind of network. ``random``: as in ``launch``."""
 
     module: str
@@ -48,7 +48,7 @@ class Reader(NamedTuple):
 
 
 # By kind (a word of .kinds); for others MODULE, CONVERTER. Training registers what reads stable-baselines3's.
-PROCESSES: dict[str, Reader] = {}
+PROCESSES: dict[str, UploadReader] = {}
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class AdmittedPackage:
     source_sha256: str  # of the upload itself
     parameters: int
     macs: int  # multiplications a step
-    facts: Facts  # of its arithmetic
+    facts: NetworkFacts  # of its arithmetic
     # what the racer is told of the upload
     taken: str = ""  # the network's name in the archive
     reason: str = ""  # why this checkpoint: a word of .choose
@@ -117,7 +117,7 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
     if reader is None:
         if package.kind == SB3:
             raise PlatformFault("sb3_needs_torch")
-        reader = Reader(MODULE, CONVERTER)
+        reader = UploadReader(MODULE, CONVERTER)
     with launch(reader.module, limits=reader.limits, random=reader.random) as process:
         widen_pipe(process.stdin)
         widen_pipe(process.stdout)
@@ -188,7 +188,7 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
         and isinstance(output, str)
     )
     try:
-        facts = Facts.from_dict(header["facts"])
+        facts = NetworkFacts.from_dict(header["facts"])
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         sane = False
     if not sane:

@@ -26,7 +26,7 @@ from paddock.packages.read import UploadPart
 
 from . import services
 from .files import download_of
-from .looks import Look, Shell
+from .looks import Shell, VehicleLook
 from .models import TrainedModel
 from .selectors import is_shared, models_of, shared_models, visible_models
 
@@ -259,7 +259,7 @@ class ModelView(APIView):
                 model=model,
                 name=sent.get("name", model.name),
                 description=sent.get("description", model.description),
-                look=Look(sent.get("shell", model.shell), sent.get("colour", model.colour).lower()),
+                look=VehicleLook(sent.get("shell", model.shell), sent.get("colour", model.colour).lower()),
             )
             if sent.get("shared") is True:
                 services.share_model(model=model, now=timezone.now())

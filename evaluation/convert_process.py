@@ -16,7 +16,7 @@ from onnxruntime.capi import onnxruntime_pybind11_state as pybind
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.network.answers import answers_of
-from paddock.network.bound import Facts, derive_bound
+from paddock.network.bound import NetworkFacts, derive_bound
 from paddock.network.probes import PLAIN, probes
 from paddock.network.reference import Reference
 from paddock.network.session import Refused, load
@@ -82,7 +82,7 @@ class _Heard:
         return self.answers[-1]
 
 
-def _try_out(canonical: Canonical, metadata: ModelMetadata) -> Facts:
+def _try_out(canonical: Canonical, metadata: ModelMetadata) -> NetworkFacts:
     """Run the network on a black, a white and a noisy frame: it must run, and answer finite values, in float32 and in
     float64. What is to be known of it when it races."""
     try:

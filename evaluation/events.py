@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from core.events import Kind, record, register
+from core.events import EventKind, record, register
 
 from .models import Evaluation, Result, State
 
 # Who may see the run. What that means is said by the room that knows races.
 RUN = "run"
 
-RUN_STARTED = register(Kind("run.started", "a worker has taken a run", RUN, ("racer", "subject"), ("attempt",)))
+RUN_STARTED = register(EventKind("run.started", "a worker has taken a run", RUN, ("racer", "subject"), ("attempt",)))
 RUN_FINISHED = register(
-    Kind("run.finished", "a run has a result", RUN, ("racer", "subject"), ("best_lap_ms", "total_ms"))
+    EventKind("run.finished", "a run has a result", RUN, ("racer", "subject"), ("best_lap_ms", "total_ms"))
 )
-RUN_FAILED = register(Kind("run.failed", "a run came to no result", RUN, ("racer", "subject"), ("reason",)))
-RUN_STOPPED = register(Kind("run.stopped", "a run was stopped", RUN, ("racer", "subject")))
+RUN_FAILED = register(EventKind("run.failed", "a run came to no result", RUN, ("racer", "subject"), ("reason",)))
+RUN_STOPPED = register(EventKind("run.stopped", "a run was stopped", RUN, ("racer", "subject")))
 
 
 def record_start(evaluation: Evaluation, now: datetime) -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
-from core.archive import Part, part_of, zipped
+from core.archive import ZipPart, part_of, zipped
 
-from .models import CarResult, Evaluation, TrainedModel
+from .models import CompetitorResult, Evaluation, TrainedModel
 from .robomaker import METADATA, settings_lines, trace_lines
 from .selectors import can_see_model
 from .services.results import read_trace
@@ -56,8 +56,8 @@ def logs_of(evaluation: Evaluation, racer: Racer | AnonymousUser) -> HttpRespons
 
 
 def _log_parts(
-    evaluation: Evaluation, cars: list[tuple[CarResult, str, bytes]], metadata: dict[str, Any] | None
-) -> Iterator[Part]:
+    evaluation: Evaluation, cars: list[tuple[CompetitorResult, str, bytes]], metadata: dict[str, Any] | None
+) -> Iterator[ZipPart]:
     stamp = f"{evaluation.ended_at:%Y%m%d%H%M%S}-{evaluation.public_id}"
     for car, suffix, trace in cars:
         name, own = f"{stamp}{suffix}", None if suffix else metadata

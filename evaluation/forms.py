@@ -12,7 +12,7 @@ from django.utils.translation import gettext_lazy as _
 from core.columns import length_of
 from paddock.packages.read import UploadPart
 
-from .looks import Look, Shell
+from .looks import Shell, VehicleLook
 from .models import TrainedModel
 
 NAME_LIMIT = length_of(TrainedModel, "name")
@@ -86,5 +86,5 @@ class DescribeForm(forms.Form):
     def values(self, model: TrainedModel) -> dict[str, Any]:
         """What :func:`evaluation.services.describe_model` takes. What is left out of the look stays as it is."""
         said = self.cleaned_data
-        look = Look(said["shell"] or model.shell, said["colour"].lower() or model.colour)
+        look = VehicleLook(said["shell"] or model.shell, said["colour"].lower() or model.colour)
         return {"name": said["name"], "description": said["description"], "look": look}

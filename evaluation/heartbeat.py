@@ -17,7 +17,7 @@ from celery.signals import worker_shutdown
 logger = logging.getLogger(__name__)
 
 
-class Heartbeat(bootsteps.StartStopStep):
+class WorkerHeartbeat(bootsteps.StartStopStep):
     """A part of Celery's consumer: it beats for as long as the worker is connected, again after a lost broker."""
 
     requires = ("celery.worker.consumer.tasks:Tasks",)

@@ -32,14 +32,14 @@ class Shell(models.TextChoices):
     WEDGE = "wedge", _("Wedge")
 
 
-class Look(NamedTuple):
+class VehicleLook(NamedTuple):
     """A shell, one of :class:`Shell`, and a colour as ``#rrggbb``."""
 
     shell: str = Shell.PADDOCK.value
     colour: str = DEFAULT_COLOUR
 
 
-def told_apart(looks: Sequence[Look]) -> list[Look]:
+def told_apart(looks: Sequence[VehicleLook]) -> list[VehicleLook]:
     """The looks of cars that drive together. Each keeps its shell, and its colour unless it is too near that of a car
     before it: then it wears the first spare colour that is far enough from all of them."""
     worn: list[str] = []

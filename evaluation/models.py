@@ -15,7 +15,7 @@ from core.ids import new_public_id
 from core.jobs.models import Job, lease_constraints, reason_sentence
 from paddock.rules.race import MAX_CARS
 
-from .looks import COLOUR, DEFAULT_COLOUR, Look, Shell
+from .looks import COLOUR, DEFAULT_COLOUR, Shell, VehicleLook
 
 SHA256 = r"^[0-9a-f]{64}$"
 
@@ -67,7 +67,7 @@ class StoredFile(models.Model):
 class Network(models.Model):
     """The canonical bytes that run, stored once however many racers upload them. ``sha256`` is a model's identity.
 
-    ``facts``: as in :class:`paddock.network.bound.Facts`; None for one that was admitted before there were any.
+    ``facts``: as in :class:`paddock.network.bound.NetworkFacts`; None for one that was admitted before there were any.
     """
 
     sha256 = models.CharField(_("sha-256"), max_length=64, primary_key=True)
@@ -146,9 +146,9 @@ class TrainedModel(models.Model):
         return reverse("model", args=[self.public_id])
 
     @property
-    def look(self) -> Look:
+    def look(self) -> VehicleLook:
         """What the car looks like in replays."""
-        return Look(self.shell, self.colour)
+        return VehicleLook(self.shell, self.colour)
 
     @property
     def sensors(self) -> list[str]:
@@ -293,7 +293,7 @@ class EvaluationRival(models.Model):
         return f"{self.evaluation} {self.number}"
 
 
-class CarResult(models.Model):
+class CompetitorResult(models.Model):
     """What one car of an evaluation did.
 
     ``laps``: a list of LapResult dicts in order (times in whole simulated milliseconds).
@@ -338,7 +338,7 @@ class CarResult(models.Model):
         return reason_sentence(self.retired_code, self.retired_params)
 
 
-class Result(CarResult):
+class Result(CompetitorResult):
     """What one finished evaluation measured. Written once, by the worker that held the lease; never changed.
 
     Its own columns are car 0's, the evaluation's own model; other submitted cars are rows of :class:`RivalResult`.
@@ -359,7 +359,7 @@ class Result(CarResult):
     cpu_model = models.CharField(_("processor"), max_length=128, blank=True)
     created_at = models.DateTimeField(_("recorded"), default=timezone.now)
 
-    class Meta(CarResult.Meta):
+    class Meta(CompetitorResult.Meta):
         verbose_name = _("result")
         verbose_name_plural = _("results")
 
@@ -367,18 +367,18 @@ class Result(CarResult):
         return f"{self.evaluation} {self.trace_sha256[:12]}"
 
 
-class RivalResult(CarResult):
+class RivalResult(CompetitorResult):
     """What another submitted car did in the same run; ``number`` as in :class:`EvaluationRival`."""
 
     result = models.ForeignKey(Result, models.CASCADE, related_name="rivals", verbose_name=_("result"))
     number = models.PositiveSmallIntegerField(_("number"))
 
-    class Meta(CarResult.Meta):
+    class Meta(CompetitorResult.Meta):
         verbose_name = _("result of a rival")
         verbose_name_plural = _("results of rivals")
         ordering = ["result", "number"]
         constraints = [
-            *CarResult.Meta.constraints,
+            *CompetitorResult.Meta.constraints,
             models.UniqueConstraint(fields=["result", "number"], name="rivalresult_number_unique"),
             models.CheckConstraint(condition=Q(number__gte=1, number__lt=MAX_CARS), name="rivalresult_number_in_range"),
         ]

@@ -32,7 +32,7 @@ _SHIFT = 4  # fractional bits of OpenCV's drawing coordinates
 _LENGTH, _WIDTH = 0.324, 0.188  # m, of the car in the middle of a fan
 
 
-class View(NamedTuple):
+class Viewpoint(NamedTuple):
     """A place from which to look: where the car's base is (m, rad), and what is around it."""
 
     x: float
@@ -44,7 +44,7 @@ class View(NamedTuple):
 class _Looker(NamedTuple):
     """As much of a car as its sensors need."""
 
-    pose: View
+    pose: Viewpoint
 
 
 def sensor_picture(
@@ -73,7 +73,7 @@ def sensor_picture(
     return png.tobytes()
 
 
-def views(track: TrackGeometry) -> tuple[View, ...]:
+def views(track: TrackGeometry) -> tuple[Viewpoint, ...]:
     """Three places: where the track is straightest, with a box ahead and one beside; where it bends most, with a box
     ahead in the other lane; and in traffic, a car ahead and one behind."""
     steps = np.linspace(0.0, track.length, 200, endpoint=False).tolist()
@@ -86,9 +86,11 @@ def views(track: TrackGeometry) -> tuple[View, ...]:
         return make(*track.lane_centre(metres, side))
 
     return (
-        View(*track.lane_centre(straight, "outer"), (lane(box, straight + 1.1, "outer"), lane(box, straight, "inner"))),
-        View(*track.lane_centre(bend, "inner"), (lane(box, bend + 1.0, "outer"), lane(box, bend + 2.2, "inner"))),
-        View(*track.point_at(straight), (lane(car, straight + 0.8, "inner"), lane(car, straight - 0.5, "outer"))),
+        Viewpoint(
+            *track.lane_centre(straight, "outer"), (lane(box, straight + 1.1, "outer"), lane(box, straight, "inner"))
+        ),
+        Viewpoint(*track.lane_centre(bend, "inner"), (lane(box, bend + 1.0, "outer"), lane(box, bend + 2.2, "inner"))),
+        Viewpoint(*track.point_at(straight), (lane(car, straight + 0.8, "inner"), lane(car, straight - 0.5, "outer"))),
     )
 
 
@@ -106,7 +108,7 @@ def _frames(reading: np.ndarray) -> list[np.ndarray]:
     return [larger[:, :, channel] for channel in range(larger.shape[2])]
 
 
-class _Canvas:
+class _LidarCanvas:
     """A square seen from above: metres from the lidar, x to the front (up), y to the left."""
 
     def __init__(self, reach_m: float) -> None:
@@ -138,13 +140,13 @@ class _Canvas:
             cv2.polylines(self.pixels, [corners], True, grey, 1, cv2.LINE_AA, _SHIFT)
 
 
-def _fan(name: str, reading: np.ndarray, view: View, config: Mapping[str, float]) -> np.ndarray:
+def _fan(name: str, reading: np.ndarray, view: Viewpoint, config: Mapping[str, float]) -> np.ndarray:
     """One lidar reading from above."""
     reach, sectors, steps = {
         "LIDAR": (lidar.RAW_LIMIT_M, lidar.BEAMS, 1),
         "SECTOR_LIDAR": (lidar.SECTOR_LIMIT_M, lidar.SECTORS, 1),
     }.get(name, (config["clipping_dist"], int(config["num_sectors"]), int(config["num_values_per_sector"])))
-    canvas = _Canvas(reach)
+    canvas = _LidarCanvas(reach)
     if name == "LIDAR":
         _beams(canvas, reading, reach)
     else:
@@ -155,7 +157,7 @@ def _fan(name: str, reading: np.ndarray, view: View, config: Mapping[str, float]
     return canvas.pixels
 
 
-def _beams(canvas: _Canvas, reading: np.ndarray, reach: float) -> None:
+def _beams(canvas: _LidarCanvas, reading: np.ndarray, reach: float) -> None:
     for bearing, metres in zip(lidar.BEAM_DEG, reading.tolist(), strict=True):
         end = _polar(metres, bearing)
         canvas.line((0.0, 0.0), end, _BEAM if metres < reach else _GRID)
@@ -163,7 +165,7 @@ def _beams(canvas: _Canvas, reading: np.ndarray, reach: float) -> None:
             canvas.dot(*end, _HIT)
 
 
-def _cells(canvas: _Canvas, groups: np.ndarray, reach: float) -> None:
+def _cells(canvas: _LidarCanvas, groups: np.ndarray, reach: float) -> None:
     """The sectors as pieces of a pie, each cut into its steps; those that are on are filled."""
     step_m, width = reach / groups.shape[1], lidar.BEAMS // groups.shape[0]
     half = (lidar.LAST_DEG - lidar.FIRST_DEG) / (lidar.BEAMS - 1) / 2  # a beam stands for so much to each side
@@ -183,7 +185,7 @@ def _polar(metres: float, bearing_deg: float) -> tuple[float, float]:
     return metres * math.cos(angle), metres * math.sin(angle)
 
 
-def _outlines(view: View) -> list[list[tuple[float, float]]]:
+def _outlines(view: Viewpoint) -> list[list[tuple[float, float]]]:
     """Corners of the car itself and of the solids about it, as its lidar sees them."""
     own = [(x - lidar.MOUNT_X, y) for x, y in _corners(0.0, 0.0, 0.0, _LENGTH / 2, _WIDTH / 2)]
     cos, sin = math.cos(view.yaw), math.sin(view.yaw)

@@ -16,7 +16,7 @@ from typing import Any
 
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 from paddock.rules.race import RaceRules
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import cpu_model
@@ -38,7 +38,7 @@ _STOP_EVERY_S = 0.25
 
 
 @dataclass(frozen=True)
-class RivalCar:
+class RivalModel:
     """Another submitted car in the same world, as in :class:`RaceJob`."""
 
     onnx: bytes
@@ -49,7 +49,7 @@ class RivalCar:
 @dataclass(frozen=True)
 class RaceJob:
     """What to evaluate. ``metadata``: the model's checked ``model_metadata.json``; ``onnx``: its canonical bytes;
-    ``facts``: what its admission found out (:class:`paddock.network.bound.Facts`), None if that is not known.
+    ``facts``: what its admission found out (:class:`paddock.network.bound.NetworkFacts`), None if that is not known.
 
     ``rivals``: cars 1, 2 and 3; the model itself is car 0. ``look``: what cameras see of the track, the name of one of
     ``paddock.simulator.camera.theme.THEMES``. Raises UserFault (:func:`evaluation.rivals.check_rivals`).
@@ -59,7 +59,7 @@ class RaceJob:
     rules: RaceRules
     onnx: bytes
     metadata: dict[str, Any]
-    rivals: tuple[RivalCar, ...] = ()
+    rivals: tuple[RivalModel, ...] = ()
     look: str = OFFICIAL.name
     facts: dict[str, Any] | None = None
 
@@ -82,7 +82,7 @@ class PolicyBudget:
 
 
 @dataclass(frozen=True)
-class CarOutcome:
+class CompetitorOutcome:
     """What came of one car. ``laps``: dicts of :class:`paddock.simulator.race.LapResult`; times in simulated ms.
 
     ``trace_csv``: the official sim-trace; ``metrics``: the field's evaluation metrics. ``retired``: the fault that took
@@ -99,7 +99,7 @@ class CarOutcome:
 
 @dataclass(frozen=True)
 class EvaluationOutcome:
-    """What came of an evaluation: car 0 as in :class:`CarOutcome`, and ``rivals``.
+    """What came of an evaluation: car 0 as in :class:`CompetitorOutcome`, and ``rivals``.
 
     ``layout``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... a row], ... a bot]}`` in
     metres and radians. ``order``: the numbers of all cars, winner first. ``simulated_ms`` and ``steps``: until the last
@@ -107,7 +107,7 @@ class EvaluationOutcome:
     which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
     sets of policies and runner added up. ``ways``: for each car, how many steps were answered in each of the ways of
     :data:`evaluation.sandbox.policy_wire.WAYS`. ``inexact``: numbers of cars whose bound did not hold
-    (:class:`paddock.network.bound.Facts`); all was driven again without it.
+    (:class:`paddock.network.bound.NetworkFacts`); all was driven again without it.
     """
 
     laps: list[dict[str, Any]]
@@ -126,7 +126,7 @@ class EvaluationOutcome:
     retired: dict[str, Any] | None = None
     layout: dict[str, list] = field(default_factory=dict)
     order: list[int] = field(default_factory=lambda: [0])
-    rivals: list[CarOutcome] = field(default_factory=list)
+    rivals: list[CompetitorOutcome] = field(default_factory=list)
     ways: list[list[int]] = field(default_factory=list)
     inexact: list[int] = field(default_factory=list)
 
@@ -168,7 +168,7 @@ def evaluate(
 
 def _exactly(job: RaceJob, numbers: Sequence[int]) -> RaceJob:
     """The job with cars whose answers are all computed in float64."""
-    exact = Facts(bound=None).to_dict()
+    exact = NetworkFacts(bound=None).to_dict()
     rivals = tuple(
         replace(rival, facts=exact) if number in numbers else rival for number, rival in enumerate(job.rivals, 1)
     )
@@ -239,7 +239,7 @@ class _Run:
         """Hand out the job and the networks, so that the next message starts the race. The version of onnxruntime."""
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
-        cars: list[RaceJob | RivalCar] = [job, *job.rivals]
+        cars: list[RaceJob | RivalModel] = [job, *job.rivals]
         described = {**self._crew.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         try:
             write_message(
@@ -365,7 +365,7 @@ def _outcome(
     """What the runner's last message says. Raises KeyError, TypeError, ValueError, IndexError for one of no form."""
     layout, *traces = blobs
     first, *rivals = [
-        CarOutcome(**{**car, "retired": _why(car["retired"], retired.get(number))}, trace_csv=trace)
+        CompetitorOutcome(**{**car, "retired": _why(car["retired"], retired.get(number))}, trace_csv=trace)
         for number, (car, trace) in enumerate(zip(result.pop("cars"), traces, strict=True))
     ]
     result["versions"]["onnxruntime"] = onnxruntime

@@ -33,9 +33,9 @@ from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.engine import versions
 from paddock.simulator.metrics import metrics_json
-from paddock.simulator.race import CarResult, Entrant, Policy, Progress, RaceResult, run_race
+from paddock.simulator.race import CompetitorRun, Entrant, Policy, Progress, RaceResult, run_race
 from paddock.simulator.sensors import sensor_spec
-from paddock.simulator.stage import Ground
+from paddock.simulator.stage import PreparedTrack
 from paddock.simulator.world import make_ready
 
 from .sandbox.frames import FrameError, read_message, write_message
@@ -67,7 +67,7 @@ def main(frames_in: int, frames_out: int) -> None:
 def _run(frames_in: int, frames_out: int) -> None:
     job, _ = read_message(frames_in)
     venues: list[dict[str, Any]] = job.get("venues", [])
-    grounds: list[Ground] = []
+    grounds: list[PreparedTrack] = []
     if venues:
         for venue in venues:
             if select.select([frames_in], [], [], 0)[0]:
@@ -110,7 +110,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         ground=ground,
     )
     telling.finish()
-    cars: list[RaceResult | CarResult] = [result, *result.rivals]
+    cars: list[RaceResult | CompetitorRun] = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
     layout = json.dumps(result.layout, allow_nan=False, separators=(",", ":")).encode()
     blobs = [layout, *(car.trace.to_csv() for car in cars)]
@@ -120,13 +120,13 @@ def _run(frames_in: int, frames_out: int) -> None:
         read_message(frames_in)
 
 
-def _ground(venue: dict[str, Any]) -> Ground:
+def _ground(venue: dict[str, Any]) -> PreparedTrack:
     """The ground of an :class:`evaluation.venue.Venue`."""
     track = TrackGeometry.from_trusted_dict(venue["track"])  # the worker sent it
-    return Ground(track, venue["direction"], THEMES[venue["look"]])
+    return PreparedTrack(track, venue["direction"], THEMES[venue["look"]])
 
 
-def _rehearsed(ground: Ground) -> Ground:
+def _rehearsed(ground: PreparedTrack) -> PreparedTrack:
     """``ground`` after a drive on it, straight on: a race on it then finds everything drawn, loaded and warm."""
     run_race(
         ground.track,
@@ -206,7 +206,7 @@ def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, 
     return {"inputs": inputs, "outputs": space.size, "ranges": space.ranges}
 
 
-def _outcome(result: RaceResult, cars: Sequence[RaceResult | CarResult]) -> dict[str, Any]:
+def _outcome(result: RaceResult, cars: Sequence[RaceResult | CompetitorRun]) -> dict[str, Any]:
     return {
         "cars": [
             {

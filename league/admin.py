@@ -23,7 +23,7 @@ from .services.seasons import FIXED_ONCE_OFFICIAL, edition_of
 _OFFICIAL = _("The results of this round are official, so it stays as it is. Take them back first, under Rounds.")
 
 
-class RoundForm(ModelForm):
+class RoundAdminForm(ModelForm):
     """A round; its stage is the usual one of its race's division unless another is chosen."""
 
     def clean(self) -> dict:
@@ -57,14 +57,14 @@ class RoundInline(admin.TabularInline):
     """The races that are the season's rounds. A race is made first, under Races, then named here."""
 
     model = Round
-    form = RoundForm
+    form = RoundAdminForm
     formset = RoundFormSet
     extra = 1
     autocomplete_fields = ("race",)
     ordering = ("number", "race__division")
 
 
-class SeasonForm(ModelForm):
+class SeasonAdminForm(ModelForm):
     """A season's settings, held against what stood there when the form was opened."""
 
     edition = CharField(required=False, widget=HiddenInput)
@@ -93,7 +93,7 @@ class SeasonForm(ModelForm):
 class SeasonAdmin(admin.ModelAdmin):
     """Seasons and their rounds. What official results were worked out from is not changed after the fact."""
 
-    form = SeasonForm
+    form = SeasonAdminForm
     list_display = ("name", "slug", "starts_on", "ends_on", "round_count")
     list_filter = ("starts_on",)
     search_fields = ("name", "slug")

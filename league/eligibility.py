@@ -6,7 +6,7 @@ from datetime import datetime
 
 from accounts.models import Racer
 from paddock.errors import UserFault
-from races.models import Division, Kind, Race
+from races.models import Division, Race, RaceKind
 
 from .models.season import WITH_FIELD
 from .selectors import field_of
@@ -19,7 +19,7 @@ def check_division(race: Race, racer: Racer, now: datetime) -> None:
     Community races and races of all divisions are everybody's. A round that is due counts once it is official: a check
     writes nothing. Raises UserFault("race_pro_only" | "race_open_only" | "race_not_in_field").
     """
-    if race.kind != Kind.LEAGUE or race.division == Division.ALL:
+    if race.kind != RaceKind.LEAGUE or race.division == Division.ALL:
         return
     round_ = round_of(race, racer)
     division = Division.OPEN

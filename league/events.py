@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from core.events import Kind, register
+from core.events import EventKind, register
 from races.events import RACE
 
 _WHO = ("racer", "race", "subject")
 
 # subject: the season's address
-PROMOTED = register(Kind("racer.promoted", "a racer is promoted by a round", RACE, _WHO, ("round",)))
-IN_FINALE = register(Kind("racer.finale", "a racer is in a finale by a round", RACE, _WHO, ("round",)))
+PROMOTED = register(EventKind("racer.promoted", "a racer is promoted by a round", RACE, _WHO, ("round",)))
+IN_FINALE = register(EventKind("racer.finale", "a racer is in a finale by a round", RACE, _WHO, ("round",)))
 QUALIFIED = register(
-    Kind("racer.qualified", "a racer has qualified for the championship by a round", RACE, _WHO, ("round",))
+    EventKind("racer.qualified", "a racer has qualified for the championship by a round", RACE, _WHO, ("round",))
 )
 # subject: the number of the stewards' decision
-DISQUALIFIED = register(Kind("racer.disqualified", "stewards have disqualified a racer", RACE, _WHO, ("reason",)))
-RESTORED = register(Kind("racer.restored", "stewards have put a racer back", RACE, _WHO, ("reason",)))
+DISQUALIFIED = register(EventKind("racer.disqualified", "stewards have disqualified a racer", RACE, _WHO, ("reason",)))
+RESTORED = register(EventKind("racer.restored", "stewards have put a racer back", RACE, _WHO, ("reason",)))

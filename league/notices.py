@@ -39,7 +39,7 @@ APPEAL_UNTIL = gettext_noop(
 def sentence(notice: Notice) -> str:
     """What the notice says. Parameters that are missing from an old one stand as dashes."""
     names = {key: named(notice.params[key]) for key in _NAMES if isinstance(notice.params.get(key), str)}
-    params = _Params({**notice.params, **names})
+    params = _NoticeParams({**notice.params, **names})
     if notice.kind == NoticeKind.RESULT and len(notice.params) > 1:
         return _result(params)
     said = _(SENTENCES[NoticeKind(notice.kind)])
@@ -53,7 +53,7 @@ def sentence(notice: Notice) -> str:
 _NAMES = ("race", "season", "month")
 
 
-def _result(said: _Params) -> str:
+def _result(said: _NoticeParams) -> str:
     """The result itself: what ranks and the place, or why there is none, and what it changed."""
     if "reason" in said:
         why = reason_sentence(said["reason"], said.get("reason_params") or {})
@@ -61,17 +61,17 @@ def _result(said: _Params) -> str:
     if said.get("score_ms") is None:
         text = _("Your car in %(race)s is not classified: %(streak)s of %(needed)s complete laps in a row.") % said
     elif said.get("rank") is None:
-        text = _("Your car in %(race)s: %(score)s.") % _Params(said, score=clock(said["score_ms"]))
+        text = _("Your car in %(race)s: %(score)s.") % _NoticeParams(said, score=clock(said["score_ms"]))
     else:
-        score = _Params(said, score=clock(said["score_ms"]))
+        score = _NoticeParams(said, score=clock(said["score_ms"]))
         text = _("Your car in %(race)s: %(score)s. You are in place %(rank)s of %(of)s.") % score
     return " ".join([text, change_sentence(said.get("change", ""), said.get("by", 0))]).strip()
 
 
-def _retimed(said: str, params: _Params) -> str:
+def _retimed(said: str, params: _NoticeParams) -> str:
     """Both scores with their places, and why there is none any more."""
     old, new = (_placed(params.get(f"{which}_score_ms"), params.get(f"{which}_rank")) for which in ("old", "new"))
-    text = said % _Params(params, old=old, new=new)
+    text = said % _NoticeParams(params, old=old, new=new)
     why = params.get("reason")
     return f"{text} {reason_sentence(why, params.get('reason_params') or {})}" if why else text
 
@@ -84,6 +84,6 @@ def _placed(score_ms: int | None, rank: int | None) -> str:
     return _("%(score)s (place %(rank)s)") % {"score": clock(score_ms), "rank": rank}
 
 
-class _Params(dict):
+class _NoticeParams(dict):
     def __missing__(self, key: str) -> str:
         return "–"

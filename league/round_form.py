@@ -52,7 +52,7 @@ class RoundForm(RaceForm):
 
 
 @dataclass(frozen=True)
-class Change:
+class RoundChange:
     """What a race has instead of its pattern. ``data``: what the race's form sent; ``fields``: those that differ."""
 
     data: Mapping[str, list[str]]
@@ -63,7 +63,7 @@ class Change:
         return RoundForm(MultiValueDict(dict(self.data)), race=race, zone=zone, now=now)
 
 
-def read_changes(text: str) -> dict[str, Change]:
+def read_changes(text: str) -> dict[str, RoundChange]:
     """The changes that travelled with a plan, by the key of their round; what makes no sense is left out."""
     try:
         told = json.loads(text) if text and len(text) <= MOST_CHARACTERS else {}
@@ -73,17 +73,17 @@ def read_changes(text: str) -> dict[str, Change]:
     for key, one in told.items() if isinstance(told, dict) else ():
         data, fields = (one.get("data"), one.get("fields")) if isinstance(one, dict) else (None, None)
         if is_sent(data) and isinstance(fields, list) and all(isinstance(name, str) for name in fields):
-            changes[key] = Change(data, tuple(fields))
+            changes[key] = RoundChange(data, tuple(fields))
     return changes
 
 
-def write_changes(changes: Mapping[str, Change]) -> str:
+def write_changes(changes: Mapping[str, RoundChange]) -> str:
     """The changes as they travel with a plan."""
     told = {key: {"data": dict(one.data), "fields": list(one.fields)} for key, one in sorted(changes.items())}
     return json.dumps(told) if told else ""
 
 
-def values_of(changes: Mapping[str, Change], zone: ZoneInfo, now: datetime) -> dict[str, dict[str, Any]]:
+def values_of(changes: Mapping[str, RoundChange], zone: ZoneInfo, now: datetime) -> dict[str, dict[str, Any]]:
     """The fields that single races have instead of their pattern, by key. What the form refuses is left out."""
     values = {}
     for key, one in changes.items():
@@ -94,7 +94,7 @@ def values_of(changes: Mapping[str, Change], zone: ZoneInfo, now: datetime) -> d
     return values
 
 
-def change_of(form: RoundForm, pattern: RoundPlan) -> Change | None:
+def change_of(form: RoundForm, pattern: RoundPlan) -> RoundChange | None:
     """What a valid form makes of a race that would be ``pattern`` otherwise; None where that is the same."""
     said, race = form.changes(), pattern.unsaved()
     fields = [name for name, value in said.items() if getattr(race, name) != value]
@@ -102,7 +102,9 @@ def change_of(form: RoundForm, pattern: RoundPlan) -> Change | None:
         fields += [name for name in _TOGETHER if name in said and name not in fields]
     if not fields:
         return None
-    return Change({name: form.data.getlist(name) for name in form.data if name not in _NOT_OF_THE_RACE}, tuple(fields))
+    return RoundChange(
+        {name: form.data.getlist(name) for name in form.data if name not in _NOT_OF_THE_RACE}, tuple(fields)
+    )
 
 
 def is_sent(data: object) -> TypeGuard[dict[str, list[str]]]:

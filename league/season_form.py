@@ -24,7 +24,7 @@ from tracks.models import Direction, Track
 from .calendars import zone_names
 from .models import Season, StageRules
 from .models.season import RESERVED_SLUGS
-from .round_form import Change, read_changes, values_of
+from .round_form import RoundChange, read_changes, values_of
 from .services.template import MonthPlan, SeasonPlan, Turning
 from .stage_fields import BOTS, BOXES, DUELS, STAGES, TURNS, named, stage_fields, stage_plan
 
@@ -133,7 +133,7 @@ class SeasonForm(forms.Form):
             self.add_error("slug", problem("season_exists", season=slug))
         return cleaned
 
-    def plan(self, now: datetime, changes: Mapping[str, Change] | None = None) -> SeasonPlan:
+    def plan(self, now: datetime, changes: Mapping[str, RoundChange] | None = None) -> SeasonPlan:
         """What the valid form says; with ``changes`` of single races instead of those that came with the form."""
         data = self.cleaned_data
         zone = zoneinfo.ZoneInfo(data["zone"])
@@ -162,7 +162,7 @@ class SeasonForm(forms.Form):
             **{name: data[name] for name in times},
         )
 
-    def round_changes(self) -> dict[str, Change]:
+    def round_changes(self) -> dict[str, RoundChange]:
         """What single races have instead of their pattern, by key."""
         return read_changes(self.cleaned_data["changes"])
 

@@ -10,7 +10,7 @@ from django.utils.translation import gettext as _
 from .ranking import Standing
 
 
-class Kind(StrEnum):
+class ChangeKind(StrEnum):
     """How two results of a racer compare. By time in milliseconds, by distance in percent of a lap."""
 
     FIRST = "first"  # nothing earlier
@@ -24,14 +24,14 @@ class Kind(StrEnum):
     LESS_FAR = "less_far"
 
 
-BETTER = (Kind.FIRST, Kind.FASTER, Kind.CLASSIFIED, Kind.TIE_WON, Kind.FARTHER)
-WORSE = (Kind.SLOWER, Kind.LOST, Kind.LESS_FAR)
+BETTER = (ChangeKind.FIRST, ChangeKind.FASTER, ChangeKind.CLASSIFIED, ChangeKind.TIE_WON, ChangeKind.FARTHER)
+WORSE = (ChangeKind.SLOWER, ChangeKind.LOST, ChangeKind.LESS_FAR)
 
 
 class Change(NamedTuple):
     """``by``: milliseconds or percent of a lap, not negative; 0 where the kind has no amount."""
 
-    kind: Kind
+    kind: ChangeKind
     by: int = 0
 
     @property
@@ -52,30 +52,30 @@ class Change(NamedTuple):
 def change(standing: Standing, before: Standing | None) -> Change:
     """How a result compares with the best of the earlier ones; ``before=None``: there is none."""
     if before is None:
-        return Change(Kind.FIRST)
+        return Change(ChangeKind.FIRST)
     if standing.classified != before.classified:
-        return Change(Kind.CLASSIFIED if standing.classified else Kind.LOST)
-    tied = Change(Kind.TIE_WON if standing.key < before.key else Kind.SAME)
+        return Change(ChangeKind.CLASSIFIED if standing.classified else ChangeKind.LOST)
+    tied = Change(ChangeKind.TIE_WON if standing.key < before.key else ChangeKind.SAME)
     if standing.classified:
         by = (standing.score_ms or 0) - (before.score_ms or 0)
-        return tied if not by else Change(Kind.FASTER if by < 0 else Kind.SLOWER, abs(by))
+        return tied if not by else Change(ChangeKind.FASTER if by < 0 else ChangeKind.SLOWER, abs(by))
     by = standing.driven_percent - before.driven_percent
-    return tied if not by else Change(Kind.FARTHER if by > 0 else Kind.LESS_FAR, abs(by))
+    return tied if not by else Change(ChangeKind.FARTHER if by > 0 else ChangeKind.LESS_FAR, abs(by))
 
 
 def sentence(kind: str, by: int) -> str:
     """A change in a sentence of the reader's language; of a result that is not better, that the board did not change.
     Empty for a kind that is not known."""
     said: dict[str, str] = {
-        Kind.FIRST: _("Your first result in this race."),
-        Kind.FASTER: _("%(by)s s faster than before."),
-        Kind.SLOWER: _("%(by)s s slower than before: the board did not change."),
-        Kind.CLASSIFIED: _("Classified here for the first time."),
-        Kind.LOST: _("An earlier car of yours is classified: the board did not change."),
-        Kind.TIE_WON: _("As fast as before, and better by the best lap or by fewer resets."),
-        Kind.SAME: _("No better than before: the board did not change."),
-        Kind.FARTHER: _("%(by)s %% of a lap farther than before."),
-        Kind.LESS_FAR: _("%(by)s %% of a lap less far than before: the board did not change."),
+        ChangeKind.FIRST: _("Your first result in this race."),
+        ChangeKind.FASTER: _("%(by)s s faster than before."),
+        ChangeKind.SLOWER: _("%(by)s s slower than before: the board did not change."),
+        ChangeKind.CLASSIFIED: _("Classified here for the first time."),
+        ChangeKind.LOST: _("An earlier car of yours is classified: the board did not change."),
+        ChangeKind.TIE_WON: _("As fast as before, and better by the best lap or by fewer resets."),
+        ChangeKind.SAME: _("No better than before: the board did not change."),
+        ChangeKind.FARTHER: _("%(by)s %% of a lap farther than before."),
+        ChangeKind.LESS_FAR: _("%(by)s %% of a lap less far than before: the board did not change."),
     }
-    timed = kind in (Kind.FASTER, Kind.SLOWER)
+    timed = kind in (ChangeKind.FASTER, ChangeKind.SLOWER)
     return said.get(kind, "") % {"by": f"{by // 1000}.{by % 1000:03}" if timed else by}

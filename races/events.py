@@ -11,7 +11,7 @@ from typing import Any
 from django.db.models import Q
 from django.utils import timezone
 
-from core.events import Event, Kind, record, register, register_audience
+from core.events import Event, EventKind, record, register, register_audience
 from evaluation.events import RUN
 from evaluation.models import Evaluation
 
@@ -21,17 +21,19 @@ from .models import Race
 RACE = "race"
 _OF_RACE = ("race", "subject")
 
-RACE_OPENED = register(Kind("race.opened", "a race has opened", RACE, _OF_RACE, once="race and opening time"))
+RACE_OPENED = register(EventKind("race.opened", "a race has opened", RACE, _OF_RACE, once="race and opening time"))
 RACE_CLOSING = register(
-    Kind("race.closing", "a race closes in less than a day", RACE, _OF_RACE, once="race and closing time")
+    EventKind("race.closing", "a race closes in less than a day", RACE, _OF_RACE, once="race and closing time")
 )
-RACE_CLOSED = register(Kind("race.closed", "a race has closed", RACE, _OF_RACE, once="race and closing time"))
-RACE_CANCELLED = register(Kind("race.cancelled", "a race was cancelled", RACE, _OF_RACE, ("reason",)))
+RACE_CLOSED = register(EventKind("race.closed", "a race has closed", RACE, _OF_RACE, once="race and closing time"))
+RACE_CANCELLED = register(EventKind("race.cancelled", "a race was cancelled", RACE, _OF_RACE, ("reason",)))
 RACE_OFFICIAL = register(
-    Kind("race.official", "the results of a race are official", RACE, _OF_RACE, once="race and time of its closing")
+    EventKind(
+        "race.official", "the results of a race are official", RACE, _OF_RACE, once="race and time of its closing"
+    )
 )
 RACE_RESULT = register(
-    Kind(
+    EventKind(
         "race.result",
         "a car was timed in a race, and its result counts",
         RUN,
@@ -41,14 +43,14 @@ RACE_RESULT = register(
     )
 )
 RACE_BOARD = register(
-    Kind("race.board", "a board changed by more than a result: somebody left or came back", RACE, _OF_RACE)
+    EventKind("race.board", "a board changed by more than a result: somebody left or came back", RACE, _OF_RACE)
 )
 RACE_RETIMED = register(
-    Kind("race.retimed", "all runs of a race were driven again with another engine", RACE, _OF_RACE, ("engine",))
+    EventKind("race.retimed", "all runs of a race were driven again with another engine", RACE, _OF_RACE, ("engine",))
 )
-DUELS_DRAWN = register(Kind("duels.drawn", "the duels of a race are drawn", RACE, _OF_RACE, ("cars",)))
-DUEL_DECIDED = register(Kind("duel.decided", "a heat of a race is decided", RACE, _OF_RACE, ("round", "number")))
-DUELS_OVER = register(Kind("duels.over", "the last heat of a race is decided", RACE, _OF_RACE))
+DUELS_DRAWN = register(EventKind("duels.drawn", "the duels of a race are drawn", RACE, _OF_RACE, ("cars",)))
+DUEL_DECIDED = register(EventKind("duel.decided", "a heat of a race is decided", RACE, _OF_RACE, ("round", "number")))
+DUELS_OVER = register(EventKind("duels.over", "the last heat of a race is decided", RACE, _OF_RACE))
 
 
 def of_race(race: Race) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import Quota
 
-from .models import Kind, Race
+from .models import Race, RaceKind
 
 
 def _races(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
     """Community races that are neither over nor cancelled."""
-    held = Race.objects.filter(kind=Kind.COMMUNITY, cancelled_at=None, closes_at__gt=now).exclude(organiser=None)
+    held = Race.objects.filter(kind=RaceKind.COMMUNITY, cancelled_at=None, closes_at__gt=now).exclude(organiser=None)
     if racers is not None:
         held = held.filter(organiser__in=racers)
     return dict(held.order_by().values_list("organiser").annotate(Count("pk")))

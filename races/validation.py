@@ -12,7 +12,7 @@ from paddock.rules.race import RULES
 
 from .errors import RaceRefused, problem
 from .layout import check_layout
-from .models import Kind, Race, RaceState
+from .models import Race, RaceKind, RaceState
 
 MAX_DURATION = timedelta(days=366)
 MAX_AHEAD = timedelta(days=2 * 366)
@@ -98,7 +98,7 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
             if race.closes_at <= now:
                 problems["closes_at"] = problem("race_already_over")
             # a league's month may be scheduled after it has begun
-            elif race.kind == Kind.COMMUNITY and race.opens_at < now - OPENING_SLACK:
+            elif race.kind == RaceKind.COMMUNITY and race.opens_at < now - OPENING_SLACK:
                 problems["opens_at"] = problem("race_opens_in_the_past")
     if before is not None:
         state = before.state_at(now)

@@ -15,7 +15,7 @@ from races.services import submit_model
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, laps, outcome, start
 from tracks.models import Track
-from videos.drawing import Scene, VideoFacts
+from videos.drawing import VideoFacts, VideoScene
 
 LAP_MS = 1_000
 
@@ -35,7 +35,7 @@ def driven_trace(track: Track, laps: int = 2, lap_ms: int = LAP_MS) -> bytes:
     return "\n".join([*rows, ""]).encode()
 
 
-def a_drawing(scene: Scene, out: Path, *, on_progress=None, is_stopped=None) -> VideoFacts:
+def a_drawing(scene: VideoScene, out: Path, *, on_progress=None, is_stopped=None) -> VideoFacts:
     """Instead of drawing, where a test is about the queue: a file that says what the scene shows."""
     content = f"{scene.title} {scene.followed} {scene.lap} {[car.name for car in scene.cars]}".encode()
     out.write_bytes(content)

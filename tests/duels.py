@@ -9,7 +9,7 @@ from typing import Any
 
 from accounts.models import Racer
 from evaluation.models import Evaluation
-from evaluation.pipeline import CarOutcome, EvaluationOutcome
+from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome
 from evaluation.services import finish_evaluation
 from paddock.errors import PlatformFault
 from races.models import Duel, DuelState, Entry, Race
@@ -63,7 +63,7 @@ def seeds(duel: Duel) -> list[int]:
 def duel_outcome(order: Sequence[int], times: Mapping[int, Sequence[int]], retired: Sequence[int]) -> EvaluationOutcome:
     """What the pipeline returns for cars 0 to n: who won, what laps each drove, who retired in its last lap."""
 
-    def car(number: int) -> CarOutcome:
+    def car(number: int) -> CompetitorOutcome:
         fault = "non_finite_action" if number in retired else ""
         return car_outcome(number, tuple(times.get(number, [LAP_MS] * 3)), retired=fault)
 

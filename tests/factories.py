@@ -16,7 +16,7 @@ from evaluation.pipeline import EvaluationOutcome
 from evaluation.services import EVALUATIONS, finish_evaluation
 from paddock.errors import PaddockError
 from paddock.simulator import engine
-from races.models import Kind, Race, Submission
+from races.models import Race, RaceKind, Submission
 from races.services import submit_model
 from tests.evaluation.stubs import trace_csv
 from tests.rows import model_row, track_row
@@ -68,7 +68,7 @@ def a_race(now: datetime, **fields: Any) -> Race:
     """A public community race on the oval, open from a day before ``now`` to a week after it."""
     number = next(_numbers)
     defaults: dict[str, Any] = {
-        "kind": Kind.COMMUNITY,
+        "kind": RaceKind.COMMUNITY,
         "slug": f"race-{number}",
         "name": f"Race {number}",
         "opens_at": now - timedelta(days=1),

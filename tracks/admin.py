@@ -20,7 +20,7 @@ from paddock.errors import UserFault
 from paddock.geometry.npy import MAX_BYTES
 
 from .drawing import draw_svg
-from .models import Look, Track
+from .models import Track, TrackLook
 from .services import import_track
 
 
@@ -29,7 +29,7 @@ class ImportForm(forms.ModelForm):
 
     file = forms.FileField(label=_("track file (.npy)"), allow_empty_file=True)
     importer: Racer
-    look = forms.ChoiceField(label=_("look"), choices=Look.choices, initial=Look.OFFICIAL, required=False)
+    look = forms.ChoiceField(label=_("look"), choices=TrackLook.choices, initial=TrackLook.OFFICIAL, required=False)
 
     class Meta:
         model = Track
@@ -51,7 +51,7 @@ class ImportForm(forms.ModelForm):
                 now=timezone.now(),
                 slug=data["slug"] or None,
                 description=data["description"],
-                look=data["look"] or Look.OFFICIAL,
+                look=data["look"] or TrackLook.OFFICIAL,
             )
         except UserFault as fault:
             field = {"track_name": "name", "track_slug": "slug"}.get(fault.code, "file")

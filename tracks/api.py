@@ -20,7 +20,7 @@ from core.bodies import Body, read_as
 from paddock.geometry.npy import MAX_BYTES
 
 from . import services
-from .models import Direction, Look, Track
+from .models import Direction, Track, TrackLook
 from .selectors import all_tracks
 
 LINE = {
@@ -51,7 +51,7 @@ class TrackSerializer(serializers.Serializer):
     width_m = serializers.FloatField(allow_null=True, help_text="Between the borders, median; null likewise.")
     direction = serializers.ChoiceField(Direction.choices, help_text="In which the file's own points run.")
     fingerprint = serializers.CharField(help_text="sha-256 of the points.")
-    look = serializers.ChoiceField(Look.choices, help_text="What cameras see of it.")
+    look = serializers.ChoiceField(TrackLook.choices, help_text="What cameras see of it.")
     is_catalogue = serializers.BooleanField(help_text="One of Paddock's own tracks.")
     imported_by = serializers.CharField(source="owner.alias", default=None, allow_null=True)
     created_at = serializers.DateTimeField()
@@ -74,7 +74,7 @@ class ImportSerializer(Body):
     )
     name = serializers.CharField(help_text="1 to 64 characters.")
     description = serializers.CharField(required=False, allow_blank=True, max_length=1000)
-    look = serializers.ChoiceField(Look.choices, required=False, help_text="What cameras see of it; for good.")
+    look = serializers.ChoiceField(TrackLook.choices, required=False, help_text="What cameras see of it; for good.")
 
 
 @extend_schema_view(

@@ -7,7 +7,7 @@ from django.utils.translation import gettext_lazy as _
 
 from paddock.geometry.npy import MAX_BYTES
 
-from .models import Look
+from .models import TrackLook
 
 
 class ImportTrackForm(forms.Form):
@@ -26,15 +26,15 @@ class ImportTrackForm(forms.Form):
 
     look = forms.ChoiceField(
         label=_("Look"),
-        choices=Look.choices,
-        initial=Look.OFFICIAL,
+        choices=TrackLook.choices,
+        initial=TrackLook.OFFICIAL,
         required=False,
         help_text=_("What cameras see of it: lines, dashes, greys and the wall. It stays as it is for good."),
     )
 
     def clean_look(self) -> str:
         """The official one where none is named."""
-        return self.cleaned_data["look"] or Look.OFFICIAL
+        return self.cleaned_data["look"] or TrackLook.OFFICIAL
 
     def data_bytes(self) -> bytes:
         """The file's bytes, one more than any track may have at most, so that a huge upload is not read whole."""

@@ -22,7 +22,7 @@ class Direction(models.TextChoices):
     CW = "cw", _("clockwise")
 
 
-class Look(models.TextChoices):
+class TrackLook(models.TextChoices):
     """How a track looks to cameras: the names of the themes in paddock.simulator.camera.theme."""
 
     OFFICIAL = "official", _("as in the official simulator")
@@ -45,7 +45,9 @@ class Track(models.Model):
     length_m = models.FloatField(_("length in metres"), null=True, blank=True, editable=False)
     width_m = models.FloatField(_("width in metres"), null=True, blank=True, editable=False)
     direction = models.CharField(_("the file's own direction"), max_length=3, choices=Direction.choices, editable=False)
-    look = models.CharField(_("look"), max_length=16, choices=Look.choices, default=Look.OFFICIAL, editable=False)
+    look = models.CharField(
+        _("look"), max_length=16, choices=TrackLook.choices, default=TrackLook.OFFICIAL, editable=False
+    )
     is_catalogue = models.BooleanField(_("from the catalogue"), default=False, editable=False)
     owner = models.ForeignKey(
         settings.AUTH_USER_MODEL,
@@ -70,7 +72,7 @@ class Track(models.Model):
                 name="track_has_both_measures_or_no_shape",
             ),
             models.CheckConstraint(condition=models.Q(direction__in=Direction.values), name="track_direction_known"),
-            models.CheckConstraint(condition=models.Q(look__in=Look.values), name="track_look_known"),
+            models.CheckConstraint(condition=models.Q(look__in=TrackLook.values), name="track_look_known"),
         ]
 
     def __str__(self) -> str:

@@ -20,7 +20,7 @@ from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.npy import read_npy, write_npy
 from paddock.geometry.track import TrackGeometry
 
-from .models import Look, Track
+from .models import Track, TrackLook
 from .quotas import TRACKS
 
 if TYPE_CHECKING:
@@ -43,20 +43,20 @@ def import_track(
     is_catalogue: bool = False,
     slug: str | None = None,
     description: str = "",
-    look: str = Look.OFFICIAL,
+    look: str = TrackLook.OFFICIAL,
 ) -> Track:
     """Keep the track of a community ``.npy`` file, under an address made from its name unless ``slug`` says another.
 
     ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
-    ``look``: one of :class:`tracks.models.Look`, for good: cars of one race must see the same track.
+    ``look``: one of :class:`tracks.models.TrackLook`, for good: cars of one race must see the same track.
     Raises UserFault("track_...") for a file that is no track (see :mod:`paddock.geometry.npy`), "track_known" (with
     ``name`` and ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
     "track_look".
     """
     name = _valid_name(name)
-    if look not in Look.values:
-        raise UserFault("track_look", looks=", ".join(Look.values))
+    if look not in TrackLook.values:
+        raise UserFault("track_look", looks=", ".join(TrackLook.values))
     shapeless = _shapeless(name, slug) if owner is None else None
     if slug is not None and shapeless is None:
         _refuse_slug(slug)

@@ -52,9 +52,9 @@ def _prove() -> Proof:
 
 def _read_policies_of_sb3() -> None:
     """Uploads of stable-baselines3's zips are read where torch is installed, in a process in the sandbox."""
-    from evaluation.admit import PROCESSES, Reader
+    from evaluation.admit import PROCESSES, UploadReader
     from evaluation.sandbox.limits import SB3_CONVERTER
     from paddock.packages.kinds import SB3
 
     if find_spec("torch") is not None:
-        PROCESSES[SB3] = Reader("training.sb3.process", SB3_CONVERTER, start_s=120.0, random=True)
+        PROCESSES[SB3] = UploadReader("training.sb3.process", SB3_CONVERTER, start_s=120.0, random=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from core.events import OWN, Kind, record, register
+from core.events import OWN, EventKind, record, register
 
 from .models import TrainingJob
 
 TRAINING_ENDED = register(
-    Kind("training.ended", "a training has ended", OWN, ("racer", "subject"), ("ended_because", "reason"))
+    EventKind("training.ended", "a training has ended", OWN, ("racer", "subject"), ("ended_because", "reason"))
 )
 
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from core.archive import Part, part_of, part_of_gzip, zipped
+from core.archive import ZipPart, part_of, part_of_gzip, zipped
 from evaluation.robomaker import HYPERPARAMETERS, METADATA, settings_lines, trace_lines
 from evaluation.services.stored import read, read_gzip
 from paddock.errors import PlatformFault
@@ -115,7 +115,7 @@ def logs_zip(job: TrainingJob) -> Iterator[bytes]:
     return zipped(_parts(job))
 
 
-def _parts(job: TrainingJob) -> Iterator[Part]:
+def _parts(job: TrainingJob) -> Iterator[ZipPart]:
     yield part_of("metrics/training/training-metrics.json", metrics_json(job))
     yield part_of("reward_function.py", [job.reward_code.encode()])
     yield part_of(METADATA, [json.dumps(job.metadata, indent=1).encode()])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
 
-from evaluation.cars import CarRow, car_rows
+from evaluation.competitors import CompetitorRow, car_rows
 from evaluation.models import Evaluation, State
 from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
@@ -20,7 +20,7 @@ from .hooks import runs
 from .models import WHOLE, Video
 
 if TYPE_CHECKING:
-    from videos.drawing import Scene
+    from videos.drawing import VideoScene
 
 FORMAT = 2  # raise it whenever the picture changes: videos of another format are made anew
 
@@ -30,16 +30,16 @@ class VideoRun:
     """A finished run with all that its videos show: its cars, winner first."""
 
     evaluation: Evaluation
-    cars: Sequence[CarRow]
+    cars: Sequence[CompetitorRow]
 
     @classmethod
-    def of(cls, evaluation: Evaluation, cars: Sequence[CarRow] | None = None) -> VideoRun:
+    def of(cls, evaluation: Evaluation, cars: Sequence[CompetitorRow] | None = None) -> VideoRun:
         """The run of an evaluation. ``cars`` saves looking them up. Raises UserFault("video_run_not_finished")."""
         if evaluation.state != State.FINISHED:
             raise UserFault("video_run_not_finished")
         return cls(evaluation, car_rows(evaluation) if cars is None else cars)
 
-    def car(self, number: int) -> CarRow:
+    def car(self, number: int) -> CompetitorRow:
         """The car of this number. Raises UserFault("car_number")."""
         found = next((row for row in self.cars if row.number == number), None)
         if found is None:
@@ -96,13 +96,13 @@ class VideoRun:
         """Whether a ready video shows what it would show if it were made now."""
         return video.fingerprint == self.fingerprint(video.car, video.part, video.language)
 
-    def scene(self, car: int, part: int, language: str) -> Scene:
+    def scene(self, car: int, part: int, language: str) -> VideoScene:
         """What is to be drawn. Reads the stored traces. Raises PlatformFault("storage_failed"), UserFault."""
-        from videos.drawing import Scene, VideoCar, Words
+        from videos.drawing import VideoCar, VideoScene, Words
 
         evaluation = self.evaluation
         title, subtitle = runs().titles(evaluation, language)
-        return Scene(
+        return VideoScene(
             track=evaluation.track.geometry.in_direction(self._direction),
             title=title,
             subtitle=subtitle,

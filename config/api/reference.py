@@ -23,7 +23,7 @@ SUBJECTS = (
 
 
 @dataclass(frozen=True)
-class Field:
+class DocumentedField:
     """One parameter, or one field of a body. ``place`` is ``path``, ``query`` or ``body``."""
 
     name: str
@@ -45,7 +45,7 @@ class Operation:
     needs_token: bool
     scopes: tuple[str, ...]
     body_type: str
-    fields: tuple[Field, ...]
+    fields: tuple[DocumentedField, ...]
     answers: tuple[tuple[str, str], ...]
 
 
@@ -90,7 +90,7 @@ def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[s
     )
 
 
-def _body_fields(schema: dict[str, Any], body: dict[str, Any]) -> list[Field]:
+def _body_fields(schema: dict[str, Any], body: dict[str, Any]) -> list[DocumentedField]:
     body = _resolved(schema, body)
     required = body.get("required", ())
     return [
@@ -99,8 +99,10 @@ def _body_fields(schema: dict[str, Any], body: dict[str, Any]) -> list[Field]:
     ]
 
 
-def _field(schema: dict[str, Any], name: str, place: str, described: dict[str, Any], outer: dict[str, Any]) -> Field:
-    return Field(
+def _field(
+    schema: dict[str, Any], name: str, place: str, described: dict[str, Any], outer: dict[str, Any]
+) -> DocumentedField:
+    return DocumentedField(
         name=name,
         place=place,
         kind=_kind(schema, described),

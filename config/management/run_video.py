@@ -9,11 +9,11 @@ from pathlib import Path
 from django.core.management.base import CommandError
 
 from config.management import Refusal
-from evaluation.looks import Look, told_apart
-from evaluation.pipeline import CarOutcome, EvaluationOutcome
+from evaluation.looks import VehicleLook, told_apart
+from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
-from videos.drawing import Scene, VideoCar, write_video
+from videos.drawing import VideoCar, VideoScene, write_video
 
 _ENDINGS = (".tar.gz", ".tgz", ".zip", ".onnx")
 
@@ -24,15 +24,15 @@ def save_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, fil
     Raises Refusal for a run that no video can show, CommandError where the file cannot be written. Then, and when
     interrupted (exit status 130), the path is as it was.
     """
-    looks = told_apart([Look()] * len(files))
-    results: list[EvaluationOutcome | CarOutcome] = [outcome, *outcome.rivals]
+    looks = told_apart([VehicleLook()] * len(files))
+    results: list[EvaluationOutcome | CompetitorOutcome] = [outcome, *outcome.rivals]
     cars = [
         VideoCar(number, name_of(file), look.shell, look.colour, result.trace_csv, result.laps)
         for number, (file, look, result) in enumerate(zip(files, looks, results, strict=True))
     ]
     words = f"{track.length:.1f} m, {'counter-clockwise' if track.direction == 'ccw' else 'clockwise'}"
     try:
-        write_video(Scene(track, track.name, words, cars, layout=outcome.layout, order=outcome.order), path)
+        write_video(VideoScene(track, track.name, words, cars, layout=outcome.layout, order=outcome.order), path)
     except UserFault as fault:
         raise Refusal(fault) from fault
     except OSError as error:

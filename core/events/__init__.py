@@ -5,9 +5,9 @@ event stands or falls with it. Readers (:mod:`.reading`) get every event of the 
 its own pace; :mod:`.visibility` says who may see an event.
 """
 
-from .kinds import KINDS, Kind, register
+from .kinds import KINDS, EventKind, register
 from .models import Event
-from .reading import Reader, follow, register_reader
+from .reading import EventReader, follow, register_reader
 from .recording import record, record_all, written
 from .visibility import OWN, can_see_event, events_visible_to, register_audience
 
@@ -15,8 +15,8 @@ __all__ = [
     "KINDS",
     "OWN",
     "Event",
-    "Kind",
-    "Reader",
+    "EventKind",
+    "EventReader",
     "can_see_event",
     "events_visible_to",
     "follow",

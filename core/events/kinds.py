@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Kind:
+class EventKind:
     """A kind of event.
 
     ``name``: what it is called in the table, ``thing.what_happened``. ``says``: one line for the documentation.
@@ -23,11 +23,11 @@ class Kind:
     once: str = ""
 
 
-KINDS: dict[str, Kind] = {}
+KINDS: dict[str, EventKind] = {}
 COLUMNS = ("racer", "race", "subject")
 
 
-def register(kind: Kind) -> Kind:
+def register(kind: EventKind) -> EventKind:
     """Add a kind to the list. Registering the same one twice changes nothing; raises ValueError for another one of the
     same name, and for a column that there is not."""
     if KINDS.get(kind.name, kind) != kind:

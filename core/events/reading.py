@@ -25,16 +25,16 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import QuerySet
 
-from .kinds import Kind
+from .kinds import EventKind
 from .models import Event, EventCursor
 from .waking import interested
 
 AT_ONCE = 500
-READERS: dict[str, Reader] = {}
+READERS: dict[str, EventReader] = {}
 
 
 @dataclass(frozen=True)
-class Reader:
+class EventReader:
     """Who reads events of some kinds.
 
     ``handle(event, now)`` writes what follows from an event, within the transaction that moves the cursor, and returns
@@ -42,11 +42,11 @@ class Reader:
     """
 
     name: str
-    kinds: tuple[Kind, ...]
+    kinds: tuple[EventKind, ...]
     handle: Callable[[Event, datetime], int]
 
 
-def register_reader(reader: Reader) -> Reader:
+def register_reader(reader: EventReader) -> EventReader:
     """Let a reader have its events from the oldest that is kept. Registering one twice changes nothing."""
     READERS[reader.name] = reader
     interested(reader.name, {kind.name for kind in reader.kinds})
@@ -96,7 +96,7 @@ def trim(*, now: datetime) -> int:
     return deleted
 
 
-def _pass_unwanted(reader: Reader) -> int:
+def _pass_unwanted(reader: EventReader) -> int:
     """Move a reader past events that are none of its own; returns where it stands."""
     with transaction.atomic():
         cursor = _locked(reader.name)
@@ -109,13 +109,13 @@ def _pass_unwanted(reader: Reader) -> int:
     return max(passed, cursor.position)
 
 
-def _is_behind(reader: Reader) -> bool:
+def _is_behind(reader: EventReader) -> bool:
     """Whether a look without a lock finds something: most looks end here."""
     position = EventCursor.objects.filter(pk=reader.name).values_list("position", flat=True).first()
     return _ahead(reader, position or 0).exists()
 
 
-def _ahead(reader: Reader, position: int) -> QuerySet[Event]:
+def _ahead(reader: EventReader, position: int) -> QuerySet[Event]:
     wanted = Event.objects.filter(position__gt=position, kind__in=[kind.name for kind in reader.kinds])
     return wanted.order_by("position")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from django.db import transaction
 
-from .kinds import COLUMNS, KINDS, Kind
+from .kinds import COLUMNS, KINDS, EventKind
 from .models import Event
 from .waking import wake_readers
 
@@ -16,7 +16,7 @@ BATCH = 500
 
 
 def written(
-    kind: Kind,
+    kind: EventKind,
     *,
     at: datetime,
     racer: int | None = None,
@@ -38,7 +38,7 @@ def written(
     return Event(kind=kind.name, at=at, racer_id=racer, race=race, subject=subject, once=once or None, data=data)
 
 
-def record(kind: Kind, *, at: datetime, **what: Any) -> bool:
+def record(kind: EventKind, *, at: datetime, **what: Any) -> bool:
     """Write down that something happened ``at`` a time, in the caller's transaction; whoever reads such events is woken
     once that is committed. Returns whether it is news: False where the kind happens once and was recorded before.
 

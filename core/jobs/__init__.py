@@ -6,10 +6,10 @@ One file of its own, a task that Celery finds, and what stands around them:
 
 1. A model that inherits :class:`core.jobs.models.Job` (or :class:`~core.jobs.models.Leased`, where jobs fail by no
    fault of a racer or of ours), with a ``state`` and ``*lease_constraints(...)`` among its constraints.
-2. A subclass of :class:`core.jobs.retried.RetriedKind` (or :class:`core.jobs.kinds.Kind`) that says its model, its
+2. A subclass of :class:`core.jobs.retried.RetriedKind` (or :class:`core.jobs.kinds.JobKind`) that says its model, its
    states, its order, its task's name and the broker's queue; where it is its own, what follows a fault
    (:meth:`~core.jobs.retried.RetriedKind.after`) and what else happens at an end
-   (:meth:`~core.jobs.retried.RetriedKind.gave_up`, :meth:`~core.jobs.kinds.Kind.lost`). Then
+   (:meth:`~core.jobs.retried.RetriedKind.gave_up`, :meth:`~core.jobs.kinds.JobKind.lost`). Then
    ``THINGS = register(Things())``.
 3. A task that calls :func:`core.jobs.work.work_off` with a turn: :func:`core.jobs.work.run_next` and what is done in
    it. A second one, which Beat sends, calls ``THINGS.sweep(now=database_now())``.

@@ -23,8 +23,8 @@ logger = logging.getLogger(__name__)
 CANDIDATES = 16  # looked at by one claim at once: as many workers may reach for the first
 COUNTED = 1000  # a sweep counts no more than so many that wait
 J = TypeVar("J", bound=Leased)
-Row = TypeVar("Row", bound="Kind[Any]")
-_KINDS: dict[str, Kind[Any]] = {}
+Row = TypeVar("Row", bound="JobKind[Any]")
+_KINDS: dict[str, JobKind[Any]] = {}
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class SweepReport:
     waiting: int = 0
 
 
-class Kind(Generic[J]):
+class JobKind(Generic[J]):
     """One kind of job. Attributes say what is its own, methods that a kind overrides what it does differently.
 
     ``name``: in the log and of the registry; ``task``: what is called to wake a worker; ``queue``: the broker's queue
@@ -240,6 +240,6 @@ def register(kind: Row) -> Row:
     return kind
 
 
-def all_kinds() -> list[Kind[Any]]:
+def all_kinds() -> list[JobKind[Any]]:
     """Every kind of job, in the order of their names."""
     return [_KINDS[name] for name in sorted(_KINDS)]

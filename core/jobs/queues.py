@@ -10,7 +10,7 @@ from typing import Any
 from django.db.models import QuerySet
 from django.utils.functional import Promise
 
-from .kinds import Kind
+from .kinds import JobKind
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Queue:
 
     name: str
     label: Promise
-    kind: Kind[Any]
+    kind: JobKind[Any]
     since: str
     related: tuple[str, ...]
     repeatable: Callable[[QuerySet[Any]], QuerySet[Any]]

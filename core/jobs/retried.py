@@ -15,7 +15,7 @@ from django.db.models.functions import Concat, Right
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
-from .kinds import Kind
+from .kinds import JobKind
 from .models import Job
 from .outages import waits_for_storage
 
@@ -47,7 +47,7 @@ class Verdict:
     columns: dict[str, Any] = field(default_factory=dict)
 
 
-class RetriedKind(Kind[R]):
+class RetriedKind(JobKind[R]):
     """A kind whose jobs end by a fault.
 
     ``lost_code``: the fault of a worker that disappeared; ``alone``: codes of faults that may be one job's own doing;

@@ -13,7 +13,7 @@ from paddock.errors import PaddockError, PlatformFault, UserFault
 from ..clock import database_now
 from ..storage_faults import is_of_storage
 from .heartbeat import Heartbeat
-from .kinds import Kind
+from .kinds import JobKind
 from .models import Job
 from .outages import note_fault
 from .retried import RetriedKind
@@ -60,7 +60,7 @@ def run_next(
 
 
 def work_off(
-    kind: Kind[Any],
+    kind: JobKind[Any],
     turn: Callable[[Told], bool],
     *,
     budget_s: float = 0.0,

@@ -53,7 +53,7 @@ class PolicyProcess:
 
     def give(self, onnx: bytes, facts: dict[str, Any] | None = None) -> None:
         """Wait for the lock, then hand over the canonical ONNX bytes and what is known of them
-        (:class:`paddock.network.bound.Facts`; None: it is found out now).
+        (:class:`paddock.network.bound.NetworkFacts`; None: it is found out now).
 
         Raises UserFault (``policy_died``, ``policy_late``); PlatformFault("sandbox_failed") if the process did not get
         as far as its lock.

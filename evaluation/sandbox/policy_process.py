@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
-from paddock.network.bound import Facts, derive_bound, rounded
+from paddock.network.bound import NetworkFacts, derive_bound, rounded
 from paddock.network.session import Loaded, Refused, load, memory_or, plain
 from paddock.simulator.action import is_clear
 
@@ -52,7 +52,7 @@ def main(frames_in: int, frames_out: int) -> int:
     given, [onnx] = read_message(frames_in, blob_limit=MAX_NETWORK)
     try:
         facts = given.get("facts")
-        network = load(onnx, None if facts is None else Facts.from_dict(facts))
+        network = load(onnx, None if facts is None else NetworkFacts.from_dict(facts))
         header, _ = read_message(frames_in)
         policy = Policy(network, header)
     except Refused as refusal:

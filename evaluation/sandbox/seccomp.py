@@ -38,7 +38,7 @@ _FILTER_FLAG_TSYNC = 1
 _SYSCALL_SECCOMP = {"x86_64": 317, "aarch64": 277}
 
 
-class _Program(ctypes.Structure):
+class _FilterProgram(ctypes.Structure):
     _fields_ = [("length", ctypes.c_ushort), ("filter", ctypes.c_void_p)]
 
 
@@ -72,7 +72,7 @@ def install(program: bytes) -> None:
     """Install the filter on every thread of this process, for ever. Needs no_new_privs. Raises OSError."""
     libc = ctypes.CDLL(None, use_errno=True)
     buffer = ctypes.create_string_buffer(program, len(program))
-    prog = _Program(len(program) // 8, ctypes.addressof(buffer))
+    prog = _FilterProgram(len(program) // 8, ctypes.addressof(buffer))
     number = _SYSCALL_SECCOMP.get(os.uname().machine)
     if number is None:
         raise OSError(f"no seccomp call number known for {os.uname().machine}")

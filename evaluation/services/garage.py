@@ -26,7 +26,7 @@ from paddock.packages.read import UploadPart
 
 from ..admit import AdmittedPackage, admit
 from ..bounds import package_limits
-from ..looks import COLOUR, Look, Shell
+from ..looks import COLOUR, Shell, VehicleLook
 from ..models import Network, TrainedModel
 from ..quotas import MODELS, STORAGE
 from ..signals import model_deleted
@@ -58,7 +58,7 @@ def upload_model(
     files: Sequence[UploadPart],
     name: str | None = None,
     description: str = "",
-    look: Look = Look(),  # noqa: B008  a tuple
+    look: VehicleLook = VehicleLook(),  # noqa: B008  a tuple
     has_place: bool = False,
     checkpoint: str = "",
     now: datetime,
@@ -104,7 +104,9 @@ def upload_model(
 
 
 @transaction.atomic
-def describe_model(*, model: TrainedModel, name: str, description: str, look: Look | None = None) -> TrainedModel:
+def describe_model(
+    *, model: TrainedModel, name: str, description: str, look: VehicleLook | None = None
+) -> TrainedModel:
     """Give a model another name and description, and another look unless it is None, which moves no result.
 
     Raises UserFault ``model_name_...``, ``description_too_long``, ``model_look``.

@@ -18,11 +18,11 @@ from django.db.models import Q
 from core.storage_faults import storage_at_work
 from paddock.rules.race import MAX_CARS
 
-from ..models import CarResult, Evaluation, Result, RivalResult
+from ..models import CompetitorResult, Evaluation, Result, RivalResult
 from .stored import delete, read_gzip, store
 
 if TYPE_CHECKING:
-    from ..pipeline import CarOutcome, EvaluationOutcome
+    from ..pipeline import CompetitorOutcome, EvaluationOutcome
 
 logger = logging.getLogger(__name__)
 POINTS_PER_LAP = 240
@@ -67,8 +67,8 @@ def write_result(
     return result
 
 
-def _car_columns(car: EvaluationOutcome | CarOutcome, trace: str) -> dict[str, Any]:
-    """The columns of :class:`evaluation.models.CarResult` for one car."""
+def _car_columns(car: EvaluationOutcome | CompetitorOutcome, trace: str) -> dict[str, Any]:
+    """The columns of :class:`evaluation.models.CompetitorResult` for one car."""
     complete = [lap["time_ms"] for lap in car.laps if lap["complete"]]
     retired = car.retired or {"code": "", "params": {}}
     return {
@@ -140,7 +140,7 @@ def store_files(evaluation: Evaluation, outcome: EvaluationOutcome) -> RunFiles:
     return RunFiles(stored[: len(traces)], stored[-1] if bots else "")
 
 
-def read_trace(result: CarResult) -> bytes:
+def read_trace(result: CompetitorResult) -> bytes:
     """A car's sim-trace as CSV. Raises PlatformFault("storage_failed"), ("file_damaged")."""
     return read_gzip(result.trace.name or "")
 

@@ -12,7 +12,7 @@ from core.clock import database_now
 from core.jobs.heartbeat import Heartbeat
 from core.jobs.work import never, run_next
 from paddock.errors import PlatformFault
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 
 from ..models import Evaluation, Network, TrainedModel
 from .jobs import EVALUATIONS, finish_evaluation
@@ -48,7 +48,7 @@ def job_of(evaluation: Evaluation) -> RaceJob:
     """
     from paddock.rules.race import RaceRules
 
-    from ..pipeline import RaceJob, RivalCar
+    from ..pipeline import RaceJob, RivalModel
 
     rules = RaceRules.from_dict(evaluation.spec["rules"])
     track = evaluation.track.geometry
@@ -60,7 +60,7 @@ def job_of(evaluation: Evaluation) -> RaceJob:
         onnx=_network_of(evaluation.model),
         metadata=evaluation.spec["metadata"],
         rivals=tuple(
-            RivalCar(_network_of(rival.model), rival.metadata, rival.model.network.facts)
+            RivalModel(_network_of(rival.model), rival.metadata, rival.model.network.facts)
             for rival in evaluation.rivals.select_related("model__network").order_by("number")
         ),
         look=evaluation.spec.get("look", "official"),
@@ -98,5 +98,5 @@ def _note_inexact(evaluation: Evaluation, outcome: EvaluationOutcome) -> None:
         network = models[number].network
         logger.warning("The bound of network %s did not hold; it goes the exact way from now on.", network)
         Network.objects.filter(pk=network.pk).update(
-            facts=Facts(bound=None).to_dict() | {"shapes": (network.facts or {}).get("shapes", {})}
+            facts=NetworkFacts(bound=None).to_dict() | {"shapes": (network.facts or {}).get("shapes", {})}
         )

@@ -16,7 +16,7 @@ from django.utils.translation import gettext_lazy as _
 from core.validators import ONE_LINE
 from paddock.rules.race import STAGE
 from races.errors import problem
-from races.models import Division, Kind, Race
+from races.models import Division, Race, RaceKind
 from races.models.rules import inside_a_stage, laps_constraints, with_rules
 
 # The table of a round that many championships use. Nobody is bound to it.
@@ -258,7 +258,7 @@ class Round(models.Model):
         """
         if self.race_id is None:
             return
-        if self.race.kind != Kind.LEAGUE:
+        if self.race.kind != RaceKind.LEAGUE:
             raise ValidationError({"race": _("Only a league race can be a round. This is a community race.")})
         self.stage = self.stage or usual_stage(self.race)
         if self.stage in DIVISION_OF and self.race.division != DIVISION_OF[Stage(self.stage)]:

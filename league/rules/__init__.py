@@ -6,14 +6,14 @@ the caller identifies them by.
 
 from .field import ChampionshipField, FinaleField
 from .promotion import Promotion
-from .standings import Line, PointsTable, Result, Standings
+from .standings import PointsTable, RacerStanding, RoundRank, Standings
 
 __all__ = [
     "ChampionshipField",
     "FinaleField",
-    "Line",
     "PointsTable",
     "Promotion",
-    "Result",
+    "RacerStanding",
+    "RoundRank",
     "Standings",
 ]

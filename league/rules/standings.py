@@ -41,7 +41,7 @@ class PointsTable:
 
 
 @dataclass(frozen=True)
-class Result:
+class RoundRank:
     """Who was at which rank (from 1) in which round (any numbers that grow with time), and the points for it."""
 
     who: Hashable
@@ -51,13 +51,13 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Line:
+class RacerStanding:
     """One line of standings. ``results``: by time; ``dropped``: the rounds among them whose points do not count."""
 
     place: int
     who: Hashable
     points: int
-    results: tuple[Result, ...]
+    results: tuple[RoundRank, ...]
     dropped: frozenset[int] = field(default_factory=frozenset)
 
 
@@ -71,24 +71,24 @@ class Standings:
         """How many results count after so many rounds: at least one once a round was held."""
         return min(rounds, max(1, rounds - self.drop_worst))
 
-    def lines(self, results: Iterable[Result], rounds: int) -> list[Line]:
+    def lines(self, results: Iterable[RoundRank], rounds: int) -> list[RacerStanding]:
         """The standings after ``rounds`` rounds, the first first; the order of ``results`` does not matter.
 
         A round without a result counts as no points, so it is dropped before any result with points is. Equal points:
         who has more first ranks, then more second ranks and so on, in all results; then who was ranked better in the
         latest round in which the two differ.
         """
-        by: dict[Hashable, list[Result]] = defaultdict(list)
+        by: dict[Hashable, list[RoundRank]] = defaultdict(list)
         for result in results:
             by[result.who].append(result)
         scored = [self._scored(sorted(own, key=lambda one: one.round), rounds) for own in by.values()]
         scored.sort(key=lambda one: one[0])
         return [
-            Line(place, own[0].who, points, tuple(own), dropped)
+            RacerStanding(place, own[0].who, points, tuple(own), dropped)
             for place, (_key, points, own, dropped) in enumerate(scored, start=1)
         ]
 
-    def _scored(self, own: Sequence[Result], rounds: int) -> tuple[tuple, int, Sequence[Result], frozenset[int]]:
+    def _scored(self, own: Sequence[RoundRank], rounds: int) -> tuple[tuple, int, Sequence[RoundRank], frozenset[int]]:
         best_first = sorted(own, key=lambda one: (-one.points, one.rank, one.round))
         counted = best_first[: self.counting(rounds)]
         points = sum(one.points for one in counted)

@@ -2,7 +2,7 @@
 
 from .divisions import division_of, season_of
 from .fields import field_of
-from .outcomes import Cut, Outcome, classified_count, cut_of, outcome_of, rules_of
+from .outcomes import BoardOutcome, OutcomeCut, classified_count, cut_of, outcome_of, rules_of
 from .ratings import racer_ratings, season_ratings
 from .seasons import (
     Champion,
@@ -17,11 +17,11 @@ from .seasons import (
 from .standings import country_standings, season_standings, team_standings
 
 __all__ = [
+    "BoardOutcome",
     "Champion",
-    "Cut",
     "HallOfFame",
     "Month",
-    "Outcome",
+    "OutcomeCut",
     "RacerRound",
     "classified_count",
     "country_standings",

@@ -11,7 +11,7 @@ from django.db.models import Exists, OuterRef, QuerySet, Subquery, Value
 from django.db.models.functions import Coalesce
 
 from accounts.models import Racer
-from races.models import Kind, Race
+from races.models import Race, RaceKind
 from races.selectors import Board
 
 from ..models import ChampionshipPlace, Membership, Round, Stage, StewardDecision
@@ -51,7 +51,7 @@ def round_of(race: Race, racer: Racer | None = None) -> ShownRound | None:
     ``has_decisions``: whether stewards decided anything about it. With ``racer`` it also has ``reader_division`` (""
     for none of their own). What was read once stays with the race, for the page that shows it.
     """
-    if race.kind != Kind.LEAGUE:
+    if race.kind != RaceKind.LEAGUE:
         return None
     if racer is None and hasattr(race, "_round_shown"):
         return race._round_shown

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from django.db.models import Exists, OuterRef, Q
 
 from evaluation.models import Evaluation
-from races.models import BoardCount, Entry, Kind, Opponents
+from races.models import BoardCount, Entry, Opponents, RaceKind
 from races.models.counting import CLASSIFIED as RANKED
 from races.models.counting import TOTAL
 from races.selectors import races_visible_to
@@ -63,7 +63,7 @@ def _official(now: datetime) -> Q:
     waiting = Evaluation.objects.filter(
         submission__entry__race=OuterRef("race"), submission__entry__withdrawn_at=None, state__in=ACTIVE
     )
-    community = Q(race__kind=Kind.COMMUNITY, race__closes_at__lte=now) & Q(~Exists(waiting))
+    community = Q(race__kind=RaceKind.COMMUNITY, race__closes_at__lte=now) & Q(~Exists(waiting))
     community &= Q(race__next_engine="")  # what is driven again may yet change it
     community &= ~Q(race__opponents=Opponents.MODELS) | Q(race__draw__over_at__isnull=False)
     return Q(race__cancelled_at=None) & (Exists(rounds.filter(closed_at__isnull=False)) | community & ~Exists(rounds))

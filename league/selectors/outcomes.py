@@ -17,7 +17,7 @@ from ..rules import ChampionshipField, FinaleField, PointsTable, Promotion, Stan
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BoardOutcome:
     """What the board of a round means by the season's rules. Racers by id.
 
     ``promoted``: place in the race and racer; ``finale``: the field, the best first; ``qualified``: for the
@@ -31,7 +31,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Cut:
+class OutcomeCut:
     """Where a board is divided. ``last_rank``: the last rank above the line, 0 while nobody is classified.
 
     ``racers``: ids of those whom it moves: promoted, in the finale, qualified. ``official``: whether it is so, or would
@@ -63,13 +63,13 @@ def holds(event: Event) -> bool:
     return model.objects.filter(round=event.data["round"], racer=event.racer_id).exists()
 
 
-def outcome_of(round_: Round) -> Outcome:
+def outcome_of(round_: Round) -> BoardOutcome:
     """What would be official if the round became so now. Nothing is written.
 
     Its own results are not taken for earlier ones: an official round's outcome is the same again.
     """
     season, race = round_.season, round_.race
-    outcome = Outcome()
+    outcome = BoardOutcome()
     if round_.stage in WITH_POINTS:
         table = PointsTable(tuple(season.points))
         order = classified_order(race, len(table))
@@ -89,7 +89,7 @@ def outcome_of(round_: Round) -> Outcome:
     return outcome
 
 
-def cut_of(round_: Round) -> Cut | None:
+def cut_of(round_: Round) -> OutcomeCut | None:
     """The line through the board of a round, official or as it would be; None where no rule draws one."""
     season = round_.season
     official = round_.closed_at is not None
@@ -97,13 +97,13 @@ def cut_of(round_: Round) -> Cut | None:
     if round_.stage == Stage.OPEN:
         rule = Promotion(season.promotion_percent)
         moved = [racer for _place, racer in outcome.promoted]
-        return Cut(rule.places(classified_count(round_.race)), moved, official, rule.sentence())
+        return OutcomeCut(rule.places(classified_count(round_.race)), moved, official, rule.sentence())
     if round_.stage == Stage.PRO:
         last = _rank_of_last(round_, outcome.finale)
-        return Cut(last, outcome.finale, official, FinaleField(season.finale_size).sentence())
+        return OutcomeCut(last, outcome.finale, official, FinaleField(season.finale_size).sentence())
     if round_.stage == Stage.FINALE:
         last = _rank_of_last(round_, outcome.qualified)
-        return Cut(last, outcome.qualified, official, ChampionshipField(season.championship_places).sentence())
+        return OutcomeCut(last, outcome.qualified, official, ChampionshipField(season.championship_places).sentence())
     return None
 
 

@@ -14,7 +14,7 @@ from races.models import Division, Race, RaceState
 from races.selectors import BoardRow, podiums
 
 from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season, Stage
-from ..rules import Line, Result
+from ..rules import RacerStanding, RoundRank
 from .outcomes import outcome_of
 from .seasons import Month
 from .standings import (
@@ -57,7 +57,7 @@ class StandingsRow:
     name: str
     racer: Racer | None
     points: int
-    cells: list[tuple[Result, bool] | None]
+    cells: list[tuple[RoundRank, bool] | None]
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class StandingsTable:
 
 
 @dataclass(frozen=True)
-class Field:
+class QualifiedField:
     """Whose a finale or the championship is. ``places``: place and racer; ``official``: or as it stands now."""
 
     round: Round | None
@@ -86,8 +86,8 @@ class MonthFields:
     """The field of a month's finale, and who qualifies in it."""
 
     month: Month
-    finale: Field
-    qualified: Field
+    finale: QualifiedField
+    qualified: QualifiedField
 
     def is_over(self) -> bool:
         """Whether nothing of it will change: the finale, or the pro race without one, is official or cancelled."""
@@ -107,7 +107,7 @@ class Standpoint:
     division: Division
     promoted_in: Round | None
     championship: ChampionshipPlace | None
-    lines: dict[str, Line] = field(default_factory=dict)
+    lines: dict[str, RacerStanding] = field(default_factory=dict)
 
 
 def seasons_listed() -> QuerySet[Season]:
@@ -165,7 +165,7 @@ class Leaders:
     """The first of a division's standings. ``is_provisional``: of rounds that are not official, as they stand."""
 
     division: Division
-    rows: list[tuple[Line, Racer]]
+    rows: list[tuple[RacerStanding, Racer]]
     is_provisional: bool
 
 
@@ -205,7 +205,7 @@ def divisions_with_points(months: Iterable[Month]) -> list[Division]:
     return [division for division, stage in STAGE_OF.items() if stage in stages]
 
 
-def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[list[MonthFields], Field]:
+def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[list[MonthFields], QualifiedField]:
     """The fields of a season's finales, the latest month first, and the field of its championship.
 
     What is official is read; of races that have opened and are not official it is worked out as it stands. Four
@@ -228,14 +228,14 @@ def fields_of(season: Season, months: Sequence[Month], now: datetime) -> tuple[l
     ids = {racer for _month, *both in found for _round, places, _official in both for _place, racer in places}
     racers = Racer.objects.in_bulk(ids | {one.racer_id for one in everybody})
 
-    def made(parts: tuple) -> Field:
+    def made(parts: tuple) -> QualifiedField:
         round_, places, official = parts
-        return Field(round_, [(place, racers[racer]) for place, racer in places], official)
+        return QualifiedField(round_, [(place, racers[racer]) for place, racer in places], official)
 
     shown = [MonthFields(month, made(field_), made(winners)) for month, field_, winners in reversed(found)]
     final = next((one for month in months for one in month if one.stage == Stage.CHAMPIONSHIP), None)
     total = [(number, racers[one.racer_id]) for number, one in enumerate(everybody, start=1)]
-    return shown, Field(final, total, bool(total))
+    return shown, QualifiedField(final, total, bool(total))
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from races.selectors.boards import CLASSIFIED, board_entries
 
 from ..models import Round, RoundPoints, Season, Stage
 from ..models.season import DIVISION_OF, WITH_POINTS
-from ..rules import Line, PointsTable, Result, Standings
+from ..rules import PointsTable, RacerStanding, RoundRank, Standings
 
 if TYPE_CHECKING:
     from races.models import Division
 
 
-def season_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[Line]:
+def season_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:
     """The standings of one division after its official rounds: lines whose ``who`` is a racer's id.
 
     Two queries, however many raced: only places with points stand in the table. ``running``: rounds that are not
@@ -29,7 +29,7 @@ def season_standings(season: Season, division: Division | str, running: Sequence
     return Standings(season.drop_worst).lines(results, len(rounds))
 
 
-def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
+def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[RacerStanding]]]:
     """The standings of every division that has points, by season: two queries for all seasons."""
     by_id = {season.pk: season for season in seasons}
     rounds: dict[tuple[int, str], dict[int, int]] = defaultdict(dict)
@@ -38,22 +38,22 @@ def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[Line]]]:
         own = rounds[season, str(DIVISION_OF[Stage(stage)])]
         own[pk] = len(own) + 1
     of = {pk: key for key, own in rounds.items() for pk in own}
-    results: dict[tuple[int, str], list[Result]] = defaultdict(list)
+    results: dict[tuple[int, str], list[RoundRank]] = defaultdict(list)
     for row in RoundPoints.objects.filter(round__in=of, points__gt=0):
         key = of[row.round_id]
-        results[key].append(Result(row.racer_id, rounds[key][row.round_id], row.rank, row.points))
-    found: dict[int, dict[str, list[Line]]] = {pk: {} for pk in by_id}
+        results[key].append(RoundRank(row.racer_id, rounds[key][row.round_id], row.rank, row.points))
+    found: dict[int, dict[str, list[RacerStanding]]] = {pk: {} for pk in by_id}
     for (season, division), points in results.items():
         found[season][division] = Standings(by_id[season].drop_worst).lines(points, len(rounds[season, division]))
     return found
 
 
-def country_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[Line]:
+def country_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:
     """The standings of countries (``who``: the two-letter code): the points of all their racers, none dropped."""
     return _summed(season, division, running, lambda row: row.country)
 
 
-def team_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[Line]:
+def team_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:
     """The standings of teams (``who``: the name, in small letters): the points of all their racers, none dropped."""
     return _summed(season, division, running, lambda row: team_key(row.team))
 
@@ -74,10 +74,10 @@ def points_as_they_stand(round_: Round) -> list[RoundPoints]:
     ]
 
 
-def lines_as_they_stand(season: Season, running: Sequence[Round]) -> list[Line]:
+def lines_as_they_stand(season: Season, running: Sequence[Round]) -> list[RacerStanding]:
     """The standings of a division of which no round is official, by those that are on: one query for each."""
     results = [
-        Result(row.racer_id, number, row.rank, row.points)
+        RoundRank(row.racer_id, number, row.rank, row.points)
         for number, round_ in enumerate(running, start=1)
         for row in points_as_they_stand(round_)
         if row.points
@@ -95,23 +95,23 @@ def _counted(season: Season, division: Division | str, running: Sequence[Round])
 
 def _results(
     rounds: dict[int, int], running: Sequence[Round], who: Callable[[RoundPoints], int | str]
-) -> Iterable[Result]:
+) -> Iterable[RoundRank]:
     standing = [row for round_ in running for row in points_as_they_stand(round_)]
     for row in (*RoundPoints.objects.filter(round__in=rounds, points__gt=0), *standing):
         if row.round_id in rounds and row.points:
-            yield Result(who(row), rounds[row.round_id], row.rank, row.points)
+            yield RoundRank(who(row), rounds[row.round_id], row.rank, row.points)
 
 
 def _summed(
     season: Season, division: Division | str, running: Sequence[Round], who: Callable[[RoundPoints], str]
-) -> list[Line]:
+) -> list[RacerStanding]:
     rounds = _counted(season, division, running)
-    by: dict[tuple[Hashable, int], list[Result]] = defaultdict(list)
+    by: dict[tuple[Hashable, int], list[RoundRank]] = defaultdict(list)
     for result in _results(rounds, running, who):
         if result.who:
             by[result.who, result.round].append(result)
     summed = [
-        Result(name, number, min(one.rank for one in own), sum(one.points for one in own))
+        RoundRank(name, number, min(one.rank for one in own), sum(one.points for one in own))
         for (name, number), own in by.items()
     ]
     return Standings().lines(summed, len(rounds))

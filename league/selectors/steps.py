@@ -9,7 +9,7 @@ from django.db.models import Exists, OuterRef
 
 from accounts.models import Racer
 from evaluation.models import TrainedModel
-from races.models import Entry, Kind, Race, Submission
+from races.models import Entry, Race, RaceKind, Submission
 from races.selectors.boards import CLASSIFIED
 
 NEWCOMER_FOR = timedelta(days=60)
@@ -41,7 +41,7 @@ def first_steps(racer: Racer, now: datetime) -> FirstSteps | None:
         Exists(TrainedModel.objects.filter(owner=OuterRef("pk"))),
         Exists(sent),
         Exists(entries.filter(CLASSIFIED)),
-        Exists(sent.filter(entry__race__kind=Kind.LEAGUE)),
+        Exists(sent.filter(entry__race__kind=RaceKind.LEAGUE)),
     )
     steps = FirstSteps(*found.get())
     return None if steps.done == 4 else steps
@@ -49,4 +49,4 @@ def first_steps(racer: Racer, now: datetime) -> FirstSteps | None:
 
 def league_race_now(races: list[Race]) -> Race | None:
     """The first race of the league among these."""
-    return next((race for race in races if race.kind == Kind.LEAGUE), None)
+    return next((race for race in races if race.kind == RaceKind.LEAGUE), None)

@@ -12,10 +12,9 @@ from datetime import datetime, timedelta
 
 from django.db.models import QuerySet
 
-from core.events import Event, Kind, record_all, written
+from core.events import Event, EventKind, record_all, written
 from races.events import RACE_CLOSED, RACE_CLOSING, RACE_OFFICIAL, RACE_OPENED, of_race
-from races.models import Kind as RaceKind
-from races.models import Race
+from races.models import Race, RaceKind
 
 from .closing import cars_on_the_way
 
@@ -37,7 +36,7 @@ def tick(*, now: datetime) -> int:
     return new + record_all(_settled(closed, now))
 
 
-def _timed(kind: Kind, races: Iterable[Race], when: str) -> Iterator[Event]:
+def _timed(kind: EventKind, races: Iterable[Race], when: str) -> Iterator[Event]:
     for race in races:
         time = getattr(race, when)
         yield written(kind, at=time, **of_race(race), once=f"{race.slug}:{time:%Y%m%d%H%M}")

@@ -25,7 +25,7 @@ from races.services.gates import moment
 from ..events import IN_FINALE, PROMOTED, QUALIFIED
 from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season
 from ..selectors.boards import due_rounds
-from ..selectors.outcomes import Outcome, outcome_of
+from ..selectors.outcomes import BoardOutcome, outcome_of
 from .fields import give_fields
 
 logger = logging.getLogger(__name__)
@@ -164,7 +164,7 @@ def _moved_by(round_: Round) -> set[tuple[str, int]]:
     return {(kind.name, racer) for kind, racers in found for racer in racers}
 
 
-def _record_moves(round_: Round, outcome: Outcome, now: datetime, known: Collection[tuple[str, int]] = ()) -> None:
+def _record_moves(round_: Round, outcome: BoardOutcome, now: datetime, known: Collection[tuple[str, int]] = ()) -> None:
     """Write down whom a round moves on, but for those whom it did before it was worked out anew."""
     promoted = [racer for _place, racer in outcome.promoted]
     found = ((PROMOTED, promoted), (IN_FINALE, outcome.finale), (QUALIFIED, outcome.qualified))
@@ -177,7 +177,7 @@ def _record_moves(round_: Round, outcome: Outcome, now: datetime, known: Collect
     )
 
 
-def _write(round_: Round, outcome: Outcome) -> None:
+def _write(round_: Round, outcome: BoardOutcome) -> None:
     closed = round_.race.closes_at
     season = round_.season_id
     Membership.objects.bulk_create(

@@ -18,7 +18,7 @@ from django.conf import settings
 from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Subquery, Value, When
 from django.db.models.functions import Coalesce
 
-from core.jobs.kinds import Kind, register
+from core.jobs.kinds import JobKind, register
 from paddock.errors import UserFault
 
 from .. import chats, outgoing
@@ -44,7 +44,7 @@ _ERRORS = (
 )
 
 
-class Deliveries(Kind[WebhookDelivery]):
+class Deliveries(JobKind[WebhookDelivery]):
     """Sent alone to their host: hosts that answered last go before those that did not. A test waits for no pause: its
     owner asks whether the host is back. One whose sender was lost is due again at once."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from core.events import Event, Reader
+from core.events import Event, EventReader
 from evaluation.events import RUN_FAILED
 from races.events import DUELS_OVER, RACE_CLOSED, RACE_RESULT
 from races.models import Submission
@@ -37,4 +37,4 @@ def _follow(event: Event, now: datetime) -> int:
 
 
 # Closes rounds; told is how many.
-SEASONS = Reader("seasons", (RACE_CLOSED, RACE_RESULT, RUN_FAILED, DUELS_OVER), _follow)
+SEASONS = EventReader("seasons", (RACE_CLOSED, RACE_RESULT, RUN_FAILED, DUELS_OVER), _follow)

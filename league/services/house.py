@@ -18,12 +18,12 @@ from django.conf import settings
 from django.db import transaction
 
 from accounts.models import Racer
-from evaluation.looks import Look, Shell
+from evaluation.looks import Shell, VehicleLook
 from evaluation.models import TrainedModel
 from evaluation.services import describe_model, upload_model
 from paddock.errors import PaddockError, UserFault
 from paddock.packages.read import UploadPart, read_upload
-from races.models import Kind, Race, Submission
+from races.models import Race, RaceKind, Submission
 from races.selectors import racing_now
 from races.services import submit_model
 
@@ -32,9 +32,9 @@ HOUSE_CARS_DIR = Path(settings.BASE_DIR) / "training" / "house_cars"
 ORGANISER = "Paddock"
 # What the house's own cars wear, so that boards and replays tell them apart from racers' cars at once.
 LOOKS = {
-    "steady": Look(Shell.VAN, "#94a3b8"),
-    "brisk": Look(Shell.HATCH, "#f59e0b"),
-    "flyer": Look(Shell.FORMULA, "#ef4444"),
+    "steady": VehicleLook(Shell.VAN, "#94a3b8"),
+    "brisk": VehicleLook(Shell.HATCH, "#f59e0b"),
+    "flyer": VehicleLook(Shell.FORMULA, "#ef4444"),
 }
 # An address that never receives anything (RFC 2606), and by which a house racer is found again.
 _EMAIL = "{name}@house.invalid"
@@ -49,7 +49,7 @@ class HouseCar:
     description: str
     onnx: Path
     metadata: Path
-    look: Look = Look()  # noqa: RUF009  a tuple
+    look: VehicleLook = VehicleLook()  # noqa: RUF009  a tuple
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ def house_cars(folder: Path = HOUSE_CARS_DIR) -> list[HouseCar]:
             continue
         name = str(noted.get("display_name") or onnx.stem)
         cars.append(
-            HouseCar(onnx.stem, name, str(noted.get("description", "")), onnx, metadata, LOOKS.get(onnx.stem, Look()))
+            HouseCar(
+                onnx.stem, name, str(noted.get("description", "")), onnx, metadata, LOOKS.get(onnx.stem, VehicleLook())
+            )
         )
     return cars
 
@@ -97,7 +99,7 @@ def enter_house_cars(*, now: datetime, folder: Path = HOUSE_CARS_DIR) -> HouseRe
     cars = house_cars(folder)
     if not cars:
         logger.info("There are no house cars in %s.", folder)
-    races = [race for race in racing_now(now) if race.kind == Kind.LEAGUE or _is_of_the_house(race)]
+    races = [race for race in racing_now(now) if race.kind == RaceKind.LEAGUE or _is_of_the_house(race)]
     submitted = 0
     for car in cars if races else ():
         racer = house_racer(name=car.name, display_name=car.display_name, now=now)

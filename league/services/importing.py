@@ -21,7 +21,7 @@ from accounts.models import Racer
 from accounts.models.racer import ALIAS_VALIDATORS
 from paddock.errors import UserFault
 from races.errors import RaceRefused
-from races.models import DuelFormat, Entry, Kind, Opponents, Race, RaceType
+from races.models import DuelFormat, Entry, Opponents, Race, RaceKind, RaceType
 from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank
 from races.services.races import RESERVED_SLUGS as RACE_PAGES
 from races.services.standings import recompute_fastest
@@ -157,7 +157,7 @@ def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Ra
     duel = next((result.duel for result in read.results if result.duel is not None), None)
     race = Race(
         slug=_free_slug(Path(row.file).stem),
-        kind=Kind.LEAGUE,
+        kind=RaceKind.LEAGUE,
         division=DIVISION_OF[row.stage],
         name=row.name if title is None else f"{row.name[: 61 - len(title)]} · {title}",
         track=track,

@@ -14,7 +14,7 @@ from django.urls import reverse
 from django.utils import translation
 from django.utils.translation import gettext as _
 
-from core.jobs.kinds import Kind, register
+from core.jobs.kinds import JobKind, register
 
 from ..models import Mail, Notice
 from ..notices import sentence
@@ -27,7 +27,7 @@ MAIL_TRIES = 3
 LEASE, PAUSE = timedelta(minutes=5), timedelta(minutes=1)
 
 
-class Mails(Kind[Mail]):
+class Mails(JobKind[Mail]):
     """First come, first sent. One whose sender was lost is given up: it may have gone, and is not sent twice."""
 
     name, model, task, queue = "Mail", Mail, "league.tasks.notices", "messages"

@@ -10,12 +10,11 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any
 
-from core.events import Event, Kind, Reader
+from core.events import Event, EventKind, EventReader
 from evaluation.events import RUN_FAILED
 from evaluation.models import Evaluation, State
 from races import events as of_races
-from races.models import Entry, Race, Redrive, Retiming, Submission
-from races.models import Kind as RaceKind
+from races.models import Entry, Race, RaceKind, Redrive, Retiming, Submission
 from races.ranking import laps_needed
 from races.selectors import podiums
 from races.selectors.results import result_of
@@ -204,7 +203,7 @@ def _race(event: Event) -> Race | None:
     return Race.objects.filter(pk=event.race, cancelled_at=None, imported_at=None).first()
 
 
-_TELLING: dict[Kind, Callable[[Event, datetime], int]] = {
+_TELLING: dict[EventKind, Callable[[Event, datetime], int]] = {
     of_races.RACE_OPENED: _opened,
     of_races.RACE_CLOSING: _closing,
     of_races.RACE_CANCELLED: _cancelled,
@@ -224,4 +223,4 @@ _TELLING: dict[Kind, Callable[[Event, datetime], int]] = {
 _BY_NAME = {kind.name: telling for kind, telling in _TELLING.items()}
 
 # Writes notices; told is how many.
-NOTICES = Reader("notices", tuple(_TELLING), lambda event, now: _BY_NAME[event.kind](event, now))
+NOTICES = EventReader("notices", tuple(_TELLING), lambda event, now: _BY_NAME[event.kind](event, now))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.db import transaction
 
 from races.duels.ratings import rate
-from races.models import DuelCar, DuelState
+from races.models import DuelCompetitor, DuelState
 
 from ..models import DuelRating, Season
 
@@ -30,7 +30,7 @@ def rate_season(*, season: Season) -> int:
 def _places(season: Season) -> list[dict[int, int]]:
     """The places by racer of each driven duel of a season, in their fixed order."""
     cars = (
-        DuelCar.objects.filter(
+        DuelCompetitor.objects.filter(
             duel__race__round__season=season,
             duel__race__draw__over_at__isnull=False,
             duel__state=DuelState.DECIDED,

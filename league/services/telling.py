@@ -13,7 +13,7 @@ from django.db.models import Exists, OuterRef, Q
 
 from accounts.models import Racer
 from core.wakeup import wake
-from races.models import Division, Entry, Kind, Race
+from races.models import Division, Entry, Race, RaceKind
 
 from ..models import Mail, Membership, Notice, NoticeChoice, NoticeKind, Round
 from ..models.notice import NOT_MAILED
@@ -80,7 +80,7 @@ def concerned(race: Race, now: datetime) -> list[int]:
     """Who is in a race, and for a league race who may be and looks in now and then."""
     racers = set(entered(race))
     round_ = Round.objects.filter(race=race).first()
-    if round_ is None or race.kind != Kind.LEAGUE or round_.stage in WITH_FIELD:
+    if round_ is None or race.kind != RaceKind.LEAGUE or round_.stage in WITH_FIELD:
         return sorted(racers)
     pros = Membership.objects.filter(season=round_.season_id, division=Division.PRO).values("racer")
     seen = Racer.objects.filter(Q(last_login__gt=now - SEEN_LATELY), is_active=True)

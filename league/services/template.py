@@ -17,7 +17,7 @@ from django.utils.translation import gettext_lazy as _
 from paddock.errors import UserFault
 from paddock.rules.race import LAYOUT
 from races.errors import RaceRefused
-from races.models import Kind, Opponents, Race, RaceType
+from races.models import Opponents, Race, RaceKind, RaceType
 from races.services.races import free_slug
 from tracks.models import Direction, Track
 
@@ -119,7 +119,7 @@ class RoundPlan:
 
     def unsaved(self) -> Race:
         """The race as it would be."""
-        return Race(kind=Kind.LEAGUE, division=DIVISION_OF[self.stage], **self.race)
+        return Race(kind=RaceKind.LEAGUE, division=DIVISION_OF[self.stage], **self.race)
 
 
 @dataclass(frozen=True)

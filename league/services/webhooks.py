@@ -13,11 +13,10 @@ from django.db.models import Q, QuerySet
 from django.utils import translation
 
 from accounts.models import Racer
-from core.events import Event, Reader
+from core.events import Event, EventReader
 from core.wakeup import wake
 from paddock.errors import UserFault
-from races.models import Entry, Race
-from races.models import Kind as RaceKind
+from races.models import Entry, Race, RaceKind
 
 from .. import chats, outgoing
 from ..happenings import EVENTS, KINDS, OF_RACER, TEST, Happening, happening
@@ -104,7 +103,7 @@ def queue_deliveries(event: Event, now: datetime) -> int:
 
 
 # Writes deliveries; told is how many.
-WEBHOOKS = Reader("webhooks", KINDS, queue_deliveries)
+WEBHOOKS = EventReader("webhooks", KINDS, queue_deliveries)
 
 
 def tidy_webhooks(*, now: datetime) -> int:

@@ -9,7 +9,7 @@ from django import template
 from accounts.models import Racer
 from league.models import Season
 from league.selectors import racer_ratings, season_of, season_ratings
-from races.models import Kind, Race
+from races.models import Race, RaceKind
 
 register = template.Library()
 TOP = 10
@@ -24,7 +24,7 @@ def ratings_of_season(context: template.Context, season: Season) -> dict[str, An
 @register.inclusion_tag("league/parts/race_ratings.html", takes_context=True)
 def ratings_of_race(context: template.Context, race: Race) -> dict[str, Any]:
     """A small card with the best ratings of the season that a race is a round of."""
-    season = season_of(race) if race.kind == Kind.LEAGUE else None
+    season = season_of(race) if race.kind == RaceKind.LEAGUE else None
     ratings = season_ratings(season, TOP) if season else []
     return {"ratings": ratings, "season": season, "user": context.get("user")}
 

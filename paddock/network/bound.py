@@ -25,7 +25,7 @@ _COARSE = 2.0**-8  # of the greatest answer: errors so large are those of a netw
 
 
 @dataclass(frozen=True)
-class Facts:
+class NetworkFacts:
     """What the admission of a network found out, kept with it.
 
     ``bound``: no float32 answer is farther than this from the float64 one rounded to float32; None where the network
@@ -44,7 +44,7 @@ class Facts:
         return {"bound": self.bound, "shapes": shapes, "answers": self.answers}
 
     @classmethod
-    def from_dict(cls, said: Mapping[str, Any]) -> Facts:
+    def from_dict(cls, said: Mapping[str, Any]) -> NetworkFacts:
         """The inverse of :meth:`to_dict`. Raises KeyError, TypeError, ValueError for anything else."""
         bound = said["bound"]
         if bound is not None and not 0.0 <= float(bound) < float("inf"):

@@ -35,7 +35,7 @@ class _Admitted(NamedTuple):
 
 
 @dataclass
-class Network:
+class CanonicalNetwork:
     """The pruned, ordered and renamed graph. Inputs keep their names."""
 
     opset: int
@@ -45,7 +45,7 @@ class Network:
     weights: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, onnx: bytes) -> Network:
+    def read(cls, onnx: bytes) -> CanonicalNetwork:
         """What :func:`write_model` wrote, with its weights as views into the bytes. Raises UserFault for anything
         else."""
         model = read_model(onnx, _Admitted())
@@ -59,7 +59,7 @@ class Network:
         return sum(array.size for array in self.weights.values() if array.ndim and array.dtype.kind == "f")
 
 
-def canonicalise(model: Model, target: Port | None = None) -> Network:
+def canonicalise(model: Model, target: Port | None = None) -> CanonicalNetwork:
     """Bring a model into the one form, with what ``target`` (of its only output, unless given) needs and nothing else.
     Raises UserFault ``onnx_graph``."""
     inputs = [port for port in model.inputs if port.name not in model.weights]
@@ -71,7 +71,7 @@ def canonicalise(model: Model, target: Port | None = None) -> Network:
     return network
 
 
-def _transpose_dense(network: Network) -> None:
+def _transpose_dense(network: CanonicalNetwork) -> None:
     """Store the weights of every Gemm transposed (``transB`` = 1), where nothing else reads them."""
     uses = Counter(name for node in network.nodes for name in node.inputs)
     for node in network.nodes:
@@ -141,12 +141,12 @@ class _Numbering:
 
     def __init__(self, opset: int, inputs: list[Port], plain: _Plain) -> None:
         self._plain = plain
-        self._network = Network(opset, inputs, Port(OUTPUT_NAME, FLOAT, []))
+        self._network = CanonicalNetwork(opset, inputs, Port(OUTPUT_NAME, FLOAT, []))
         self._names = {port.name: port.name for port in inputs}
         self._placed: set[int] = set()
         self._values = 0
 
-    def network(self, target: Port) -> Network:
+    def network(self, target: Port) -> CanonicalNetwork:
         source = self._plain.original(target.name)
         if not self._plain.exists(source):
             raise UserFault("onnx_graph", problem="the output is made by no operator")
@@ -212,7 +212,7 @@ def _constant(node: Node) -> np.ndarray:
     return np.array(value, dtype)
 
 
-def write_model(network: Network, outside: AbstractSet[str] = frozenset()) -> bytes:
+def write_model(network: CanonicalNetwork, outside: AbstractSet[str] = frozenset()) -> bytes:
     """The network as an ONNX file. ``outside``: as in :func:`.written.model_bytes`."""
     return model_bytes(
         network.nodes, network.inputs, network.output, network.weights, network.opset, IR_VERSION, outside

@@ -13,7 +13,7 @@ from collections import Counter
 
 import numpy as np
 
-from .canonical import Network, canonicalise
+from .canonical import CanonicalNetwork, canonicalise
 from .model import Model, Node
 
 # Below, measured on processors with 16 lanes of float32 and 1 MB of cache a core, the matrix product is as fast.
@@ -42,7 +42,7 @@ class Read(Shapes):
         return {name: shape for name, shape in self._known.items() if name in self._read}
 
 
-def dense_as_convolutions(network: Network, shapes: Shapes) -> Network:
+def dense_as_convolutions(network: CanonicalNetwork, shapes: Shapes) -> CanonicalNetwork:
     """The same network with every large dense layer as a convolution; the very same if there is none.
 
     ``shapes``: of its values, and written to; :class:`Read` tells which of them were needed. ``network`` is used up.
@@ -59,7 +59,7 @@ def dense_as_convolutions(network: Network, shapes: Shapes) -> Network:
 
 
 def _layer(
-    network: Network, node: Node, shapes: Shapes, readers: Counter[str]
+    network: CanonicalNetwork, node: Node, shapes: Shapes, readers: Counter[str]
 ) -> tuple[Node, np.ndarray, list[str]] | None:
     """A large dense layer over one row: its operation, its weights output by output, and the name of its bias."""
     if node.op not in ("Gemm", "MatMul"):
@@ -81,7 +81,7 @@ def _layer(
     return node, weights, bias
 
 
-def _rewrite(network: Network, node: Node, weights: np.ndarray, bias: list[str], shapes: Shapes) -> None:
+def _rewrite(network: CanonicalNetwork, node: Node, weights: np.ndarray, bias: list[str], shapes: Shapes) -> None:
     row, result = node.inputs[0], node.outputs[0]
     outputs, inputs = weights.shape
     before: list[Node] = []
@@ -110,7 +110,7 @@ def _rewrite(network: Network, node: Node, weights: np.ndarray, bias: list[str],
     network.nodes[place:end] = before + after
 
 
-def _picture(network: Network, row: str, shapes: Shapes) -> tuple[str, bool] | None:
+def _picture(network: CanonicalNetwork, row: str, shapes: Shapes) -> tuple[str, bool] | None:
     """The picture ``[1, C, H, W]`` whose values the row is, and whether they lie there channels last; or None."""
     makers = {name: node for node in network.nodes for name in node.outputs}
     flat = makers.get(row)
@@ -126,6 +126,6 @@ def _picture(network: Network, row: str, shapes: Shapes) -> tuple[str, bool] | N
     return (picture, turned) if shape[0] == 1 else None
 
 
-def _shape(network: Network, name: str, shape: tuple[int, ...]) -> str:
+def _shape(network: CanonicalNetwork, name: str, shape: tuple[int, ...]) -> str:
     network.weights[f"{name}_shape"] = np.array(shape, np.int64)
     return f"{name}_shape"

@@ -39,7 +39,7 @@ _MAX_NAME = 1000
 _MAX_RANK = 8
 
 
-class Bounds(Protocol):
+class FileBounds(Protocol):
     """What a file may hold; :class:`paddock.packages.limits.PackageLimits` says it for an upload."""
 
     @property
@@ -129,7 +129,7 @@ class Model:
     outputs: list[Port] = field(default_factory=list)
 
 
-def read_model(data: bytes, limits: Bounds, weights: Mapping[str, bytes] | None = None) -> Model:
+def read_model(data: bytes, limits: FileBounds, weights: Mapping[str, bytes] | None = None) -> Model:
     """Parse a serialised ModelProto. ``weights``: the files beside it, by name.
 
     Raises UserFault with a code of the gate section.
@@ -147,7 +147,7 @@ Field = int | memoryview
 
 
 class _Reader:
-    def __init__(self, limits: Bounds, outside: OutsideWeights) -> None:
+    def __init__(self, limits: FileBounds, outside: OutsideWeights) -> None:
         self._limits = limits
         self._outside = outside
         self._budget = Budget(limits.wire_fields)

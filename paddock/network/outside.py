@@ -17,7 +17,7 @@ from paddock.errors import UserFault
 from .wire import printable
 
 if TYPE_CHECKING:
-    from .model import Bounds
+    from .model import FileBounds
 
 _DIGITS = 15  # of an offset or a length: no file is larger
 _NAME_LIMIT = 255
@@ -27,7 +27,7 @@ class OutsideWeights:
     """The files of weights, by name, and how much was read out of them: two tensors may share a place, but not so
     many that a small upload becomes a large network."""
 
-    def __init__(self, files: Mapping[str, bytes], limits: Bounds) -> None:
+    def __init__(self, files: Mapping[str, bytes], limits: FileBounds) -> None:
         self._files = files
         self._limit = limits.model_bytes
         self._left = limits.model_bytes

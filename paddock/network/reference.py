@@ -13,7 +13,7 @@ import numpy as np
 
 from .arithmetic import ARITHMETIC, Function
 from .arrangement import ARRANGEMENT
-from .canonical import Network
+from .canonical import CanonicalNetwork
 from .layers import LAYERS
 from .model import FLOAT, Node
 from .resize import resize
@@ -32,7 +32,7 @@ def _softmax_axes(opset: int, node: Node, x: np.ndarray) -> tuple[int, ...]:
 class Reference:
     """One network, computed in float64. Keep it for its further runs: they are faster."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: CanonicalNetwork) -> None:
         """Raises KeyError for an operator that it does not know."""
         self._network = network
         self._wide: dict[str, np.ndarray] = {}

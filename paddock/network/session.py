@@ -12,8 +12,8 @@ import onnxruntime
 
 from paddock.errors import UserFault
 
-from .bound import Facts
-from .canonical import Network, write_model
+from .bound import NetworkFacts
+from .canonical import CanonicalNetwork, write_model
 from .dense import dense_as_convolutions
 from .model import DTYPES
 from .probes import Input
@@ -34,19 +34,19 @@ class Loaded:
     session: onnxruntime.InferenceSession
     reference: Reference
     inputs: tuple[Input, ...]
-    facts: Facts | None
+    facts: NetworkFacts | None
     arrays: tuple[np.ndarray, ...]
 
 
-def load(onnx: bytes, facts: Facts | None = None) -> Loaded:
+def load(onnx: bytes, facts: NetworkFacts | None = None) -> Loaded:
     """A session of one thread. ``facts``: from the network's admission, if they are known.
 
     Raises Refused, MemoryError."""
     try:
-        network = Network.read(onnx)
+        network = CanonicalNetwork.read(onnx)
         reference = Reference(network)
         if facts is not None and facts.shapes:
-            fast = Network.read(onnx)
+            fast = CanonicalNetwork.read(onnx)
             fast = dense_as_convolutions(fast, facts.shapes)
         else:
             fast = network
@@ -59,7 +59,7 @@ def load(onnx: bytes, facts: Facts | None = None) -> Loaded:
     return Loaded(session, reference, inputs, facts, arrays)
 
 
-def _session(network: Network) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
+def _session(network: CanonicalNetwork) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL

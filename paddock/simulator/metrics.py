@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .race import CarResult, RaceResult
+from .race import CompetitorRun, RaceResult
 
 
-def metrics_json(result: RaceResult | CarResult) -> dict[str, Any]:
+def metrics_json(result: RaceResult | CompetitorRun) -> dict[str, Any]:
     """``{"metrics": [one dict a lap]}`` with times in simulated milliseconds (deepracer-simapp, metrics/s3_metrics.py).
 
     ``metric_time`` is the simulated time at the end of the lap, ``start_time`` at its beginning. ``episode``, ``phase``

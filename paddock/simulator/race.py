@@ -16,11 +16,11 @@ from paddock.rules.race import MAX_CARS, RaceRules
 
 from .action import Action, ActionSpace
 from .camera.theme import OFFICIAL, Theme
-from .contestant import Contestant
+from .competitor import Competitor
 from .engine import ENGINE_ID, versions
 from .physics import PADDOCK_CAR, CarPhysics
 from .referee import LAPS_DONE, RETIRED, Lap
-from .stage import Ground, Stage
+from .stage import PreparedTrack, Simulation
 from .trace import LABELS, Trace
 
 Policy = Callable[[dict[str, np.ndarray]], np.ndarray]
@@ -98,7 +98,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class CarResult:
+class CompetitorRun:
     """What one car of several came to. ``retired``: the fault of its policy as ``{"code", "params"}``, or None."""
 
     laps: list[LapResult]
@@ -128,7 +128,7 @@ class RaceResult:
     versions: dict[str, str]
     seconds: dict[str, float] = field(compare=False)  # of wall time in physics, camera, policy, other: a diagnostic
     layout: dict[str, Any] = field(default_factory=dict)
-    rivals: list[CarResult] = field(default_factory=list)
+    rivals: list[CompetitorRun] = field(default_factory=list)
     order: list[int] = field(default_factory=lambda: [0])
     retired: dict[str, Any] | None = None
 
@@ -147,12 +147,13 @@ def run_race(
     theme: Theme = OFFICIAL,
     physics: CarPhysics = PADDOCK_CAR,
     start_m: float = 0.0,
-    ground: Ground | None = None,
+    ground: PreparedTrack | None = None,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
 
-    All cars look before any of them acts. They start from a grid (see :meth:`paddock.simulator.stage.Stage.add`) and
-    are timed by the same rules from the same signal over the same line; the race is over when no car drives any more.
+    All cars look before any of them acts. They start from a grid (see :meth:`paddock.simulator.stage.Simulation.add`)
+    and are timed by the same rules from the same signal over the same line; the race is over when no car drives any
+    more.
 
     ``policy`` gets a dict of sensor readings and returns the network's output. It may raise: the race of a car alone is
     then over without a result, and so it is for any error but a UserFault; of several cars the one whose policy raises
@@ -166,7 +167,7 @@ def run_race(
         raise ValueError(f"at most {MAX_CARS} cars race in one world, not {1 + len(rivals)}")
     begun = perf_counter()
     entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
-    with Stage(ground or Ground(track, rules.direction, theme), rules, physics) as stage:
+    with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics) as stage:
         race = _Race(stage, entrants, start_m)
         first = race.cars[0]
         while not race.over:
@@ -176,7 +177,7 @@ def run_race(
         if on_progress is not None:
             on_progress(progress_of(first, stage))
         results = [
-            CarResult(
+            CompetitorRun(
                 laps=lap_results(car),
                 end_reason=car.referee.end_reason or "",
                 simulated_ms=car.referee.time_ms,
@@ -214,7 +215,7 @@ def run_race(
 class _Race:
     """A race while it runs."""
 
-    def __init__(self, stage: Stage, entrants: Sequence[Entrant], start_m: float) -> None:
+    def __init__(self, stage: Simulation, entrants: Sequence[Entrant], start_m: float) -> None:
         self._stage = stage
         self._entrants = entrants
         alone = len(entrants) == 1
@@ -230,7 +231,7 @@ class _Race:
     def step(self) -> None:
         """One control step of all cars."""
         actions: list[Action | None] = []
-        failed: list[Contestant] = []
+        failed: list[Competitor] = []
         for number, car in enumerate(self.cars):
             action = None
             if not (car.done or car.pausing):
@@ -254,7 +255,7 @@ class _Race:
     def _all_done(self) -> bool:
         return all([car.done for car in self.cars])
 
-    def _ask(self, entrant: Entrant, car: Contestant) -> Action:
+    def _ask(self, entrant: Entrant, car: Competitor) -> Action:
         looked = perf_counter()
         readings = car.observe()
         asked = perf_counter()
@@ -276,7 +277,7 @@ class _Race:
         return sorted(range(len(self.cars)), key=rank)
 
 
-def _bot_paths(stage: Stage) -> list[list[tuple[float, float, float]]]:
+def _bot_paths(stage: Simulation) -> list[list[tuple[float, float, float]]]:
     """For each bot its places, one for each row of the first car's trace."""
     return [
         [(round(pose.x, 3), round(pose.y, 3), round(pose.yaw, 3)) for pose in path]
@@ -284,12 +285,12 @@ def _bot_paths(stage: Stage) -> list[list[tuple[float, float, float]]]:
     ]
 
 
-def lap_results(car: Contestant) -> list[LapResult]:
+def lap_results(car: Competitor) -> list[LapResult]:
     """The laps driven so far, the unfinished one last."""
     return [_lap_result(lap, car) for lap in car.referee.laps]
 
 
-def _lap_result(lap: Lap, car: Contestant) -> LapResult:
+def _lap_result(lap: Lap, car: Competitor) -> LapResult:
     complete = lap.end_ms is not None
     end_ms = lap.end_ms if lap.end_ms is not None else car.referee.time_ms
     starts = [lap.start_ms, *lap.sector_ends_ms]
@@ -309,7 +310,7 @@ def _lap_result(lap: Lap, car: Contestant) -> LapResult:
     )
 
 
-def progress_of(car: Contestant, stage: Stage) -> Progress:
+def progress_of(car: Competitor, stage: Simulation) -> Progress:
     """The state of a running race for those who watch ``car``."""
     referee = car.referee
     lap = referee.lap
@@ -328,11 +329,11 @@ def progress_of(car: Contestant, stage: Stage) -> Progress:
         resets=referee.resets,
         last_lap_ms=finished[-1] if finished else None,
         bots=[(round(pose.x, 3), round(pose.y, 3)) for pose in stage.bots.poses] if stage.bots else [],
-        rivals=[_rival_progress(other) for other in stage.contestants if other is not car],
+        rivals=[_rival_progress(other) for other in stage.competitors if other is not car],
     )
 
 
-def _rival_progress(car: Contestant) -> RivalProgress:
+def _rival_progress(car: Competitor) -> RivalProgress:
     referee = car.referee
     x, y = referee.nose
     return RivalProgress(

@@ -25,7 +25,7 @@ _LONGEST_FIELD = 1000
 
 
 @dataclass(frozen=True)
-class State:
+class RecordedState:
     """A row: where the base of the car is at a time (s), and the command (degrees to the left, m/s) it gets then."""
 
     time: float
@@ -34,7 +34,7 @@ class State:
     speed_mps: float
 
 
-Drive = Sequence[State]
+Drive = Sequence[RecordedState]
 """Rows that follow each other without a jump."""
 
 
@@ -59,8 +59,8 @@ def read_drives(data: bytes, physics: CarPhysics = PADDOCK_CAR) -> list[Drive]:
     if "\0" in text:
         raise UserFault("trace_not_csv")
     rows = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-    drives: list[list[State]] = []
-    drive: list[State] = []
+    drives: list[list[RecordedState]] = []
+    drive: list[RecordedState] = []
     episode = stamp = None
     try:
         names = rows.fieldnames or []
@@ -110,15 +110,15 @@ def _number(row: dict[str, str | None], name: str, line: int) -> float:
     return value
 
 
-def _state(values: dict[str, float], time: float, yaw_before: float | None, physics: CarPhysics) -> State:
+def _state(values: dict[str, float], time: float, yaw_before: float | None, physics: CarPhysics) -> RecordedState:
     yaw = math.radians(values["yaw"])
     if yaw_before is not None:
         yaw = yaw_before + math.remainder(yaw - yaw_before, 2.0 * math.pi)
     x, y = Pose(values["X"], values["Y"], yaw).ahead(-physics.nose_x)
-    return State(time, Pose(x, y, yaw), values["steer"], values["throttle"])
+    return RecordedState(time, Pose(x, y, yaw), values["steer"], values["throttle"])
 
 
-def _jumped(before: State, after: State) -> bool:
+def _jumped(before: RecordedState, after: RecordedState) -> bool:
     seconds = after.time - before.time
     apart = math.hypot(after.pose.x - before.pose.x, after.pose.y - before.pose.y)
     return seconds > MAX_GAP_S or apart > MAX_SPEED_MPS * max(seconds, FRAME_S)

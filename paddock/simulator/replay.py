@@ -13,7 +13,7 @@ from paddock.geometry.track import TrackGeometry
 
 from .car import MAX_STRIDE, Pose
 from .physics import PADDOCK_CAR, CarPhysics
-from .recording import FRAME_S, Drive, State
+from .recording import FRAME_S, Drive, RecordedState
 from .response import Response
 from .world import World
 
@@ -81,7 +81,7 @@ def compare(drives: Sequence[Drive], physics: CarPhysics = PADDOCK_CAR) -> Compa
                     world.step(stride)
                     bicycle = _roll(bicycle, command, stride, physics)
                     now += stride
-                if isinstance(event, State):
+                if isinstance(event, RecordedState):
                     command = event
                     car.command(command.steering_deg, command.speed_mps)
                 else:
@@ -144,7 +144,7 @@ def _starts(drives: Sequence[Drive]) -> Iterator[tuple[Drive, int]]:
                 yield drive, index
 
 
-def _row_at(drive: Drive, index: int, horizon: float) -> State | None:
+def _row_at(drive: Drive, index: int, horizon: float) -> RecordedState | None:
     """The row whose time is nearest to ``horizon`` seconds after row ``index``; None where the drive ends before."""
     due = drive[index].time + horizon
     if drive[-1].time < due - FRAME_S / 2.0:
@@ -152,11 +152,11 @@ def _row_at(drive: Drive, index: int, horizon: float) -> State | None:
     return min(drive[index:], key=lambda state: abs(state.time - due))
 
 
-def _timetable(drive: Drive, index: int, physics: CarPhysics) -> list[tuple[int, State | tuple[float, Pose]]]:
+def _timetable(drive: Drive, index: int, physics: CarPhysics) -> list[tuple[int, RecordedState | tuple[float, Pose]]]:
     """What happens at which tick after the start state: commands, and the horizons that the drive reaches,
     each with the row to compare with."""
     begin = drive[index].time
-    events: list[tuple[int, State | tuple[float, Pose]]] = []
+    events: list[tuple[int, RecordedState | tuple[float, Pose]]] = []
     last = 0
     for horizon in HORIZONS_S:
         row = _row_at(drive, index, horizon)
@@ -170,7 +170,7 @@ def _timetable(drive: Drive, index: int, physics: CarPhysics) -> list[tuple[int,
     return sorted(events, key=lambda event: event[0])
 
 
-def _measured(before: State, after: State) -> tuple[float, float]:
+def _measured(before: RecordedState, after: RecordedState) -> tuple[float, float]:
     """Speed (m/s, forwards) and yaw rate (rad/s) between two rows."""
     seconds = max(after.time - before.time, 1e-3)
     middle = (before.pose.yaw + after.pose.yaw) / 2.0
@@ -178,7 +178,7 @@ def _measured(before: State, after: State) -> tuple[float, float]:
     return max(way, 0.0) / seconds, (after.pose.yaw - before.pose.yaw) / seconds
 
 
-def _roll(pose: Pose, command: State, ticks: int, physics: CarPhysics) -> Pose:
+def _roll(pose: Pose, command: RecordedState, ticks: int, physics: CarPhysics) -> Pose:
     """A kinematic bicycle with the geometric wheelbase that obeys at once, ``ticks`` ticks later."""
     x, y = pose.ahead(physics.rear_axle_x)
     yaw = pose.yaw

@@ -12,7 +12,7 @@ from paddock.geometry.track import Projection, TrackGeometry
 from .camera.blocks import NEAR_M
 from .camera.optics import FRONT_CAMERA
 from .car import Pose
-from .contestant import Contestant
+from .competitor import Competitor
 from .solids import CAR, Solid
 from .trace import CRASHED, OFF_TRACK
 
@@ -46,7 +46,7 @@ def avoid_objects(params: Params) -> float:
 
 
 def reward_params(
-    car: Contestant, waypoints: list[tuple[float, float]], is_reversed: bool, objects: Params | None = None
+    car: Competitor, waypoints: list[tuple[float, float]], is_reversed: bool, objects: Params | None = None
 ) -> Params:
     """The ``params`` of a car's present state (deepracer-simapp, agent_ctrl/constants.py, RewardParam).
 

@@ -14,7 +14,7 @@ from .bots import Bots, LanePaths
 from .camera.theme import OFFICIAL, Theme
 from .camera.view import Scene
 from .car import Pose
-from .contestant import Contestant
+from .competitor import Competitor
 from .layout import lay_out
 from .physics import PADDOCK_CAR, CarPhysics
 from .progress import Reach, clear_distance
@@ -25,7 +25,7 @@ from .traffic import Traffic
 from .world import World, new_world
 
 
-class Ground:
+class PreparedTrack:
     """What is prepared once for a track and shared by every run on it: the driven direction, its scene, its reach."""
 
     def __init__(self, track: TrackGeometry, direction: str = "ccw", theme: Theme = OFFICIAL) -> None:
@@ -61,12 +61,12 @@ class Ground:
         return LanePaths(self.track)
 
 
-class Stage:
-    """One run: a fresh world, the layout with its boxes and bots, and the contestants. Use it as a context manager or
+class Simulation:
+    """One run: a fresh world, the layout with its boxes and bots, and the competitors. Use it as a context manager or
     call :meth:`close`."""
 
     def __init__(
-        self, ground: Ground, rules: RaceRules, physics: CarPhysics = PADDOCK_CAR, world: World | None = None
+        self, ground: PreparedTrack, rules: RaceRules, physics: CarPhysics = PADDOCK_CAR, world: World | None = None
     ) -> None:
         """``world``: one of the same ``physics`` that several stages share; their cars neither meet nor see each other.
         Who shares it moves it, between :meth:`command` and :meth:`judge` of all its stages, and closes it.
@@ -74,7 +74,7 @@ class Stage:
         Raises UserFault where boxes or bots have no room, see :func:`paddock.simulator.layout.lay_out`.
         """
         self.ground = ground
-        self.contestants: list[Contestant] = []
+        self.competitors: list[Competitor] = []
         self._lay(rules, physics.control_hz)
         self.world = world or new_world(physics)
         self._shared = world is not None
@@ -84,8 +84,8 @@ class Stage:
         self.rules = rules
         self.layout = lay_out(ground.track, rules)
         self.bots = Bots(ground.lanes, rules, control_hz) if rules.bots else None
-        self.bot_rows: list[tuple[Pose, ...]] = []  # where the bots were at each row of the first contestant's trace
-        self._traffic = Traffic(ground.track.length, self.contestants, self.bots)
+        self.bot_rows: list[tuple[Pose, ...]] = []  # where the bots were at each row of the first competitor's trace
+        self._traffic = Traffic(ground.track.length, self.competitors, self.bots)
         self._box_solids = tuple(box.solid for box in self.layout.boxes)
         self._solids = self._standing_solids()
 
@@ -99,12 +99,12 @@ class Stage:
         lidar_config: Mapping[str, float] | None = None,
         *,
         grid: int | None = None,
-    ) -> Contestant:
+    ) -> Competitor:
         """A car on the centre line, its base ``start_m`` metres after the finish (deepracer-simapp starts at 0), or as
         near as boxes and bots leave room; that is where its laps begin and end. With ``grid`` its place in the starting
         grid behind that line, from 0: 0.75 m apart, in the outer and inner lane by turns."""
         ground = self.ground
-        mine: Contestant | None = None
+        mine: Competitor | None = None
         referee = Referee(
             ground.track,
             self.rules,
@@ -117,98 +117,98 @@ class Stage:
             grid=grid,
         )
         readings = ground.readings(sensors, lidar_config)
-        mine = Contestant(self.world.add_car(), referee, readings, self.solids)
-        self.contestants.append(mine)
+        mine = Competitor(self.world.add_car(), referee, readings, self.solids)
+        self.competitors.append(mine)
         return mine
 
     def clear(self, rules: RaceRules | None = None) -> None:
         """Take all cars off the track for another run, which is then as one on a new stage; bots go back to their
         starts. With ``rules`` (another seed), under these."""
-        for contestant in self.contestants:
-            if contestant.car in self.world.cars:
-                self.world.give_back(contestant.car)
-        self.contestants.clear()
+        for competitor in self.competitors:
+            if competitor.car in self.world.cars:
+                self.world.give_back(competitor.car)
+        self.competitors.clear()
         self._lay(rules or self.rules, self.world.physics.control_hz)
 
-    def solids(self, contestant: Contestant) -> tuple[Solid, ...]:
-        """What ``contestant`` can see on the track besides itself: boxes in driving order, bots, then other cars in the
+    def solids(self, competitor: Competitor) -> tuple[Solid, ...]:
+        """What ``competitor`` can see on the track besides itself: boxes in driving order, bots, then other cars in the
         order in which they were added. Cars that stand out a penalty are seen, cars that are done are off the track."""
-        if len(self.contestants) == 1:
+        if len(self.competitors) == 1:
             return self._solids
         return self._solids + tuple(
-            car(*other.referee.pose) for other in self.contestants if other is not contestant and not other.done
+            car(*other.referee.pose) for other in self.competitors if other is not competitor and not other.done
         )
 
     def step(self, actions: Sequence[Action | None]) -> None:
-        """One control step. ``actions``: one for each contestant, None for those that pause or are done."""
+        """One control step. ``actions``: one for each competitor, None for those that pause or are done."""
         if self.command(actions):  # while all stand still the world stands still with them
             self.world.step()
         self.judge()
 
     def command(self, actions: Sequence[Action | None]) -> bool:
         """The first part of a step: hand out the actions. True where a car drives, so that the world must move on."""
-        contestants = self.contestants
-        if self.bots is not None and not contestants[0].done:
+        competitors = self.competitors
+        if self.bots is not None and not competitors[0].done:
             self.bot_rows.append(self.bots.poses)
         driving = False
-        for contestant, action in zip(contestants, actions, strict=True):
-            if contestant.done:
+        for competitor, action in zip(competitors, actions, strict=True):
+            if competitor.done:
                 continue
-            if contestant.pausing:
-                contestant.stand()
+            if competitor.pausing:
+                competitor.stand()
             else:
                 assert action is not None, "a driving car needs an action"
-                contestant.command(action)
+                competitor.command(action)
                 driving = True
         return driving
 
     def judge(self) -> None:
         """The last part of a step: bots move, and every car is judged where it is now."""
-        contestants = self.contestants
-        if self.bots is None and len(contestants) == 1:
-            contestant = contestants[0]
-            if not contestant.done:
-                contestant.move()
-                contestant.judge()
+        competitors = self.competitors
+        if self.bots is None and len(competitors) == 1:
+            competitor = competitors[0]
+            if not competitor.done:
+                competitor.move()
+                competitor.judge()
         else:
             self._judge_all()
 
-    def retire(self, contestant: Contestant) -> None:
+    def retire(self, competitor: Competitor) -> None:
         """Take a car off the track; its run ends, what it has driven stands."""
-        contestant.retire()
-        self._leave(contestant)
+        competitor.retire()
+        self._leave(competitor)
 
     def _judge_all(self) -> None:
         """Bots and cars all move, then the contacts between them are judged, then each car."""
         self._traffic.step()
         self._solids = self._standing_solids()
-        active = [contestant for contestant in self.contestants if not contestant.done]
-        for contestant in active:
-            contestant.move()
+        active = [competitor for competitor in self.competitors if not competitor.done]
+        for competitor in active:
+            competitor.move()
         rammed = self._traffic.rammed()
-        for contestant, fault in zip(self.contestants, rammed, strict=True):
-            if contestant.done:
+        for competitor, fault in zip(self.competitors, rammed, strict=True):
+            if competitor.done:
                 continue
-            paused = contestant.pausing
-            contestant.judge(fault)
-            if contestant.done:
-                self._leave(contestant)
-            elif paused and not contestant.pausing:
+            paused = competitor.pausing
+            competitor.judge(fault)
+            if competitor.done:
+                self._leave(competitor)
+            elif paused and not competitor.pausing:
                 # The world may have moved on under it, and a car at rest settles by some micrometres.
-                contestant.car.place(contestant.referee.pose)
+                competitor.car.place(competitor.referee.pose)
 
-    def _leave(self, contestant: Contestant) -> None:
-        if contestant is self.contestants[0] and self.bots is not None:
+    def _leave(self, competitor: Competitor) -> None:
+        if competitor is self.competitors[0] and self.bots is not None:
             self.bot_rows.append(self.bots.poses)
-        if len(self.contestants) > 1:
-            self.world.remove_car(contestant.car)
+        if len(self.competitors) > 1:
+            self.world.remove_car(competitor.car)
 
     def close(self) -> None:
         """Free the world, unless it is shared."""
         if not self._shared:
             self.world.close()
 
-    def __enter__(self) -> Stage:
+    def __enter__(self) -> Simulation:
         return self
 
     def __exit__(

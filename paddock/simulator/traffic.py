@@ -12,18 +12,18 @@ from collections.abc import Callable, Sequence
 
 from .bots import Bots
 from .car import Pose
+from .competitor import Competitor
 from .contact import cars_touch
-from .contestant import Contestant
 
 _GAP_M = 0.1  # left free round a car that is put back
 
 
 class Traffic:
-    """Judges the contacts of a stage's ``contestants`` (the stage's own list) with each other and with its bots."""
+    """Judges the contacts of a stage's ``competitors`` (the stage's own list) with each other and with its bots."""
 
-    def __init__(self, length: float, contestants: list[Contestant], bots: Bots | None) -> None:
+    def __init__(self, length: float, competitors: list[Competitor], bots: Bots | None) -> None:
         self._length = length
-        self._contestants = contestants
+        self._contestants = competitors
         self._bots = bots
         self._touching: set[tuple[int, int]] = set()  # pairs whose contact is judged already; bots count from -1 down
 
@@ -32,33 +32,33 @@ class Traffic:
         if self._bots is not None:
             length = self._length
             cars = []
-            for contestant in self._contestants:
-                if not (contestant.done or contestant.pausing):
-                    referee = contestant.referee
-                    middle = referee.odometer.metres - contestant.car.physics.nose_x
+            for competitor in self._contestants:
+                if not (competitor.done or competitor.pausing):
+                    referee = competitor.referee
+                    middle = referee.odometer.metres - competitor.car.physics.nose_x
                     cars.append((middle % length, referee.odometer.place.offset))
             self._bots.step(cars)
 
     def rammed(self) -> Sequence[bool]:
-        """For each contestant whether it ran into another car or a bot in this step, from behind. Bots that were hit or
+        """For each competitor whether it ran into another car or a bot in this step, from behind. Bots that were hit or
         are at fault begin their pause."""
-        contestants = self._contestants
-        faults = [False] * len(contestants)
-        for number, contestant in enumerate(contestants):
-            if contestant.done:
+        competitors = self._contestants
+        faults = [False] * len(competitors)
+        for number, competitor in enumerate(competitors):
+            if competitor.done:
                 continue
             if self._bots is not None:
-                faults[number] = self._meets_bots(number, contestant)
-            for other in range(number + 1, len(contestants)):
+                faults[number] = self._meets_bots(number, competitor)
+            for other in range(number + 1, len(competitors)):
                 self._meets(number, other, faults)
         return faults
 
-    def free_for(self, contestant: Callable[[], Contestant | None]) -> Callable[[Pose], bool]:
-        """Whether ``contestant()`` (None: one that is about to be added) may be put at a pose without touching another
+    def free_for(self, competitor: Callable[[], Competitor | None]) -> Callable[[Pose], bool]:
+        """Whether ``competitor()`` (None: one that is about to be added) may be put at a pose without touching another
         car or a bot, wherever those stand or are about to be put."""
 
         def free(pose: Pose) -> bool:
-            mine = contestant()
+            mine = competitor()
             others = [other.stands_at for other in self._contestants if other is not mine and not other.done]
             if self._bots is not None:
                 others.extend(self._bots.poses)
@@ -66,16 +66,16 @@ class Traffic:
 
         return free
 
-    def _meets_bots(self, number: int, contestant: Contestant) -> bool:
-        """True where the contestant ran into a bot."""
+    def _meets_bots(self, number: int, competitor: Competitor) -> bool:
+        """True where the competitor ran into a bot."""
         bots, fault = self._bots, False
         assert bots is not None
-        pose = contestant.referee.pose
+        pose = competitor.referee.pose
         for index, bot in enumerate(bots.bots):
-            if not self._new_contact(number, -1 - index, pose, bot.pose) or contestant.pausing:
+            if not self._new_contact(number, -1 - index, pose, bot.pose) or competitor.pausing:
                 continue
             # Noses against noses.
-            ahead = bot.metres + contestant.car.physics.nose_x - contestant.referee.odometer.metres
+            ahead = bot.metres + competitor.car.physics.nose_x - competitor.referee.odometer.metres
             if self._wrap(ahead) >= 0.0:
                 fault = True
             bots.pause(bot)

@@ -20,8 +20,8 @@ from gymnasium.vector.utils import batch_space
 from paddock.exact import is_pinned
 
 from .action import Action
-from .contestant import Contestant
-from .envs.drive import Drive, Outcome
+from .competitor import Competitor
+from .envs.drive import Drive, StepOutcome
 from .envs.setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
 from .world import World, new_world
@@ -162,7 +162,7 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
         """As in a single environment."""
         return is_pinned()
 
-    def car(self, number: int) -> Contestant:
+    def car(self, number: int) -> Competitor:
         """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""
         return self._drives[number].car
 
@@ -215,7 +215,7 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
             infos[f"_{key}"] = given
         return infos
 
-    def _final(self, number: int, outcome: Outcome) -> dict[str, Any]:
+    def _final(self, number: int, outcome: StepOutcome) -> dict[str, Any]:
         """The last observation and info of an episode, which the next one's take the place of."""
         last = {name: batch[number].copy() for name, batch in self._observations.items()}
         return {"final_obs": self.setting.present(last), "final_info": self._told(outcome.info)}

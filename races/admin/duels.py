@@ -9,7 +9,7 @@ from django.utils.translation import gettext_lazy
 
 from core.admin import ReadOnly
 
-from ..models import Draw, Duel, DuelCar
+from ..models import Draw, Duel, DuelCompetitor
 from .actions import seconds
 
 
@@ -24,19 +24,19 @@ class DrawAdmin(ReadOnly, admin.ModelAdmin):
     date_hierarchy = "drawn_at"
 
 
-class DuelCarInline(ReadOnly, admin.TabularInline):
+class DuelCompetitorInline(ReadOnly, admin.TabularInline):
     """The cars of a heat."""
 
-    model = DuelCar
+    model = DuelCompetitor
     fields = ("grid", "entry", "place", "points", "laps", "time", "forfeited", "retired_code")
     readonly_fields = fields
     ordering = ("grid",)
 
     @admin.display(description=gettext_lazy("their time"))
-    def time(self, car: DuelCar) -> str:
+    def time(self, car: DuelCompetitor) -> str:
         return seconds(car.time_ms or None)
 
-    def get_queryset(self, request: HttpRequest) -> QuerySet[DuelCar]:
+    def get_queryset(self, request: HttpRequest) -> QuerySet[DuelCompetitor]:
         return super().get_queryset(request).select_related("entry__racer", "entry__race")
 
 
@@ -48,4 +48,4 @@ class DuelAdmin(ReadOnly, admin.ModelAdmin):
     list_filter = ("state", "race__duel_format")
     list_select_related = ("race", "evaluation")
     search_fields = ("race__name", "race__slug", "evaluation__public_id", "cars__entry__racer__alias")
-    inlines = (DuelCarInline,)
+    inlines = (DuelCompetitorInline,)

@@ -23,7 +23,7 @@ from paddock.rules.race import LAYOUT, RULES, RUN_RULES
 from ..errors import problem
 from ..fields import BoxesField
 from ..layout import check_layout
-from ..models import Kind, Race, RaceState, RaceType, Visibility
+from ..models import Race, RaceKind, RaceState, RaceType, Visibility
 from ..rules.fields import rule_fields
 from ..sensors import OFFERABLE
 from ..services import (
@@ -44,7 +44,7 @@ _INSIDE = tuple(name for name, rule in RULES.items() if not rule.column)
 _Inside = new_class("Inside", (forms.ModelForm,), exec_body=lambda body: body.update(rule_fields(_INSIDE)))
 
 
-class RaceForm(_Inside):  # type: ignore[misc, valid-type]
+class RaceAdminForm(_Inside):  # type: ignore[misc, valid-type]
     """A race as admins make and change it, under the same rules as everybody's."""
 
     sensors = forms.MultipleChoiceField(
@@ -117,7 +117,7 @@ class StateFilter(admin.SimpleListFilter):
 class RaceAdmin(WithReason):
     """See the module's docstring."""
 
-    form = RaceForm
+    form = RaceAdminForm
     list_display = ("name", "kind", "division", "track", "state", "opens_at", "closes_at", "racers", "organiser")
     list_filter = (StateFilter, "kind", "division", "ranking_method", "race_type", "visibility", "track")
     list_select_related = ("track", "organiser")
@@ -245,7 +245,7 @@ class RaceAdmin(WithReason):
 
     @admin.action(description=gettext_lazy("Replace the invitation link"), permissions=["change"])
     def new_invitations(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
-        secret = queryset.filter(visibility=Visibility.INVITATION, kind=Kind.COMMUNITY)
+        secret = queryset.filter(visibility=Visibility.INVITATION, kind=RaceKind.COMMUNITY)
         done = self.each(request, secret, lambda race: reset_invitation(race=race), "Replaced the invitation link")
         self.message_user(request, ngettext("%d link was replaced.", "%d links were replaced.", done) % done)
 

@@ -20,7 +20,7 @@ from ..services import draw_duels, drive_on
 from .lookup import organised_race, visible_race
 
 
-class DuelCarSerializer(serializers.Serializer):
+class DuelCompetitorSerializer(serializers.Serializer):
     """A car in a heat."""
 
     grid = serializers.IntegerField(help_text="Starting place, 1 in front.")
@@ -46,7 +46,7 @@ class HeatSerializer(serializers.Serializer):
     evaluation = serializers.CharField(
         source="duel.evaluation.public_id", default=None, allow_null=True, help_text="The public_id of its run."
     )
-    cars = DuelCarSerializer(many=True, help_text="The front one first.")
+    cars = DuelCompetitorSerializer(many=True, help_text="The front one first.")
 
 
 class DuelsSerializer(serializers.Serializer):

@@ -20,7 +20,7 @@ from accounts.scopes import RACE
 from core.bodies import refuse_fields
 from core.file_view import FileView
 from evaluation.files import logs_of
-from evaluation.models import CarResult, Evaluation, Result, State
+from evaluation.models import CompetitorResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_layout, read_trace
@@ -117,7 +117,7 @@ class LapSerializer(serializers.Serializer):
     status = serializers.CharField()
 
 
-class CarResultSerializer(serializers.Serializer):
+class CompetitorResultSerializer(serializers.Serializer):
     """What one car did."""
 
     laps = LapSerializer(many=True)
@@ -136,17 +136,17 @@ class CarResultSerializer(serializers.Serializer):
     )
 
     @extend_schema_field(ReasonSerializer(allow_null=True))
-    def get_retired(self, result: CarResult) -> dict[str, Any] | None:
+    def get_retired(self, result: CompetitorResult) -> dict[str, Any] | None:
         return reason_of(result.retired_code, result.retired, result.retired_params)
 
 
-class RivalResultSerializer(CarResultSerializer):
+class RivalResultSerializer(CompetitorResultSerializer):
     """What another submitted car did."""
 
     number = serializers.IntegerField(help_text="Of the car, as in rivals.")
 
 
-class ResultSerializer(CarResultSerializer):
+class ResultSerializer(CompetitorResultSerializer):
     """What was measured; of several submitted cars, what the first did, with the others in ``rivals``."""
 
     simulated_ms = serializers.IntegerField()
@@ -383,7 +383,7 @@ def _result(request: Request, public_id: str) -> Result:
     return result
 
 
-def _car(request: Request, public_id: str) -> tuple[CarResult, str]:
+def _car(request: Request, public_id: str) -> tuple[CompetitorResult, str]:
     """The result of the car that ``?car=`` names, the first unless it does, and what a file's name says of it.
 
     Raises Http404, NotFound, UserFault("car_number").

@@ -23,7 +23,7 @@ from tracks.models import Track
 from .. import services
 from ..audit import log
 from ..layout import box_rows
-from ..models import Division, Entry, Kind, Race, RaceState, RaceType, Visibility
+from ..models import Division, Entry, Race, RaceKind, RaceState, RaceType, Visibility
 from ..ranking import order_rule, rule_for
 from ..rules.serializers import with_rules
 from ..selectors import can_organise, races_visible_to
@@ -44,7 +44,7 @@ class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore
     """A race and its rules."""
 
     slug = serializers.CharField()
-    kind = serializers.ChoiceField(Kind.choices)
+    kind = serializers.ChoiceField(RaceKind.choices)
     division = serializers.ChoiceField(Division.choices, allow_blank=True, help_text="Of a league race.")
     name = serializers.CharField()
     description = serializers.CharField(allow_blank=True)
@@ -135,7 +135,7 @@ class FilterSerializer(serializers.Serializer):
     """Which races to list."""
 
     state = serializers.ChoiceField(RaceState.choices, required=False)
-    kind = serializers.ChoiceField(Kind.choices, required=False)
+    kind = serializers.ChoiceField(RaceKind.choices, required=False)
     race_type = serializers.ChoiceField(RaceType.choices, required=False)
     mine = serializers.BooleanField(required=False, default=False)
 
@@ -153,7 +153,7 @@ class CancelSerializer(Body):
         description="Public ones, and those by invitation that you are in or organise; the latest first.",
         parameters=[
             OpenApiParameter("state", enum=RaceState.values, description="As things stand now."),
-            OpenApiParameter("kind", enum=Kind.values, description="Who holds it."),
+            OpenApiParameter("kind", enum=RaceKind.values, description="Who holds it."),
             OpenApiParameter("race_type", enum=RaceType.values),
             OpenApiParameter("mine", bool, description="Only those that you are in or organise."),
         ],

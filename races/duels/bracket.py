@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from .points import Drive, points_lap_time
+from .points import HeatDrive, points_lap_time
 
 LEGS = 2  # heats in a tie
 
@@ -76,7 +76,7 @@ def bracket(entrants: int, winners: Mapping[tuple[int, int], int]) -> list[list[
     return rounds
 
 
-def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, Drive]]) -> int:
+def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, HeatDrive]]) -> int:
     """Who goes on after the heats of a tie: more points, then more laps and less time for them, then the better seed.
 
     ``heats``: what each car did in each heat, by seed.
@@ -90,12 +90,12 @@ def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, Drive]]) -> int
     return min(cars, key=key)
 
 
-def winners_of(heats: Mapping[tuple[int, int], Mapping[int, Drive]]) -> dict[tuple[int, int], int]:
+def winners_of(heats: Mapping[tuple[int, int], Mapping[int, HeatDrive]]) -> dict[tuple[int, int], int]:
     """The winner of each tie (round, number) whose heats are all there.
 
     ``heats``: what each seed did in heat (round, number), for those that are decided.
     """
-    ties: dict[tuple[int, int], list[Mapping[int, Drive]]] = {}
+    ties: dict[tuple[int, int], list[Mapping[int, HeatDrive]]] = {}
     for (round_, number), drives in heats.items():
         ties.setdefault((round_, tie_of(number)), []).append(drives)
     return {tie: tie_winner(list(legs[0]), legs) for tie, legs in ties.items() if len(legs) == LEGS}

@@ -22,7 +22,7 @@ POINTS: dict[int, tuple[int, ...]] = {2: (1, 0), 3: (2, 1, 0), 4: (3, 2, 1, 0)}
 
 
 @dataclass(frozen=True)
-class Drive:
+class HeatDrive:
     """What one car did in one heat: its place from 1, complete laps and their total time in milliseconds."""
 
     place: int
@@ -32,7 +32,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Total:
+class HeatsTotal:
     """Several heats together."""
 
     points: int
@@ -62,17 +62,17 @@ def places(order: Sequence[int], lost: Collection[int] = ()) -> dict[int, tuple[
     }
 
 
-def points_lap_time(drives: Iterable[Drive]) -> Total:
+def points_lap_time(drives: Iterable[HeatDrive]) -> HeatsTotal:
     """Points, complete laps and time of several heats, added up."""
     drives = list(drives)
-    return Total(
+    return HeatsTotal(
         sum(drive.points for drive in drives),
         sum(drive.laps for drive in drives),
         sum(drive.time_ms for drive in drives),
     )
 
 
-def order(totals: dict[int, Total]) -> list[int]:
+def order(totals: dict[int, HeatsTotal]) -> list[int]:
     """Seeds in the order of the board: more points, then the lower average lap, then the better seed."""
 
     def key(seed: int) -> tuple:

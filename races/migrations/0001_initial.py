@@ -164,7 +164,7 @@ class Migration(migrations.Migration):
             },
         ),
         migrations.CreateModel(
-            name='DuelCar',
+            name='DuelCompetitor',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('grid', models.PositiveSmallIntegerField(verbose_name='starting place')),
@@ -371,28 +371,28 @@ class Migration(migrations.Migration):
             constraint=models.CheckConstraint(condition=models.Q(models.Q(('state__in', ['driving', 'void']), _negated=True), models.Q(('evaluation__isnull', False), ('tries__gte', 1)), _connector='OR'), name='duel_drives_an_evaluation'),
         ),
         migrations.AddConstraint(
-            model_name='duelcar',
-            constraint=models.UniqueConstraint(fields=('duel', 'entry'), name='duelcar_once_in_a_duel'),
+            model_name='duelcompetitor',
+            constraint=models.UniqueConstraint(fields=('duel', 'entry'), name='duelcompetitor_once_in_a_duel'),
         ),
         migrations.AddConstraint(
-            model_name='duelcar',
-            constraint=models.UniqueConstraint(fields=('duel', 'grid'), name='duelcar_grid_once'),
+            model_name='duelcompetitor',
+            constraint=models.UniqueConstraint(fields=('duel', 'grid'), name='duelcompetitor_grid_once'),
         ),
         migrations.AddConstraint(
-            model_name='duelcar',
-            constraint=models.UniqueConstraint(condition=models.Q(('place', None), _negated=True), fields=('duel', 'place'), name='duelcar_place_once'),
+            model_name='duelcompetitor',
+            constraint=models.UniqueConstraint(condition=models.Q(('place', None), _negated=True), fields=('duel', 'place'), name='duelcompetitor_place_once'),
         ),
         migrations.AddConstraint(
-            model_name='duelcar',
-            constraint=models.CheckConstraint(condition=models.Q(('grid__gte', 1), ('grid__lte', 4)), name='duelcar_grid_range'),
+            model_name='duelcompetitor',
+            constraint=models.CheckConstraint(condition=models.Q(('grid__gte', 1), ('grid__lte', 4)), name='duelcompetitor_grid_range'),
         ),
         migrations.AddConstraint(
-            model_name='duelcar',
-            constraint=models.CheckConstraint(condition=models.Q(models.Q(('laps', 0), ('place', None), ('points', None), ('retired_code', ''), ('time_ms', 0)), models.Q(('place__isnull', False), ('points__isnull', False), ('place__gte', 1), ('place__lte', 4), ('points__lte', django.db.models.expressions.CombinedExpression(models.Value(4), '-', models.F('place')))), _connector='OR'), name='duelcar_points_with_a_place'),
+            model_name='duelcompetitor',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('laps', 0), ('place', None), ('points', None), ('retired_code', ''), ('time_ms', 0)), models.Q(('place__isnull', False), ('points__isnull', False), ('place__gte', 1), ('place__lte', 4), ('points__lte', django.db.models.expressions.CombinedExpression(models.Value(4), '-', models.F('place')))), _connector='OR'), name='duelcompetitor_points_with_a_place'),
         ),
         migrations.AddConstraint(
-            model_name='duelcar',
-            constraint=models.CheckConstraint(condition=models.Q(models.Q(('forfeited', False), ('retired_code', '')), ('points', None), ('points', 0), _connector='OR'), name='duelcar_lost_without_points'),
+            model_name='duelcompetitor',
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('forfeited', False), ('retired_code', '')), ('points', None), ('points', 0), _connector='OR'), name='duelcompetitor_lost_without_points'),
         ),
         migrations.AddConstraint(
             model_name='racecar',

@@ -1,9 +1,9 @@
 """A race, who is in it, and what they sent."""
 
 from .car import RaceCar, RefusedCar, car_of
-from .choices import Division, DuelFormat, Kind, Lane, Opponents, RaceState, RaceType, RankingMethod, Visibility
+from .choices import Division, DuelFormat, Lane, Opponents, RaceKind, RaceState, RaceType, RankingMethod, Visibility
 from .counting import BoardCount
-from .duel import Draw, Duel, DuelCar, DuelState
+from .duel import Draw, Duel, DuelCompetitor, DuelState
 from .entry import Entry
 from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
@@ -15,15 +15,15 @@ __all__ = [
     "Division",
     "Draw",
     "Duel",
-    "DuelCar",
+    "DuelCompetitor",
     "DuelFormat",
     "DuelState",
     "Entry",
-    "Kind",
     "Lane",
     "Opponents",
     "Race",
     "RaceCar",
+    "RaceKind",
     "RaceState",
     "RaceType",
     "RankingMethod",

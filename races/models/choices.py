@@ -8,7 +8,7 @@ from django.utils.translation import gettext_lazy as _
 from paddock.rules.race import INNER, OUTER
 
 
-class Kind(models.TextChoices):
+class RaceKind(models.TextChoices):
     """Who holds a race."""
 
     LEAGUE = "league", _("league")

@@ -93,7 +93,7 @@ class Duel(models.Model):
         return self.state == DuelState.DECIDED and self.evaluation_id is None
 
 
-class DuelCar(models.Model):
+class DuelCompetitor(models.Model):
     """A car in a heat. ``grid``: its starting place, 1 in front. ``place``, ``points``: once the heat is decided.
 
     ``laps`` and ``time_ms`` are of complete laps alone. ``forfeited``: its racer had left the race when the heat was
@@ -116,19 +116,21 @@ class DuelCar(models.Model):
         verbose_name_plural = _("cars in duels")
         ordering = ["duel", "grid"]
         constraints = [
-            models.UniqueConstraint(fields=["duel", "entry"], name="duelcar_once_in_a_duel"),
-            models.UniqueConstraint(fields=["duel", "grid"], name="duelcar_grid_once"),
-            models.UniqueConstraint(fields=["duel", "place"], condition=~Q(place=None), name="duelcar_place_once"),
-            models.CheckConstraint(condition=Q(grid__gte=1, grid__lte=MAX_CARS), name="duelcar_grid_range"),
+            models.UniqueConstraint(fields=["duel", "entry"], name="duelcompetitor_once_in_a_duel"),
+            models.UniqueConstraint(fields=["duel", "grid"], name="duelcompetitor_grid_once"),
+            models.UniqueConstraint(
+                fields=["duel", "place"], condition=~Q(place=None), name="duelcompetitor_place_once"
+            ),
+            models.CheckConstraint(condition=Q(grid__gte=1, grid__lte=MAX_CARS), name="duelcompetitor_grid_range"),
             models.CheckConstraint(
                 condition=Q(place=None, points=None, laps=0, time_ms=0, retired_code="")
                 | Q(place__isnull=False, points__isnull=False)
                 & Q(place__gte=1, place__lte=MAX_CARS, points__lte=MAX_CARS - models.F("place")),
-                name="duelcar_points_with_a_place",
+                name="duelcompetitor_points_with_a_place",
             ),
             models.CheckConstraint(
                 condition=Q(forfeited=False, retired_code="") | Q(points=None) | Q(points=0),
-                name="duelcar_lost_without_points",
+                name="duelcompetitor_lost_without_points",
             ),
         ]
 

@@ -19,7 +19,7 @@ from paddock.rules.race import RULES
 from ..errors import problem
 from ..sensors import OFFERABLE, sensors_make_sense
 from . import layout
-from .choices import Division, Kind, RaceState, Visibility
+from .choices import Division, RaceKind, RaceState, Visibility
 from .rules import inside_a_race, lap_problems, laps_constraints, with_rules, within
 
 
@@ -50,7 +50,7 @@ class Race(with_rules(RULES, inside_a_race)):  # type: ignore[misc]
     """A race: where, how, when, and how it is ranked. It is open as a function of the time (:meth:`state_at`)."""
 
     slug = models.SlugField(_("address"), unique=True, max_length=80)
-    kind = models.CharField(_("kind"), max_length=9, choices=Kind.choices, default=Kind.COMMUNITY)
+    kind = models.CharField(_("kind"), max_length=9, choices=RaceKind.choices, default=RaceKind.COMMUNITY)
     division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
     name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
     description = models.TextField(_("description"), blank=True, max_length=2000)
@@ -138,7 +138,7 @@ class Race(with_rules(RULES, inside_a_race)):  # type: ignore[misc]
         if _are(datetime, self.opens_at, self.closes_at) and self.closes_at <= self.opens_at:
             problems["closes_at"] = problem("race_closes_before_opening")
         problems |= lap_problems(self)
-        if self.kind == Kind.LEAGUE:
+        if self.kind == RaceKind.LEAGUE:
             if not self.division:
                 problems["division"] = problem("race_needs_division")
             if self.visibility != Visibility.PUBLIC:

@@ -10,8 +10,8 @@ from django.db.models import Prefetch
 from django.utils.translation import gettext as _
 
 from ..duels.bracket import LEGS, Tie, bracket, tie_of, winners_of
-from ..duels.points import Drive, points_lap_time
-from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Race
+from ..duels.points import HeatDrive, points_lap_time
+from ..models import Draw, Duel, DuelCompetitor, DuelFormat, DuelState, Entry, Race
 from .boards import ORDER
 
 if TYPE_CHECKING:
@@ -25,11 +25,11 @@ class Heat:
     """One heat. ``cars``: the front one first; ``at_the_end``: in the order at the end once decided."""
 
     duel: Duel
-    cars: list[DuelCar]
+    cars: list[DuelCompetitor]
     is_mine: bool
 
     @property
-    def at_the_end(self) -> list[DuelCar]:
+    def at_the_end(self) -> list[DuelCompetitor]:
         return sorted(self.cars, key=lambda car: car.place or car.grid)
 
 
@@ -138,7 +138,7 @@ def heats_of(race: Race, reader: int | None = None, entries: Sequence[Entry] | N
     if entries is None:
         entries = list(Entry.objects.filter(race=race, seed__isnull=False).select_related("racer"))
     by_id = {entry.pk: entry for entry in entries}
-    cars = Prefetch("cars", DuelCar.objects.order_by("grid"))
+    cars = Prefetch("cars", DuelCompetitor.objects.order_by("grid"))
     heats = []
     for duel in Duel.objects.filter(race=race).select_related("evaluation").prefetch_related(cars):
         in_it = list(duel.cars.all())
@@ -204,10 +204,10 @@ def _tree(draw: Draw, heats: Sequence[Heat], entries: Sequence[Entry], reader: i
     return rounds
 
 
-def _drives(heat: Heat) -> dict[int, Drive]:
+def _drives(heat: Heat) -> dict[int, HeatDrive]:
     """What each seed has done in a heat: nothing yet unless it is decided."""
     return {
-        car.entry.seed: Drive(car.place or 0, car.points or 0, car.laps, car.time_ms)
+        car.entry.seed: HeatDrive(car.place or 0, car.points or 0, car.laps, car.time_ms)
         for car in heat.cars
         if car.entry.seed is not None
     }

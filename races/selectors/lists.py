@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from django.db.models import Case, OuterRef, Q, QuerySet, Value, When
 
-from ..models import Entry, Kind, Race, Redrive, Submission
+from ..models import Entry, Race, RaceKind, Redrive, Submission
 from ..ranking import Standing, standing_in
 from .boards import ranks_of
 from .counting import racers_on_board
@@ -135,4 +135,4 @@ def _counted(races: QuerySet[Race]) -> QuerySet[Race]:
 
 
 def _league_first() -> Case:
-    return Case(When(kind=Kind.LEAGUE, then=Value(0)), default=Value(1))
+    return Case(When(kind=RaceKind.LEAGUE, then=Value(0)), default=Value(1))

@@ -12,7 +12,7 @@ from evaluation.models import TrainedModel
 from paddock.rules.race import EASIER_FIRST
 
 from ..eligibility import refusal
-from ..models import Entry, Kind, Race, Submission, Visibility
+from ..models import Entry, Race, RaceKind, Submission, Visibility
 from ..sensors import not_offered
 from .lists import racing_now
 
@@ -85,7 +85,7 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
         direction=direction,
         race_type=race_type,
         visibility=Visibility.PUBLIC,
-        kind=Kind.COMMUNITY,
+        kind=RaceKind.COMMUNITY,
     )
     return races.order_by(house_first, *EASIER_FIRST, "closes_at", "pk")
 
@@ -96,7 +96,7 @@ def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:
     races = racing_now(now, racer).filter(
         ~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False))
     )
-    closed = [race.pk for race in races.filter(kind=Kind.LEAGUE) if refusal(race, racer, now) is not None]
+    closed = [race.pk for race in races.filter(kind=RaceKind.LEAGUE) if refusal(race, racer, now) is not None]
     return races.exclude(pk__in=closed)
 
 

@@ -13,7 +13,7 @@ from django.db.models import Q, Subquery
 from evaluation.models import Result
 
 from ..change import Change, change
-from ..models import Duel, DuelCar, DuelFormat, Entry, Race, Submission
+from ..models import Duel, DuelCompetitor, DuelFormat, Entry, Race, Submission
 from ..ranking import Lap, Standing, longest_streak, standing_in
 from .boards import CLASSIFIED, ORDER, board_entries, ranks_of
 from .counting import BoardTotals, totals_of
@@ -109,7 +109,7 @@ class HeatResult:
     """One car's share in a finished heat. ``place``: where its racer stands in the race now."""
 
     duel: Duel
-    car: DuelCar
+    car: DuelCompetitor
     cars: int
     place: Place
 
@@ -147,7 +147,7 @@ def result_of(submission: Submission, laps: Sequence[Lap], *, tell_earlier: bool
 
 def heat_of(duel: Duel, racer_id: int) -> HeatResult | None:
     """What a decided heat gave one of its racers: four queries. None until it is decided."""
-    cars = list(DuelCar.objects.filter(duel=duel).select_related("entry__racer"))
+    cars = list(DuelCompetitor.objects.filter(duel=duel).select_related("entry__racer"))
     mine = next((car for car in cars if car.entry.racer_id == racer_id and car.place is not None), None)
     if mine is None:
         return None

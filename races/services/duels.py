@@ -22,12 +22,12 @@ from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
 
 from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of
-from ..duels.points import Drive, places, points_lap_time
+from ..duels.points import HeatDrive, places, points_lap_time
 from ..duels.schedule import Heat, round_robin
 from ..engines import keeps_engine
 from ..events import DUEL_DECIDED, DUELS_DRAWN, DUELS_OVER, of_race
 from ..layout import race_rules
-from ..models import Draw, Duel, DuelCar, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
+from ..models import Draw, Duel, DuelCompetitor, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
 from ..ranking import drawn_rank
 from .gates import moment
 
@@ -165,8 +165,8 @@ def record_ended_duel(*, evaluation: Evaluation, result: Result | None, now: dat
 
 def recount(race: Race, entries: Sequence[Entry]) -> None:
     """Work out anew what the decided heats gave these drawn entries, which the caller has locked."""
-    rows = DuelCar.objects.filter(duel__race=race, duel__state=DuelState.DECIDED).select_related("duel")
-    mine: dict[int, list[Drive]] = {entry.pk: [] for entry in entries}
+    rows = DuelCompetitor.objects.filter(duel__race=race, duel__state=DuelState.DECIDED).select_related("duel")
+    mine: dict[int, list[HeatDrive]] = {entry.pk: [] for entry in entries}
     for car in rows.filter(entry__in=[entry.pk for entry in entries]):
         mine[car.entry_id].append(drive_of(car))
     won = ties_won(bracket_of(race)) if race.duel_format == DuelFormat.BRACKET else None
@@ -189,17 +189,19 @@ def field_limit(race: Race) -> int:
     return settings.DUELS_IN_BRACKET if race.duel_format == DuelFormat.BRACKET else settings.DUELS_IN_ROUND_ROBIN
 
 
-def drive_of(car: DuelCar) -> Drive:
+def drive_of(car: DuelCompetitor) -> HeatDrive:
     """A decided car as the pure functions know it."""
     assert car.place is not None and car.points is not None, "its heat is decided"
-    return Drive(car.place, car.points, car.laps, car.time_ms)
+    return HeatDrive(car.place, car.points, car.laps, car.time_ms)
 
 
 def bracket_of(race: Race) -> list[list[Tie]]:
     """The tree of a drawn bracket as it stands, by round. In a void heat nobody has done anything."""
-    heats: dict[tuple[int, int], dict[int, Drive]] = {}
-    for car in DuelCar.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related("duel", "entry"):
-        drive = drive_of(car) if car.duel.state == DuelState.DECIDED else Drive(0, 0)
+    heats: dict[tuple[int, int], dict[int, HeatDrive]] = {}
+    for car in DuelCompetitor.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related(
+        "duel", "entry"
+    ):
+        drive = drive_of(car) if car.duel.state == DuelState.DECIDED else HeatDrive(0, 0)
         assert car.entry.seed is not None, "it was drawn"
         heats.setdefault((car.duel.round, car.duel.number), {})[car.entry.seed] = drive
     return bracket(Draw.objects.get(race=race).entrants, winners_of(heats))
@@ -240,8 +242,8 @@ def _next_round(race: Race, by_seed: Mapping[int, Entry]) -> int | None:
 
 def _write_heats(race: Race, round_: int, heats: Mapping[int, Heat], by_seed: Mapping[int, Entry]) -> None:
     duels = Duel.objects.bulk_create(Duel(race=race, round=round_, number=number) for number in heats)
-    DuelCar.objects.bulk_create(
-        DuelCar(duel=duel, entry=by_seed[seed], grid=grid)
+    DuelCompetitor.objects.bulk_create(
+        DuelCompetitor(duel=duel, entry=by_seed[seed], grid=grid)
         for duel, heat in zip(duels, heats.values(), strict=True)
         for grid, seed in enumerate(heat, start=1)
     )
@@ -257,7 +259,7 @@ def _queue(race: Race, duel: Duel, now: datetime) -> bool:
     cars = list(duel.cars.select_related("entry__racer", "entry__best__evaluation__model__owner").order_by("grid"))
     for car in cars:
         car.forfeited = car.entry.is_withdrawn
-    DuelCar.objects.bulk_update(cars, ["forfeited"])
+    DuelCompetitor.objects.bulk_update(cars, ["forfeited"])
     starting = [car for car in cars if not car.forfeited]
     if len(starting) < 2:
         _place(cars, starting + [car for car in cars if car.forfeited])
@@ -284,7 +286,7 @@ def _counted(entry: Entry) -> Submission:
     return entry.best
 
 
-def _decide(duel: Duel, cars: list[DuelCar], result: Result, now: datetime) -> None:
+def _decide(duel: Duel, cars: list[DuelCompetitor], result: Result, now: datetime) -> None:
     """Write places and points from the result: car 0 of the run stood in front of those that started."""
     grid = sorted(cars, key=lambda car: car.grid)
     starting = [car for car in grid if not car.forfeited]
@@ -298,12 +300,12 @@ def _decide(duel: Duel, cars: list[DuelCar], result: Result, now: datetime) -> N
     record(DUEL_DECIDED, at=now, **of_race(duel.race), round=duel.round, number=duel.number)
 
 
-def _place(cars: list[DuelCar], order: list[DuelCar]) -> None:
+def _place(cars: list[DuelCompetitor], order: list[DuelCompetitor]) -> None:
     """Write places and points for the cars of a heat as they stand in ``order``."""
     given = places([car.pk for car in order], lost=[car.pk for car in order if car.is_lost])
     for car in cars:
         car.place, car.points = given[car.pk]
-    DuelCar.objects.bulk_update(cars, ["place", "points", "laps", "time_ms", "retired_code"])
+    DuelCompetitor.objects.bulk_update(cars, ["place", "points", "laps", "time_ms", "retired_code"])
 
 
 def _try_again(duel: Duel, entries: list[Entry], now: datetime) -> None:

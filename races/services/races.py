@@ -24,7 +24,7 @@ from tracks.models import Track
 
 from ..errors import RaceRefused, problem
 from ..events import RACE_CANCELLED, of_race
-from ..models import Kind, Race, Submission, new_invitation
+from ..models import Race, RaceKind, Submission, new_invitation
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
 from .gates import require_not_over, require_open
@@ -55,7 +55,7 @@ def create_community_race(
             raise UserFault("race_limit", limit=limit)
     return _create(
         Race(
-            kind=Kind.COMMUNITY,
+            kind=RaceKind.COMMUNITY,
             organiser=organiser,
             name=name,
             track=track,
@@ -77,7 +77,7 @@ def create_league_race(
     """
     _refuse_unknown(options, also=("slug",))
     race = Race(
-        kind=Kind.LEAGUE,
+        kind=RaceKind.LEAGUE,
         division=division,
         name=name,
         track=track,

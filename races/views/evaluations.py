@@ -13,9 +13,9 @@ from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
 from django.views.decorators.http import require_POST, require_safe
 
-from evaluation.cars import CarRow, LiveCar, car_rows, live_cars
+from evaluation.competitors import CompetitorRow, LiveCompetitor, car_rows, live_cars
 from evaluation.files import logs_of
-from evaluation.models import CarResult, Evaluation, Result, State
+from evaluation.models import CompetitorResult, Evaluation, Result, State
 from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_layout, read_trace
@@ -123,7 +123,7 @@ def _finished(request: HttpRequest, public_id: str) -> tuple[Evaluation, Result]
     return shown, shown.result
 
 
-def _finished_car(request: HttpRequest, public_id: str) -> tuple[Evaluation, CarResult, str]:
+def _finished_car(request: HttpRequest, public_id: str) -> tuple[Evaluation, CompetitorResult, str]:
     """A finished run, what the car of it did that ``car`` names (0: the one whose run it is), and what to put into the
     names of its files."""
     shown, result = _finished(request, public_id)
@@ -195,7 +195,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
     return context
 
 
-def _worth(request: HttpRequest, shown: Evaluation, car: CarRow) -> RunResult | HeatResult | None:
+def _worth(request: HttpRequest, shown: Evaluation, car: CompetitorRow) -> RunResult | HeatResult | None:
     """What a finished run is worth in its race; nothing for a test drive. What a racer drove before is told to nobody
     else."""
     submission, duel = getattr(shown, "submission", None), getattr(shown, "duel", None)
@@ -204,7 +204,7 @@ def _worth(request: HttpRequest, shown: Evaluation, car: CarRow) -> RunResult | 
     return None if duel is None else heat_of(duel, car.racer.pk)
 
 
-def _chosen_car(request: HttpRequest, rows: Sequence[CarRow]) -> CarRow:
+def _chosen_car(request: HttpRequest, rows: Sequence[CompetitorRow]) -> CompetitorRow:
     """The car whose laps are shown: that of ``car``, else the reader's own, else the one whose run it is."""
     asked = request.GET.get("car", "")
     wanted = (lambda row: str(row.number) == asked, lambda row: row.racer == request.user, lambda row: not row.number)
@@ -217,7 +217,7 @@ def _heading(cars: Iterable[tuple[int, Racer]]) -> list[Racer]:
     return racers if len(racers) > 1 else []
 
 
-def _dots(shown: Evaluation, cars: Iterable[LiveCar]) -> list[tuple[LiveCar, tuple[float, float]]]:
+def _dots(shown: Evaluation, cars: Iterable[LiveCompetitor]) -> list[tuple[LiveCompetitor, tuple[float, float]]]:
     """The racers' cars that are on the map just now, and where. The car whose run it is comes last, on top."""
     return [
         (car, map_point(shown.track, car.progress["x"], car.progress["y"]))

@@ -18,7 +18,7 @@ from races import services
 from races.audit import log_if_admin
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.layout_form import LayoutForm, preview
-from races.models import Entry, Kind, Race, RaceState
+from races.models import Entry, Race, RaceKind, RaceState
 from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
 from races.services.races import has_submissions
@@ -81,7 +81,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
         "race": race,
         "invitation_url": request.build_absolute_uri(_invitation_path(race)),
         "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),
-        "is_league": race.kind == Kind.LEAGUE,
+        "is_league": race.kind == RaceKind.LEAGUE,
         "rules_are_fixed": "laps" in locked,
     }
     return render(request, "races/form.html", context, status=422 if form.errors else 200)

@@ -17,7 +17,7 @@ from core.forms import explain
 from evaluation.selectors import models_of
 from races.eligibility import refusal
 from races.layout import box_marks
-from races.models import Entry, Kind, Race, RaceState, RaceType
+from races.models import Entry, Race, RaceKind, RaceState, RaceType
 from races.ranking import order_rule, rule_for
 from races.selectors import (
     can_organise,
@@ -53,7 +53,7 @@ def races(request: HttpRequest) -> HttpResponse:
         return redirect("account_login")
     kind, race_type = request.GET.get("kind", ""), request.GET.get("type", "")
     found = _listed(request, show)
-    if kind in Kind.values:
+    if kind in RaceKind.values:
         found = found.filter(kind=kind)
     race_type = race_type if race_type in RaceType.values else ""
     if race_type:

@@ -25,7 +25,7 @@ from .common import fault_text, tell_fault, visible_evaluation
 if TYPE_CHECKING:
     from django_htmx.middleware import HtmxDetails
 
-    from evaluation.cars import CarRow
+    from evaluation.competitors import CompetitorRow
 
 
 class HtmxRequest(HttpRequest):
@@ -107,7 +107,7 @@ def video_poster(request: HttpRequest, public_id: str) -> HttpResponseBase:
     return video_response(request, ready_video(request.user, public_id), still=True)
 
 
-def video_context(request: HttpRequest, evaluation: Evaluation, cars: list[CarRow] | None = None) -> dict:
+def video_context(request: HttpRequest, evaluation: Evaluation, cars: list[CompetitorRow] | None = None) -> dict:
     """What the card of a finished run's page shows. ``?video=`` chooses among those that there are."""
     run = VideoRun.of(evaluation, cars)
     videos = videos_of(run)

@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
-from races.models import Kind, Race, Visibility
+from races.models import Race, RaceKind, Visibility
 from races.services import enter_race
 from tests.factories import a_race, a_track, drive, laps
 
@@ -38,7 +38,7 @@ def slugs(answer) -> set[str]:
 def test_races_can_be_filtered_by_state_kind_and_organiser(alice, bob, now, as_racer):
     week = timedelta(days=7)
     a_race(now, slug="open")
-    a_race(now, slug="league", kind=Kind.LEAGUE, division="open")
+    a_race(now, slug="league", kind=RaceKind.LEAGUE, division="open")
     a_race(now, slug="later", opens_at=now + week, closes_at=now + 2 * week, organiser=alice)
     a_race(now, slug="over", opens_at=now - 2 * week, closes_at=now - week)
     a_race(now, slug="called-off", cancelled_at=now, cancel_reason="Rain")

@@ -15,7 +15,7 @@ from evaluation.services import share_model
 from tests.factories import a_model, a_race, a_track
 from tests.training.jobs import REWARD
 from training.models import TrainingJob
-from training.trainer.network import Layout
+from training.trainer.network import NetworkLayout
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/models/"
@@ -123,7 +123,7 @@ class TestTraining:
         return client.post("/api/v1/trainings/", sent)
 
     def test_a_training_starts_from_a_shared_model(self, shared, cast, charlie):
-        Network.objects.filter(pk=shared.network_id).update(parameters=Layout.of(shared.metadata).parameters)
+        Network.objects.filter(pk=shared.network_id).update(parameters=NetworkLayout.of(shared.metadata).parameters)
         answer = self.begin(cast["stranger"], shared)
         assert answer.status_code == 201, answer.data
         assert answer.data["cloned_from"] == shared.public_id

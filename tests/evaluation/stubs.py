@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob
+from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob
 from paddock.simulator import engine
 
 HEADER = (
@@ -31,7 +31,7 @@ def outcome_of(
     salt: int = 0,
     laps: tuple[int, ...] = (10_000, 9_500),
     unfinished: bool = False,
-    rivals: Sequence[CarOutcome] = (),
+    rivals: Sequence[CompetitorOutcome] = (),
     **more: Any,
 ) -> EvaluationOutcome:
     """An outcome with these lap times in milliseconds; with ``unfinished`` the last lap is not complete."""
@@ -52,14 +52,14 @@ def outcome_of(
 
 def car_outcome(
     salt: int = 0, laps: tuple[int, ...] = (10_000, 9_500), unfinished: bool = False, retired: str = ""
-) -> CarOutcome:
+) -> CompetitorOutcome:
     """One car's part, as in :func:`outcome_of`. ``retired``: the code of the fault that took it off the track."""
     trace = trace_csv(len(laps), salt=salt)
     driven = [
         _lap(number, time_ms, complete=number < len(laps) or not (unfinished or retired))
         for number, time_ms in enumerate(laps, 1)
     ]
-    return CarOutcome(
+    return CompetitorOutcome(
         laps=driven,
         end_reason="retired" if retired else "time_up" if unfinished else "laps_done",
         retired={"code": retired, "params": {"step": 50, "how": "SIGSEGV"}} if retired else None,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from evaluation.crew import VENUES_KEPT, Crew, Spare
-from evaluation.pipeline import RaceJob, RivalCar, evaluate
+from evaluation.pipeline import RaceJob, RivalModel, evaluate
 from evaluation.sandbox.frames import FrameClosed
 from paddock.errors import PlatformFault
 from paddock.geometry.catalogue import CATALOGUE, by_slug
@@ -80,7 +80,7 @@ def test_a_crew_rehearsed_elsewhere_drives_the_same_race(job, changes):
 
 
 def test_a_rehearsed_crew_drives_a_race_of_more_cars(job):
-    rivals = (RivalCar(small_network(seed=1), METADATA),)
+    rivals = (RivalModel(small_network(seed=1), METADATA),)
     crew = rehearsed(Crew(venues=[job.venue]))
     together = replace(job, rivals=rivals, rules=replace(job.rules, race_type=HEAD_TO_HEAD))
     assert evaluate(together, crew=crew).trace_sha256 == evaluate(together).trace_sha256

@@ -13,7 +13,7 @@ from dataclasses import asdict
 
 import pytest
 
-from evaluation.pipeline import EvaluationOutcome, RaceJob, RivalCar, evaluate
+from evaluation.pipeline import EvaluationOutcome, RaceJob, RivalModel, evaluate
 from evaluation.sandbox.probe import probe
 from league.services import house_cars
 from paddock.geometry.catalogue import by_slug
@@ -23,7 +23,7 @@ from tests.sandbox.conftest import nothing_left  # noqa: F401
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 RUNS = 5
 ALWAYS = ("boxes in drawn places", "four cars")  # the others in `make soak`
-CARS = [RivalCar(car.onnx.read_bytes(), json.loads(car.metadata.read_bytes())) for car in house_cars()]
+CARS = [RivalModel(car.onnx.read_bytes(), json.loads(car.metadata.read_bytes())) for car in house_cars()]
 FIXED = tuple(BoxPlace(fraction, lane) for fraction, lane in ((0.2, "inner"), (0.5, "outer"), (0.8, "inner")))
 RACES = {
     "boxes in drawn places": (RaceRules(race_type="object_avoidance", random_boxes=6, seed=3, laps=1), 0),

@@ -18,7 +18,7 @@ from evaluation.admit import AdmittedPackage
 from evaluation.models import Evaluation, Network, TrainedModel
 from evaluation.services import garage
 from paddock.errors import UserFault
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules
@@ -54,7 +54,7 @@ def admitted(monkeypatch):
             source_sha256=hashlib.sha256(b"source").hexdigest(),
             parameters=7,
             macs=9,
-            facts=Facts(bound=1e-6),
+            facts=NetworkFacts(bound=1e-6),
         )
 
     monkeypatch.setattr(garage, "admit", admit)

@@ -8,7 +8,7 @@ import re
 import pytest
 from django.db import IntegrityError, transaction
 
-from evaluation.looks import Look, Shell, _distance, told_apart
+from evaluation.looks import Shell, VehicleLook, _distance, told_apart
 from evaluation.services import describe_model
 from evaluation.shells import FROM_ABOVE, FROM_THE_SIDE
 from evaluation.templatetags.looks import shell_from_above
@@ -31,7 +31,12 @@ def test_no_two_shells_look_the_same():
 
 
 def test_similar_cars_of_one_run_get_different_colours():
-    looks = [Look("van", "#3b82f6"), Look("kart", "#3b82f6"), Look("van", "#4080ff"), Look("hatch", "#111111")]
+    looks = [
+        VehicleLook("van", "#3b82f6"),
+        VehicleLook("kart", "#3b82f6"),
+        VehicleLook("van", "#4080ff"),
+        VehicleLook("hatch", "#111111"),
+    ]
     worn = told_apart(looks)
     assert [look.shell for look in worn] == ["van", "kart", "van", "hatch"]
     assert worn[0] == looks[0] and worn[3] == looks[3]
@@ -39,7 +44,7 @@ def test_similar_cars_of_one_run_get_different_colours():
 
 
 def test_different_cars_wear_what_their_racers_chose():
-    looks = [Look("van", "#ff0000"), Look("van", "#00ff00"), Look("van", "#0000ff")]
+    looks = [VehicleLook("van", "#ff0000"), VehicleLook("van", "#00ff00"), VehicleLook("van", "#0000ff")]
     assert told_apart(looks) == looks
 
 
@@ -50,7 +55,7 @@ def test_a_colour_cannot_inject_markup_into_a_page():
 @pytest.mark.django_db
 def test_a_new_look_changes_nothing_else():
     model = a_model(a_racer("alice"))
-    described = describe_model(model=model, name=model.name, description="", look=Look("kart", "#00ff00"))
+    described = describe_model(model=model, name=model.name, description="", look=VehicleLook("kart", "#00ff00"))
     described.refresh_from_db()
     assert described.look == ("kart", "#00ff00")
     describe_model(model=model, name="Other", description="")
@@ -59,7 +64,9 @@ def test_a_new_look_changes_nothing_else():
 
 
 @pytest.mark.django_db
-@pytest.mark.parametrize("look", [Look("tank", "#00ff00"), Look("kart", "red"), Look("kart", "#00FF00\n")])
+@pytest.mark.parametrize(
+    "look", [VehicleLook("tank", "#00ff00"), VehicleLook("kart", "red"), VehicleLook("kart", "#00FF00\n")]
+)
 def test_service_and_database_refuse_an_unknown_look(look):
     model = a_model(a_racer("alice"))
     with pytest.raises(UserFault) as refusal:

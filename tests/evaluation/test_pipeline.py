@@ -13,7 +13,7 @@ from evaluation.pipeline import RaceJob, evaluate
 from evaluation.sandbox.policy_wire import EXACT
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
 from tests.sandbox.conftest import level, nothing_left  # noqa: F401
@@ -55,10 +55,10 @@ def test_the_wall_clock_time_is_accounted_for(job):
 
 
 def test_a_broken_bound_repeats_the_whole_run(job):
-    exactly = evaluate(replace(job, facts=Facts(bound=None).to_dict()))
+    exactly = evaluate(replace(job, facts=NetworkFacts(bound=None).to_dict()))
     assert [sum(ways) for ways in exactly.ways] == [ways[EXACT] for ways in exactly.ways]
     assert 100 < exactly.ways[0][EXACT] < exactly.steps  # in a pause nobody asks
-    trusting = evaluate(replace(job, facts=Facts(bound=0.0).to_dict()))
+    trusting = evaluate(replace(job, facts=NetworkFacts(bound=0.0).to_dict()))
     assert trusting.inexact == [0]
     assert trusting.trace_sha256 == exactly.trace_sha256
     assert evaluate(job).inexact == []

@@ -12,7 +12,7 @@ import pytest
 
 from evaluation import crew as crew_module
 from evaluation.crew import Crew, Spare
-from evaluation.pipeline import PolicyBudget, RaceJob, RivalCar, evaluate
+from evaluation.pipeline import PolicyBudget, RaceJob, RivalModel, evaluate
 from evaluation.sandbox.policy import PolicyProcess
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
@@ -35,7 +35,7 @@ def oval():
 def job(oval):
     """Ten seconds of two untrained networks that are asked in nearly every step: faults cost no time."""
     rules = RaceRules(race_type="head_to_head", max_simulated_ms=10_000, off_track_penalty_ms=0, collision_penalty_ms=0)
-    return RaceJob(oval, rules, small_network(), METADATA, (RivalCar(small_network(seed=1), METADATA),))
+    return RaceJob(oval, rules, small_network(), METADATA, (RivalModel(small_network(seed=1), METADATA),))
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ class TestSeveralCars:
         json.dumps({name: value for name, value in asdict(outcome).items() if name not in traces}, allow_nan=False)
 
     def test_four_cars_race(self, job):
-        rivals = tuple(RivalCar(small_network(seed=seed), METADATA) for seed in (1, 2, 3))
+        rivals = tuple(RivalModel(small_network(seed=seed), METADATA) for seed in (1, 2, 3))
         outcome = evaluate(replace(job, rivals=rivals))
         assert sorted(outcome.order) == [0, 1, 2, 3]
         assert len({outcome.trace_sha256, *(rival.trace_sha256 for rival in outcome.rivals)}) == 4
@@ -106,7 +106,7 @@ class TestSeveralCars:
             "action_space_type": "continuous",
             "action_space": {"steering_angle": {"low": -30.0, "high": 30.0}, "speed": {"low": 0.5, "high": 2.0}},
         }
-        rival = RivalCar(constant_network((0.0, -1.0)), metadata)
+        rival = RivalModel(constant_network((0.0, -1.0)), metadata)
         outcome = evaluate(replace(job, rivals=(rival,)))
         rows = outcome.rivals[0].trace_csv.decode().splitlines()[2:5]
         assert {row.split(",")[6] for row in rows} == {"0.5"}
@@ -270,7 +270,7 @@ class TestFailingCar:
 
     def test_a_race_where_all_fail_at_the_start_has_a_result(self, job):
         broken = small_network(outputs=5)
-        outcome = evaluate(replace(job, onnx=broken, rivals=(RivalCar(broken, METADATA),)))
+        outcome = evaluate(replace(job, onnx=broken, rivals=(RivalModel(broken, METADATA),)))
         assert [outcome.retired["code"], outcome.rivals[0].retired["code"]] == ["policy_refused"] * 2
 
     def test_a_car_killed_by_the_host_leaves_no_result(self, job):

@@ -22,7 +22,7 @@ from league.services import house as house_services
 from league.services.house import HOUSE_CARS_DIR
 from paddock.errors import PlatformFault
 from races.layout import race_rules
-from races.models import Entry, Kind, Race, RaceState
+from races.models import Entry, Race, RaceKind, RaceState
 from races.selectors import racing_now
 from races.sensors import OFFERABLE
 from races.services import create_community_race
@@ -179,7 +179,7 @@ def test_house_cars_enter_finales_too(season, stable):
 
 
 def test_community_races_are_open_and_cover_all_ranking_methods(season, now):
-    races = Race.objects.filter(kind=Kind.COMMUNITY)
+    races = Race.objects.filter(kind=RaceKind.COMMUNITY)
     assert {race.ranking_method for race in races} == {"average", "best", "total"}
     assert all(race.state_at(now) == RaceState.OPEN and race.organiser.is_house for race in races)
     types = {(race.race_type, race.opponents) for race in races}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
-from evaluation.looks import Look
+from evaluation.looks import VehicleLook
 from evaluation.models import TrainedModel
 from league.services.house import LOOKS, _model_of, house_cars, house_racer
 from tests.factories import a_racer, a_track
@@ -27,7 +27,7 @@ def test_trained_models_get_the_look_of_their_vehicle(settings):
     job.refresh_from_db()
     networks = [(HOUSE_CARS / f"{name}.onnx").read_bytes() for name in ("steady", "steady")]
     models = admit_networks(job=job, best=networks[0], last=networks[1], now=now)
-    assert {model.look for model in models} == {Look("buggy", "#aa00ff")}
+    assert {model.look for model in models} == {VehicleLook("buggy", "#aa00ff")}
 
 
 def test_each_house_car_gets_its_own_look():

@@ -12,7 +12,7 @@ from core.events import follow
 from league.models import DuelRating, Round, Season
 from league.selectors import racer_ratings, season_ratings
 from league.services import create_season, rate_season
-from races.models import Entry, Kind
+from races.models import Entry, RaceKind
 from races.services import draw_duels, drive_on, remove_entry
 from tests.duels import a_duel_race, driving, end, qualify
 from tests.duels import end_all as drive_all_heats
@@ -38,7 +38,7 @@ def racers() -> list[Racer]:
 
 def a_round(season: Season, racers: list[Racer], now, number: int = 1, **fields):
     """A drawn league race of duels that is a round of the season."""
-    race = a_duel_race(now, kind=Kind.LEAGUE, division="open", **fields)
+    race = a_duel_race(now, kind=RaceKind.LEAGUE, division="open", **fields)
     qualify(race, racers, now)
     Round.objects.create(season=season, number=number, race=race)
     draw_duels(race=race, now=race.closes_at)

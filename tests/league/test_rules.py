@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from league.rules import ChampionshipField, FinaleField, PointsTable, Promotion, Result, Standings
+from league.rules import ChampionshipField, FinaleField, PointsTable, Promotion, RoundRank, Standings
 
 PERCENTS = st.decimals(min_value="0.1", max_value="99.9", places=1)
 
@@ -65,7 +65,7 @@ def test_a_points_table_never_rises():
 
 
 def lines(results, rounds, drop=0):
-    made = Standings(drop).lines([Result(*one) for one in results], rounds)
+    made = Standings(drop).lines([RoundRank(*one) for one in results], rounds)
     return [(line.who, line.points) for line in made]
 
 
@@ -74,7 +74,7 @@ def test_points_add_up_and_the_worst_results_are_dropped():
     assert lines(results, 3) == [("a", 58), ("b", 43)]
     # a loses the 15, b the round that they missed; the same places but for a's third
     assert lines(results, 3, drop=1) == [("a", 43), ("b", 43)]
-    dropped = Standings(1).lines([Result(*one) for one in results], 3)
+    dropped = Standings(1).lines([RoundRank(*one) for one in results], 3)
     assert {line.who: line.dropped for line in dropped} == {"a": {3}, "b": frozenset()}
 
 
@@ -109,8 +109,8 @@ def test_the_order_of_results_changes_nothing(data):
             results.append((who, number, rank, table.of(rank)))
     drop = data.draw(st.integers(0, 3))
     shuffled = data.draw(st.permutations(results))
-    made = Standings(drop).lines([Result(*one) for one in shuffled], rounds)
-    assert made == Standings(drop).lines([Result(*one) for one in results], rounds)
+    made = Standings(drop).lines([RoundRank(*one) for one in shuffled], rounds)
+    assert made == Standings(drop).lines([RoundRank(*one) for one in results], rounds)
     assert [line.place for line in made] == list(range(1, len(made) + 1))
     assert all(before.points >= after.points for before, after in pairwise(made))
     assert all(len(line.results) - len(line.dropped) == Standings(drop).counting(rounds) for line in made)

@@ -28,7 +28,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.shared import CHECKOUT
-from tracks.models import Look, Track
+from tracks.models import Track, TrackLook
 from tracks.services import import_track
 
 CAR = house_cars()[0]
@@ -41,7 +41,7 @@ def imported(db) -> Track:
     oval = by_slug("oval").geometry()
     lines = [np.asarray(line) + 5.0 for line in (oval.centre, oval.inner, oval.outer)]
     data = write_npy(TrackGeometry.from_arrays("moved", *lines))
-    return import_track(data=data, name="Back yard", owner=None, now=timezone.now(), look=Look.BOLD)
+    return import_track(data=data, name="Back yard", owner=None, now=timezone.now(), look=TrackLook.BOLD)
 
 
 def driven(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> RaceJob:

@@ -19,7 +19,7 @@ from tests.pages.conftest import World
 from tests.pages.test_queries import LIMIT, queries
 from training.models import JobState, TrainingJob
 from training.services import train_first_car
-from training.trainer.network import Layout
+from training.trainer.network import NetworkLayout
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("trainings_taken_on", "wakes")]
 
@@ -45,7 +45,7 @@ def beginners(now) -> Race:
 def house_car(now):
     """A car of the house whose weights can be learned on here."""
     model = a_model(a_racer("house-steady", is_house=True), name="Steady")
-    model.network.parameters = Layout.of(model.metadata).parameters
+    model.network.parameters = NetworkLayout.of(model.metadata).parameters
     model.network.save()
     return model
 

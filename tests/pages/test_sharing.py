@@ -144,10 +144,10 @@ class TestBrowsing:
         assert "0:12.000" in body(world.client("alice"), BROWSE)
 
     def test_it_shows_owner_and_network_and_links_the_wizard(self, world: World, shared: TrainedModel) -> None:
-        from training.trainer.network import Layout
+        from training.trainer.network import NetworkLayout
 
         type(shared.network).objects.filter(pk=shared.network_id).update(
-            parameters=Layout.of(shared.metadata).parameters
+            parameters=NetworkLayout.of(shared.metadata).parameters
         )
         page = body(world.client("bob"), BROWSE)
         for word in ("Lightning", 'href="/racers/alice/"', "front camera", "shallow", "3 actions"):

@@ -9,7 +9,7 @@ from evaluation.services import finish_evaluation
 from evaluation.signals import evaluation_ended
 from paddock.rules.race import RaceRules
 from races import services
-from races.models import Draw, DuelCar, DuelState, Entry
+from races.models import Draw, DuelCompetitor, DuelState, Entry
 from races.selectors import podiums
 from races.services import (
     draw_duels,
@@ -107,11 +107,11 @@ def test_a_heats_result_counts_once(now):
     race = drawn(now, 2)
     (duel,) = driving(race)
     end(duel, now, winners=[2, 1])
-    before = points(race), list(DuelCar.objects.values())
+    before = points(race), list(DuelCompetitor.objects.values())
     evaluation = Evaluation.objects.get(pk=duel.evaluation_id)
     assert record_ended_duel(evaluation=evaluation, result=evaluation.result, now=now) is None
     evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=evaluation.result, now=now)
-    assert (points(race), list(DuelCar.objects.values())) == before
+    assert (points(race), list(DuelCompetitor.objects.values())) == before
 
 
 def test_a_result_is_not_written_without_its_points(now, monkeypatch):

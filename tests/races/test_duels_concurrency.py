@@ -6,7 +6,7 @@ import pytest
 
 from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
-from races.models import Draw, Duel, DuelCar, DuelState, Entry
+from races.models import Draw, Duel, DuelCompetitor, DuelState, Entry
 from races.services import draw_duels, drive_all_on, drive_on, remove_entry
 from tests.duels import a_duel_race, drawn, driving, duel_outcome, end_all, qualify
 from tests.factories import a_racer, start
@@ -30,7 +30,7 @@ def test_concurrent_draws_draw_a_race_once(now):
     answers = at_once([*calls, lambda: drive_all_on(now=later), lambda: drive_all_on(now=later)])
     assert answers[:3] == [4, 4, 4], answers
     drive_on(race=race, now=later)
-    assert (Draw.objects.count(), Duel.objects.count(), DuelCar.objects.count()) == (1, 12, 24)
+    assert (Draw.objects.count(), Duel.objects.count(), DuelCompetitor.objects.count()) == (1, 12, 24)
     assert sorted(Entry.objects.values_list("seed", flat=True)) == [1, 2, 3, 4]
     assert Evaluation.objects.filter(duel__isnull=False).count() == len(driving(race)) == 2
 
@@ -41,7 +41,7 @@ def test_heats_ending_at_once_queue_the_next_round_once(now, format_):
     heats = driving(race)
     assert at_once([finishing(duel, now) for duel in heats]) == [True] * len(heats)
     assert Duel.objects.filter(race=race, round=1, state=DuelState.DECIDED).count() == len(heats)
-    assert sum(DuelCar.objects.filter(duel__round=1).values_list("points", flat=True)) == len(heats)
+    assert sum(DuelCompetitor.objects.filter(duel__round=1).values_list("points", flat=True)) == len(heats)
     assert {duel.round for duel in driving(race)} == {2}
     assert Evaluation.objects.filter(rivals__isnull=False).count() == len(heats) + len(driving(race))
     assert sum(Entry.objects.values_list("points", flat=True)) == 2

@@ -10,7 +10,7 @@ import pytest
 
 from paddock.errors import PlatformFault, UserFault
 from races import services
-from races.models import Draw, Duel, DuelCar, Entry, Race
+from races.models import Draw, Duel, DuelCompetitor, Entry, Race
 from races.selectors import board
 from races.services import (
     cancel_race,
@@ -49,11 +49,11 @@ def test_seeds_are_the_qualifying_places(now):
 
 def test_repeating_the_draw_changes_nothing(now):
     race = drawn(now, 4)
-    before = list(Duel.objects.values()), list(DuelCar.objects.values()), list(Entry.objects.values())
+    before = list(Duel.objects.values()), list(DuelCompetitor.objects.values()), list(Entry.objects.values())
     draw_duels(race=race, now=race.closes_at + timedelta(hours=1))
     assert drive_on(race=race, now=race.closes_at + timedelta(hours=1)) == 0
     assert drive_all_on(now=race.closes_at + timedelta(hours=1)) == 0
-    assert (list(Duel.objects.values()), list(DuelCar.objects.values()), list(Entry.objects.values())) == before
+    assert (list(Duel.objects.values()), list(DuelCompetitor.objects.values()), list(Entry.objects.values())) == before
 
 
 def test_the_periodic_task_draws_closed_races(now):

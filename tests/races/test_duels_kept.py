@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from django.db import IntegrityError, transaction
 
-from races.models import Duel, DuelCar, Entry, Race
+from races.models import Duel, DuelCompetitor, Entry, Race
 from tests.duels import (
     a_duel_race,
     drawn,
@@ -51,7 +51,7 @@ def test_the_database_refuses_a_contradictory_heat(now, change):
 def test_the_database_refuses_impossible_points(now, change):
     race = drawn(now, 2)
     with pytest.raises(IntegrityError), transaction.atomic():
-        DuelCar.objects.filter(duel=driving(race)[0], grid=1).update(**change)
+        DuelCompetitor.objects.filter(duel=driving(race)[0], grid=1).update(**change)
 
 
 @pytest.mark.parametrize("change", [{"points": 1}, {"rank_score": 5}, {"seed": 2}, {"seed": None}, {"rank_lap": 5}])
@@ -65,7 +65,7 @@ def test_racers_in_a_heat_and_heats_in_a_round_are_unique(now):
     race = drawn(now, 2)
     car = driving(race)[0].cars.first()
     with pytest.raises(IntegrityError), transaction.atomic():
-        DuelCar.objects.create(duel=car.duel, entry=car.entry, grid=3)
+        DuelCompetitor.objects.create(duel=car.duel, entry=car.entry, grid=3)
     with pytest.raises(IntegrityError), transaction.atomic():
         Duel.objects.create(race=race, round=1, number=1)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from races.duels.bracket import tie_winner
-from races.duels.points import POINTS, Drive, Total, order, places, points_lap_time
+from races.duels.points import POINTS, HeatDrive, HeatsTotal, order, places, points_lap_time
 from races.duels.ratings import rate
 
 
@@ -40,25 +40,25 @@ def test_places_are_unique_and_points_never_rise_with_them(order_, lost):
 
 
 def test_the_average_lap_covers_all_complete_laps_rounded_down():
-    total = points_lap_time([Drive(1, 1, laps=3, time_ms=30_000), Drive(2, 0, laps=1, time_ms=10_003)])
-    assert (total, total.lap_ms) == (Total(1, 4, 40_003), 10_000)
+    total = points_lap_time([HeatDrive(1, 1, laps=3, time_ms=30_000), HeatDrive(2, 0, laps=1, time_ms=10_003)])
+    assert (total, total.lap_ms) == (HeatsTotal(1, 4, 40_003), 10_000)
     assert points_lap_time([]).lap_ms is None
 
 
 def test_the_board_ranks_by_points_average_lap_then_qualifying():
     totals = {
-        1: Total(2, 1, 11_000),
-        2: Total(5, 3, 90_000),
-        3: Total(2, 2, 20_000),
-        4: Total(2, 0, 0),
-        5: Total(2, 1, 10_000),
+        1: HeatsTotal(2, 1, 11_000),
+        2: HeatsTotal(5, 3, 90_000),
+        3: HeatsTotal(2, 2, 20_000),
+        4: HeatsTotal(2, 0, 0),
+        5: HeatsTotal(2, 1, 10_000),
     }
     assert order(totals) == [2, 3, 5, 1, 4]
 
 
-def leg(first: tuple[int, int, int], second: tuple[int, int, int]) -> dict[int, Drive]:
+def leg(first: tuple[int, int, int], second: tuple[int, int, int]) -> dict[int, HeatDrive]:
     """A heat of seeds 3 and 5: (points, laps, time in ms) of each."""
-    return {3: Drive(1, *first), 5: Drive(1, *second)}
+    return {3: HeatDrive(1, *first), 5: HeatDrive(1, *second)}
 
 
 def test_a_tie_is_decided_by_points_first():

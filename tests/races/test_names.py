@@ -7,14 +7,14 @@ from django.utils import translation
 
 from league.models import Round, Season
 from league.services import open_demo_season
-from races.models import Kind, Race
+from races.models import Race, RaceKind
 from races.names import named, names_track
 
 
 @pytest.mark.django_db
 def test_names_of_a_fresh_installation_are_translated(now):
     open_demo_season(now=now)
-    texts = [race.description for race in Race.objects.filter(kind=Kind.COMMUNITY)]
+    texts = [race.description for race in Race.objects.filter(kind=RaceKind.COMMUNITY)]
     texts += [race.name for race in Race.objects.all()]
     texts += [season.name for season in Season.objects.all()] + [round_.name for round_ in Round.objects.all()]
     with translation.override("ko"):

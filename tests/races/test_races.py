@@ -10,7 +10,7 @@ from django.utils import timezone
 from evaluation.models import State
 from paddock.errors import UserFault
 from races.errors import RaceRefused
-from races.models import Kind, Race, RaceState, Visibility
+from races.models import Race, RaceKind, RaceState, Visibility
 from races.sensors import OFFERABLE, SAME_AS
 from races.services import (
     accept_invitation,
@@ -52,7 +52,7 @@ def test_any_racer_can_create_a_race(alice, now):
         alice, now, laps=5, minimum_laps=2, ranking_method="best", off_track_penalty_ms=1500, visibility="invitation"
     )
     race.refresh_from_db()
-    assert (race.kind, race.division, race.organiser) == (Kind.COMMUNITY, "", alice)
+    assert (race.kind, race.division, race.organiser) == (RaceKind.COMMUNITY, "", alice)
     assert (race.slug, race.name, race.created_at) == ("friday-sprint", "Friday sprint", now)
     assert (race.laps, race.minimum_laps, race.ranking_method, race.off_track_penalty_ms) == (5, 2, "best", 1500)
     assert len(race.invitation) == 32

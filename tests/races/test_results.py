@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 from django.db import transaction
 
-from races.change import BETTER, WORSE, Change, Kind, change, sentence
+from races.change import BETTER, WORSE, Change, ChangeKind, change, sentence
 from races.facts import behind, score_name
 from races.models import Entry, Race, Submission
 from races.ranking import RULES
@@ -64,7 +64,7 @@ def test_every_method_gives_score_place_and_gaps(now, of_type, method, name, sco
     assert (score_name(race), found.standing.score_ms, found.counts) == (name, score, True)
     assert (found.place.rank, found.place.totals.racers, found.place.totals.classified) == (3, 3, 3)
     assert gaps(found) == (("bob", to_bob), ("carol", to_carol)), "house cars are nobody's rivals"
-    assert found.change == Change(Kind.FIRST)
+    assert found.change == Change(ChangeKind.FIRST)
     row = next(row for row in board(race).rows if row.alias == "alice")
     assert (row.rank, row.gap_ms) == (found.place.rank, found.place.leader.gap), "as the board says it"
 
@@ -108,7 +108,7 @@ def test_a_worse_result_says_what_counts_instead(now):
     first = drive(race, alice, laps(*ALICE), now)
     found = worth(drive(race, alice, laps(13_000, 13_000, 13_000), now))
     assert (found.counts, found.instead, found.was_overtaken, found.earlier) == (False, first, False, 1)
-    assert found.change == Change(Kind.SLOWER, 500)
+    assert found.change == Change(ChangeKind.SLOWER, 500)
     assert found.change.sentence == "0.500 s slower than before: the board did not change."
     assert (found.place.rank, gaps(found)[1]) == (2, ("carol", 800)), "the place is of the run that counts"
 
@@ -118,11 +118,16 @@ def test_a_result_is_compared_with_the_best_before_it(now):
     drive(race, alice, laps(*ALICE), now)
     drive(race, alice, laps(13_000, 13_000, 13_000), now)
     better = drive(race, alice, laps(*BOB), now)
-    assert worth(better).change == Change(Kind.FASTER, 400)
+    assert worth(better).change == Change(ChangeKind.FASTER, 400)
     assert worth(better).change.sentence == "0.400 s faster than before."
     best = drive(race, alice, laps(*CAROL), now)
     found = worth(better)
-    assert (found.change, found.counts, found.instead, found.was_overtaken) == ((Kind.FASTER, 400), False, best, True)
+    assert (found.change, found.counts, found.instead, found.was_overtaken) == (
+        (ChangeKind.FASTER, 400),
+        False,
+        best,
+        True,
+    )
 
 
 def test_only_the_racer_sees_their_earlier_results(now):
@@ -160,18 +165,18 @@ RULE = RULES["average"]
 @pytest.mark.parametrize(
     ("driven", "before", "expected"),
     [
-        (laps(9_000, 9_000, 9_000), None, (Kind.FIRST, 0)),
-        (laps(9_000, 9_000, 9_000), laps(9_300, 9_300, 9_300), (Kind.FASTER, 300)),
-        (laps(9_300, 9_300, 9_300), laps(9_000, 9_000, 9_000), (Kind.SLOWER, 300)),
-        (laps(9_000, 9_000, 9_000), laps(9_000, 9_000, 9_000), (Kind.SAME, 0)),
-        (laps(8_900, 9_000, 9_100), laps(9_000, 9_000, 9_000), (Kind.TIE_WON, 0)),
-        (laps(9_000, 9_000, 9_000), laps(8_900, 9_000, 9_100), (Kind.SAME, 0)),
-        (laps(9_000, 9_000, 9_000), laps(9_000, 9_000, 9_000, resets=1), (Kind.TIE_WON, 0)),
-        (laps(9_000, 9_000, 9_000), LOST, (Kind.CLASSIFIED, 0)),
-        (LOST, laps(90_000, 90_000, 90_000), (Kind.LOST, 0)),
-        (LOST, laps(9_000), (Kind.FARTHER, 40)),
-        (laps(9_000), LOST, (Kind.LESS_FAR, 40)),
-        (LOST, LOST, (Kind.SAME, 0)),
+        (laps(9_000, 9_000, 9_000), None, (ChangeKind.FIRST, 0)),
+        (laps(9_000, 9_000, 9_000), laps(9_300, 9_300, 9_300), (ChangeKind.FASTER, 300)),
+        (laps(9_300, 9_300, 9_300), laps(9_000, 9_000, 9_000), (ChangeKind.SLOWER, 300)),
+        (laps(9_000, 9_000, 9_000), laps(9_000, 9_000, 9_000), (ChangeKind.SAME, 0)),
+        (laps(8_900, 9_000, 9_100), laps(9_000, 9_000, 9_000), (ChangeKind.TIE_WON, 0)),
+        (laps(9_000, 9_000, 9_000), laps(8_900, 9_000, 9_100), (ChangeKind.SAME, 0)),
+        (laps(9_000, 9_000, 9_000), laps(9_000, 9_000, 9_000, resets=1), (ChangeKind.TIE_WON, 0)),
+        (laps(9_000, 9_000, 9_000), LOST, (ChangeKind.CLASSIFIED, 0)),
+        (LOST, laps(90_000, 90_000, 90_000), (ChangeKind.LOST, 0)),
+        (LOST, laps(9_000), (ChangeKind.FARTHER, 40)),
+        (laps(9_000), LOST, (ChangeKind.LESS_FAR, 40)),
+        (LOST, LOST, (ChangeKind.SAME, 0)),
     ],
 )
 def test_results_of_a_racer_compare_as_on_the_board(driven, before, expected):
@@ -185,8 +190,8 @@ def test_results_of_a_racer_compare_as_on_the_board(driven, before, expected):
 
 
 def test_every_kind_of_change_has_a_sentence():
-    assert all(sentence(kind, 1_234) for kind in Kind)
-    assert set(BETTER) | set(WORSE) | {Kind.SAME} == set(Kind)
+    assert all(sentence(kind, 1_234) for kind in ChangeKind)
+    assert set(BETTER) | set(WORSE) | {ChangeKind.SAME} == set(ChangeKind)
     assert sentence("of a later version", 1) == ""
 
 

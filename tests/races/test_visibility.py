@@ -8,7 +8,7 @@ import pytest
 from django.contrib.auth.models import AnonymousUser
 
 from evaluation.models import Evaluation
-from races.models import Entry, Kind, Race, Visibility
+from races.models import Entry, Race, RaceKind, Visibility
 from races.selectors import (
     can_organise,
     can_see_evaluation,
@@ -33,7 +33,7 @@ def cast(now):
 def races(cast, now):
     secret = a_race(now, organiser=cast["alice"], visibility=Visibility.INVITATION, slug="secret")
     public = a_race(now, organiser=cast["alice"], slug="public")
-    league = a_race(now, kind=Kind.LEAGUE, division="open", slug="league")
+    league = a_race(now, kind=RaceKind.LEAGUE, division="open", slug="league")
     cancelled = a_race(now, cancelled_at=now, cancel_reason="Rain.", slug="cancelled")
     upcoming = a_race(now, opens_at=now + timedelta(days=1), slug="upcoming")
     for race in (secret, public):

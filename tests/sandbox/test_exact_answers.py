@@ -8,7 +8,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from evaluation.sandbox.policy_process import CHECK_EVERY, Policy
 from evaluation.sandbox.policy_wire import CHECKED, EXACT, EXCEEDED, FAST
-from paddock.network.bound import Facts
+from paddock.network.bound import NetworkFacts
 from paddock.network.session import load
 
 from .networks import CAMERA, HEADER
@@ -40,7 +40,7 @@ def scaled(scores, factor=1 / 3):
 
 
 def policy(onnx, header=TABLE, **facts):
-    return Policy(load(onnx, Facts(**facts) if facts else None), header)
+    return Policy(load(onnx, NetworkFacts(**facts) if facts else None), header)
 
 
 def look(policy, bright):

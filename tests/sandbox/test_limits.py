@@ -43,7 +43,7 @@ def test_a_large_network_uses_huge_pages_where_granted(level):
         assert on_large_pages_mb > 10
 
 
-RIVALS = (pipeline.RivalCar(small_network(seed=1), METADATA),) * (MAX_CARS - 1)
+RIVALS = (pipeline.RivalModel(small_network(seed=1), METADATA),) * (MAX_CARS - 1)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from training.hyperparameters import DEFAULT_ACTIONS
 from training.models import TrainingIteration, TrainingJob
 from training.services import create_training
 from training.trainer.client import Iteration
-from training.trainer.network import Layout, to_onnx
+from training.trainer.network import NetworkLayout, to_onnx
 
 GOOD = {
     "number": 1,
@@ -64,7 +64,7 @@ def a_training(owner, track, now, **changes: Any) -> TrainingJob:
 
 def network(job, seed: int) -> bytes:
     """A network that the gate admits, with weights of its own."""
-    layout, rng = Layout.of(job.metadata), np.random.default_rng(seed)
+    layout, rng = NetworkLayout.of(job.metadata), np.random.default_rng(seed)
     return to_onnx(layout, {name: rng.normal(0, 0.1, shape) for name, shape in layout.shapes.items()}, squash=False)
 
 

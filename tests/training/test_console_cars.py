@@ -21,7 +21,7 @@ from tests.training.jobs import REWARD, a_training
 from tests.training.test_network import metadata, readings_for, weights_for
 from training.models import TrainingJob, Vehicle
 from training.services.work import spec_of
-from training.trainer.network import CONSOLE, OURS, Layout, build_of, from_onnx, to_onnx
+from training.trainer.network import CONSOLE, OURS, NetworkLayout, build_of, from_onnx, to_onnx
 from training.trainer.senses import look
 
 SHALLOW, MIDDLE = "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", "DEEP_CONVOLUTIONAL_NETWORK"
@@ -34,7 +34,7 @@ def console_car() -> AdmittedPackage:
         return admit([UploadPart(CONSOLE_CAR.name, file)])
 
 
-def parts_of(layout: Layout, described: dict) -> list[UploadPart]:
+def parts_of(layout: NetworkLayout, described: dict) -> list[UploadPart]:
     onnx = to_onnx(layout, weights_for(layout), squash=False)
     return [
         UploadPart("model.onnx", io.BytesIO(onnx)),
@@ -45,24 +45,24 @@ def parts_of(layout: Layout, described: dict) -> list[UploadPart]:
 class TestNetworkBuilds:
     @pytest.mark.parametrize("build", [OURS, CONSOLE])
     def test_the_number_of_weights_tells_the_build(self, build):
-        assert build_of(metadata(), Layout.of(metadata(), build).parameters) == build
+        assert build_of(metadata(), NetworkLayout.of(metadata(), build).parameters) == build
 
     def test_an_unknown_number_of_weights_is_no_known_build(self):
-        assert build_of(metadata(), Layout.of(metadata()).parameters + 1) is None
+        assert build_of(metadata(), NetworkLayout.of(metadata()).parameters + 1) is None
 
     def test_deeper_console_networks_are_not_known(self):
         assert build_of(metadata(network=MIDDLE), 1_000_000) is None
         with pytest.raises(LookupError):
-            Layout.of(metadata(network=MIDDLE), CONSOLE)
+            NetworkLayout.of(metadata(network=MIDDLE), CONSOLE)
 
     def test_console_networks_with_a_lidar_are_not_known(self):
         with pytest.raises(LookupError):
-            Layout.of(metadata(["FRONT_FACING_CAMERA", "LIDAR"]), CONSOLE)
+            NetworkLayout.of(metadata(["FRONT_FACING_CAMERA", "LIDAR"]), CONSOLE)
 
     @pytest.mark.parametrize("sensors", [["FRONT_FACING_CAMERA"], ["STEREO_CAMERAS"]], ids="+".join)
     def test_a_console_network_comes_back_from_the_gate_unchanged(self, sensors, tmp_path):
         described = metadata(sensors)
-        layout = Layout.of(described, CONSOLE)
+        layout = NetworkLayout.of(described, CONSOLE)
         admitted = admit(parts_of(layout, described), slots_directory=tmp_path)
         assert build_of(described, admitted.parameters) == CONSOLE
         again = from_onnx(layout, admitted.onnx)
@@ -70,7 +70,7 @@ class TestNetworkBuilds:
             np.testing.assert_allclose(again[name], array, rtol=1e-5, atol=1e-8, err_msg=name)
 
     def test_a_console_network_is_told_apart_from_ours(self):
-        ours, console = Layout.of(metadata()), Layout.of(metadata(), CONSOLE)
+        ours, console = NetworkLayout.of(metadata()), NetworkLayout.of(metadata(), CONSOLE)
         for written, read in ((ours, console), (console, ours)):
             with pytest.raises(ValueError):
                 from_onnx(read, to_onnx(written, weights_for(written), squash=False))
@@ -78,7 +78,7 @@ class TestNetworkBuilds:
     def test_other_strides_make_another_network(self):
         import onnx
 
-        layout = Layout.of(metadata(), CONSOLE)
+        layout = NetworkLayout.of(metadata(), CONSOLE)
         model = onnx.load_from_string(to_onnx(layout, weights_for(layout), squash=False))
         convolution = [node for node in model.graph.node if node.op_type == "Conv"][1]
         next(one for one in convolution.attribute if one.name == "strides").ints[:] = [2, 1]
@@ -86,7 +86,7 @@ class TestNetworkBuilds:
             from_onnx(layout, model.SerializeToString())
 
     def test_an_observation_row_holds_bytes_pixel_by_pixel(self):
-        layout = Layout.of(metadata(["STEREO_CAMERAS"]), CONSOLE)
+        layout = NetworkLayout.of(metadata(["STEREO_CAMERAS"]), CONSOLE)
         readings = readings_for(layout, 2)
         rows = look(list(layout.senses), readings)
         assert (rows.dtype, rows.shape) == (np.uint8, (2, 2 * 120 * 160))
@@ -104,7 +104,7 @@ class TestTheRealCar:
         from training.trainer.warm import make_torso
 
         car = console_car()
-        layout = Layout.of(car.metadata.to_dict(), CONSOLE)
+        layout = NetworkLayout.of(car.metadata.to_dict(), CONSOLE)
         weights = from_onnx(layout, car.onnx)
         torso, head = make_torso(layout), torch.nn.Linear(512, 12)
         layers = [*(layer for layer in torso.eyes[0] if hasattr(layer, "weight")), torso.dense, head]
@@ -169,7 +169,7 @@ class TestTheRealCar:
         ended = train(spec, Kept(), start=WEIGHTS, blob=car.onnx)
         assert (ended.why, len(iterations)) == ("steps", 1)
         assert iterations[0].values["eval_progress"] == 100.0
-        layout = Layout.of(spec.metadata, CONSOLE)
+        layout = NetworkLayout.of(spec.metadata, CONSOLE)
         before, after = from_onnx(layout, car.onnx), from_onnx(layout, iterations[0].onnx)
         moved = max(float(np.abs(after[name] - before[name]).max()) for name in before)
         assert 0.0 < moved < 0.01, "learned on, not begun anew"

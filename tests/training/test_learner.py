@@ -8,7 +8,7 @@ import pytest
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.hyperparameters import DEFAULTS, PPO
 from tests.training.test_network import metadata
-from training.trainer.network import Layout
+from training.trainer.network import NetworkLayout
 from training.trainer.spec import CARS, TrainerSpec
 
 pytest.importorskip("torch", reason="training is not installed: make training")
@@ -20,7 +20,7 @@ def test_an_interrupted_update_is_undone(hurried):
     from stable_baselines3.common.callbacks import BaseCallback
 
     from paddock.simulator.rewards import follow_centre_line
-    from training.trainer.cars import Cars
+    from training.trainer.cars import TrainingCars
     from training.trainer.learners import Learner
 
     class Silent(BaseCallback):
@@ -35,9 +35,9 @@ def test_an_interrupted_update_is_undone(hurried):
         algorithm=PPO,
         hyperparameters={**DEFAULTS[PPO], "num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3},
     )
-    layout = Layout.of(spec.metadata)
+    layout = NetworkLayout.of(spec.metadata)
     asked: list[int] = []
-    cars = Cars(spec, track, [follow_centre_line] * CARS, list(layout.senses), 0)
+    cars = TrainingCars(spec, track, [follow_centre_line] * CARS, list(layout.senses), 0)
     learner = Learner(spec, layout, cars, Silent(), lambda: (asked.append(1), hurried and len(asked) == 3)[1])
     assert learner.drive()
     before = learner.weights()

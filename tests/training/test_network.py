@@ -14,7 +14,7 @@ from evaluation.admit import admit
 from paddock.packages.read import UploadPart
 from training import house_cars
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
-from training.trainer.network import CONVOLUTIONS, Layout, from_onnx, to_onnx
+from training.trainer.network import CONVOLUTIONS, NetworkLayout, from_onnx, to_onnx
 from training.trainer.senses import look, senses_of
 
 SENSOR_SETS = (["FRONT_FACING_CAMERA"], ["STEREO_CAMERAS", "LIDAR"], ["observation", "DISCRETIZED_SECTOR_LIDAR"])
@@ -31,12 +31,12 @@ def metadata(sensors=("FRONT_FACING_CAMERA",), network="DEEP_CONVOLUTIONAL_NETWO
     }
 
 
-def weights_for(layout: Layout) -> dict[str, np.ndarray]:
+def weights_for(layout: NetworkLayout) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(0)
     return {name: rng.normal(0, 0.1, shape).astype(np.float32) for name, shape in layout.shapes.items()}
 
 
-def readings_for(layout: Layout, count: int = 1) -> dict[str, np.ndarray]:
+def readings_for(layout: NetworkLayout, count: int = 1) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(1)
     return {
         sense.name: rng.integers(0, 256, (count, *sense.spec.shape)).astype(np.uint8)
@@ -64,7 +64,7 @@ def test_a_white_picture_is_all_ones():
 @pytest.mark.parametrize("depth", CONVOLUTIONS)
 def test_every_network_comes_back_from_the_gate_unchanged(sensors, depth, tmp_path):
     described = metadata(sensors, depth)
-    layout = Layout.of(described)
+    layout = NetworkLayout.of(described)
     weights = weights_for(layout)
     parts = [
         UploadPart("model.onnx", io.BytesIO(to_onnx(layout, weights, squash=False))),
@@ -82,7 +82,7 @@ def test_torch_and_onnx_give_the_same_answers(sensors):
     torch = pytest.importorskip("torch", reason="training is not installed: make training")
     from training.trainer.warm import make_torso
 
-    layout = Layout.of(metadata(sensors, continuous=True))
+    layout = NetworkLayout.of(metadata(sensors, continuous=True))
     torso = make_torso(layout)
     head = torch.nn.Linear(128, layout.outputs)
     weights = {"dense": torso.dense.weight, "dense_bias": torso.dense.bias, "head": head.weight, "head_bias": head.bias}
@@ -105,13 +105,13 @@ def test_torch_and_onnx_give_the_same_answers(sensors):
 
 @pytest.mark.parametrize("other", ["DEEP_CONVOLUTIONAL_NETWORK", "DEEP_CONVOLUTIONAL_NETWORK_DEEP"])
 def test_a_network_of_another_depth_is_refused(other):
-    deep = Layout.of(metadata(network=other))
+    deep = NetworkLayout.of(metadata(network=other))
     with pytest.raises(ValueError):
-        from_onnx(Layout.of(metadata()), to_onnx(deep, weights_for(deep), squash=False))
+        from_onnx(NetworkLayout.of(metadata()), to_onnx(deep, weights_for(deep), squash=False))
 
 
 def test_a_network_with_non_finite_weights_is_refused():
-    layout = Layout.of(metadata())
+    layout = NetworkLayout.of(metadata())
     weights = weights_for(layout)
     weights["head"][0, 0] = np.inf
     with pytest.raises(ValueError):
@@ -122,5 +122,5 @@ def test_house_cars_use_the_shallow_network():
     folder = Path(house_cars.__file__).parent
     described = json.loads((folder / "steady.json").read_text())
     described = {"neural_network": "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", **described}
-    weights = from_onnx(Layout.of(described), (folder / "steady.onnx").read_bytes())
+    weights = from_onnx(NetworkLayout.of(described), (folder / "steady.onnx").read_bytes())
     assert weights["head"].shape[0] == len(described["action_space"])

@@ -35,7 +35,7 @@ from training.files import logs_zip, simtrace, training_metrics
 from training.hyperparameters import DEFAULT_BOUNDS
 from training.models import Checkpoint, JobState, TrainingJob, Vehicle
 from training.services import TRAININGS, run_next_training, stop_training
-from training.trainer.network import Layout, from_onnx
+from training.trainer.network import NetworkLayout, from_onnx
 
 pytest.importorskip("torch", reason="training is not installed: make training")
 pytestmark = [
@@ -225,7 +225,7 @@ def test_a_killed_worker_loses_nothing_saved(alice, oval, now):
     assert steps == sorted(set(steps))
     assert not Checkpoint.objects.exists()
     assert TrainedModel.objects.filter(owner=alice).count() == len({job.best_model_id, job.last_model_id})
-    weights = Layout.of(job.metadata), job.last_model.network.onnx.read()
+    weights = NetworkLayout.of(job.metadata), job.last_model.network.onnx.read()
     assert all(np.isfinite(layer).all() for layer in from_onnx(*weights).values())
     assert job.iterations.last().entropy < math.log(5), "it has learned, and its policy is one still"
 

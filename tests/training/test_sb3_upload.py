@@ -31,9 +31,9 @@ from paddock.simulator.rewards import follow_centre_line
 from tests.hostile.here import launch_here
 from training.sb3.facts import read_facts
 from training.sb3.rebuild import rebuild
-from training.trainer.cars import Cars
+from training.trainer.cars import TrainingCars
 from training.trainer.learners import Learner
-from training.trainer.network import CONSOLE, OURS, Layout, to_onnx
+from training.trainer.network import CONSOLE, OURS, NetworkLayout, to_onnx
 from training.trainer.spec import TrainerSpec
 
 DISCRETE = dict(DEFAULT_METADATA)
@@ -236,8 +236,8 @@ def ours(algorithm: str, changes: dict, build: str) -> Learner:
         hyperparameters=DEFAULTS[algorithm],
         build=build,
     )
-    layout = Layout.of(spec.metadata, build)
-    cars = Cars(spec, track, [follow_centre_line] * 2, list(layout.senses), 0)
+    layout = NetworkLayout.of(spec.metadata, build)
+    cars = TrainingCars(spec, track, [follow_centre_line] * 2, list(layout.senses), 0)
     return Learner(spec, layout, cars, ConvertCallback(None))
 
 

@@ -22,7 +22,7 @@ from training.models import JobState, TrainingJob, Vehicle
 from training.prefill import LACKS_VEHICLE, proposals
 from training.selectors import can_clone_model, can_see_training, clonable_models
 from training.services.work import spec_of
-from training.trainer.network import CONSOLE, Layout
+from training.trainer.network import CONSOLE, NetworkLayout
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes", "wakes")]
 
@@ -32,7 +32,7 @@ SPACE = [{key: action[key] for key in ("steering_angle", "speed")} for action in
 def trained_here(owner, name: str = "Bolt", onnx: bytes = b"a network") -> TrainedModel:
     """A model with as many weights as a training here makes."""
     model = model_row(owner, name, onnx)
-    Network.objects.filter(pk=model.network_id).update(parameters=Layout.of(METADATA).parameters)
+    Network.objects.filter(pk=model.network_id).update(parameters=NetworkLayout.of(METADATA).parameters)
     model.refresh_from_db()
     return model
 
@@ -147,7 +147,7 @@ class TestModelChoice:
 def test_a_console_car_gets_the_consoles_learning_rate(alice, shared, oval, now):
     clone = {"clone": shared.public_id}
     assert proposals(alice, clone)["lr"] == 0.001
-    Network.objects.filter(pk=shared.network_id).update(parameters=Layout.of(METADATA, CONSOLE).parameters)
+    Network.objects.filter(pk=shared.network_id).update(parameters=NetworkLayout.of(METADATA, CONSOLE).parameters)
     assert proposals(alice, clone)["lr"] == 0.0003
     job = a_training(alice, oval, now, hyperparameters={"lr": 0.0007})
     assert proposals(alice, clone | {"job": job.public_id})["lr"] == 0.0007

@@ -27,7 +27,7 @@ from training.services import (
 from training.services.jobs import KEEPINGS_TRIED
 from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
-from training.trainer.network import Layout, to_onnx
+from training.trainer.network import NetworkLayout, to_onnx
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_wakes", "wakes")]
 
@@ -284,7 +284,7 @@ class TestTrainingGivenUp:
 
 def test_a_refused_last_network_does_not_cost_the_best(job, trainer):
     """It may be what a reward function made of it."""
-    layout = Layout.of(job.metadata)
+    layout = NetworkLayout.of(job.metadata)
     broken = to_onnx(layout, {name: np.full(shape, np.nan) for name, shape in layout.shapes.items()}, squash=False)
     trainer.networks[1] = broken
     run_next_training(worker="w")

@@ -8,7 +8,7 @@ import pytest
 from django.contrib.auth.models import AnonymousUser
 from django.db import IntegrityError, transaction
 
-from evaluation.looks import Look
+from evaluation.looks import VehicleLook
 from evaluation.models import Evaluation
 from evaluation.services import describe_model
 from paddock.errors import UserFault
@@ -138,7 +138,7 @@ class TestANewNameOrLook:
         video.refresh_from_db()
         assert shown_video(video).state == "ready"
         old = video.file.name
-        describe_model(model=run.model, name="Bolt", description="", look=Look("kart", "#ff0000"))
+        describe_model(model=run.model, name="Bolt", description="", look=VehicleLook("kart", "#ff0000"))
         run.model.refresh_from_db()
         video = Video.objects.get()
         assert shown_video(video).state == "stale"

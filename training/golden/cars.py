@@ -30,9 +30,9 @@ LIDAR_CONFIG = {"num_sectors": 16, "num_values_per_sector": 4, "clipping_dist": 
 
 
 @dataclass(frozen=True)
-class Car:
+class GoldenCar:
     """A car as it races: its canonical network, its metadata as the platform keeps it, what its admission found out
-    (:class:`paddock.network.bound.Facts`), and who it is."""
+    (:class:`paddock.network.bound.NetworkFacts`), and who it is."""
 
     onnx: bytes
     metadata: dict[str, Any]
@@ -41,7 +41,7 @@ class Car:
 
 
 @functools.cache
-def car(name: str) -> Car:
+def car(name: str) -> GoldenCar:
     """The car called ``name``: one of :data:`BUILT`, a house car, or the path of another (``FOLDER/NAME``, two files
     as a house car's). Raises UserFault where the gate refuses it, OSError where there is none.
 
@@ -54,7 +54,7 @@ def car(name: str) -> Car:
     else:
         canonical = admit_network(ONNX, network, metadata, DEFAULT_LIMITS)
         facts = canonical.facts.to_dict()
-    return Car(canonical.onnx, metadata.to_dict(), facts, canonical.sha256)
+    return GoldenCar(canonical.onnx, metadata.to_dict(), facts, canonical.sha256)
 
 
 def _read(name: str) -> tuple[bytes, dict[str, Any]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from paddock.simulator.engine import ENGINE_ID
 
-from .cars import Car, car
+from .cars import GoldenCar, car
 from .runs import GoldenRun
 
 
@@ -51,11 +51,11 @@ class Driven:
 
 def through_the_pipeline(run: GoldenRun) -> Driven:
     """Drive as a worker does: networks and referee in sandboxed processes of their own. Raises PaddockError."""
-    from evaluation.pipeline import RaceJob, RivalCar, evaluate
+    from evaluation.pipeline import RaceJob, RivalModel, evaluate
 
     first, *rivals = cars = [car(name) for name in run.cars]
     track = run.geometry()
-    others = tuple(RivalCar(rival.onnx, rival.metadata, rival.facts) for rival in rivals)
+    others = tuple(RivalModel(rival.onnx, rival.metadata, rival.facts) for rival in rivals)
     outcome = evaluate(RaceJob(track, run.rules, first.onnx, first.metadata, others, facts=first.facts))
     return Driven(
         run.name,
@@ -78,19 +78,19 @@ def in_this_process(run: GoldenRun) -> Driven:
     """Drive with simulator and networks in this process, which should have been started with the pins of
     :mod:`paddock.exact`. Raises UserFault."""
     from evaluation.sandbox.policy_wire import EXCEEDED
-    from paddock.network.bound import Facts
+    from paddock.network.bound import NetworkFacts
 
     cars = [car(name) for name in run.cars]
     driven = _driven(run, cars)
     if not any(one.ways[EXCEEDED] for one in driven.cars):
         return driven
     # as the pipeline does: once more, with exact answers of those whose bound did not hold
-    exact = Facts(bound=None).to_dict()
+    exact = NetworkFacts(bound=None).to_dict()
     pairs = zip(cars, driven.cars, strict=True)
     return _driven(run, [replace(one, facts=exact) if came.ways[EXCEEDED] else one for one, came in pairs])
 
 
-def _driven(run: GoldenRun, cars: Sequence[Car]) -> Driven:
+def _driven(run: GoldenRun, cars: Sequence[GoldenCar]) -> Driven:
     from paddock.simulator.race import run_race
 
     policies = [_Here(one) for one in cars]
@@ -125,16 +125,16 @@ def _driven(run: GoldenRun, cars: Sequence[Car]) -> Driven:
 class _Here:
     """The policy of a sandboxed process, without the process."""
 
-    def __init__(self, one: Car) -> None:
+    def __init__(self, one: GoldenCar) -> None:
         from evaluation.runner_process import policy_header
         from evaluation.sandbox.policy_process import Policy
-        from paddock.network.bound import Facts
+        from paddock.network.bound import NetworkFacts
         from paddock.network.session import load
         from paddock.simulator.action import ActionSpace
         from paddock.simulator.race import Entrant
 
         space = ActionSpace.from_metadata(one.metadata)
-        self._policy = Policy(load(one.onnx, Facts.from_dict(one.facts)), policy_header(one.metadata, space))
+        self._policy = Policy(load(one.onnx, NetworkFacts.from_dict(one.facts)), policy_header(one.metadata, space))
         sensors = sorted(one.metadata["sensor"])
         self.entrant = Entrant(space, sensors, self._policy.answer, one.metadata.get("lidar_config"))
 

@@ -14,7 +14,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import Action
 from paddock.simulator.car import Pose
-from paddock.simulator.contestant import Contestant
+from paddock.simulator.competitor import Competitor
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import run_race
@@ -140,6 +140,6 @@ def _base(x: float, y: float, yaw: float) -> tuple[float, float]:
     return x - PADDOCK_CAR.nose_x * math.cos(yaw), y - PADDOCK_CAR.nose_x * math.sin(yaw)
 
 
-def _as_contestant(seen: SimpleNamespace) -> Contestant:
+def _as_contestant(seen: SimpleNamespace) -> Competitor:
     """All that :func:`reward_params` asks of a car, from a row of a trace."""
     return seen  # type: ignore[return-value]

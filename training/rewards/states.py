@@ -11,7 +11,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import INNER, OUTER, RaceRules
 from paddock.simulator.action import Action
 from paddock.simulator.car import Pose
-from paddock.simulator.contestant import Contestant
+from paddock.simulator.competitor import Competitor
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.referee import Referee
 from paddock.simulator.rewards import Objects, reward_params
@@ -69,20 +69,20 @@ def _drive(track: TrackGeometry, solids: list[Solid], leaves: float) -> list[Par
     the share ``leaves`` of the lap is behind."""
     placed = _PlacedCar()
     referee = Referee(track, RaceRules.of_an_episode(max_simulated_ms=RaceRules.max_simulated_ms), PADDOCK_CAR)
-    contestant = Contestant(placed, referee, {}, lambda _: solids)  # type: ignore[arg-type]
+    competitor = Competitor(placed, referee, {}, lambda _: solids)  # type: ignore[arg-type]
     objects = Objects(track, 1.0)
     waypoints = [(float(x), float(y)) for x, y in track.centre]
     metres, aside, states = 0.0, 0.05, []
-    while not contestant.done:
+    while not competitor.done:
         metres += _STRIDE_M
         if metres > leaves * track.length:
             aside += _STRIDE_M / 2
-        contestant.command(_COMMAND)
+        competitor.command(_COMMAND)
         placed.place(Pose(*track.point_at(metres, aside)))
-        contestant.move()
-        contestant.judge()
+        competitor.move()
+        competitor.judge()
         seen = objects.params(placed.pose, referee.odometer.place.distance, solids)
-        states.append(reward_params(contestant, waypoints, track.direction == "cw", seen))
-        if contestant.status == OFF_TRACK:
+        states.append(reward_params(competitor, waypoints, track.direction == "cw", seen))
+        if competitor.status == OFF_TRACK:
             break
     return states

@@ -42,7 +42,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Facts:
+class PolicyFacts:
     """What cannot be seen in the shapes of the weights."""
 
     observations: Mapping[str, Box]  # by name, in the order in which they are joined; "" for a plain box
@@ -51,7 +51,7 @@ class Facts:
     extractor: str | None  # one of the above; None: the policy's default
 
 
-def read_facts(data: bytes) -> Facts:
+def read_facts(data: bytes) -> PolicyFacts:
     """Raises UserFault ``sb3_unreadable``, ``sb3_custom``, ``sb3_action_space``."""
     try:
         said = json.loads(data)
@@ -65,7 +65,7 @@ def read_facts(data: bytes) -> Facts:
     extractor = arguments.get("features_extractor_class")
     if said.get("use_sde") is True or arguments.get("use_sde") is True:
         raise UserFault("sb3_custom", what="use_sde=True")
-    return Facts(
+    return PolicyFacts(
         observations=_observations(_mapping(said, "observation_space")),
         activation=_name_of_class(arguments["activation_fn"]) if "activation_fn" in arguments else None,
         normalize_images=arguments.get("normalize_images", True) is not False,

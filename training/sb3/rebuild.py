@@ -22,8 +22,8 @@ from paddock.network.wire import printable
 from paddock.packages.inputs import InputSpec
 from paddock.packages.metadata import NETWORKS, ModelMetadata
 
-from ..trainer.network import BUILDS, Layout, to_onnx
-from .facts import COMBINED, FLATTEN, NATURE, TORSO, Facts
+from ..trainer.network import BUILDS, NetworkLayout, to_onnx
+from .facts import COMBINED, FLATTEN, NATURE, TORSO, PolicyFacts
 
 Array = Callable[[str], np.ndarray]
 _OPSET, _IR_VERSION = 17, 8
@@ -65,7 +65,7 @@ _FAMILIES = (
 )
 
 
-def rebuild(shapes: Mapping[str, tuple[int, ...]], array: Array, facts: Facts, metadata: ModelMetadata) -> bytes:
+def rebuild(shapes: Mapping[str, tuple[int, ...]], array: Array, facts: PolicyFacts, metadata: ModelMetadata) -> bytes:
     """``shapes``: of all weights by name; ``array``: gives one as float32.
 
     Raises UserFault ``sb3_custom``, ``sb3_layer``, ``sb3_observation``, ``sb3_actions``.
@@ -86,7 +86,7 @@ class _Policy:
         family: _Family,
         shapes: Mapping[str, tuple[int, ...]],
         array: Array,
-        facts: Facts,
+        facts: PolicyFacts,
         metadata: ModelMetadata,
     ) -> None:
         self._family, self._shapes, self._array = family, shapes, array
@@ -273,18 +273,18 @@ def _check_box(spec: InputSpec, box: Any) -> None:
         raise UserFault("sb3_observation", found=str(box), expected=expected)
 
 
-def _layouts(metadata: ModelMetadata) -> Iterable[Layout]:
+def _layouts(metadata: ModelMetadata) -> Iterable[NetworkLayout]:
     """What our trainer may have built for this car: the depth that the metadata says first."""
     said = metadata.to_dict()
     for build in BUILDS:
         for network in (metadata.network, *NETWORKS):
             try:
-                yield Layout.of({**said, "neural_network": network}, build)
+                yield NetworkLayout.of({**said, "neural_network": network}, build)
             except LookupError:
                 continue
 
 
-def _names_of_torso(layout: Layout, eyes: str, head: str) -> dict[str, str]:
+def _names_of_torso(layout: NetworkLayout, eyes: str, head: str) -> dict[str, str]:
     """The names in ``policy.pth`` of a layout's weights."""
     names = {}
     for number, sense in enumerate(layout.senses):

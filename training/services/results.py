@@ -12,7 +12,7 @@ from django.db import transaction
 
 from core.jobs.retried import detail_with
 from core.storage_faults import storage_at_work
-from evaluation.looks import Look
+from evaluation.looks import VehicleLook
 from evaluation.models import TrainedModel
 from evaluation.services import upload_model
 from evaluation.services.stored import store
@@ -139,7 +139,7 @@ def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedMo
                 files=parts,
                 name=wanted,
                 description=job.description,
-                look=Look(job.shell, job.colour),
+                look=VehicleLook(job.shell, job.colour),
                 has_place=True,
                 now=now,
             )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .network import Layout
+from .network import NetworkLayout
 from .spec import TrainerSpec
 
 _FLOAT = 4  # bytes
@@ -33,5 +33,5 @@ class Bounds:
 
 def bounds_of(spec: TrainerSpec) -> Bounds:
     """What this training can weigh. Raises LookupError for a network that no training here has."""
-    weights = _FLOAT * Layout.of(spec.metadata, spec.build).parameters
+    weights = _FLOAT * NetworkLayout.of(spec.metadata, spec.build).parameters
     return Bounds(weights + _NETWORK_ROOM, int(_TIMES[spec.algorithm] * weights) + _STATE_ROOM)

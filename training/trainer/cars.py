@@ -39,7 +39,7 @@ def lap_limit_ms(track: TrackGeometry, space: ActionSpace) -> int:
     return int(min(max(1500.0 * track.length / max(speed, 0.1) + 10_000.0, 20_000.0), 240_000.0))
 
 
-class Cars(SB3VecEnv):
+class TrainingCars(SB3VecEnv):
     """Many cars in one world, each from a random place of the track, until it leaves it, has done a lap or is out of
     time. Observations: rows, see :mod:`.senses`.
 

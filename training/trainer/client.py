@@ -90,7 +90,7 @@ def train(
     with launch(MODULE, limits=limits, arguments=arguments, level=level, random=True) as process:
         widen_pipe(process.stdin)
         widen_pipe(process.stdout)
-        run = _Run(spec, process, listener, asked_to_stop, abandoned)
+        run = _TrainingRun(spec, process, listener, asked_to_stop, abandoned)
         try:
             run.begin(start, blob)
             return run.listen()
@@ -100,7 +100,7 @@ def train(
             raise
 
 
-class _Run:
+class _TrainingRun:
     """One training in the hands of :func:`train`."""
 
     def __init__(

@@ -29,7 +29,7 @@ Act = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Judgement:
     """How a policy drove its trials. ``lap_ms``: the mean of the laps without a fault, None without one. ``confirmed``:
     it then drove as many laps in a row from the finish line without a fault as were asked for."""
 
@@ -101,13 +101,13 @@ class Judge:
             **self._spec.layout,
         )
 
-    def look(self, act: Act) -> Verdict:
+    def look(self, act: Act) -> Judgement:
         """Drive the trials, and the laps in a row once all trials are clean."""
         told = self._drive(act, self._drives, self._starts)
         confirmed = False
         if self._long is not None and all(trial["lap_ms"] is not None for trial in told):
             confirmed = self._drive(act, [self._long], [0.0])[0]["lap_ms"] is not None
-        return Verdict(told, _places(self._drives[0]), confirmed)
+        return Judgement(told, _places(self._drives[0]), confirmed)
 
     def _drive(self, act: Act, drives: list[Drive], starts: list[float]) -> list[dict[str, Any]]:
         """Drive each from its start to its end."""

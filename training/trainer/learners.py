@@ -35,7 +35,7 @@ from torch.nn import functional
 from paddock.rules.hyperparameters import HUBER
 
 from . import torso
-from .network import FEATURES, Layout
+from .network import FEATURES, NetworkLayout
 from .spec import TrainerSpec
 from .warm import torso_arguments
 
@@ -65,7 +65,7 @@ class Learner:
     def __init__(
         self,
         spec: TrainerSpec,
-        layout: Layout,
+        layout: NetworkLayout,
         cars: VecEnv,
         callback: BaseCallback,
         hurry: Callable[[], bool] = lambda: False,

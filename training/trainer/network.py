@@ -49,7 +49,7 @@ def build_of(metadata: Mapping[str, Any], parameters: int) -> str | None:
     the weights really are is seen where they are read (:func:`from_onnx`)."""
     for name in BUILDS:
         try:
-            if Layout.of(metadata, name).parameters == parameters:
+            if NetworkLayout.of(metadata, name).parameters == parameters:
                 return name
         except LookupError:
             continue
@@ -57,7 +57,7 @@ def build_of(metadata: Mapping[str, Any], parameters: int) -> str | None:
 
 
 @dataclass(frozen=True)
-class Layout:
+class NetworkLayout:
     """The sizes of a network for one ``model_metadata.json``."""
 
     senses: tuple[Sense, ...]
@@ -66,7 +66,7 @@ class Layout:
     features: int = FEATURES
 
     @classmethod
-    def of(cls, metadata: Mapping[str, Any], build: str = OURS) -> Layout:
+    def of(cls, metadata: Mapping[str, Any], build: str = OURS) -> NetworkLayout:
         """The network that a training with this metadata makes, or learns on, by the name of its build.
 
         Raises LookupError for a depth or a sensor that the build does not have.
@@ -124,7 +124,7 @@ class Layout:
         return sum(int(np.prod(shape)) for shape in self.shapes.values())
 
 
-def to_onnx(layout: Layout, weights: Mapping[str, np.ndarray], squash: bool) -> bytes:
+def to_onnx(layout: NetworkLayout, weights: Mapping[str, np.ndarray], squash: bool) -> bytes:
     """The deterministic policy by the ONNX contract: each sensor as it is read, to one row. ``squash``: tanh at the
     end, for a policy that was learned so.
 
@@ -177,19 +177,19 @@ def to_onnx(layout: Layout, weights: Mapping[str, np.ndarray], squash: bool) -> 
     return model.SerializeToString(deterministic=True)
 
 
-def from_onnx(layout: Layout, data: bytes) -> dict[str, np.ndarray]:
+def from_onnx(layout: NetworkLayout, data: bytes) -> dict[str, np.ndarray]:
     """The weights out of a canonical network of this layout, whatever its values are called: one that :func:`to_onnx`
     wrote once, or a converted car of the console, whose convolutions are flattened with the channels last.
 
     Raises ValueError where the network is built in another way.
     """
-    return _Reader(layout, data).read()
+    return _GraphReader(layout, data).read()
 
 
-class _Reader:
+class _GraphReader:
     """The way back through a network's graph, from its output to its sensors."""
 
-    def __init__(self, layout: Layout, data: bytes) -> None:
+    def __init__(self, layout: NetworkLayout, data: bytes) -> None:
         import onnx
         from onnx import helper, numpy_helper
 

@@ -43,11 +43,11 @@ from training.rewards.function import fault_in, load_rewards
 from training.rewards.modules import preload
 from training.rewards.watch import arm, watch
 
-from .cars import Cars
+from .cars import TrainingCars
 from .judging import Judge
 from .learners import Learner
 from .messages import GREATEST
-from .network import OURS, Layout, from_onnx, to_onnx
+from .network import OURS, NetworkLayout, from_onnx, to_onnx
 from .spec import CARS, TrainerSpec
 from .warm import warm_up
 
@@ -96,7 +96,7 @@ class Training:
         self._out = frames_out
         self._poller = select.poll()
         self._poller.register(frames_in, select.POLLIN)
-        self.layout = Layout.of(spec.metadata, spec.build)
+        self.layout = NetworkLayout.of(spec.metadata, spec.build)
         self._senses = list(self.layout.senses)
         self._track = TrackGeometry.from_trusted_dict(spec.track)
         self.number = self._looked_at = 0  # the iteration, and the update that it looked at
@@ -120,7 +120,7 @@ class Training:
         # A training that goes on draws other starts than the one before it.
         seed = self.spec.seed if state is None else self.spec.seed + 1_000_003 * int(state["number"])
         rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials)
-        self._cars = Cars(self.spec, self._track, rewards[:CARS], self._senses, seed)
+        self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed)
         self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
         self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry)
         if start == "weights":
@@ -279,7 +279,7 @@ def _tell_prints(frames_out: int, *, over: bool = False) -> None:
         write_message(frames_out, {"printed": news})
 
 
-def _weights(layout: Layout, onnx_bytes: bytes) -> dict[str, np.ndarray]:
+def _weights(layout: NetworkLayout, onnx_bytes: bytes) -> dict[str, np.ndarray]:
     try:
         return from_onnx(layout, onnx_bytes)
     except (ValueError, LookupError) as error:  # a network of another build

@@ -15,12 +15,12 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.save_util import save_to_zip_file
 
-from .network import LIDAR_FEATURES, Layout
+from .network import LIDAR_FEATURES, NetworkLayout
 from .senses import Sense
 from .torso import Torso
 
 
-def make_torso(layout: Layout) -> Torso:
+def make_torso(layout: NetworkLayout) -> Torso:
     """The learner's eyes for a layout."""
     return Torso(row_space(layout.senses), **torso_arguments(layout))
 
@@ -32,7 +32,7 @@ def row_space(senses: Sequence[Sense]) -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, (senses[-1].stop,), np.float32)
 
 
-def torso_arguments(layout: Layout) -> dict[str, Any]:
+def torso_arguments(layout: NetworkLayout) -> dict[str, Any]:
     """The arguments of :class:`.torso.Torso` but for the observation space."""
     return {
         "senses": [(sense.spec.is_picture, sense.start, sense.shape) for sense in layout.senses],
@@ -47,7 +47,7 @@ def torso_arguments(layout: Layout) -> dict[str, Any]:
 def warm_up(planned: Mapping[str, Any]) -> None:
     """Meet every size of a batch once, forwards, and backwards where it will be learned from; and write and read what
     will be written and read. ``planned``: :attr:`.spec.TrainerSpec.warmth`."""
-    layout = Layout.of(planned["metadata"], planned["build"])
+    layout = NetworkLayout.of(planned["metadata"], planned["build"])
     torso = make_torso(layout)
     optimiser = torch.optim.Adam(torso.parameters())
     for size in planned["learned"]:

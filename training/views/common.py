@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Usage:
+class TrainingAllowance:
     """What a racer may still train. ``closed``: why nothing can be trained on this site now, "" if it can."""
 
     minutes_left: int
@@ -37,9 +37,9 @@ class Usage:
         return round(100 * (1 - self.minutes_left / self.minutes)) if self.minutes else 100
 
 
-def usage_of(racer: Racer, now: datetime) -> Usage:
+def usage_of(racer: Racer, now: datetime) -> TrainingAllowance:
     """The quota of a racer at ``now``."""
-    return Usage(
+    return TrainingAllowance(
         minutes_left=int(minutes_left(racer, now)),
         minutes=limit_of(racer, MINUTES.name),
         active=int(used_by(racer, AT_ONCE.name, now)),

@@ -1,20 +1,20 @@
 """The video of a finished run, drawn and encoded on the server.
 
-:func:`write_video` writes it, :func:`poster` draws its still, both of a :class:`Scene`. No database, no request.
+:func:`write_video` writes it, :func:`poster` draws its still, both of a :class:`VideoScene`. No database, no request.
 Importing this room loads neither PyAV nor OpenCV: both are loaded by the first call.
 """
 
-from .scene import FULL, MAX_SECONDS, Form, Scene, Stopped, VideoCar, VideoFacts, Words
+from .scene import FULL, MAX_SECONDS, Form, Stopped, VideoCar, VideoFacts, VideoScene, Words
 from .writing import poster, write_video
 
 __all__ = [
     "FULL",
     "MAX_SECONDS",
     "Form",
-    "Scene",
     "Stopped",
     "VideoCar",
     "VideoFacts",
+    "VideoScene",
     "Words",
     "poster",
     "write_video",

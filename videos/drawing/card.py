@@ -12,7 +12,7 @@ from .lettering import figures, shortened, write
 from .panel import car_picture
 from .scene import Words
 from .take import Actor, Take
-from .timing import SECTORS, Lap, written
+from .timing import SECTORS, TimedLap, written
 
 _WIDTH, _PAD, _ROW = 620, 28, 34
 _MOST_ROWS = 8
@@ -33,7 +33,7 @@ def result_card(take: Take, words: Words) -> Sticker:
     several = len(take.actors) > 1 and take.scene.lap is None
     cars = _in_order(take) if several else []
     laps = [] if several else _laps(take)
-    shown: list[Actor] | list[Lap] = cars[:_MOST_ROWS] if several else _fastest(laps)
+    shown: list[Actor] | list[TimedLap] = cars[:_MOST_ROWS] if several else _fastest(laps)
     missing = len(cars) + len(laps) - len(shown)
     high = _HEAD + _ROW * len(shown) + (_ROW if missing else 0) + _FOOT
     card = Sticker.card(round(_WIDTH * unit), round(high * unit), 14 * unit, palette.SURFACE, palette.LINE_STRONG)
@@ -43,7 +43,7 @@ def result_card(take: Take, words: Words) -> Sticker:
         y = (_HEAD + number * _ROW) * unit
         if isinstance(row, Actor):
             _car_row(pixels, number + 1, row, y, unit, words)
-        elif isinstance(row, Lap):
+        elif isinstance(row, TimedLap):
             _lap_row(pixels, row, take.hero, y, unit, words)
     if missing:
         y = (_HEAD + len(shown) * _ROW + 4) * unit
@@ -59,11 +59,11 @@ def _in_order(take: Take) -> list[Actor]:
     return sorted(take.actors, key=lambda actor: places.get(actor.car.number, len(places)))
 
 
-def _laps(take: Take) -> list[Lap]:
+def _laps(take: Take) -> list[TimedLap]:
     return [lap for lap in take.hero.timing.laps if take.scene.lap in (None, lap.number)]
 
 
-def _fastest(laps: list[Lap]) -> list[Lap]:
+def _fastest(laps: list[TimedLap]) -> list[TimedLap]:
     """The laps that the card has room for: the fastest ones, in the order in which they were driven."""
     best = sorted(laps, key=lambda lap: (not lap.complete, lap.time_ms))[:_MOST_ROWS]
     return sorted(best, key=lambda lap: lap.number)
@@ -86,7 +86,7 @@ def _rule(pixels: np.ndarray, y: float, unit: float) -> None:
     pixels[round(y) : round(y) + max(1, round(unit)), round(_PAD * unit) : -round(_PAD * unit)] = palette.LINE
 
 
-def _lap_row(pixels: np.ndarray, lap: Lap, hero: Actor, y: float, unit: float, words: Words) -> None:
+def _lap_row(pixels: np.ndarray, lap: TimedLap, hero: Actor, y: float, unit: float, words: Words) -> None:
     on = palette.SURFACE
     best = min((one.time_ms for one in hero.timing.laps if one.complete), default=None)
     colour = palette.SECTORS["green"] if lap.complete and lap.time_ms == best else palette.TEXT

@@ -114,7 +114,7 @@ def _speeds(t: np.ndarray, apart: np.ndarray, cut: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Drive:
+class Motion:
     """A car in every frame: arrays with a value each. ``gone``: it is done; ``fault``: why it stands, or ""."""
 
     x: np.ndarray
@@ -130,7 +130,7 @@ class Drive:
     row: np.ndarray  # of the trace
 
 
-def drive_of(steps: Steps, times: np.ndarray) -> Drive:
+def drive_of(steps: Steps, times: np.ndarray) -> Motion:
     """The car at the moments ``times`` (ms, ascending): smooth between rows, never between two pieces of its way."""
     row = np.clip(np.searchsorted(steps.t, times, side="right") - 1, 0, len(steps) - 1)
     columns = {name: np.empty(len(times)) for name in ("x", "y", "yaw", "steer", "speed")}
@@ -147,7 +147,7 @@ def drive_of(steps: Steps, times: np.ndarray) -> Drive:
     columns["speed"][gone] = 0.0
     columns["steer"][gone] = 0.0
     done = np.interp(times, steps.t, steps.done)
-    return Drive(**columns, done=done, wait=wait, standing=standing, gone=gone, fault=_faults(steps)[row], row=row)
+    return Motion(**columns, done=done, wait=wait, standing=standing, gone=gone, fault=_faults(steps)[row], row=row)
 
 
 def _runs(numbers: np.ndarray) -> Iterator[tuple[int, slice]]:

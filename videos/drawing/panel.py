@@ -14,7 +14,7 @@ from .lettering import figures, shortened, write
 from .palette import Colour, mixed
 from .scene import BAR, Words
 from .take import Take
-from .timing import SECTORS, Clock, Lap, Timing, standings, written
+from .timing import SECTORS, Clock, TimedLap, Timing, standings, written
 
 MARGIN = 20
 _STEER_DEG = 30.0
@@ -224,7 +224,7 @@ class Panel:
         card.put(picture, left, below + round(MARGIN * unit) - rise, strength)
 
 
-def flash_card(words: Words, lap: Lap, timing: Timing, unit: float) -> Sticker:
+def flash_card(words: Words, lap: TimedLap, timing: Timing, unit: float) -> Sticker:
     """A completed lap: its number, its time, the gap to the best one before and its sectors."""
     before = timing.was_best(lap)
     better = before is None or lap.time_ms <= before

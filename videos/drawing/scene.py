@@ -89,7 +89,7 @@ class VideoCar:
 
 
 @dataclass(frozen=True)
-class Scene:
+class VideoScene:
     """A run as a video shows it.
 
     ``track``: in the driven direction (``geometry.in_direction``). ``title``, ``subtitle``: say the race and the track.

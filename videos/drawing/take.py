@@ -9,9 +9,9 @@ import numpy as np
 from paddock.errors import UserFault
 
 from .lettering import is_drawable
-from .motion import Drive, Eye, Steps, drive_of, follow, poses_at, read_steps
+from .motion import Eye, Motion, Steps, drive_of, follow, poses_at, read_steps
 from .palette import Colour, bgr
-from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, Form, Scene, VideoCar, Words
+from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, Form, VideoCar, VideoScene, Words
 from .timing import Timing, laps_of
 
 
@@ -22,11 +22,11 @@ class Actor:
     car: VideoCar
     colour: Colour
     steps: Steps
-    drive: Drive | None
+    drive: Motion | None
     timing: Timing
 
     @property
-    def way(self) -> Drive:
+    def way(self) -> Motion:
         """The drive of a car that drove."""
         assert self.drive is not None, "it never drove"
         return self.drive
@@ -38,7 +38,7 @@ class Take:
     ``actors``: as in the scene, the followed one is ``hero``. ``bots``: (n, 3) each. ``boxes``: x, y, yaw each.
     ``words``: the scene's, or English ones where fonts here lack letters of them."""
 
-    scene: Scene
+    scene: VideoScene
     form: Form
     times: np.ndarray
     actors: list[Actor]
@@ -60,7 +60,7 @@ class Take:
         return len(self.times) - 1
 
 
-def prepare(scene: Scene, form: Form) -> Take:
+def prepare(scene: VideoScene, form: Form) -> Take:
     """Read the traces and lay out the frames. Raises UserFault ``video_no_steps`` and ``video_too_long``."""
     steps = {car.number: read_steps(car.trace) for car in scene.cars}
     hero_steps = steps[scene.followed]

@@ -15,7 +15,7 @@ PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 FLASH_MS = 2600  # so long a lap time is shown when the line was crossed
 
 
-class Lap(NamedTuple):
+class TimedLap(NamedTuple):
     """A lap in whole ms since the start of the run."""
 
     number: int
@@ -43,11 +43,11 @@ class Clock(NamedTuple):
     last_ms: int | None
     best_ms: int | None
     sectors: tuple[str, ...]
-    flash: Lap | None = None
+    flash: TimedLap | None = None
     flash_age_ms: int = 0
 
 
-def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[Lap]:
+def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[TimedLap]:
     """Laps from their dicts, those without figures left out."""
     laps = []
     for one in dicts:
@@ -55,7 +55,7 @@ def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[Lap]:
             sectors = tuple(int(time) for time in one.get("sector_ms") or () if time is not None)[:SECTORS]
             number, start_ms, time_ms = (int(one[name]) for name in ("number", "start_ms", "time_ms"))
             counts = [int(one.get(name) or 0) for name in ("off_tracks", "crashes", "resets")]
-            laps.append(Lap(number, start_ms, time_ms, bool(one["complete"]), sectors, *counts))
+            laps.append(TimedLap(number, start_ms, time_ms, bool(one["complete"]), sectors, *counts))
         except (KeyError, TypeError, ValueError):
             continue
     return laps
@@ -71,7 +71,7 @@ def colour_of(time: int, own: int | None, fastest: int | None) -> str:
 class Timing:
     """All that can be said about one car's laps."""
 
-    def __init__(self, laps: Sequence[Lap], fastest_ms: Sequence[int | None] = ()) -> None:
+    def __init__(self, laps: Sequence[TimedLap], fastest_ms: Sequence[int | None] = ()) -> None:
         self.laps = list(laps)
         self._fastest = (*fastest_ms, *(None,) * SECTORS)[:SECTORS]
         self._colours = [self._live(index) for index in range(len(self.laps))]
@@ -83,11 +83,11 @@ class Timing:
         lap = self.laps[index]
         return tuple(colour_of(time, own[k], self._fastest[k]) for k, time in enumerate(lap.sector_ms))
 
-    def live(self, lap: Lap) -> tuple[str, ...]:
+    def live(self, lap: TimedLap) -> tuple[str, ...]:
         """Colours of a lap's sectors as they were when it was driven."""
         return self._colours[self.laps.index(lap)]
 
-    def final(self, lap: Lap) -> tuple[str, ...]:
+    def final(self, lap: TimedLap) -> tuple[str, ...]:
         """Colours of a lap's sectors among all laps of the run, as the run's page shows them; none for a lap that was
         not finished."""
         timed = [one for one in self.laps if one.complete and len(one.sector_ms) == SECTORS]
@@ -125,7 +125,7 @@ class Timing:
             round(moment - flash.end_ms) if flash else 0,
         )
 
-    def was_best(self, lap: Lap) -> int | None:
+    def was_best(self, lap: TimedLap) -> int | None:
         """The best complete lap before ``lap``, in ms."""
         return min((one.time_ms for one in self.laps if one.complete and one.end_ms < lap.end_ms), default=None)
 

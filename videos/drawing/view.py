@@ -16,7 +16,7 @@ from . import palette, shapes
 from .brush import Sticker, dim, disc, fill, fixed, stroke
 from .ground import Ground
 from .lettering import mask, shortened
-from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED, Drive
+from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED, Motion
 from .palette import Colour, mixed
 from .scene import PX_PER_M
 from .take import Actor, Take
@@ -184,7 +184,7 @@ class View:
             stroke(picture, glass, shown(palette.TYRE), self._unit)
         stroke(picture, body, shown(edge), (3 if edge == palette.ACCENT else 1.6) * self._unit)
 
-    def _tail(self, picture: np.ndarray, drive: Drive, frame: int) -> None:
+    def _tail(self, picture: np.ndarray, drive: Motion, frame: int) -> None:
         """The way of the last moments, in the map's colours of speed, thinner and paler the longer it is ago."""
         if drive.gone[frame]:
             return
@@ -212,7 +212,7 @@ class View:
             colour = mixed(palette.SPEEDS[palette.speed_class(speed)], palette.ROAD, 0.15 + 0.75 * float(age[start]))
             fill(picture, [np.concatenate((left[part], right[part][::-1]))], colour)
 
-    def _pieces(self, drive: Drive) -> np.ndarray:
+    def _pieces(self, drive: Motion) -> np.ndarray:
         for actor in self._take.actors:
             if actor.drive is drive:
                 return actor.steps.piece[drive.row]

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from .scene import FULL, Form, Scene, Stopped, VideoFacts
+from .scene import FULL, Form, Stopped, VideoFacts, VideoScene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,7 +25,7 @@ _JPEG_QUALITY = 88
 
 
 def write_video(
-    scene: Scene,
+    scene: VideoScene,
     out: BinaryIO | Path,
     *,
     on_progress: Callable[[float], None] = lambda share: None,
@@ -62,7 +62,7 @@ def write_video(
     return facts
 
 
-def poster(scene: Scene, *, form: Form = FULL) -> bytes:
+def poster(scene: VideoScene, *, form: Form = FULL) -> bytes:
     """A JPEG of the picture in the middle of the video, or of the next one to it in which the car drives on the road.
     Raises as :func:`write_video`."""
     import cv2

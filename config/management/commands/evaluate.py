@@ -21,7 +21,7 @@ from config.management.tracks import TRACK_HELP, find_track
 from core.templatetags.formats import lap_time
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.bounds import package_limits
-from evaluation.pipeline import CarOutcome, EvaluationOutcome, RaceJob, RivalCar, evaluate
+from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob, RivalModel, evaluate
 from evaluation.rivals import check_rivals
 from evaluation.told import sentences
 from paddock.errors import PaddockError, UserFault, fault_from_dict
@@ -98,7 +98,7 @@ class Command(JsonCommand):
                 self.stderr.write(sentence)
             cars += [_admit(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
-            first, *rivals = [RivalCar(car.onnx, car.metadata.to_dict(), car.facts.to_dict()) for car in cars]
+            first, *rivals = [RivalModel(car.onnx, car.metadata.to_dict(), car.facts.to_dict()) for car in cars]
             look = options["look"] or found.look
             job = RaceJob(geometry, rules, first.onnx, first.metadata, tuple(rivals), look, first.facts)
             outcome = evaluate(job, wall_limit_s=settings.EVALUATION_WALL_SECONDS)
@@ -124,7 +124,7 @@ class Command(JsonCommand):
 
     def _table(self, outcome: EvaluationOutcome, geometry: TrackGeometry, admission_s: float) -> None:
         self.stdout.write(f"{geometry.name}, {geometry.length:.2f} m, {geometry.direction}\n")
-        everyone: list[EvaluationOutcome | CarOutcome] = [outcome, *outcome.rivals]
+        everyone: list[EvaluationOutcome | CompetitorOutcome] = [outcome, *outcome.rivals]
         for number, car in enumerate(everyone):
             if outcome.rivals:
                 self.stdout.write(f"\ncar {number}, place {outcome.order.index(number) + 1}")
@@ -136,7 +136,7 @@ class Command(JsonCommand):
         )
         self.stdout.write(f"engine {outcome.engine}, trace {outcome.trace_sha256}")
 
-    def _laps(self, car: EvaluationOutcome | CarOutcome) -> None:
+    def _laps(self, car: EvaluationOutcome | CompetitorOutcome) -> None:
         self.stdout.write("\nlap       time  off track  crashes  resets  status")
         for lap in car.laps:
             faults = f"{lap['off_tracks']:>10} {lap['crashes']:>8} {lap['resets']:>7}"
@@ -149,7 +149,7 @@ class Command(JsonCommand):
             self.stdout.write(f"retired: {car.retired['code']}: {_said(car.retired)['message']}")
 
 
-def car_times(car: EvaluationOutcome | CarOutcome) -> dict[str, int | None]:
+def car_times(car: EvaluationOutcome | CompetitorOutcome) -> dict[str, int | None]:
     """Average and best over the complete laps (None without one, the average rounded down) and the time of all laps."""
     complete = [lap["time_ms"] for lap in car.laps if lap["complete"]]
     return {
@@ -185,7 +185,7 @@ def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s:
     }
 
 
-def _car_report(car: EvaluationOutcome | CarOutcome, package: AdmittedPackage) -> dict[str, Any]:
+def _car_report(car: EvaluationOutcome | CompetitorOutcome, package: AdmittedPackage) -> dict[str, Any]:
     """One car's part of :func:`report`."""
     return {
         **car.metrics,

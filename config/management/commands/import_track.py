@@ -12,7 +12,7 @@ from django.utils import timezone
 from config.management import JsonCommand, Refusal
 from paddock.errors import UserFault
 from paddock.geometry.npy import MAX_BYTES
-from tracks.models import Look
+from tracks.models import TrackLook
 from tracks.services import import_track
 
 
@@ -26,7 +26,9 @@ class Command(JsonCommand):
         parser.add_argument("--name", help="what racers call it (default: the file's name)")
         parser.add_argument("--slug", help="its address (default: made from the name)")
         parser.add_argument("--description", default="", help="one or two sentences for its page")
-        parser.add_argument("--look", choices=Look.values, default=Look.OFFICIAL.value, help="default: %(default)s")
+        parser.add_argument(
+            "--look", choices=TrackLook.values, default=TrackLook.OFFICIAL.value, help="default: %(default)s"
+        )
         parser.add_argument("--json", action="store_true", help="print the track as JSON")
 
     def handle(self, *args: Any, **options: Any) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from evaluation.models import CarResult, Evaluation, Result
-from evaluation.pipeline import CarOutcome, EvaluationOutcome, evaluate
+from evaluation.models import CompetitorResult, Evaluation, Result
+from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome, evaluate
 from evaluation.services import job_of
 from evaluation.services.results import read_layout
 from paddock.errors import PlatformFault, UserFault
@@ -92,7 +92,9 @@ def differing(result: Result, outcome: EvaluationOutcome) -> dict[str, tuple[Any
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _car_pairs(prefix: str, stored: CarResult, car: EvaluationOutcome | CarOutcome) -> dict[str, tuple[Any, Any]]:
+def _car_pairs(
+    prefix: str, stored: CompetitorResult, car: EvaluationOutcome | CompetitorOutcome
+) -> dict[str, tuple[Any, Any]]:
     """The stored and the measured values of one car."""
     return {
         f"{prefix}trace_sha256": (stored.trace_sha256, car.trace_sha256),

@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from paddock.errors import UserFault
-from paddock.network.bound import Facts
-from paddock.network.canonical import Network, canonicalise, write_model
+from paddock.network.bound import NetworkFacts
+from paddock.network.canonical import CanonicalNetwork, canonicalise, write_model
 from paddock.network.dense import Read, dense_as_convolutions
 from paddock.network.model import DTYPES, FLOAT, UINT8, Model, Port, read_model
 from paddock.network.wire import printable
@@ -43,7 +43,7 @@ class Canonical:
     output: tuple[str, str, tuple[int, ...]]
     parameters: int
     macs: int
-    facts: Facts
+    facts: NetworkFacts
     taken: str = ""  # the output's name in the file, where that has several
 
 
@@ -79,12 +79,14 @@ def check_onnx(
         output=described,
         parameters=parameters,
         macs=cost.macs,
-        facts=Facts(shapes=shapes.needed),
+        facts=NetworkFacts(shapes=shapes.needed),
         taken=output,
     )
 
 
-def _drawn_from(model: Model, metadata: ModelMetadata, limits: PackageLimits, port: Port) -> tuple[Network, Cost]:
+def _drawn_from(
+    model: Model, metadata: ModelMetadata, limits: PackageLimits, port: Port
+) -> tuple[CanonicalNetwork, Cost]:
     """The part of the model that makes this output, checked, and what it costs."""
     network = canonicalise(model, port)
     for node in network.nodes:
@@ -109,7 +111,7 @@ def _described(port: Port) -> tuple[str, str, tuple[int, ...]]:
     return port.name, DTYPES[port.dtype].name, port.sizes
 
 
-def _fix_inputs(network: Network, metadata: ModelMetadata) -> None:
+def _fix_inputs(network: CanonicalNetwork, metadata: ModelMetadata) -> None:
     """Check the inputs against the sensors, fix the batch to one and order them by name."""
     specs = {spec.sensor: spec for spec in metadata.inputs}
     if len(specs) == len(network.inputs) == 1:  # whatever its name, there is nothing to mistake it for
@@ -123,7 +125,7 @@ def _fix_inputs(network: Network, metadata: ModelMetadata) -> None:
     network.inputs = [_fixed(found[name], specs[name]) for name in sorted(specs)]
 
 
-def _rename_input(network: Network, port: Port, sensor: str) -> None:
+def _rename_input(network: CanonicalNetwork, port: Port, sensor: str) -> None:
     for node in network.nodes:
         node.inputs = [sensor if name == port.name else name for name in node.inputs]
     network.inputs = [Port(sensor, port.dtype, port.dims)]

@@ -9,7 +9,7 @@ import onnx
 from onnx import shape_inference
 
 from paddock.errors import UserFault
-from paddock.network.canonical import IR_VERSION, Network
+from paddock.network.canonical import IR_VERSION, CanonicalNetwork
 from paddock.network.model import DTYPES, FLOAT, FLOAT16, Node, Port
 from paddock.network.written import NUMBERS, model_bytes
 from paddock.packages.limits import PackageLimits
@@ -32,7 +32,7 @@ class Cost:
     shapes: dict[str, Shape]
 
 
-def measure(network: Network, limits: PackageLimits) -> Cost:
+def measure(network: CanonicalNetwork, limits: PackageLimits) -> Cost:
     """Infer every shape and count. All shapes must be fixed.
 
     Raises UserFault ``onnx_graph``, ``onnx_dynamic``, ``network_too_slow`` or ``network_too_wide``.
@@ -54,7 +54,7 @@ def measure(network: Network, limits: PackageLimits) -> Cost:
     return Cost(macs, elements, values[network.output.name], shapes)
 
 
-def _infer(network: Network) -> dict[str, tuple[int, Shape]]:
+def _infer(network: CanonicalNetwork) -> dict[str, tuple[int, Shape]]:
     """The element type and shape of every value, by ONNX's own rules."""
     light = _light(network)
     light.graph.output[0].type.tensor_type.ClearField("shape")
@@ -73,7 +73,7 @@ def _infer(network: Network) -> dict[str, tuple[int, Shape]]:
     return values
 
 
-def _light(network: Network) -> onnx.ModelProto:
+def _light(network: CanonicalNetwork) -> onnx.ModelProto:
     """The network without its large weights, which are declared as inputs instead: enough for shape inference."""
     large = {name: array for name, array in network.weights.items() if array.size > _SMALL}
     declared = [Port(name, NUMBERS[array.dtype.str[1:]], list(array.shape)) for name, array in large.items()]

@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from paddock.network.canonical import Network, canonicalise
+from paddock.network.canonical import CanonicalNetwork, canonicalise
 from paddock.network.model import DTYPES, Model, Node
 
 SIZED = {"ConstantOfShape", "Expand", "Pad", "Resize"}
 _MOST = 64  # numbers in one value
 
 
-def fold_sizes(network: Network) -> Network:
+def fold_sizes(network: CanonicalNetwork) -> CanonicalNetwork:
     """The network with every small value of whole numbers that hangs on no sensor computed; the very same if it has
     none of :data:`SIZED`."""
     if not any(node.op in SIZED for node in network.nodes):

@@ -18,7 +18,7 @@ from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
 
 from . import ops_control, ops_math, ops_nn, ops_shape  # noqa: F401  (they register their converters)
 from .emit import Emitter
-from .graph import Graph, Node, read_graph
+from .graph import Graph, TensorflowNode, read_graph
 from .heads import find_policy
 from .ops_math import unary
 from .ops_shape import cast
@@ -56,7 +56,7 @@ class _Conversion:
         self._done: dict[str, Sequence[Flow]] = {}
         self.context = Context(Emitter(limits), limits)
 
-    def evaluate(self, policy: Node) -> Flow:
+    def evaluate(self, policy: TensorflowNode) -> Flow:
         """The first output of ``policy``. Works off a stack of its own: a graph may be deeper than Python's."""
         stack = [policy.name]
         underway: set[str] = set()
@@ -78,19 +78,19 @@ class _Conversion:
             stack.pop()
         return self._done[policy.name][0]
 
-    def _node(self, name: str) -> Node:
+    def _node(self, name: str) -> TensorflowNode:
         node = self._graph.nodes.get(name)
         if node is None:
             raise UserFault("graph_invalid", node=printable(name))
         return node
 
-    def _sources(self, node: Node) -> list[str]:
+    def _sources(self, node: TensorflowNode) -> list[str]:
         """The nodes to evaluate before this one."""
         if node.op in _SOURCES:
             return self._gates(node)
         return [name for name, _ in node.inputs] + self._gates(node)
 
-    def _gates(self, node: Node) -> list[str]:
+    def _gates(self, node: TensorflowNode) -> list[str]:
         """Control inputs that can be dead: a branch's constants hang on the branch by the identity of its switch."""
         gates = []
         for name in node.controls:
@@ -101,7 +101,7 @@ class _Conversion:
                     gates.append(name)
         return gates
 
-    def _convert(self, node: Node) -> Sequence[Flow]:
+    def _convert(self, node: TensorflowNode) -> Sequence[Flow]:
         try:
             if any(self._done[gate][0] is DEAD for gate in self._gates(node)):
                 return [DEAD]
@@ -136,7 +136,7 @@ class _Conversion:
         require(index < len(outputs))
         return outputs[index]
 
-    def _placeholder(self, node: Node) -> Value:
+    def _placeholder(self, node: TensorflowNode) -> Value:
         """A sensor's input, or the flag that says whether the network is being trained (it is not)."""
         sensor = node.name.rsplit("/", 1)[-1]
         dtype = node.attributes.dtype("dtype")

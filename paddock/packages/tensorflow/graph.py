@@ -91,7 +91,7 @@ class Attributes:
 
 
 @dataclass
-class Node:
+class TensorflowNode:
     """One operation. ``inputs`` are ``(node, output index)``; ``controls`` are nodes that only have to run before."""
 
     name: str
@@ -105,10 +105,10 @@ class Node:
 class Graph:
     """All nodes by name, in the file's order."""
 
-    nodes: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, TensorflowNode] = field(default_factory=dict)
 
     @cached_property
-    def sinks(self) -> list[Node]:
+    def sinks(self) -> list[TensorflowNode]:
         """Nodes whose outputs nobody reads, except loose constants."""
         used = {name for node in self.nodes.values() for name, _ in node.inputs}
         return [node for node in self.nodes.values() if node.name not in used and node.op not in ("Const", "NoOp")]
@@ -141,7 +141,7 @@ def read_graph(data: bytes, limits: PackageLimits) -> Graph:
     return graph
 
 
-def _node(data: memoryview, budget: Budget) -> Node:
+def _node(data: memoryview, budget: Budget) -> TensorflowNode:
     name, op = "", ""
     inputs: list[tuple[str, int]] = []
     controls: list[str] = []
@@ -162,7 +162,7 @@ def _node(data: memoryview, budget: Budget) -> Node:
             attributes[key] = content
     if not name or not op or len(name) > 1000:
         raise WireError("a node without a name or operation")
-    return Node(name, op, inputs, controls, Attributes(attributes, budget))
+    return TensorflowNode(name, op, inputs, controls, Attributes(attributes, budget))
 
 
 def _reference(text: str) -> tuple[str, int]:

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from paddock.errors import UserFault
 
-from .graph import Graph, Node
+from .graph import Graph, TensorflowNode
 
 _PPO, _SAC = "ppo_head_0/policy", "sac_policy_head_0/policy"
 
 
-def find_policy(graph: Graph) -> tuple[Node, bool]:
+def find_policy(graph: Graph) -> tuple[TensorflowNode, bool]:
     """The policy's node, and whether tanh must follow it. Raises UserFault ``graph_output``.
 
     Found by the end of its name, because the scope before it differs between versions (``agent``, ``agent_0``); in a

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from paddock.errors import UserFault
 
-from .graph import Node
+from .graph import TensorflowNode
 from .registry import Context, converts, known, require
 from .values import DEAD, Flow, Known, Value
 
 
 @converts("Identity", "StopGradient")
-def _pass_on(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _pass_on(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     return inputs
 
 
 @converts("Const")
-def _constant(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _constant(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     return [Known(node.attributes.tensor("value", context.limits))]
 
 
 @converts("Switch")
-def _switch(context: Context, node: Node, inputs: list[Value]) -> list[Flow]:
+def _switch(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Flow]:
     """``Switch(data, condition)``: output 0 if false, output 1 if true. The condition (is_training) is frozen."""
     require(len(inputs) == 2)
     condition = known(inputs[1])
@@ -33,5 +33,5 @@ NOT_FROZEN = ("Variable", "VariableV2", "VarHandleOp", "Assign", "AssignVariable
 
 
 @converts(*NOT_FROZEN)
-def _not_frozen(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _not_frozen(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     raise UserFault("graph_not_frozen", node=node.op)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .graph import Node
+from .graph import TensorflowNode
 from .registry import Context, Unsupported, axes_of, converts, integers, known, require, tensor
 from .values import Known, Tensor, Value
 
@@ -26,7 +26,7 @@ _PLANAR_AXES = {0: 0, 1: 2, 2: 3, 3: 1}
 
 
 @converts(*_BINARY)
-def _binary(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _binary(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
     return [binary(context, node.op, *inputs)]
 
@@ -133,7 +133,7 @@ def _planar(context: Context, value: Value) -> Tensor | np.ndarray:
 
 
 @converts("BiasAdd")
-def _bias_add(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _bias_add(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2 and len(inputs[1].shape) == 1)
     if node.attributes.text("data_format", "NHWC") != "NHWC":
         raise Unsupported
@@ -142,7 +142,7 @@ def _bias_add(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts(*_UNARY)
-def _unary(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _unary(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     return [unary(context, node.op, _UNARY[node.op], inputs[0])]
 
@@ -159,21 +159,21 @@ def unary(context: Context, op: str, compute: Callable, value: Value) -> Value:
 
 
 @converts("Rsqrt")
-def _rsqrt(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _rsqrt(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     root = unary(context, "Sqrt", np.sqrt, inputs[0])
     return [unary(context, "Reciprocal", lambda x: 1 / x, root)]
 
 
 @converts("SquaredDifference")
-def _squared_difference(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _squared_difference(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
     difference = binary(context, "Sub", *inputs)
     return [binary(context, "Mul", difference, difference)]
 
 
 @converts("Softmax")
-def _softmax(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _softmax(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     source = context.emit.interleaved(tensor(inputs[0]))
     require(len(source.shape) >= 1)
@@ -181,7 +181,7 @@ def _softmax(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("Mean")
-def _mean(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _mean(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     """Of what depends on the sensors: batch normalisation takes it while a network is trained."""
     require(len(inputs) == 2)
     source = tensor(inputs[0])
@@ -200,7 +200,7 @@ def _mean(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("Prod")
-def _prod(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _prod(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     """Of a known shape (tensordot)."""
     require(len(inputs) == 2)
     source, keep = known(inputs[0]), node.attributes.flag("keep_dims")

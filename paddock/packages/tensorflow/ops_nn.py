@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .graph import Node
+from .graph import TensorflowNode
 from .ops_math import unscaled
 from .registry import Context, Unsupported, converts, known, require, tensor
 from .values import Known, Tensor, Value
@@ -12,7 +12,7 @@ from .values import Known, Tensor, Value
 _FLOAT = np.dtype("<f4")
 
 
-def _spatial(node: Node, name: str, default: list[int]) -> tuple[int, int]:
+def _spatial(node: TensorflowNode, name: str, default: list[int]) -> tuple[int, int]:
     """The height and width entries of a four-entry NHWC attribute."""
     values = node.attributes.integers(name, default)
     if node.attributes.text("data_format", "NHWC") != "NHWC":
@@ -22,7 +22,7 @@ def _spatial(node: Node, name: str, default: list[int]) -> tuple[int, int]:
 
 
 def _window(
-    node: Node, size: tuple[int, ...], kernel: tuple[int, int], strides: tuple[int, int]
+    node: TensorflowNode, size: tuple[int, ...], kernel: tuple[int, int], strides: tuple[int, int]
 ) -> tuple[list[int], tuple[int, int]]:
     """ONNX pads and the output's height and width, by TensorFlow's padding rules (nn.convolution)."""
     padding = node.attributes.text("padding")
@@ -43,7 +43,7 @@ def _window(
 
 
 @converts("Conv2D")
-def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _conv2d(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
     source, kernel = tensor(inputs[0]), known(inputs[1])
     require(len(source.shape) == 4 and kernel.ndim == 4 and source.dtype == kernel.dtype == _FLOAT)
@@ -68,7 +68,7 @@ def _conv2d(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("MatMul")
-def _matmul(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _matmul(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
     source, weight = inputs
     if isinstance(source, Known) and isinstance(weight, Known):
@@ -86,7 +86,7 @@ def _matmul(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("FusedBatchNorm", "FusedBatchNormV2", "FusedBatchNormV3")
-def _batch_norm(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _batch_norm(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     """Batch normalisation with the stored mean and variance. Its other outputs serve training only."""
     require(len(inputs) == 5)
     source = tensor(inputs[0])

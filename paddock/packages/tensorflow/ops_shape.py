@@ -6,19 +6,19 @@ import math
 
 import numpy as np
 
-from .graph import Node
+from .graph import TensorflowNode
 from .registry import Context, Contradiction, Unsupported, axes_of, converts, integers, known, require, tensor
 from .values import Known, Tensor, Value
 
 
 @converts("Shape")
-def _shape(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _shape(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     return [Known(np.array(inputs[0].shape, node.attributes.dtype("out_type") or np.int32))]
 
 
 @converts("Reshape")
-def _reshape(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _reshape(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
     source, wanted = inputs[0], integers(inputs[1])
     total = math.prod(source.shape)
@@ -37,7 +37,7 @@ def _reshaped(context: Context, value: Value, shape: tuple[int, ...]) -> Value:
 
 
 @converts("Squeeze")
-def _squeeze(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _squeeze(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     shape = inputs[0].shape
     axes = axes_of(node.attributes.integers("squeeze_dims") or node.attributes.integers("axis"), len(shape))
@@ -47,7 +47,7 @@ def _squeeze(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("Transpose")
-def _transpose(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _transpose(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
     source, order = inputs[0], integers(inputs[1])
     require(sorted(order) == list(range(len(source.shape))))
@@ -60,7 +60,7 @@ def _transpose(context: Context, node: Node, inputs: list[Value]) -> list[Value]
 
 
 @converts("Pack")
-def _pack(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _pack(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(bool(inputs) and all(value.shape == inputs[0].shape for value in inputs))
     shape = list(inputs[0].shape)
     (axis,) = axes_of([node.attributes.integer("axis")], len(shape) + 1)
@@ -69,7 +69,7 @@ def _pack(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
 
 
 @converts("ConcatV2")
-def _concat(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _concat(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) >= 2)
     *values, axis = inputs
     (at,) = axes_of(integers(axis), len(values[0].shape))
@@ -94,7 +94,7 @@ def _concatenate(context: Context, values: list[Value], axis: int) -> Value:
 
 
 @converts("StridedSlice")
-def _strided_slice(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _strided_slice(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     """The first of the outermost axis, or a part of a known shape. Of what depends on the sensors nothing is cut off:
     a batch is one."""
     require(len(inputs) == 4)
@@ -112,7 +112,7 @@ def _strided_slice(context: Context, node: Node, inputs: list[Value]) -> list[Va
     return [_reshaped(context, source, final)]
 
 
-def _python_index(node: Node, vectors: list[list[int]], rank: int) -> tuple[int | slice, ...]:
+def _python_index(node: TensorflowNode, vectors: list[list[int]], rank: int) -> tuple[int | slice, ...]:
     """TensorFlow's begin, end, strides and masks as a Python index."""
     begin, end, strides = vectors
     require(len(begin) == len(end) == len(strides) <= rank and 0 not in strides)
@@ -129,7 +129,7 @@ def _python_index(node: Node, vectors: list[list[int]], rank: int) -> tuple[int 
 
 
 @converts("GatherV2")
-def _gather(context: Context, node: Node, inputs: list[Value]) -> list[Value]:
+def _gather(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     """Only of known values: TensorFlow gathers sizes out of shapes (tensordot)."""
     require(len(inputs) == 3)
     source, indices = known(inputs[0]), known(inputs[1])

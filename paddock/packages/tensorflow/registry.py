@@ -10,7 +10,7 @@ import numpy as np
 from paddock.packages.limits import PackageLimits
 
 from .emit import Emitter
-from .graph import Node
+from .graph import TensorflowNode
 from .values import Flow, Known, Tensor, Value
 
 
@@ -30,7 +30,7 @@ class Context:
     limits: PackageLimits
 
 
-Converter = Callable[[Context, Node, list[Value]], Sequence[Flow]]
+Converter = Callable[[Context, TensorflowNode, list[Value]], Sequence[Flow]]
 CONVERTERS: dict[str, Converter] = {}
 
 

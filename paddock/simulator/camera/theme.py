@@ -70,4 +70,4 @@ BOLD = replace(
     wall_height=4.0,
 )
 
-THEMES = {theme.name: theme for theme in (OFFICIAL, TEXTURES, BOLD)}  # a track names one: tracks.models.Look
+THEMES = {theme.name: theme for theme in (OFFICIAL, TEXTURES, BOLD)}  # a track names one: tracks.models.TrackLook

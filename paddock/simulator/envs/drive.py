@@ -11,11 +11,11 @@ import numpy as np
 from paddock.errors import UserFault
 
 from ..action import DISCRETE, Action
-from ..contestant import Contestant
+from ..competitor import Competitor
 from ..race import lap_results
 from ..referee import LAPS_DONE
 from ..rewards import Objects, reward_params
-from ..stage import Stage
+from ..stage import Simulation
 from ..trace import TIME_UP
 from ..world import World
 from .setting import Readings, Setting
@@ -23,7 +23,7 @@ from .setting import Readings, Setting
 _LAYOUTS = 20  # seeds that an episode tries until random boxes have room
 
 
-class Outcome(NamedTuple):
+class StepOutcome(NamedTuple):
     """What one step came to."""
 
     reward: float
@@ -39,19 +39,19 @@ class Drive:
         """``world``: one that is shared with other drives, whose cars this one neither meets nor sees."""
         self._setting = setting
         self._world = world
-        self._stage: Stage | None = None
-        self._car: Contestant | None = None
+        self._stage: Simulation | None = None
+        self._car: Competitor | None = None
         self._objects = Objects(setting.ground.track)
         self._waypoints = [(float(x), float(y)) for x, y in setting.ground.track.centre]
 
     @property
-    def car(self) -> Contestant:
+    def car(self) -> Competitor:
         """The car of this episode."""
         assert self._car is not None, "no episode has begun"
         return self._car
 
     @property
-    def stage(self) -> Stage:
+    def stage(self) -> Simulation:
         """What the car drives on."""
         assert self._stage is not None, "no episode has begun"
         return self._stage
@@ -85,7 +85,7 @@ class Drive:
             rules = setting.episode_rules(rng)
             try:
                 if self._stage is None:
-                    self._stage = Stage(setting.ground, rules, setting.physics, self._world)
+                    self._stage = Simulation(setting.ground, rules, setting.physics, self._world)
                 else:
                     self._stage.clear(rules)
                 return
@@ -117,7 +117,7 @@ class Drive:
         assert self._stage is not None, "no episode has begun"
         self._stage.command((action,))
 
-    def judge(self) -> Outcome:
+    def judge(self) -> StepOutcome:
         """The world has moved: judge the car, and after a fault with resets left let the penalty pass.
 
         Raises ValueError for a reward that is not finite.
@@ -134,7 +134,7 @@ class Drive:
         if ended is not None:
             info["laps"] = [lap.to_dict() for lap in lap_results(car)]
             info["end_reason"] = ended
-        return Outcome(reward, ended is not None and ended != TIME_UP, ended == TIME_UP, info)
+        return StepOutcome(reward, ended is not None and ended != TIME_UP, ended == TIME_UP, info)
 
     def close(self) -> None:
         """Free the world unless it is shared; another episode may begin."""

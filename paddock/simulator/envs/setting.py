@@ -34,7 +34,7 @@ from ..layout import lay_out
 from ..physics import PADDOCK_CAR, CarPhysics
 from ..rewards import RewardFunction, avoid_objects, follow_centre_line
 from ..sensors import sensor_spec
-from ..stage import Ground
+from ..stage import PreparedTrack
 
 # Five angles at two speeds: what the console offered by default, at speeds that finish a lap in reasonable time.
 DEFAULT_METADATA: Mapping[str, Any] = {
@@ -56,7 +56,7 @@ class Setting:
     """Track, rules, car and reward of an environment. Made by :func:`time_trial`, :func:`object_avoidance` and
     :func:`head_to_head`, whose arguments are those of the environments."""
 
-    ground: Ground
+    ground: PreparedTrack
     rules: RaceRules
     metadata: ModelMetadata
     actions: ActionSpace
@@ -195,7 +195,7 @@ def race_setting(
     checked = check_metadata(metadata)
     _check_observation(observation, checked)
     setting = Setting(
-        ground=Ground(load_track(track), told.direction, theme),
+        ground=PreparedTrack(load_track(track), told.direction, theme),
         rules=told,
         metadata=checked,
         actions=ActionSpace.from_metadata(checked.to_dict()),

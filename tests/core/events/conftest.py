@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from core.events import KINDS, OWN, Event, Kind, Reader, reading, register_reader, waking
+from core.events import KINDS, OWN, Event, EventKind, EventReader, reading, register_reader, waking
 from core.events import register as register_kind
 
-BELL = Kind("test.rang", "a bell has rung", OWN, data=("number",))
-FIRST = Kind("test.first", "a bell has rung for the first time", OWN, names=("subject",), once="bell")
-OTHER = Kind("test.other", "something that nobody reads", OWN)
+BELL = EventKind("test.rang", "a bell has rung", OWN, data=("number",))
+FIRST = EventKind("test.first", "a bell has rung for the first time", OWN, names=("subject",), once="bell")
+OTHER = EventKind("test.other", "something that nobody reads", OWN)
 
 
 @pytest.fixture(autouse=True)
@@ -32,9 +32,9 @@ def heard() -> list[int]:
 
 
 @pytest.fixture
-def ear(heard) -> Reader:
+def ear(heard) -> EventReader:
     def handle(event: Event, now) -> int:
         heard.append(event.data["number"])
         return 1
 
-    return register_reader(Reader("ear", (BELL,), handle))
+    return register_reader(EventReader("ear", (BELL,), handle))

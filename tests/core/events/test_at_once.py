@@ -12,7 +12,7 @@ import pytest
 from django.db import connection, transaction
 
 from core.events import Event as Happening
-from core.events import Reader, follow, record, register_reader
+from core.events import EventReader, follow, record, register_reader
 from core.events.models import EventCursor
 from core.events.reading import number_new
 from tests.races.test_concurrency import at_once
@@ -30,7 +30,7 @@ def note(event: Happening, now) -> int:
 
 
 def test_concurrent_readers_and_writers_lose_and_repeat_nothing(now):
-    register_reader(Reader("ear", (BELL,), note))
+    register_reader(EventReader("ear", (BELL,), note))
     done = Event()
 
     def write(writer: int) -> None:
@@ -66,7 +66,7 @@ def test_a_one_time_event_is_written_once_by_concurrent_writers(now):
 def test_an_event_committed_late_is_not_missed(now):
     if connection.vendor != "postgresql":
         pytest.skip("SQLite has one writer at a time")
-    register_reader(Reader("ear", (BELL,), note))
+    register_reader(EventReader("ear", (BELL,), note))
     written, read = Event(), Event()
 
     def slow() -> None:

@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from core.events import Event, Reader, follow, record, register_reader, tasks
+from core.events import Event, EventReader, follow, record, register_reader, tasks
 from core.events.models import EventCursor
 from core.events.reading import number_new, trim
 
@@ -38,7 +38,7 @@ class TestFollowing:
         ring(now, 1)
         follow("ear", now=now)
         late = []
-        register_reader(Reader("late", (BELL, FIRST), lambda event, now: late.append(event.kind) or 1))
+        register_reader(EventReader("late", (BELL, FIRST), lambda event, now: late.append(event.kind) or 1))
         ring(now, 2)
         record(FIRST, at=now, subject="church", once="church")
         assert follow("late", now=now) == 3, "from the first that is kept"
@@ -53,7 +53,7 @@ class TestFollowing:
                 raise ZeroDivisionError
             return 1
 
-        register_reader(Reader("clumsy", (BELL,), stumble))
+        register_reader(EventReader("clumsy", (BELL,), stumble))
         for _ in range(2):
             with pytest.raises(ZeroDivisionError):
                 follow("clumsy", now=now)

@@ -8,7 +8,7 @@ import pytest
 from django.db import IntegrityError, connection, transaction
 from django.utils import timezone
 
-from core.events import Event, Kind, record, record_all, register, written
+from core.events import Event, EventKind, record, record_all, register, written
 
 from .conftest import BELL, FIRST, OTHER
 
@@ -53,7 +53,7 @@ def test_many_events_are_written_in_few_queries(now, django_assert_max_num_queri
         (BELL, {"number": 1, "once": "x"}),
         (FIRST, {"subject": "church"}),
         (FIRST, {"once": "church"}),
-        (Kind("test.unheard", "of which nobody has heard", "own"), {}),
+        (EventKind("test.unheard", "of which nobody has heard", "own"), {}),
     ],
 )
 def test_an_event_that_does_not_fit_its_kind_is_an_error(now, kind, what):
@@ -65,9 +65,9 @@ def test_an_event_that_does_not_fit_its_kind_is_an_error(now, kind, what):
 def test_duplicate_kinds_and_unknown_columns_are_refused():
     assert register(BELL) is BELL
     with pytest.raises(ValueError):
-        register(Kind(BELL.name, "something else", "own"))
+        register(EventKind(BELL.name, "something else", "own"))
     with pytest.raises(ValueError):
-        register(Kind("test.new", "something new", "own", names=("weather",)))
+        register(EventKind("test.new", "something new", "own", names=("weather",)))
 
 
 class TestWakingUp:

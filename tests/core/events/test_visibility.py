@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from django.contrib.auth.models import AnonymousUser
 
-from core.events import Event, Kind, can_see_event, events_visible_to, record, register
+from core.events import Event, EventKind, can_see_event, events_visible_to, record, register
 
 pytestmark = pytest.mark.django_db
 
 
 def test_only_the_racer_and_staff_see_a_personal_event(alice, bob, now):
-    mine = register(Kind("test.mine", "something of one's own", "own", names=("racer",)))
+    mine = register(EventKind("test.mine", "something of one's own", "own", names=("racer",)))
     record(mine, at=now, racer=alice.pk)
     event, admin = Event.objects.get(), type(alice).objects.create_superuser("root", "root@example.org", None)
     for viewer, sees in ((alice, True), (bob, False), (admin, True), (AnonymousUser(), False), (None, False)):

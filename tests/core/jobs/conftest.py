@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from core import wakeup
-from core.jobs.kinds import Kind
+from core.jobs.kinds import JobKind
 from core.jobs.models import Leased
 from core.jobs.retried import RetriedKind
 
@@ -28,7 +28,7 @@ def woken(monkeypatch) -> list[tuple[str, str]]:
 
 
 @pytest.fixture(params=MAKERS, ids=lambda kind: kind.name)
-def kind(request) -> Kind[Any]:
+def kind(request) -> JobKind[Any]:
     return request.param
 
 

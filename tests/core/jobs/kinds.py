@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from core.jobs.kinds import Kind
+from core.jobs.kinds import JobKind
 from core.jobs.models import Leased
 from evaluation.services import EVALUATIONS, queue_evaluation
 from league.models import Mail, Notice, NoticeKind, WebhookDelivery
@@ -43,7 +43,7 @@ def a_mail(racer: Any, track: Any, now: datetime) -> Leased:
     return Mail.objects.create(notice=notice)
 
 
-MAKERS: dict[Kind[Any], Callable[..., Leased]] = {
+MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     EVALUATIONS: an_evaluation,
     TRAININGS: a_training,
     VIDEOS: a_video,
@@ -52,6 +52,6 @@ MAKERS: dict[Kind[Any], Callable[..., Leased]] = {
 }
 
 
-def of_each(kinds: Iterable[Kind[Any]]) -> pytest.MarkDecorator:
+def of_each(kinds: Iterable[JobKind[Any]]) -> pytest.MarkDecorator:
     """Tests of these kinds only."""
     return pytest.mark.parametrize("kind", list(kinds), ids=lambda kind: kind.name, indirect=True)

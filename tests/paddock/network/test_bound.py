@@ -10,7 +10,7 @@ from onnx import TensorProto, helper
 
 from evaluation.convert_process import admit_network
 from paddock.errors import UserFault
-from paddock.network.bound import MARGIN, Facts, derive_bound
+from paddock.network.bound import MARGIN, NetworkFacts, derive_bound
 from paddock.network.probes import COUNT, probes
 from paddock.network.session import load
 from paddock.packages.limits import DEFAULT_LIMITS
@@ -76,12 +76,12 @@ def test_non_finite_answers_have_no_bound():
 
 
 def test_facts_survive_json():
-    facts = Facts(1e-6, {"_v1": (1, 3, 4, 5)})
-    assert Facts.from_dict(json.loads(json.dumps(facts.to_dict()))) == facts
-    assert Facts.from_dict(json.loads(json.dumps(Facts().to_dict()))) == Facts()
+    facts = NetworkFacts(1e-6, {"_v1": (1, 3, 4, 5)})
+    assert NetworkFacts.from_dict(json.loads(json.dumps(facts.to_dict()))) == facts
+    assert NetworkFacts.from_dict(json.loads(json.dumps(NetworkFacts().to_dict()))) == NetworkFacts()
 
 
 @pytest.mark.parametrize("said", [{}, {"bound": -1.0, "shapes": {}}, {"bound": "a", "shapes": {}}, {"bound": 1e400}])
 def test_malformed_facts_are_refused(said):
     with pytest.raises((KeyError, ValueError, TypeError)):
-        Facts.from_dict(said)
+        NetworkFacts.from_dict(said)

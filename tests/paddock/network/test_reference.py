@@ -7,7 +7,7 @@ import onnxruntime
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from paddock.network.canonical import Network
+from paddock.network.canonical import CanonicalNetwork
 from paddock.network.reference import Reference
 from paddock.packages.gate.operators import OPERATORS
 
@@ -206,7 +206,7 @@ def found(model, reading, dtype):
     """The evaluator's answer, of a file whose output says its type and size."""
     output = helper.make_tensor_value_info("y", helper.np_dtype_to_tensor_dtype(dtype), [1])
     model.graph.output[0].CopyFrom(output)
-    return Reference(Network.read(model.SerializeToString())).run({"x": reading})
+    return Reference(CanonicalNetwork.read(model.SerializeToString())).run({"x": reading})
 
 
 @pytest.mark.parametrize("opset, case", [*((21, case) for case in CASES), *((11, case) for case in OLDER)])
@@ -241,7 +241,7 @@ def test_answers_are_bit_identical_with_or_without_kept_weights():
     reading = drawn(1, 3000)
     model = network("Gemm", {"transB": 1}, [reading, drawn(200, 3000), drawn(200)], 21)
     model.graph.output[0].CopyFrom(helper.make_tensor_value_info("y", TensorProto.FLOAT, [1]))
-    reference = Reference(Network.read(model.SerializeToString()))
+    reference = Reference(CanonicalNetwork.read(model.SerializeToString()))
     answers = [reference.run({"x": reading}) for _ in range(4)]
     np.testing.assert_allclose(answers[0], answers[3], rtol=1e-12)
     assert answers[2].tobytes() == answers[3].tobytes()
@@ -262,4 +262,4 @@ def test_answers_are_bit_identical_with_or_without_kept_weights():
 def test_operators_that_turn_a_slope_into_a_step_are_known(op, attributes, inputs, is_step):
     model = network(op, attributes, inputs, 21)
     model.graph.output[0].CopyFrom(helper.make_tensor_value_info("y", TensorProto.FLOAT, [1]))
-    assert Reference(Network.read(model.SerializeToString())).steps({"x": inputs[0]}) is is_step
+    assert Reference(CanonicalNetwork.read(model.SerializeToString())).steps({"x": inputs[0]}) is is_step

@@ -13,7 +13,7 @@ from onnx import helper
 
 from evaluation.convert_process import admit_network
 from paddock.errors import UserFault
-from paddock.network.canonical import Network, write_model
+from paddock.network.canonical import CanonicalNetwork, write_model
 from paddock.network.dense import LEAST_OUTPUTS, LEAST_WEIGHTS, dense_as_convolutions
 from paddock.network.session import load
 from paddock.packages.gate import Canonical, check_onnx
@@ -71,7 +71,7 @@ def gate(model: onnx.ModelProto) -> Canonical:
 
 def fast(canonical: Canonical) -> bytes:
     """The network as the runtime gets it."""
-    return write_model(dense_as_convolutions(Network.read(canonical.onnx), dict(canonical.facts.shapes)))
+    return write_model(dense_as_convolutions(CanonicalNetwork.read(canonical.onnx), dict(canonical.facts.shapes)))
 
 
 def operations(network: bytes) -> list[str]:

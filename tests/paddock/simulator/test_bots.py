@@ -15,13 +15,13 @@ from paddock.simulator.contact import cars_touch
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import LAPS_DONE
-from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, OFF_TRACK, PAUSE
 
 from .tracks_for_tests import stadium
 
 TRACK = stadium()
-GROUND = Ground(TRACK)
+GROUND = PreparedTrack(TRACK)
 LENGTH = TRACK.length
 HZ = 15.0
 STILL = Action(0.0, 0.1, None)
@@ -216,7 +216,7 @@ def test_bots_do_not_run_into_a_pausing_bot():
 
 @pytest.fixture
 def stage():
-    with Stage(GROUND, rules_of(1, 1.0, collision_penalty_ms=1000, bot_pause_ms=2000)) as stage:
+    with Simulation(GROUND, rules_of(1, 1.0, collision_penalty_ms=1000, bot_pause_ms=2000)) as stage:
         yield stage
 
 
@@ -353,7 +353,7 @@ def test_passing_bots_cleanly_costs_nothing():
 
 
 def test_the_stage_shows_bots_at_their_poses():
-    with Stage(GROUND, rules_of(2, 1.0)) as stage:
+    with Simulation(GROUND, rules_of(2, 1.0)) as stage:
         car = stage.add(())
         before = stage.solids(car)
         stage.step((STILL,))

@@ -19,7 +19,7 @@ from paddock.simulator.progress import Reach
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
 from paddock.simulator.solids import box
-from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, TIME_UP
 
 from .tracks_for_tests import stadium
@@ -299,7 +299,7 @@ def test_a_time_trial_has_an_empty_layout_and_no_solids():
     result = run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, (), lambda readings: np.float32([1.0]))
     assert result.layout == {"boxes": [], "bots": []}
     assert (result.order, result.rivals, result.retired) == ([0], [], None)
-    with Stage(Ground(TRACK), RaceRules()) as stage:
+    with Simulation(PreparedTrack(TRACK), RaceRules()) as stage:
         assert stage.solids(stage.add(())) == ()
 
 
@@ -312,7 +312,7 @@ def test_every_car_meets_the_same_boxes():
 
 def test_the_stage_shows_the_boxes_of_the_layout():
     rules = rules_of((4.0, "outer"), (9.0, "inner"))
-    with Stage(Ground(TRACK), rules) as stage:
+    with Simulation(PreparedTrack(TRACK), rules) as stage:
         car = stage.add(())
         assert stage.solids(car) == tuple(placed.solid for placed in lay_out(TRACK, rules).boxes)
 

@@ -9,7 +9,7 @@ from paddock.geometry.catalogue import by_slug
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.camera.view import Camera, Scene
 from paddock.simulator.car import Pose
-from tracks.models import Look
+from tracks.models import TrackLook
 
 OVAL = by_slug("oval").geometry()
 
@@ -19,9 +19,9 @@ def frame(look: str) -> np.ndarray:
 
 
 def test_every_look_of_a_track_can_be_drawn() -> None:
-    assert set(THEMES) == set(Look.values)
+    assert set(THEMES) == set(TrackLook.values)
     assert all(theme.name == name for name, theme in THEMES.items())
-    assert Look("official") == "official"
+    assert TrackLook("official") == "official"
 
 
 def test_every_look_gives_a_different_picture() -> None:

@@ -11,7 +11,7 @@ from django.core.management import call_command
 from paddock.geometry.npy import read_npy
 from paddock.simulator.car import Pose
 from paddock.simulator.physics import PADDOCK_CAR
-from paddock.simulator.recording import State, read_drives
+from paddock.simulator.recording import RecordedState, read_drives
 from paddock.simulator.replay import compare, estimate, share_on_track
 from paddock.simulator.response import Response
 from paddock.simulator.world import World
@@ -29,7 +29,7 @@ def own_drive(steps=60, steering=lambda step: 20.0 * math.sin(step / 5), speed=1
         for step in range(steps):
             command = (steering(step), speed)
             yaw += math.remainder(car.pose.yaw - yaw, 2 * math.pi)
-            states.append(State(step / PADDOCK_CAR.control_hz, car.pose._replace(yaw=yaw), *command))
+            states.append(RecordedState(step / PADDOCK_CAR.control_hz, car.pose._replace(yaw=yaw), *command))
             car.command(*command)
             world.step()
     return states
@@ -60,7 +60,7 @@ def test_our_own_cars_drive_is_replayed_almost_exactly():
 
 def test_the_start_state_comes_only_from_earlier_rows():
     drive = own_drive()
-    cut = drive[:31] + [State(state.time, Pose(9.0, 9.0, 9.0), 0.0, 4.0) for state in drive[31:]]
+    cut = drive[:31] + [RecordedState(state.time, Pose(9.0, 9.0, 9.0), 0.0, 4.0) for state in drive[31:]]
     ours, other = estimate(drive, 30), estimate(cut, 30)
     assert (ours.speed, ours.demand) == (other.speed, other.demand)
 
@@ -77,7 +77,7 @@ def test_the_estimated_state_matches_the_car():
 
 
 def test_the_bicycle_model_drives_a_geometric_circle():
-    drive = [State(step / 15, Pose(0.0, 0.0, 0.0), 10.0, 1.0) for step in range(40)]
+    drive = [RecordedState(step / 15, Pose(0.0, 0.0, 0.0), 10.0, 1.0) for step in range(40)]
     comparison = compare([drive])
     turned = math.degrees(math.tan(math.radians(10)) / PADDOCK_CAR.wheelbase)
     assert comparison.bicycle[1.0][0].heading_deg == pytest.approx(turned, rel=1e-6)

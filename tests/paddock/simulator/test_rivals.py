@@ -14,14 +14,14 @@ from paddock.simulator.contact import cars_touch
 from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, run_race
-from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
 from tests.paddock.simulator.test_race import clients
 
 from .tracks_for_tests import stadium
 
 TRACK = stadium()
-GROUND = Ground(TRACK)
+GROUND = PreparedTrack(TRACK)
 LENGTH = TRACK.length
 STRAIGHT_ON = ActionSpace.discrete([(0.0, 2.0)])
 SLOWLY, FAST = Action(0.0, 0.1, None), Action(0.0, 4.0, None)
@@ -72,7 +72,7 @@ def failing(after, fault):
 
 
 def test_cars_start_75_cm_apart_in_both_lanes():
-    with Stage(GROUND, rules_of()) as stage:
+    with Simulation(GROUND, rules_of()) as stage:
         cars = [stage.add((), grid=number) for number in range(4)]
         for number, (car, lane) in enumerate(zip(cars, ["outer", "inner", "outer", "inner"], strict=True)):
             assert tuple(car.referee.pose) == pytest.approx(TRACK.lane_centre(-0.75 * number, lane))
@@ -128,7 +128,7 @@ def test_a_finished_car_leaves_the_track():
 
 @pytest.fixture
 def two():
-    with Stage(GROUND, rules_of(collision_penalty_ms=1000)) as stage:
+    with Simulation(GROUND, rules_of(collision_penalty_ms=1000)) as stage:
         yield stage, stage.add((), grid=0), stage.add((), grid=1)
 
 
@@ -141,7 +141,7 @@ def place(car, metres, offset):
 def go(stage, *actions):
     stage.step(
         tuple(
-            None if car.pausing or car.done else action for car, action in zip(stage.contestants, actions, strict=True)
+            None if car.pausing or car.done else action for car, action in zip(stage.competitors, actions, strict=True)
         )
     )
 
@@ -245,7 +245,7 @@ def test_each_car_sees_the_other_and_not_itself(two):
 
 def test_cars_do_not_push_each_other():
     alone = race(pilot(1.0, 0.25), laps=1)
-    with Stage(GROUND, rules_of(collision_penalty_ms=0)) as stage:
+    with Simulation(GROUND, rules_of(collision_penalty_ms=0)) as stage:
         first, second = stage.add((), grid=0), stage.add((), grid=1)
         place(first, 7.5, 0.25)
         place(second, 7.3, 0.25)

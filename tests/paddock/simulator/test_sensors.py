@@ -12,7 +12,7 @@ from paddock.simulator.camera.view import Camera, Scene
 from paddock.simulator.car import Pose
 from paddock.simulator.sensors import POSE, SENSORS, make_sensors, sensor_spec
 from paddock.simulator.solids import box, car
-from paddock.simulator.stage import Ground, Stage
+from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.world import World
 
 from .tracks_for_tests import stadium
@@ -122,11 +122,11 @@ def test_the_lidar_sees_the_hall_but_no_track_lines(scene, mine):
 def test_a_car_senses_boxes_with_its_lidar_configuration():
     rules = RaceRules(race_type="object_avoidance", random_boxes=3, seed=4)
     config = {"num_sectors": 4, "num_values_per_sector": 2, "clipping_dist": 12.0}
-    with Stage(Ground(TRACK), rules) as stage:
-        contestant = stage.add(["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"], 0.0, config)
-        readings = contestant.observe()
-        solids = stage.solids(contestant)
+    with Simulation(PreparedTrack(TRACK), rules) as stage:
+        competitor = stage.add(["FRONT_FACING_CAMERA", "DISCRETIZED_SECTOR_LIDAR"], 0.0, config)
+        readings = competitor.observe()
+        solids = stage.solids(competitor)
         alone = make_sensors(["FRONT_FACING_CAMERA"], lambda: stage.ground.scene)
-        assert (readings["FRONT_FACING_CAMERA"] == alone["FRONT_FACING_CAMERA"](contestant.car, solids)).all()
+        assert (readings["FRONT_FACING_CAMERA"] == alone["FRONT_FACING_CAMERA"](competitor.car, solids)).all()
         assert readings["DISCRETIZED_SECTOR_LIDAR"].shape == (8,)
         assert not math.isnan(readings["DISCRETIZED_SECTOR_LIDAR"].sum())

@@ -8,7 +8,7 @@ from typing import Any
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, PAUSE, Row, Trace
-from videos.drawing import Form, Scene, VideoCar
+from videos.drawing import Form, VideoCar, VideoScene
 
 OVAL = next(track for track in CATALOGUE if track.slug == "oval").geometry()
 SMALL = Form(640, 360, 30)
@@ -88,7 +88,7 @@ def car(rows: list[Row] | None = None, number: int = 0, **more: Any) -> VideoCar
     return VideoCar(number, trace=Trace.of(rows).to_csv(), **values)
 
 
-def scene(*cars: VideoCar, **more: Any) -> Scene:
+def scene(*cars: VideoCar, **more: Any) -> VideoScene:
     """The cars on the oval."""
     values = {"title": "A race", "subtitle": "Oval"} | more
-    return Scene(OVAL, cars=cars or (car(),), **values)
+    return VideoScene(OVAL, cars=cars or (car(),), **values)

@@ -16,7 +16,7 @@ from evaluation.looks import DEFAULT_COLOUR
 from paddock.errors import UserFault
 from tests.shared import CHECKOUT
 from tests.videos.drawing.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
-from videos.drawing import FULL, Scene, Stopped, Words, poster, write_video
+from videos.drawing import FULL, Stopped, VideoScene, Words, poster, write_video
 from videos.drawing.scene import CARD_MS
 from videos.drawing.take import prepare
 from videos.drawing.writing import Painter, telling
@@ -242,7 +242,7 @@ class TestVideoParts:
     @pytest.mark.parametrize("cars", [(), tuple(car(number=n) for n in range(5)), (car(), car()), (car(number=1),)])
     def test_an_invalid_set_of_cars_is_refused(self, cars):
         with pytest.raises(UserFault) as caught:
-            Scene(OVAL, "A race", "Oval", cars)
+            VideoScene(OVAL, "A race", "Oval", cars)
         assert caught.value.code == "video_no_car"
 
     def test_a_long_run_is_refused_but_one_short_lap_of_it_is_not(self):

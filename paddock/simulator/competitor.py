@@ -18,7 +18,7 @@ from .trace import LAP_COMPLETE, PAUSE, PREPARE, Row, Trace
 _NO_ACTION = Action(0.0, 0.0, None)
 
 
-class Contestant:
+class Competitor:
     """A car with everything that belongs to it. The stage moves the world between :meth:`command` and :meth:`judge`."""
 
     def __init__(
@@ -26,9 +26,9 @@ class Contestant:
         car: Car,
         referee: Referee,
         sensors: dict[str, Reading],
-        solids: Callable[[Contestant], Sequence[Solid]],
+        solids: Callable[[Competitor], Sequence[Solid]],
     ) -> None:
-        """``solids``: what stands and drives on the track besides a contestant."""
+        """``solids``: what stands and drives on the track besides a competitor."""
         self.car = car
         self.referee = referee
         self._sensors = sensors

@@ -7,28 +7,28 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from evaluation.looks import Look, told_apart
-from evaluation.models import CarResult, Evaluation, EvaluationRival
+from evaluation.looks import VehicleLook, told_apart
+from evaluation.models import CompetitorResult, Evaluation, EvaluationRival
 
 if TYPE_CHECKING:
     from accounts.models import Racer
 
 
 @dataclass(frozen=True)
-class CarRow:
+class CompetitorRow:
     """A car of a run: its number (0: the one that was sent), its place at the end, from 1, whose, and what it looks
     like beside the others."""
 
     number: int
     place: int
     racer: Racer
-    result: CarResult
-    look: Look
+    result: CompetitorResult
+    look: VehicleLook
 
 
 @dataclass(frozen=True)
-class LiveCar:
-    """A car of a run that waits or drives: its number as in :class:`CarRow`, whose, and what it looks like.
+class LiveCompetitor:
+    """A car of a run that waits or drives: its number as in :class:`CompetitorRow`, whose, and what it looks like.
 
     ``progress``: what the runner told of it last (``paddock.simulator.race.Progress`` or its ``RivalProgress``),
     with the ``laps`` of the race; empty as long as it has told nothing.
@@ -36,7 +36,7 @@ class LiveCar:
 
     number: int
     racer: Racer
-    look: Look
+    look: VehicleLook
     progress: Mapping[str, Any]
 
     @cached_property
@@ -51,23 +51,23 @@ class LiveCar:
         return self.is_retired, -told.get("lap", 0), -told.get("percent", 0.0), told.get("total_ms", 0), self.number
 
 
-def car_rows(evaluation: Evaluation) -> list[CarRow]:
+def car_rows(evaluation: Evaluation) -> list[CompetitorRow]:
     """The cars of a finished run, winner first. Two queries, or one for a car that drove without others."""
     rivals = _rivals(evaluation)
     looks = _looks(evaluation, rivals)
     result = evaluation.result
     if not rivals:
-        return [CarRow(0, 1, evaluation.owner, result, looks[0])]
+        return [CompetitorRow(0, 1, evaluation.owner, result, looks[0])]
     racers = {0: evaluation.owner} | {rival.number: rival.model.owner for rival in rivals}
-    results: dict[int, CarResult] = {0: result} | {rival.number: rival for rival in result.rivals.all()}
+    results: dict[int, CompetitorResult] = {0: result} | {rival.number: rival for rival in result.rivals.all()}
     return [
-        CarRow(number, place, racers[number], results[number], looks[number])
+        CompetitorRow(number, place, racers[number], results[number], looks[number])
         for place, number in enumerate(result.order, start=1)
         if number in results
     ]
 
 
-def live_cars(evaluation: Evaluation) -> list[LiveCar]:
+def live_cars(evaluation: Evaluation) -> list[LiveCompetitor]:
     """The cars of a run that waits or drives, by their numbers. One query."""
     rivals = _rivals(evaluation)
     looks = _looks(evaluation, rivals)
@@ -75,9 +75,9 @@ def live_cars(evaluation: Evaluation) -> list[LiveCar]:
     told = dict(enumerate(progress.get("rivals", ()), start=1))
     laps = {"laps": progress.get("laps")}
     return [
-        LiveCar(0, evaluation.owner, looks[0], progress),
+        LiveCompetitor(0, evaluation.owner, looks[0], progress),
         *(
-            LiveCar(
+            LiveCompetitor(
                 one.number, one.model.owner, looks[one.number], told[one.number] | laps if one.number in told else {}
             )
             for one in rivals
@@ -89,7 +89,7 @@ def _rivals(evaluation: Evaluation) -> list[EvaluationRival]:
     return sorted(evaluation.rivals.select_related("model__owner"), key=lambda rival: rival.number)
 
 
-def _looks(evaluation: Evaluation, rivals: Sequence[EvaluationRival]) -> dict[int, Look]:
+def _looks(evaluation: Evaluation, rivals: Sequence[EvaluationRival]) -> dict[int, VehicleLook]:
     """What the cars of a run wear, by their numbers."""
     looks = told_apart([evaluation.model.look, *(rival.model.look for rival in rivals)])
     return dict(zip((0, *(rival.number for rival in rivals)), looks, strict=True))
