@@ -11,8 +11,8 @@ from core.times import clock, gap
 from evaluation.templatetags.garage import SENSOR_WORDS
 from paddock.rules.race import BY_PLACE, RULES, RaceRules
 
-from .models import DuelFormat, Opponents, RankingMethod
-from .ranking import laps_needed, standing_in
+from .models import DuelFormat, Opponents
+from .ranking import rule_for, standing_in
 from .rules.words import figures
 from .sensors import OFFERABLE
 
@@ -121,12 +121,7 @@ def score_words(entry: Entry) -> str:
 
 def score_name(race: Race) -> str:
     """What a race ranks by, in words."""
-    laps = laps_needed(race) if race.ranking_method == RankingMethod.AVERAGE else race.laps
-    if race.ranking_method == RankingMethod.AVERAGE and laps > 1:
-        return _("Average of %(laps)s laps") % {"laps": laps}
-    if race.ranking_method == RankingMethod.TOTAL and laps > 1:
-        return _("Total of %(laps)s laps") % {"laps": laps}
-    return _("Best lap") if race.ranking_method != RankingMethod.TOTAL else _("Total")
+    return rule_for(race).name(race)
 
 
 def worth_words(run: Evaluation) -> tuple[str, str] | None:

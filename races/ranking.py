@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
@@ -81,11 +81,27 @@ class Standing:
         return self.rank_score, self.rank_lap, self.resets
 
 
+@dataclass(frozen=True)
+class Column:
+    """A column of times on a board. ``figure``: what of a :class:`Standing` (and of an entry) stands in it; ``ranks``:
+    whether it is what the board is sorted by; ``shown``: the class of a column that only wider pages show."""
+
+    figure: str
+    label: Any
+    ranks: bool
+    shown: str = ""
+
+
 class RankingRule(ABC):
-    """One ranking method."""
+    """One ranking method: its score, its rule in plain sentences, and how pages name and show it.
+
+    ``column``: heading of the score's column on a board; ``figure``: the figure of a :class:`Standing` that is the
+    score. A method whose score is none of the others says how :meth:`score` comes about.
+    """
 
     code: str
-    column: Any  # heading of the score's column on a board
+    column: Any
+    figure = "score_ms"
 
     def standing(self, laps: Sequence[Lap], minimum_laps: int) -> Standing:
         """The standing that ``laps`` (in the order driven) are worth.
@@ -100,10 +116,9 @@ class RankingRule(ABC):
         average_ms = None if window is None else _total(laps[window : window + minimum_laps]) // minimum_laps
         total_ms = _total(laps) if laps and len(complete) == len(laps) and len(laps) >= minimum_laps else None
         best_ms = None if best is None else best["time_ms"]
-        score_ms = self._score(average_ms, best_ms, total_ms) if window is not None else None
-        return Standing(
-            classified=score_ms is not None,
-            score_ms=score_ms,
+        standing = Standing(
+            classified=False,
+            score_ms=None,
             average_ms=average_ms,
             best_lap_ms=best_ms,
             total_ms=total_ms,
@@ -117,10 +132,26 @@ class RankingRule(ABC):
             best_lap_number=None if best is None else best["number"],
             window=None if window is None else (laps[window]["number"], laps[window + minimum_laps - 1]["number"]),
         )
+        score_ms = None if window is None else self.score(standing, laps)
+        return standing if score_ms is None else replace(standing, classified=True, score_ms=score_ms)
 
-    @abstractmethod
-    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
-        """The score of a car that finished enough consecutive laps, or None if it still has none."""
+    def score(self, standing: Standing, laps: Sequence[Lap]) -> int | None:
+        """The score of a car that finished enough consecutive laps, in milliseconds; None if it still has none."""
+        score: int | None = getattr(standing, self.figure)
+        return score
+
+    def name(self, race: Race) -> str:
+        """What ``race`` ranks by, in a few words of the reader's language."""
+        return str(self.column)
+
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of times on a board: average and best lap, and before them the score where it is neither."""
+        by_average, by_lap = self.figure == "average_ms", self.figure == "best_lap_ms"
+        return (
+            *(() if by_average or by_lap else (Column(self.figure, self.column, True),)),
+            Column("average_ms", gettext_lazy("Average"), by_average, "c-wide" if by_lap else ""),
+            Column("best_lap_ms", gettext_lazy("Best lap"), by_lap, "" if by_lap else "c-mid"),
+        )
 
     @abstractmethod
     def rule(self, race: Race) -> str:
@@ -132,9 +163,11 @@ class Average(RankingRule):
 
     code = "average"
     column = gettext_lazy("Average")
+    figure = "average_ms"
 
-    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
-        return average_ms
+    def name(self, race: Race) -> str:
+        laps = laps_needed(race)
+        return _("Average of %(laps)s laps") % {"laps": laps} if laps > 1 else _("Best lap")
 
     def rule(self, race: Race) -> str:
         laps = laps_needed(race)
@@ -152,9 +185,7 @@ class Best(RankingRule):
 
     code = "best"
     column = gettext_lazy("Best lap")
-
-    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
-        return best_ms
+    figure = "best_lap_ms"
 
     def rule(self, race: Race) -> str:
         laps = laps_needed(race)
@@ -170,9 +201,10 @@ class Total(RankingRule):
 
     code = "total"
     column = gettext_lazy("Total")
+    figure = "total_ms"
 
-    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
-        return total_ms
+    def name(self, race: Race) -> str:
+        return _("Total of %(laps)s laps") % {"laps": race.laps} if race.laps > 1 else _("Total")
 
     def rule(self, race: Race) -> str:
         return ngettext(
@@ -191,8 +223,14 @@ class Points(RankingRule):
         self.qualifying = qualifying
         self.code = qualifying.code
 
-    def _score(self, average_ms: int | None, best_ms: int | None, total_ms: int | None) -> int | None:
-        return self.qualifying._score(average_ms, best_ms, total_ms)
+    def score(self, standing: Standing, laps: Sequence[Lap]) -> int | None:
+        return self.qualifying.score(standing, laps)
+
+    def name(self, race: Race) -> str:
+        return self.qualifying.name(race)
+
+    def columns(self) -> tuple[Column, ...]:
+        return self.qualifying.columns()
 
     def rule(self, race: Race) -> str:
         qualifying = _("Qualifying: %(rule)s") % {"rule": self.qualifying.rule(race)}

@@ -187,6 +187,19 @@ def score_name(race: Race) -> str:
 
 
 @register.filter
+def score_columns(race: Race) -> tuple[ranking.Column, ...]:
+    """The columns of times on a race's board."""
+    return ranking.rule_for(race).columns()
+
+
+@register.filter
+def figure_in(shown: Entry | ranking.Standing, column: ranking.Column) -> int | None:
+    """The time of an entry or a standing that stands in a column."""
+    figure: int | None = getattr(shown, column.figure)
+    return figure
+
+
+@register.filter
 def worth_words(run: Evaluation) -> tuple[str, str] | None:
     """What a run came to by what ranks it where it was driven, and what that is; nothing before it has a result."""
     return facts.worth_words(run)
