@@ -89,7 +89,7 @@ def simtrace(iteration: TrainingIteration) -> bytes:
     Raises PlatformFault ``storage_failed``, ``file_damaged``."""
     if not iteration.simtrace:
         return b""
-    return read_gzip(iteration.simtrace.name)
+    return read_gzip(iteration.simtrace.name or "")
 
 
 def newest_simtrace(job: TrainingJob) -> tuple[int, bytes] | None:
@@ -102,7 +102,7 @@ def sb3_of(job: TrainingJob) -> bytes | None:
     """The model as stable-baselines3 saves it; None where there is none."""
     if not job.sb3_zip:
         return None
-    return read(job.sb3_zip.name)
+    return read(job.sb3_zip.name or "")
 
 
 def logs_zip(job: TrainingJob) -> Iterator[bytes]:
@@ -138,7 +138,7 @@ def _traces(job: TrainingJob) -> Iterator[tuple[int, bytes]]:
     """Number and gzip of each iteration's sim-trace that is kept, one at a time."""
     for iteration in job.iterations.exclude(simtrace="").order_by("number").only("number", "simtrace", "job_id"):
         try:
-            packed = read(iteration.simtrace.name)
+            packed = read(iteration.simtrace.name or "")
         except PlatformFault as fault:
             if fault.code != "file_damaged":  # else cleared away in this very moment, or operators are told
                 raise

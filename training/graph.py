@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,7 +49,7 @@ def points_of(job: TrainingJob) -> list[Point]:
         number: tuple(float(episode["reward"]) for episode in episodes)
         for number, episodes in some.order_by("number").values_list("number", "episodes")
     }
-    return [Point(*row, clouds.get(row[0], ())) for row in rows]
+    return [Point(*(*row, clouds.get(row[0], ()))) for row in rows]
 
 
 def smoothed(values: Sequence[float | None], window: int) -> list[float | None]:
@@ -81,13 +81,17 @@ def draw_graph(points: Sequence[Point], smoothing: int = 1) -> SafeString:
     progress = smoothed([point.progress for point in points], smoothing)
     evaluation = smoothed([point.evaluation for point in points], smoothing)
     keep = _kept(count)
+
+    def along(values: Sequence[float | None], height: Callable[[float], float]) -> list[tuple[float, float]]:
+        return [(x(i), height(value)) for i in keep if (value := values[i]) is not None]
+
     parts = [
         _axes(low, high, step, y, y_percent),
         _numbers(points, x),
         _dots(points, x, y),
-        _line("graph-progress", [(x(i), y_percent(progress[i])) for i in keep if progress[i] is not None]),
-        _line("graph-evaluation", [(x(i), y_percent(evaluation[i])) for i in keep if evaluation[i] is not None]),
-        _line("graph-reward", [(x(i), y(rewards[i])) for i in keep if rewards[i] is not None]),
+        _line("graph-progress", along(progress, y_percent)),
+        _line("graph-evaluation", along(evaluation, y_percent)),
+        _line("graph-reward", along(rewards, y)),
     ]
     best = next((index for index, point in enumerate(points) if point.is_best), None)
     if best is not None:

@@ -78,7 +78,8 @@ def check_settings(settings: TrainingSettings) -> None:
         try:
             rule.check(getattr(settings, name))
         except ValueError:
-            raise UserFault(code, **({"low": rule.least, "high": rule.most} if name in _RANGES else {})) from None
+            bounds = dict(zip(("low", "high"), rule.bounds, strict=True)) if name in _RANGES else {}
+            raise UserFault(code, **bounds) from None
 
 
 def check_action_space(algorithm: str, kind: str, given: Any) -> list[dict[str, float]] | dict[str, dict[str, float]]:

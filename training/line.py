@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from datetime import datetime, timedelta
 from typing import NamedTuple
 
-from django.db.models import Q
+from django.db.models import Q, QuerySet
 
 from .models import JobState, TrainingJob
 from .models.choices import UNDER_WAY
@@ -52,12 +52,12 @@ def due(now: datetime) -> Q:
     return Q(not_before=None) | Q(not_before__lte=now)
 
 
-def queued():
+def queued() -> QuerySet[TrainingJob]:
     """All queued trainings, unordered."""
     return TrainingJob.objects.filter(state=JobState.QUEUED).order_by()
 
 
-def _in_turn(waiting, now: datetime) -> list[Waiting]:
+def _in_turn(waiting: QuerySet[TrainingJob], now: datetime) -> list[Waiting]:
     rows = [Waiting(*row) for row in waiting.order_by("created_at", "pk").values_list(*Waiting._fields)]
     had = _had({row.owner_id for row in rows}, now)
     keyed = []
@@ -75,6 +75,6 @@ def _had(owners: Iterable[int], now: datetime) -> dict[int, float]:
     had: dict[int, float] = defaultdict(float)
     for owner, charged, state, started_at in jobs.values_list("owner", "charged_s", "state", "started_at"):
         had[owner] += charged
-        if state == JobState.RUNNING:
+        if state == JobState.RUNNING and started_at is not None:
             had[owner] += max(0.0, (now - started_at).total_seconds())
     return had

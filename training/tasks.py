@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 
-from celery import shared_task
+from celery import Task, shared_task
 from django.conf import settings
 
 from core.clock import database_now
@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 
 @shared_task(bind=True)
-def train(self) -> bool:
+def train(self: Task) -> bool:
     """Run one training; send another wake-up if it was one. Without torch, below the sandbox's minimum, or where golden
     runs differ, none runs."""
     worker = self.request.hostname or "local"

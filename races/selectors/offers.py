@@ -26,9 +26,14 @@ LOOKED_AT = 60  # each may cost a look at who may enter it
 class Learned(Protocol):
     """Where a model has learned to drive: a training has these."""
 
-    track_id: int
-    direction: str
-    race_type: str
+    @property
+    def track_id(self) -> int: ...
+
+    @property
+    def direction(self) -> str: ...
+
+    @property
+    def race_type(self) -> str: ...
 
 
 @dataclass(frozen=True)

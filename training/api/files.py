@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from django.http import HttpResponse, StreamingHttpResponse
+from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 from django.utils.translation import gettext as _
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema
@@ -12,6 +12,7 @@ from rest_framework.permissions import IsAuthenticated
 from rest_framework.renderers import BaseRenderer
 from rest_framework.request import Request
 
+from accounts.who import racer_of
 from core.file_view import FileRenderer, FileView
 from core.forms import explain
 from evaluation.files import as_download, download_of
@@ -37,7 +38,7 @@ class TrainingPackageView(FileView):
         responses=ZIP,
         tags=["trainings"],
     )
-    def get(self, request: Request, public_id: str) -> HttpResponse:
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
         job = visible_training(request, public_id)
         which = serializers.ChoiceField(WHICH).run_validation(request.query_params.get("model", "best"))
         model = job.best_model if which == "best" else job.last_model
@@ -64,12 +65,12 @@ class TrainingSb3View(FileView):
         responses={(200, SB3_TYPE): OpenApiTypes.BINARY},
         tags=["trainings"],
     )
-    def get(self, request: Request, public_id: str) -> HttpResponse:
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
         job = visible_training(request, public_id)
         data = sb3_of(job)
         if data is None:
             raise NotFound(_("This training has no file of stable-baselines3."))
-        return as_download(HttpResponse(data, content_type=SB3_TYPE), sb3_name(job, request.user))
+        return as_download(HttpResponse(data, content_type=SB3_TYPE), sb3_name(job, racer_of(request)))
 
 
 class TrainingLogsView(FileView):
@@ -83,7 +84,7 @@ class TrainingLogsView(FileView):
         responses=ZIP,
         tags=["trainings"],
     )
-    def get(self, request: Request, public_id: str) -> StreamingHttpResponse:
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
         job = visible_training(request, public_id)
         response = StreamingHttpResponse(logs_zip(job), content_type="application/zip")
         return as_download(response, f"{job.name}-logs.zip")
@@ -101,7 +102,7 @@ class TrainingTraceView(FileView):
         responses={(200, "text/csv"): OpenApiResponse(OpenApiTypes.STR, description="A line a control step.")},
         tags=["trainings"],
     )
-    def get(self, request: Request, public_id: str) -> HttpResponse:
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
         job = visible_training(request, public_id)
         newest = newest_simtrace(job)
         if newest is None:

@@ -23,6 +23,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.rules.training import DRIVEN_BY, SETTINGS, taken_from
@@ -138,7 +139,7 @@ class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN
     @extend_schema_field(IterationSerializer(many=True))
     def get_iterations(self, job: TrainingJob) -> list[dict[str, Any]]:
         rows = job.iterations.order_by("number").defer("episodes", "eval_trials", "simtrace")
-        return IterationSerializer(rows, many=True).data
+        return list(IterationSerializer(rows, many=True).data)
 
 
 class CreateSerializer(
@@ -191,7 +192,7 @@ class TrainingsView(generics.ListAPIView):
     )
     def post(self, request: Request) -> Response:
         asked, rest = taken_from(_checked(request, read_as(CreateSerializer, request.data)))
-        job = create_training(owner=request.user, settings=asked, now=timezone.now(), **rest)
+        job = create_training(owner=racer_of(request), settings=asked, now=timezone.now(), **rest)
         return Response(TrainingSerializer(job, context={"request": request}).data, status=status.HTTP_201_CREATED)
 
 
@@ -242,7 +243,7 @@ class TrainingStopView(APIView):
     def post(self, request: Request, public_id: str) -> Response:
         job = visible_training(request, public_id)
         refuse_fields(request)
-        stop_training(job=job, by=request.user, now=timezone.now())
+        stop_training(job=job, by=racer_of(request), now=timezone.now())
         return Response(TrainingSerializer(visible_training(request, public_id), context={"request": request}).data)
 
 
@@ -270,7 +271,7 @@ class TrainingEvaluationsView(APIView):
     def post(self, request: Request, public_id: str) -> Response:
         job = visible_training(request, public_id)
         which = read_as(EvaluateBody, request.data)["model"]
-        evaluation = evaluate_training(job=job, which=which, by=request.user, now=timezone.now())
+        evaluation = evaluate_training(job=job, which=which, by=racer_of(request), now=timezone.now())
         return Response(EvaluationSerializer(evaluation).data, status=status.HTTP_201_CREATED)
 
 
@@ -317,6 +318,6 @@ def _checked(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
     if "submit_to_race" in sent:
         races: QuerySet[Race] = races_visible_to(request.user)
         kwargs["submit_to_race"] = get_object_or_404(races, slug=sent["submit_to_race"])
-    for fault in refusals(request.user, kwargs["reward_code"], sent.get("race_type", RaceType.TIME_TRIAL)):
+    for fault in refusals(racer_of(request), kwargs["reward_code"], sent.get("race_type", RaceType.TIME_TRIAL)):
         raise fault
     return kwargs

@@ -14,6 +14,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import TRAIN
+from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from paddock.errors import UserFault
@@ -24,7 +25,7 @@ from training.vehicles import delete_vehicle, save_vehicle, vehicles_of
 
 SENSORS = [*CAMERAS_OFFERED, *LIDARS]
 # the form's own bounds: one source for pages and programs
-_FIELDS = VehicleForm.base_fields
+_FIELDS: dict[str, Any] = VehicleForm.base_fields
 SECTORS = [value for value, _label in _FIELDS["num_sectors"].choices]
 
 
@@ -101,7 +102,7 @@ class VehiclesView(generics.ListAPIView):
     )
     def post(self, request: Request) -> Response:
         usual = Vehicle(sensors=default_sensors(), shell=Shell.PADDOCK, colour=DEFAULT_COLOUR)
-        vehicle = save_vehicle(owner=request.user, **_values(request, usual, partial=False))
+        vehicle = save_vehicle(owner=racer_of(request), **_values(request, usual, partial=False))
         return Response(VehicleSerializer(vehicle).data, status=status.HTTP_201_CREATED)
 
 
@@ -126,7 +127,7 @@ class VehicleView(APIView):
     def patch(self, request: Request, public_id: str) -> Response:
         vehicle = self._vehicle(public_id)
         values = _values(request, vehicle, partial=True)
-        return Response(VehicleSerializer(save_vehicle(owner=request.user, vehicle=vehicle, **values)).data)
+        return Response(VehicleSerializer(save_vehicle(owner=racer_of(request), vehicle=vehicle, **values)).data)
 
     @extend_schema(
         operation_id="delete_vehicle",

@@ -20,7 +20,7 @@ import warnings
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -73,7 +73,7 @@ class Cars(SB3VecEnv):
         super().__init__(env, seed=seed, observation_space=picture)
         self.episodes: list[tuple[float, float]] = []
 
-    def look(self, frames: np.ndarray) -> np.ndarray:
+    def look(self, frames: Any) -> np.ndarray:
         """What the learner sees of the cameras' frames."""
         return pooled(frames)
 
@@ -126,7 +126,7 @@ class Teller(BaseCallback):
 
     def lately(self) -> tuple[float, float]:
         """Mean reward and progress of the last 40 episodes; zeros before there are 40."""
-        episodes = self.training_env.episodes[-40:]
+        episodes = cast("Cars", self.training_env).episodes[-40:]
         return tuple(np.mean(episodes, axis=0)) if len(episodes) == 40 else (0.0, 0.0)
 
 
@@ -167,8 +167,8 @@ def export(model: PPO, package: Path, metadata: dict[str, Any] = METADATA) -> No
     with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # the newer exporter needs onnxscript
         torch.onnx.export(
             Driver(model).eval(),
-            torch.zeros(1, 1, 120, 160),
-            network,
+            (torch.zeros(1, 1, 120, 160),),
+            network,  # type: ignore[arg-type]  # the older exporter writes into any file
             input_names=[CAMERA],  # each input is named as its sensor
             output_names=["actions"],
             opset_version=17,

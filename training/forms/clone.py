@@ -23,8 +23,10 @@ SHARED_LISTED = 30
 class _Groups(forms.models.ModelChoiceIterator):
     """The choices: nothing, the racer's newest models, the latest shared ones, and the one that is chosen."""
 
+    field: CloneField
+
     def __iter__(self) -> Iterator[tuple[str, Any]]:
-        field: CloneField = self.field
+        field = self.field
         yield "", field.empty_label
         if field.owner is None:
             return

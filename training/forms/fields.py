@@ -24,7 +24,7 @@ class ActionsInput(forms.Widget):
         """None: the rows have labels of their own."""
         return ""
 
-    def get_context(self, name: str, value: Any, attrs: Mapping[str, Any] | None) -> dict[str, Any]:
+    def get_context(self, name: str, value: Any, attrs: dict[str, Any] | None) -> dict[str, Any]:
         """As Django's, with ``rows`` of (steering, speed) as typed: those in use, and empty ones."""
         context = super().get_context(name, None, attrs)
         rows = [_typed(action) for action in value or ()]

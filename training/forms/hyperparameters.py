@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from types import new_class
+from typing import Any, TypeAlias
 
 from django import forms
+from django.http import QueryDict
 from django.utils.translation import gettext_lazy as _
 
 from core.forms import add_fault
@@ -13,6 +14,7 @@ from paddock.errors import UserFault
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, LOSS_TYPES, PPO, SAC, Hyperparameter
 from training.hyperparameters import check_hyperparameters, names_of
 
+Sent: TypeAlias = QueryDict | dict[str, Any]
 BATCH_SIZES = (32, 64, 128, 256, 512)
 # What the form shows at first; a field that is left empty means the usual value of the algorithm that is chosen.
 SHOWN: dict[str, Any] = {**DEFAULTS[SAC], **DEFAULTS[PPO]}
@@ -44,10 +46,11 @@ def _plain(value: float) -> str:
     return f"{value:.8f}".rstrip("0").rstrip(".") or "0"
 
 
-def _follow_algorithm(data: Mapping[str, Any]) -> Mapping[str, Any]:
+def _follow_algorithm(data: Sent) -> Sent:
     """What was sent, with the usual values of the chosen algorithm in place of the usual ones of another: without a
     script nothing changes them when another algorithm is chosen. ``usual_of`` names the one whose values were shown."""
-    shown, chosen = data.get("usual_of"), data.get("algorithm")
+    shown: Any = data.get("usual_of")
+    chosen: Any = data.get("algorithm")
     if shown == chosen or shown not in DEFAULTS or chosen not in DEFAULTS:
         return data
     followed = data.copy()
@@ -72,7 +75,8 @@ class SmallNumberField(forms.FloatField):
         return _plain(value) if isinstance(value, int | float) else value
 
 
-_Fields = type(forms.Form)("Fields", (forms.Form,), {one.name: _field(one) for one in HYPERPARAMETERS.values()})
+_EACH = {one.name: _field(one) for one in HYPERPARAMETERS.values()}
+_Fields = new_class("Fields", (forms.Form,), exec_body=lambda body: body.update(_EACH))
 
 
 class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
@@ -81,7 +85,7 @@ class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
     # the algorithm whose usual values are shown
     usual_of = forms.CharField(required=False, initial=PPO, widget=forms.HiddenInput)
 
-    def __init__(self, data: Mapping[str, Any] | None = None, *args: Any, **kwargs: Any) -> None:
+    def __init__(self, data: Sent | None = None, *args: Any, **kwargs: Any) -> None:
         super().__init__(_follow_algorithm(data) if data else data, *args, **kwargs)
 
     def shown_hyperparameters(self) -> list[tuple[str, forms.BoundField]]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from types import new_class
 from typing import TYPE_CHECKING, Any
 
 from django import forms
@@ -95,7 +96,8 @@ class RaceSelect(forms.Select):
         return option
 
 
-_Ending = type(forms.Form)("Ending", (forms.Form,), {name: rule_field(SETTINGS[name]) for name in ENDING})
+_LAST = {name: rule_field(SETTINGS[name]) for name in ENDING}
+_Ending = new_class("Ending", (forms.Form,), exec_body=lambda body: body.update(_LAST))
 
 
 class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[misc, valid-type]
@@ -209,7 +211,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         cleaned = super().clean()
         if cleaned.get("action_space_type") == CONTINUOUS:
             self.errors.pop("actions", None)
-            own = RANGES
+            own: tuple[str, ...] = RANGES
         else:
             for name in RANGES:
                 self.errors.pop(name, None)
@@ -232,7 +234,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
 
     def _foreign(self, cleaned: dict[str, Any]) -> Iterable[str]:
         other_boxes = "boxes" if cleaned.get("box_choice") == DRAWN else "random_boxes"
-        names = {
+        names: dict[str | None, tuple[str, ...]] = {
             RaceType.OBJECT_AVOIDANCE: (other_boxes, "opponents", "bots", "bot_speed_mps", "bot_lane_changes"),
             RaceType.HEAD_TO_HEAD: ("boxes", "random_boxes"),
         }

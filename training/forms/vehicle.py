@@ -38,7 +38,11 @@ class VehicleForm(forms.Form):
         help_text=_("Sees boxes and cars around the vehicle. It does not see the road."),
     )
     num_sectors = forms.TypedChoiceField(
-        label=_("Sectors"), choices=[(n, n) for n in (2, 4, 8, 16, 32, 64)], coerce=int, empty_value=8, required=False
+        label=_("Sectors"),
+        choices=[(n, n) for n in (2, 4, 8, 16, 32, 64)],
+        coerce=int,
+        empty_value=8,  # type: ignore[arg-type]  # of the type that the field gives
+        required=False,
     )
     num_values_per_sector = forms.IntegerField(label=_("Steps in a sector"), min_value=1, max_value=64, required=False)
     clipping_dist = PlainNumberField(label=_("Sees as far as (m)"), min_value=0.15, max_value=12, required=False)
@@ -58,7 +62,7 @@ class VehicleForm(forms.Form):
 
     def __init__(self, *args: Any, vehicle: Vehicle | None = None, **kwargs: Any) -> None:
         """``vehicle``: the one that is changed, None for a new one."""
-        super().__init__(*args, initial=_initial(vehicle), **kwargs)
+        super().__init__(*args, **kwargs | {"initial": _initial(vehicle)})
 
     def values(self) -> dict[str, Any]:
         """The vehicle's fields, for :func:`training.vehicles.save_vehicle`."""

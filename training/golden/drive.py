@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from paddock.simulator.engine import ENGINE_ID
 
 from .cars import GoldenCar, car
 from .runs import GoldenRun
+
+if TYPE_CHECKING:
+    from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome
+    from paddock.simulator.race import CompetitorRun, RaceResult
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ def through_the_pipeline(run: GoldenRun) -> Driven:
     track = run.geometry()
     others = tuple(RivalModel(rival.onnx, rival.metadata, rival.facts) for rival in rivals)
     outcome = evaluate(RaceJob(track, run.rules, first.onnx, first.metadata, others, facts=first.facts))
+    driven: list[EvaluationOutcome | CompetitorOutcome] = [outcome, *outcome.rivals]
     return Driven(
         run.name,
         outcome.engine,
@@ -69,7 +74,7 @@ def through_the_pipeline(run: GoldenRun) -> Driven:
                 came.trace_sha256,
                 ways,
             )
-            for one, came, ways in zip(cars, [outcome, *outcome.rivals], outcome.ways, strict=True)
+            for one, came, ways in zip(cars, driven, outcome.ways, strict=True)
         ],
     )
 
@@ -105,6 +110,7 @@ def _driven(run: GoldenRun, cars: Sequence[GoldenCar]) -> Driven:
         rivals=rivals,
         lidar_config=first.lidar_config,
     )
+    driven: list[RaceResult | CompetitorRun] = [result, *result.rivals]
     return Driven(
         run.name,
         ENGINE_ID,
@@ -117,7 +123,7 @@ def _driven(run: GoldenRun, cars: Sequence[GoldenCar]) -> Driven:
                 came.trace.sha256,
                 policy.ways,
             )
-            for one, came, policy in zip(cars, [result, *result.rivals], policies, strict=True)
+            for one, came, policy in zip(cars, driven, policies, strict=True)
         ],
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, SupportsFloat
 
 import gymnasium
 import numpy as np
@@ -58,7 +58,9 @@ class Daylight(gymnasium.Wrapper):
 
     def __init__(self, env: gymnasium.Env) -> None:
         super().__init__(env)
-        rows, columns, _ = env.observation_space[SENSOR].shape
+        space = env.observation_space
+        assert isinstance(space, spaces.Dict), "a picture for each sensor"
+        rows, columns, _ = space[SENSOR].shape or ()
         self.observation_space = spaces.Box(-1.0, 2.0, (1, rows // POOL, columns // POOL), np.float32)
         self._rng = np.random.default_rng()
         self._contrast, self._brightness = 1.0, 0.0
@@ -72,7 +74,7 @@ class Daylight(gymnasium.Wrapper):
         readings, info = self.env.reset(seed=seed, options=options)
         return self._see(readings), info
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict]:
+    def step(self, action: Any) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict]:
         """As the environment's, with the changed frame."""
         readings, reward, terminated, truncated, info = self.env.step(action)
         return self._see(readings), reward, terminated, truncated, info

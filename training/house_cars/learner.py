@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from .driving import Score, score
@@ -56,7 +57,8 @@ def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained
     )
     if recipe.first_action:
         with torch.no_grad():
-            learner.policy.action_net.bias.copy_(torch.tensor(recipe.first_action))
+            head: Any = learner.policy.action_net
+            head.bias.copy_(torch.tensor(recipe.first_action))
     looks = _Looks(recipe, seconds)
     try:
         learner.learn(recipe.steps, callback=looks)
@@ -88,7 +90,7 @@ class _Looks(BaseCallback):
 
     def look(self) -> None:
         """Drive the routes with the present network."""
-        onnx = to_onnx(self.model.policy)
+        onnx = to_onnx(cast(ActorCriticPolicy, self.model.policy))
         found = score(onnx, self._recipe.metadata, ROUTES)
         if self.best is None or found.key >= self.best[2].key:
             self.best = (onnx, self.num_timesteps, found)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import gymnasium
 import numpy as np
 import onnx
 import torch
@@ -21,7 +24,7 @@ IR_VERSION = 10
 class SmallEyes(BaseFeaturesExtractor):
     """(N, 1, 30, 40) in [0, 1] to 128 features: two convolutions and a dense layer, 203 thousand weights."""
 
-    def __init__(self, observation_space) -> None:
+    def __init__(self, observation_space: gymnasium.Space) -> None:
         super().__init__(observation_space, FEATURES)
         self.layers = nn.Sequential(
             nn.Conv2d(1, 16, 5, stride=2),
@@ -44,7 +47,8 @@ def to_onnx(policy: ActorCriticPolicy) -> bytes:
     The pooling of :func:`training.house_cars.environment.pool` comes first and its division by 255 goes into the first
     convolution's weights. Written operator by operator, so that the file holds nothing but what is needed.
     """
-    first, _, second, _, _, dense, _ = policy.features_extractor.layers
+    layers: Any = policy.features_extractor.layers
+    first, _, second, _, _, dense, _ = layers
     weights = {
         "conv1": first.weight / 255.0,
         "conv1_bias": first.bias,
@@ -55,7 +59,7 @@ def to_onnx(policy: ActorCriticPolicy) -> bytes:
         "head": policy.action_net.weight,
         "head_bias": policy.action_net.bias,
     }
-    pool = {"kernel_shape": [POOL, POOL], "strides": [POOL, POOL]}
+    pool: dict[str, Any] = {"kernel_shape": [POOL, POOL], "strides": [POOL, POOL]}
     nodes = [
         helper.make_node("AveragePool", [SENSOR], ["pooled"], **pool),
         helper.make_node("Conv", ["pooled", "conv1", "conv1_bias"], ["edges"], kernel_shape=[5, 5], strides=[2, 2]),

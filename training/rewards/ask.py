@@ -121,8 +121,11 @@ def line_of(process: SandboxedProcess, patience_s: float = 1.0) -> int | None:
     """The reward function's line in which a process that has called :func:`.watch.arm` is right now; None if it does
     not say in time (it is busy elsewhere, or the racer's code took that away)."""
     before = len(process.stderr_text())
-    with contextlib.suppress(OSError, TypeError):
-        os.kill(process.inner_pid, signal.SIGUSR1)
+    pid = process.inner_pid
+    if pid is None:
+        return None
+    with contextlib.suppress(OSError):
+        os.kill(pid, signal.SIGUSR1)
         until = time.monotonic() + patience_s
         while time.monotonic() < until:
             line = line_in(process.stderr_text()[before:])
@@ -202,7 +205,7 @@ def _fault(told: Any, states: int) -> tuple[UserFault, int | None]:
     state = told.get("state")
     if state is not None and not (type(state) is int and 0 <= state < states):
         raise ValueError("not a state")
-    params = {}
+    params: dict[str, str | int] = {}
     for name, value in told["params"].items():
         if name not in _PARAMETERS:
             raise ValueError("not a parameter's name")

@@ -83,7 +83,8 @@ def _forbidden(tree: ast.Module) -> Iterator[UserFault]:
     }
     for node in ast.walk(tree):
         for name in _names(node, modules):
-            yield UserFault("reward_forbidden_name", line=node.lineno, name=printable(name))
+            line = getattr(node, "lineno", 1)  # whatever has a name has a line
+            yield UserFault("reward_forbidden_name", line=line, name=printable(name))
 
 
 def _names(node: ast.AST, modules: set[str]) -> Iterator[str]:

@@ -17,7 +17,7 @@ import sys
 import unicodedata  # noqa: F401  the compiler asks for it at the first name beyond ASCII, and a locked process opens no file
 from collections.abc import Callable, Sequence
 from types import CodeType, FrameType, ModuleType, TracebackType
-from typing import Any
+from typing import Any, cast
 
 from paddock.errors import UserFault
 from paddock.simulator.physics import PADDOCK_CAR
@@ -228,7 +228,7 @@ def _fault(error: BaseException, trace: TracebackType | None, otherwise: int) ->
     line = lines[-1] if lines else otherwise
     kind = type(error)
     if issubclass(kind, UserFault):
-        return error
+        return cast("UserFault", error)
     BaseException.with_traceback(error, None)  # its frames hold all that the function had in memory
     if issubclass(kind, TooLong):
         return UserFault("reward_too_slow", line=line)

@@ -126,6 +126,6 @@ def _observations(space: Mapping[str, Any]) -> dict[str, Box]:
     found = {}
     for name, _, sizes, kind in _BOX.findall(listed) if isinstance(listed, str) and len(listed) <= _LISTED else ():
         found[name] = Box(tuple(int(size) for size in sizes.replace(",", " ").split()), kind)
-    if not found or len(found) != listed.count("Box("):
+    if not found or not isinstance(listed, str) or len(found) != listed.count("Box("):
         raise UserFault("sb3_unreadable", member="data (observation_space)")
     return found

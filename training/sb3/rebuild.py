@@ -178,8 +178,8 @@ class _Policy:
         if self._extractor != COMBINED:
             (spec,) = specs.values()
             return self._seen(spec, self._family.eyes)
-        found = [self._seen(specs[name], f"{self._family.eyes}extractors.{name}.") for name in boxes]
-        return found[0] if len(found) == 1 else self._node("Concat", found, axis=1)
+        seen = [self._seen(specs[name], f"{self._family.eyes}extractors.{name}.") for name in boxes]
+        return seen[0] if len(seen) == 1 else self._node("Concat", seen, axis=1)
 
     def _seen(self, spec: InputSpec, prefix: str) -> str:
         """One sensor's features."""
@@ -228,7 +228,7 @@ class _Policy:
         self._nodes.append(helper.make_node(kind, list(sources), [made], **attributes))
         return made
 
-    def _constant(self, name: str, value: np.ndarray) -> str:
+    def _constant(self, name: str, value: np.ndarray | np.float32) -> str:
         if name not in self._kept:
             self._kept.add(name)
             self._weights.append(numpy_helper.from_array(np.asarray(value), name))

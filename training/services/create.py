@@ -12,6 +12,7 @@ from django.conf import settings as site
 from django.db import IntegrityError, transaction
 
 from accounts.quotas import limit_of, used_by
+from core.columns import length_of
 from core.locks import hold
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from evaluation.models import TrainedModel
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 NAME = re.compile(r"[A-Za-z0-9-]{1,64}")
-DESCRIPTION_LIMIT = TrainingJob._meta.get_field("description").max_length
+DESCRIPTION_LIMIT = length_of(TrainingJob, "description")
 _GREATEST_SEED = 2**31 - 1
 
 

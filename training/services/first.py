@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from django.contrib.auth import get_user_model
 from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
@@ -87,20 +87,24 @@ def begun_by(racer: Racer, now: datetime) -> Begun:
     models = TrainedModel.objects.filter(owner=OuterRef("pk"), deleted_at=None)
     first = _on_their_way(OuterRef("pk")).values("public_id")[:1]
     races = _races(racer, now)
-    found = get_user_model().objects.filter(pk=racer.pk)
-    found = found.values_list(
-        Exists(models),
-        Subquery(first),
-        Subquery(races.values("name")[:1]),
-        Subquery(races.values("sensors")[:1]),
-        Exists(TrainedModel.objects.filter(owner__is_house=True, deleted_at=None)),
+    found = (
+        get_user_model()
+        .objects.filter(pk=racer.pk)
+        .values_list(
+            Exists(models),
+            Subquery(first),
+            Subquery(races.values("name")[:1]),
+            Subquery(races.values("sensors")[:1]),
+            Exists(TrainedModel.objects.filter(owner__is_house=True, deleted_at=None)),
+        )
     )
-    has_car, training, name, sensors, has_house_cars = found.get()
+    row: Any = found.get()
+    has_car, training, name, sensors, has_house_cars = row
     takes_it = name is not None and not not_offered(default_sensors(), sensors)
     return Begun(has_car, training, name if takes_it else None, has_house_cars)
 
 
-def _on_their_way(owner: object) -> QuerySet[TrainingJob]:
+def _on_their_way(owner: Any) -> QuerySet[TrainingJob]:
     jobs = TrainingJob.objects.filter(owner_id=owner, name__startswith=NAME, cloned_from=None, state__in=_ACTIVE)
     return jobs.order_by("pk")
 

@@ -125,7 +125,7 @@ def networks_of(checkpoint: Checkpoint) -> tuple[bytes, bytes]:
     """The best and the last network that :func:`keep_checkpoint` kept; ``b""`` each where there are none."""
     if not checkpoint.networks:
         return b"", b""
-    with zipfile.ZipFile(io.BytesIO(read(checkpoint.networks.name))) as archive:
+    with zipfile.ZipFile(io.BytesIO(read(checkpoint.networks.name or ""))) as archive:
         return archive.read("best"), archive.read("last")
 
 

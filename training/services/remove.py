@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from typing import Any
 
 from django.db import transaction
 from django.utils import timezone
@@ -17,7 +18,7 @@ from ..models.choices import FINAL_STATES
 from ..quotas import bytes_of, files_of
 from .records import delete_stored
 
-_NOTHING = {
+_NOTHING: dict[str, Any] = {
     "name": "deleted",
     "description": "",
     "reward_code": "# deleted\n",

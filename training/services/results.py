@@ -115,6 +115,7 @@ def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
     with the training."""
     try:
         with transaction.atomic():
+            assert job.submit_to_race is not None, "the caller has looked"
             submission = submit_model(race=job.submit_to_race, racer=job.owner, model=model, now=now)
             TrainingJob.objects.filter(pk=job.pk).update(submission=submission)
     except UserFault as fault:

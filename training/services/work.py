@@ -73,6 +73,7 @@ class _Turn(Listener):
 
     def __init__(self, job: TrainingJob, heartbeat: TrainingHeartbeat, interrupted: Callable[[], bool]) -> None:
         self._job, self._heartbeat, self._interrupted = job, heartbeat, interrupted
+        assert job.lease is not None, "it was claimed"
         self._lease: uuid.UUID = job.lease
         self._best = self._last = b""
 
@@ -113,7 +114,7 @@ class _Turn(Listener):
         models = self._admitted()
         if final is not None:
             self._log(f"ended early: {final}")
-        else:
+        elif ended is not None:
             self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
         return finish_training(
             job=self._job,
@@ -142,7 +143,7 @@ class _Turn(Listener):
         """The newest checkpoint that is as it was written, and its state; None where there is none."""
         for checkpoint in Checkpoint.objects.filter(job=self._job).order_by("-iteration"):
             try:
-                blob, networks = read(checkpoint.file.name), networks_of(checkpoint)
+                blob, networks = read(checkpoint.file.name or ""), networks_of(checkpoint)
             except PlatformFault as fault:
                 if fault.code != "file_damaged":
                     raise
@@ -160,7 +161,7 @@ class _Turn(Listener):
             start, (checkpoint, blob) = CHECKPOINT, found
             self._log(f"goes on from its checkpoint after iteration {checkpoint.iteration}")
         elif job.cloned_from is not None:
-            start, blob = WEIGHTS, read(job.cloned_from.network.onnx.name)
+            start, blob = WEIGHTS, read(job.cloned_from.network.onnx.name or "")
         return train(
             spec_of(job, checkpoint),
             self,

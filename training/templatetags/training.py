@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import urlencode
 
 from django import template
@@ -124,9 +124,9 @@ def span(seconds: float | None) -> str:
 
 
 @register.filter
-def figure(value: float | None, digits: int = 2) -> str:
+def figure(value: float | Literal[""] | None, digits: int = 2) -> str:
     """A measured number with so many decimals; a dash for none."""
-    return "–" if value in (None, "") else f"{value:,.{digits}f}"
+    return "–" if value is None or value == "" else f"{value:,.{digits}f}"
 
 
 @register.filter
@@ -146,4 +146,4 @@ def plain_value(value: object) -> str:
     """A hyperparameter's value: small numbers without an exponent, words in the reader's language."""
     if isinstance(value, float):
         return f"{value:.8f}".rstrip("0").rstrip(".")
-    return str(LOSS_NAMES.get(value, value))
+    return str(LOSS_NAMES.get(str(value), value))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -78,9 +78,9 @@ class TrainingCars(SB3VecEnv):
     def reset(self) -> np.ndarray:
         """Start an episode of every car, from the seed of the training whatever the learner's is."""
         self.seed(self._seed)
-        return super().reset()
+        return cast("np.ndarray", super().reset())
 
-    def look(self, readings: Mapping[str, np.ndarray]) -> np.ndarray:
+    def look(self, readings: Any) -> np.ndarray:
         """The row of each car."""
         return look(self._senses, readings)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from types import ModuleType
+from typing import Any
 
 import torch
 
@@ -19,7 +20,7 @@ def leave_compiler_out() -> bool:
     """Stand in for ``torch._dynamo`` unless it is loaded already or torch is another version. Whether it did."""
     if not torch.__version__.startswith(_CHECKED) or "torch._dynamo" in sys.modules:
         return False
-    absent = ModuleType("torch._dynamo")
+    absent: Any = ModuleType("torch._dynamo")
     absent.disable = lambda fn=None, *_, **__: fn if fn is not None else lambda marked: marked
     absent.graph_break = lambda *_, **__: None
     absent.is_compiling = lambda: False

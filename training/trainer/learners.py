@@ -89,6 +89,7 @@ class Learner:
             "seed": spec.seed,
             "device": "cpu",
         }
+        self.model: Any  # PPO or SAC, whose parts torch finds by their names
         if self.sac:
             self.model = SAC(
                 "MlpPolicy",
@@ -186,7 +187,7 @@ class Learner:
                 following = following.min(dim=1, keepdim=True).values - alpha * next_log_prob.reshape(-1, 1)
                 target = batch.rewards + (1 - batch.dones) * model.gamma * following
             judged = model.critic(batch.observations, batch.actions)
-            value_loss = 0.5 * sum(self.loss(one, target) for one in judged)
+            value_loss: Any = 0.5 * sum(self.loss(one, target) for one in judged)
             model.critic.optimizer.zero_grad()
             value_loss.backward()
             model.critic.optimizer.step()

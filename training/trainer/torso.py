@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import nn
@@ -12,8 +14,15 @@ class Torso(BaseFeaturesExtractor):
     a lidar, and one dense layer for all."""
 
     def __init__(
-        self, observation_space, senses, convolutions, lidar_features: int, joined: int, features: int, scale=1.0
-    ):
+        self,
+        observation_space: Any,
+        senses: Any,
+        convolutions: Any,
+        lidar_features: int,
+        joined: int,
+        features: int,
+        scale: float = 1.0,
+    ) -> None:
         """``senses``: for each sensor (is a picture, start, shape); ``scale``: of a row of bytes; the others as in
         ``network.Layout``."""
         super().__init__(observation_space, features)

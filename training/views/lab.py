@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from django import forms
 from django.contrib.auth.decorators import login_required
@@ -16,6 +16,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods
 
+from accounts.who import racer_of
 from core.forms import explain
 from evaluation.models import Evaluation, State
 from evaluation.services.results import read_layout, read_trace
@@ -61,12 +62,13 @@ class LabForm(forms.Form):
 
     def __init__(self, *args: Any, owner: Racer, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.fields["track"].queryset = Track.objects.exclude(length_m=None).defer("npy")
-        self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
+        track: Any = self.fields["track"]
+        track.queryset = Track.objects.exclude(length_m=None).defer("npy")
+        track.label_from_instance = lambda one: f"{one.name} · {one.length_m:.2f} m"
         runs = Evaluation.objects.filter(~hidden_runs(), owner=owner, state=State.FINISHED)
         runs = runs.select_related("model", "track")
         self.runs = {run.public_id: run for run in runs.order_by("-ended_at")[:RUNS_OFFERED]}
-        self.fields["drive"].choices = [
+        cast("forms.ChoiceField", self.fields["drive"]).choices = [
             (SWAYING, _("our pilot, swaying from side to side")),
             (PILOT, _("our pilot in the middle of the road")),
             (INNER, _("our pilot close to the inner border")),
@@ -88,17 +90,17 @@ class LabForm(forms.Form):
 def reward_lab(request: HttpRequest) -> HttpResponse:
     """Choose a drive and a function, see the map; change the function, see what changed."""
     initial = {"track": "oval", "direction": "ccw", "drive": SWAYING, "reward_code": DEFAULT.code}
-    form = LabForm(request.POST or None, owner=request.user, initial=initial)
+    form = LabForm(request.POST or None, owner=racer_of(request), initial=initial)
     context: dict[str, Any] = {"form": form, "examples": EXAMPLES}
     status = 200
     if request.POST.get("do") == "validate":
         form.errors.clear()
-        context["checked"] = report_of(request.user, request.POST)
+        context["checked"] = report_of(racer_of(request), request.POST)
     elif request.method == "POST":
         status = 422
         if form.is_valid():
             try:
-                with one_check(request.user):
+                with one_check(racer_of(request)):
                     context |= _maps(form)
                 status = 200
             except PaddockError as fault:

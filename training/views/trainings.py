@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from typing import Any
+from typing import Any, Literal
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
@@ -16,6 +16,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.storage import MEGABYTE
+from accounts.who import racer_of
 from core.forms import explain
 from paddock.errors import PaddockError, UserFault
 from races.layout import box_marks
@@ -45,7 +46,9 @@ APART = "~"
 def trainings(request: HttpRequest) -> HttpResponse:
     """My trainings, newest first."""
     page = Paginator(trainings_of(request.user), PER_PAGE).get_page(request.GET.get("page"))
-    return render(request, "training/trainings.html", {"page": page, "usage": usage_of(request.user, timezone.now())})
+    return render(
+        request, "training/trainings.html", {"page": page, "usage": usage_of(racer_of(request), timezone.now())}
+    )
 
 
 @login_required
@@ -55,7 +58,7 @@ def training_first(request: HttpRequest) -> HttpResponse:
     if request.method != "POST":
         return redirect("trainings")
     try:
-        job = train_first_car(owner=request.user, now=timezone.now())
+        job = train_first_car(owner=racer_of(request), now=timezone.now())
     except PaddockError as fault:
         tell_fault(request, fault)
         return redirect("trainings")
@@ -110,7 +113,7 @@ def training_stop(request: HttpRequest, public_id: str) -> HttpResponse:
     if not job.is_final:
         if not can_stop_training(request.user, job):
             raise Http404
-        stop_training(job=job, by=request.user, now=timezone.now())
+        stop_training(job=job, by=racer_of(request), now=timezone.now())
         if job.is_final:
             messages.success(request, _("The training is stopped before it began."))
         else:
@@ -145,7 +148,7 @@ def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
     job = visible_training(request, public_id)
     if job.owner_id != request.user.pk:
         raise Http404
-    which = "last" if request.POST.get("model") == "last" else "best"
+    which: Literal["best", "last"] = "last" if request.POST.get("model") == "last" else "best"
     try:
         evaluation = evaluate_training(job=job, which=which, by=request.user, now=timezone.now())
     except UserFault as fault:

@@ -10,6 +10,7 @@ from django.urls import reverse
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
+from accounts.who import racer_of
 from core.forms import add_fault
 from evaluation.models import TrainedModel
 from paddock.errors import UserFault
@@ -58,7 +59,7 @@ def _form(request: HttpRequest, vehicle: Vehicle | None, clone: TrainedModel | N
     form = VehicleForm(request.POST or None, vehicle=vehicle if clone is None else vehicle_like(clone))
     if request.method == "POST" and form.is_valid():
         try:
-            save_vehicle(owner=request.user, vehicle=vehicle, **form.values())
+            save_vehicle(owner=racer_of(request), vehicle=vehicle, **form.values())
         except UserFault as fault:
             add_fault(form, fault, "name" if fault.code == "vehicle_name_taken" else None)
         else:

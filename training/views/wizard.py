@@ -14,6 +14,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods, require_POST
 
+from accounts.who import racer_of
 from core.forms import add_fault, explain
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.rules.training import taken_from
@@ -57,7 +58,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
     """Make a model: fill in the wizard, then train. Without a script two of its buttons come back to it: one makes the
     table of actions, one checks the reward function."""
     now = timezone.now()
-    owner = request.user
+    owner = racer_of(request)
     status, checked, lacking = 200, None, None
     if request.method == "POST":
         step = request.POST.get("do")
@@ -115,7 +116,7 @@ def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJo
 def reward_validate(request: HttpRequest) -> JsonResponse:
     """Check the reward function of the editor: ``{"problems": [{"line", "kind", "code", "message"}], "rewards": {state:
     number}, "printed"}``; 409 while another one of the same racer is checked, 503 when Paddock could not."""
-    answer = report_of(request.user, request.POST)
+    answer = report_of(racer_of(request), request.POST)
     return JsonResponse(answer, status=answer.pop("status"))
 
 

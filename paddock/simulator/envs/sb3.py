@@ -31,7 +31,7 @@ def make_sb3_env(race: str, num_envs: int = 16, *, seed: int | None = None, **op
     """``num_envs`` cars for a learner of stable-baselines3. ``race``: an id such as ``"Paddock/TimeTrial-v1"``;
     ``options``: the arguments of that environment. ``seed``: as the learner's own ``seed`` sets it."""
     env = gymnasium.make_vec(race, num_envs=num_envs, autoreset_mode="Disabled", copy=False, **options)
-    return SB3VecEnv(cast(RacingVectorEnv, env), seed=seed)
+    return SB3VecEnv(env, seed=seed)
 
 
 class SB3VecEnv(VecEnv):
@@ -46,7 +46,11 @@ class SB3VecEnv(VecEnv):
     """
 
     def __init__(
-        self, env: RacingVectorEnv, *, seed: int | None = None, observation_space: gymnasium.Space | None = None
+        self,
+        env: gymnasium.vector.VectorEnv,
+        *,
+        seed: int | None = None,
+        observation_space: gymnasium.Space | None = None,
     ) -> None:
         """``env``: with ``autoreset_mode="Disabled"``. ``observation_space``: of what :meth:`look` returns, one car's.
 
@@ -54,7 +58,7 @@ class SB3VecEnv(VecEnv):
         """
         if env.metadata["autoreset_mode"] is not gymnasium.vector.AutoresetMode.DISABLED:
             raise ValueError('make the environment with autoreset_mode="Disabled": episodes are begun anew here')
-        self.env = env
+        self.env = cast(RacingVectorEnv, env)
         super().__init__(env.num_envs, observation_space or env.single_observation_space, env.single_action_space)
         if seed is not None:
             self.seed(seed)
@@ -63,7 +67,7 @@ class SB3VecEnv(VecEnv):
         self._earned = np.zeros(self.num_envs)
         self._steps = np.zeros(self.num_envs, np.int64)
 
-    def look(self, readings: Seen) -> Seen:
+    def look(self, readings: Any) -> Seen:
         """What the learner is given for the environment's observations of all cars: new arrays in every call."""
         return (
             {name: batch.copy() for name, batch in readings.items()} if isinstance(readings, dict) else readings.copy()
