@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .hyperparameters import PPO
-from .race import RaceRules
+from .race import RUN_RULES, RaceRules
 from .rule import gettext_noop as _
 from .rule import pgettext_noop as pgettext
 from .rule import rule, rules_in
@@ -84,7 +84,11 @@ class TrainingSettings:
 # Those with bounds and words of their own.
 SETTINGS = rules_in(TrainingSettings)
 # Race rules that a training drives by, all as the layout of a race says them.
-DRIVEN_BY = ("direction", "race_type", "boxes", "random_boxes", "bots", "bot_speed_mps", "bot_lane_changes")
+DRIVEN_BY = tuple(
+    field.name
+    for field in dataclasses.fields(TrainingSettings)
+    if field.name in RUN_RULES and field.name not in SETTINGS
+)
 ENDING = tuple(name for name in SETTINGS if name != "seed")
 
 

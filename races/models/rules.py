@@ -135,6 +135,13 @@ def with_rules(names: Iterable[str], inside: Callable[[], dict[str, Any]]) -> An
     return new_class("Ruled", (_Ruled,), exec_body=lambda body: body.update({"rules": rules, **more, **made}))
 
 
+def with_columns(rules: Mapping[str, Rule]) -> Any:
+    """An abstract model that has a column for each of these rules."""
+    more = {"__module__": __name__, "Meta": type("Meta", (), {"abstract": True})}
+    made = {name: column(rule) for name, rule in rules.items()}
+    return new_class("Columned", (models.Model,), exec_body=lambda body: body.update({**more, **made}))
+
+
 def _inside(rule: Rule) -> property:
     def read(row: _Ruled) -> Any:
         return row.rules.get(rule.name, rule.default)

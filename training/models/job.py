@@ -13,15 +13,18 @@ from core.ids import new_public_id
 from core.jobs.models import Job, lease_constraints, reason_sentence
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from paddock.rules.race import MAX_BOTS, MAX_BOXES, RULES
-from paddock.rules.training import SETTINGS
-from races.models.rules import column, name_choices, within
+from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS
+from races.models.rules import name_choices, with_columns, within
 
 from .choices import FINAL_STATES, Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, RewardSignature
 
 name_choices("best_metric", BestMetric)
 
 
-class TrainingJob(Job):
+_RULES = {**{name: RULES[name] for name in DRIVEN_BY}, **{name: SETTINGS[name] for name in ENDING}}
+
+
+class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
     """One training, frozen when it was made but for its state and what it measures.
 
     ``driving`` is the newest evaluation as ``[[x, y, yaw, speed], ...]``, one point a control step, in metres, radians
@@ -36,13 +39,6 @@ class TrainingJob(Job):
     description = models.CharField(_("description"), max_length=255, blank=True)
 
     track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="training_jobs", verbose_name=_("track"))
-    direction = column(RULES["direction"])
-    race_type = column(RULES["race_type"])
-    boxes = column(RULES["boxes"])
-    random_boxes = column(RULES["random_boxes"])
-    bots = column(RULES["bots"])
-    bot_speed_mps = column(RULES["bot_speed_mps"])
-    bot_lane_changes = column(RULES["bot_lane_changes"])
 
     algorithm = models.CharField(_("algorithm"), max_length=3, choices=Algorithm.choices, default=Algorithm.PPO)
     hyperparameters = models.JSONField(_("hyperparameters"))
@@ -68,11 +64,6 @@ class TrainingJob(Job):
         choices=RewardSignature.choices,
         default=RewardSignature.PARAMS,
     )
-    stop_minutes = column(SETTINGS["stop_minutes"])
-    stop_steps = column(SETTINGS["stop_steps"])
-    stop_clean_laps = column(SETTINGS["stop_clean_laps"])
-    trials = column(SETTINGS["trials"])
-    best_metric = column(SETTINGS["best_metric"])
     seed = models.PositiveIntegerField(_("seed"), default=0)
     submit_to_race = models.ForeignKey(
         "races.Race",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import secrets
 from collections.abc import Mapping
@@ -20,7 +21,7 @@ from evaluation.services.garage import refuse_full_garage
 from paddock.errors import PlatformFault, UserFault
 from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
 from paddock.rules.race import RaceRules
-from paddock.rules.training import DRIVEN_BY, ENDING, TrainingSettings
+from paddock.rules.training import DRIVEN_BY, TrainingSettings
 from paddock.simulator.layout import lay_out
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
@@ -82,19 +83,12 @@ def create_training(
         name=name,
         description=description,
         track=track,
-        **{rule: getattr(settings, rule) for rule in (*DRIVEN_BY, *ENDING) if rule != "boxes"},
-        boxes=[dict(box) for box in settings.boxes],
-        algorithm=settings.algorithm,
-        hyperparameters=check_hyperparameters(settings.algorithm, settings.hyperparameters),
-        action_space_type=settings.action_space_type,
-        action_space=check_action_space(settings.algorithm, settings.action_space_type, settings.action_space),
         vehicle=vehicle,
         reward_code=reward_code,
-        reward_signature=settings.reward_signature,
-        seed=secrets.randbelow(_GREATEST_SEED) if settings.seed is None else settings.seed,
         submit_to_race=submit_to_race,
         cloned_from=clone_from,
         created_at=now,
+        **_asked(settings),
         **_worn(vehicle),
     )
     _check_sensors(job)
@@ -117,6 +111,17 @@ def create_training(
             raise
         TRAININGS.wake()
     return job
+
+
+def _asked(settings: TrainingSettings) -> dict[str, Any]:
+    """The settings as columns: each by its name, but for those that are checked or drawn on their way."""
+    return {
+        **{field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)},
+        "boxes": [dict(box) for box in settings.boxes],
+        "hyperparameters": check_hyperparameters(settings.algorithm, settings.hyperparameters),
+        "action_space": check_action_space(settings.algorithm, settings.action_space_type, settings.action_space),
+        "seed": secrets.randbelow(_GREATEST_SEED) if settings.seed is None else settings.seed,
+    }
 
 
 def refuse_when_closed() -> None:

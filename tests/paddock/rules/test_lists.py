@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 from argparse import ArgumentParser
+from pathlib import Path
 
 import pytest
 
+import paddock
 from config.management.race_options import add_race_options, rules_of
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS
 from paddock.rules.race import RULES, RUN_RULES, RaceRules
 from paddock.rules.rule import Rule
-from paddock.rules.training import SETTINGS, TrainingSettings, taken_from
+from paddock.rules.training import DRIVEN_BY, SETTINGS, TrainingSettings, taken_from
+from training.models import TrainingJob
 
 SHARE = Rule("share", float, 1.0, least=0.5, most=1.0)
 COUNT = Rule("count", int, 3, least=1, most=9)
@@ -86,3 +91,16 @@ def test_settings_are_separated_from_the_rest():
 def test_a_training_requires_an_action_space():
     with pytest.raises(TypeError, match="action_space"):
         taken_from({"trials": 5})
+
+
+def test_every_rule_of_a_run_is_read_where_the_run_is_simulated():
+    read = set()
+    for path in sorted((Path(paddock.__file__).parent / "simulator").rglob("*.py")):
+        read |= {node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)}
+    assert RUN_RULES.keys() <= read
+
+
+def test_a_training_drives_by_rules_of_a_run_and_has_a_value_for_each_setting():
+    assert {"direction", "race_type", "boxes"} < set(DRIVEN_BY) < RUN_RULES.keys()
+    columns = {field.name for field in TrainingJob._meta.get_fields()}
+    assert {field.name for field in dataclasses.fields(TrainingSettings)} <= columns
