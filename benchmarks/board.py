@@ -34,7 +34,7 @@ PAGES = (
 
 
 def measure(
-    sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED, load_s: float = 5.0, turns: int = load.TURNS
+    sizes: tuple[int, ...] = SIZES, runs: int = 15, closed: int = CLOSED, load_s: int = 5, turns: int = load.TURNS
 ) -> dict[str, Any]:
     """Milliseconds of the processor (least of ``runs``) of each look at each size, the last by the first; the most
     queries of each look; the seconds of a close; requests a second of the longest board's page, ``load_s`` at a time,
@@ -149,8 +149,9 @@ def _result(race: Any) -> Callable[[], Callable[[], Any]]:
     def ready() -> Callable[[], Any]:
         racer, now = a_racer(), timezone.now()
         running = start(submit_model(race=race, racer=racer, model=a_model(racer), now=now).evaluation, now)
-        ended = outcome(laps(12_000, 12_001, 12_002))
-        return lambda: finish_evaluation(pk=running.pk, lease=running.lease, outcome=ended, now=now)
+        ended, lease = outcome(laps(12_000, 12_001, 12_002)), running.lease
+        assert lease is not None, "it was claimed"
+        return lambda: finish_evaluation(pk=running.pk, lease=lease, outcome=ended, now=now)
 
     return ready
 
@@ -164,7 +165,7 @@ def _close(entries: int) -> dict[str, float]:
 
     now = timezone.now()
     season = create_season(slug="bench", name="Bench", starts_on=now.date(), ends_on=(now + timedelta(days=30)).date())
-    times = {"opens_at": now - timedelta(days=1), "closes_at": now + timedelta(days=1)}
+    times: dict[str, Any] = {"opens_at": now - timedelta(days=1), "closes_at": now + timedelta(days=1)}
     round_ = schedule_round(season=season, number=1, division="open", now=now, name="Month", track=oval(), **times)
     with counted_at_the_end():
         fill(round_.race, entries, now)

@@ -107,7 +107,7 @@ def insert(model: type[models.Model], values: Mapping[str, str], fixed: Mapping[
     for field in model._meta.concrete_fields:
         if isinstance(field, models.AutoField):
             continue
-        columns.append(connection.ops.quote_name(field.column))
+        columns.append(connection.ops.quote_name(field.column or ""))
         expressions.append(values[field.name].replace("%", "%%") if field.name in values else "%s")
         if field.name not in values:
             parameters.append(field.get_db_prep_save(fixed.get(field.name, field.get_default()), connection))

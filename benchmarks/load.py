@@ -25,6 +25,7 @@ START_S = 60.0
 BARE = "a bare Django view"
 MISSING = "there is no wrk: install the package wrk, or measure without load (--load 0)"
 _RATE = re.compile(r"Requests/sec:\s+([\d.]+)")
+_SERVED = re.compile(r"(\d+) requests in")
 _FAILED = re.compile(r"Non-2xx or 3xx responses: (\d+)|Socket errors: (.*)")
 
 
@@ -65,12 +66,12 @@ def _wrk(address: str, server: int, seconds: int) -> dict[str, float]:
     command = ["wrk", "-t1", f"-c{CONNECTIONS}", f"-d{seconds}s", "--timeout", "30s", address]
     done = subprocess.run(command, capture_output=True, text=True, timeout=seconds + 60)
     rate, failed = _RATE.search(done.stdout), _FAILED.search(done.stdout)
-    if rate is None or failed:
+    served = _SERVED.search(done.stdout)
+    if rate is None or served is None or failed:
         raise LoadError(f"{address}: {done.stdout}{done.stderr}")
-    served = int(re.search(r"(\d+) requests in", done.stdout)[1])
     return {
         "per_second": float(rate[1]),
-        "per_processor_second": served / max(_processor_s(server) - before, 1e-9),
+        "per_processor_second": int(served[1]) / max(_processor_s(server) - before, 1e-9),
     }
 
 

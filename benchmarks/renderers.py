@@ -103,7 +103,7 @@ def _drive(
     return {"real_time_factor": steps * STEP_MS / 1000.0 / wall_s, "frame_ms": 1000.0 * looking / steps}
 
 
-def _network(car: AdmittedCar) -> Callable[[np.ndarray], None]:
+def _network(car: AdmittedCar) -> Callable[[np.ndarray], object]:
     """The policy process's own loop body, in this process."""
     specs = [sensor_spec(name) for name in sorted(car.metadata["sensor"])]
     space = ActionSpace.from_metadata(car.metadata)

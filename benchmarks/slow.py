@@ -13,7 +13,7 @@ import resource
 import socket
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any
@@ -94,7 +94,7 @@ async def _measure(
     try:
         await asyncio.sleep(min(3.0, 0.5 + connections / 500))
         end = time.monotonic() + seconds
-        asked = [
+        asked: list[Coroutine[Any, Any, object]] = [
             _again_and_again(figures, "health", HEALTH_S, end, lambda: _get(where, "/health/live")),
             _again_and_again(figures, "page", PAGE_S, end, lambda: _get(where, page)),
         ]

@@ -89,7 +89,7 @@ def _resolve(name: str, wishes_of_one: list[str]) -> None:
                 *("uv", "pip", "compile", asked, "--output-file", LOCKS / f"{name}.txt", "--quiet"),
                 *("--universal", "--python-version", "3.11", "--generate-hashes", "--no-header", "--no-annotate"),
                 *("--overrides", without, "--no-emit-package", APART),
-                *([] if name == "tools" else ["--constraints", CONSTRAINTS]),
+                *([] if name == "tools" else ["--constraints", str(CONSTRAINTS)]),
             ],
             cwd=ROOT,
             check=True,

@@ -55,7 +55,8 @@ def torch() -> str:
 def install(index: str = "") -> bool:
     """Install training. ``index``: the only place that torch's own build is taken from; what that needs beside it
     comes from where pip is configured to look. Whether all of it went well."""
-    steps = [(("--quiet", "--require-hashes", "--no-deps", "--requirement", "locks/training.txt"), False)]
+    locked = ("--quiet", "--require-hashes", "--no-deps", "--requirement", "locks/training.txt")
+    steps: list[tuple[tuple[str, ...], bool]] = [(locked, False)]
     if index:
         steps.append((("--quiet", "--no-deps", "--index-url", index, torch()), True))
     steps.append((("--quiet", "--constraint", "constraints.txt", torch()), False))
