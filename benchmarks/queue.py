@@ -74,7 +74,7 @@ def _looks(runs: int, now: datetime) -> dict[str, float]:
     from django.db import transaction
 
     from evaluation import selectors, services
-    from evaluation.line import ORDER, queued
+    from evaluation.queue_order import ORDER, queued
     from paddock.rules.race import RaceRules
 
     front, last = queued().order_by(*ORDER)[0], queued().order_by(*ORDER).reverse()[0]

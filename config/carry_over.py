@@ -46,6 +46,8 @@ TABLES = {
 # (new table, new column): old column
 COLUMNS: dict[tuple[str, str], str] = {
     ("evaluation_result", "layout"): "course",
+    ("evaluation_result", "trajectory"): "line",
+    ("evaluation_rivalresult", "trajectory"): "line",
     ("league_webhookdelivery", "attempt"): "tries",
 }
 # (new table, new column): the old columns that it is made of, and how

@@ -101,12 +101,12 @@ class EvaluationRivalInline(ReadOnlyInline):
 class ResultInline(ReadOnlyInline):
     model = Result
     show_change_link = True
-    exclude = ["line"]
+    exclude = ["trajectory"]
 
 
 class RivalResultInline(ReadOnlyInline):
     model = RivalResult
-    exclude = ["line"]
+    exclude = ["trajectory"]
 
 
 @admin.register(Result)
@@ -117,7 +117,7 @@ class ResultAdmin(ReadOnlyAdmin):
     list_filter = ["end_reason", "retired_code", "engine"]
     search_fields = ["evaluation__public_id", "trace_sha256"]
     list_select_related = ["evaluation"]
-    exclude = ["line"]
+    exclude = ["trajectory"]
     date_hierarchy = "created_at"
     inlines = [RivalResultInline]
 

@@ -198,7 +198,7 @@ class Evaluation(Job):
         verbose_name_plural = _("evaluations")
         ordering = ["-queued_at", "-pk"]
         indexes = [
-            # claim: the next row in line
+            # claim: the next row in the queue
             models.Index(
                 fields=["-priority", "turn", "queued_at", "id"], condition=Q(state="queued"), name="evaluation_in_turn"
             ),
@@ -297,12 +297,12 @@ class CompetitorResult(models.Model):
     """What one car of an evaluation did.
 
     ``laps``: a list of LapResult dicts in order (times in whole simulated milliseconds).
-    ``line``: per lap a list of [x, y, speed] points in metres and m/s, thinned for drawing.
+    ``trajectory``: per lap a list of [x, y, speed] points in metres and m/s, thinned for drawing.
     ``retired_code``: why a car that was not alone on the track was taken off it; ``""`` for one that raced to the end.
     """
 
     laps = models.JSONField(_("laps"))
-    line = models.JSONField(_("line"), default=list)
+    trajectory = models.JSONField(_("trajectory"), default=list)
     end_reason = models.CharField(_("ended because"), max_length=32)
     retired_code = models.CharField(_("retired because"), max_length=40, blank=True)
     retired_params = models.JSONField(_("details"), default=dict, blank=True)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db.models import Avg, DurationField, ExpressionWrapper, F, Q, QuerySet
 
-from .line import BACKGROUND, FRONT, ORDER, front_of_line, queued
 from .models import Evaluation, Result, State, TrainedModel
+from .queue_order import BACKGROUND, FRONT, ORDER, front_of_queue, queued
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -97,7 +97,7 @@ def queue_position(evaluation: Evaluation) -> int | None:
     """
     if evaluation.state != State.QUEUED:
         return None
-    front = front_of_line()
+    front = front_of_queue()
     if evaluation.pk in front:
         return front.index(evaluation.pk) + 1
     still = len(front) == FRONT and queued().filter(pk=evaluation.pk).exists()

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from races.models import Race
-from tracks.drawing import DrivenLine
+from tracks.drawing import Trajectory
 from tracks.drawing.svg import MARGIN_M
 from tracks.models import Track
 
@@ -23,7 +23,7 @@ PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 
 
 class ColourBy(StrEnum):
-    """What the colour of a driven line means."""
+    """What the colour of a trajectory means."""
 
     SPEED = "speed"
     LAP = "lap"
@@ -82,18 +82,18 @@ def _colour(time: int, own: int, fastest: int | None) -> str:
     return GREEN if time <= own else YELLOW
 
 
-def driven_lines(
+def trajectories(
     line: Sequence[Sequence[Sequence[float]]], colour: ColourBy, lap: int | None = None
-) -> list[DrivenLine]:
+) -> list[Trajectory]:
     """The driven lines of all laps (or of lap ``lap``, from 1) to draw on the map."""
     lines = []
     for index, points in enumerate(line):
         if lap is not None and index != lap - 1:
             continue
         if colour == ColourBy.SPEED:
-            lines.append(DrivenLine(points, [point[2] for point in points]))
+            lines.append(Trajectory(points, [point[2] for point in points]))
         else:
-            lines.append(DrivenLine(points, style=f"lap-{index % LAP_COLOURS}"))
+            lines.append(Trajectory(points, style=f"lap-{index % LAP_COLOURS}"))
     return lines
 
 

@@ -86,7 +86,7 @@ class JobKind(Generic[J]):
         """The job while it waits or is being done: one row or none."""
         return self.model._default_manager.filter(pk=pk, state__in=(self.waiting, self.working))
 
-    def next_in_line(self, now: datetime) -> Sequence[tuple[int, int]]:
+    def next_in_queue(self, now: datetime) -> Sequence[tuple[int, int]]:
         """``(id, attempt)`` of those that are claimed next, in their order: a few of them are enough."""
         return list(self.due(now).order_by(*self.order).values_list("pk", "attempt")[:CANDIDATES])
 
@@ -119,12 +119,12 @@ class JobKind(Generic[J]):
             return None
         self.prepare(now)
         for _ in range(CANDIDATES):  # a lost race means that somebody else won it: nobody loses so many
-            line = self.next_in_line(now)
-            for pk, attempt in line:
+            following = self.next_in_queue(now)
+            for pk, attempt in following:
                 job = self.take(pk, attempt, worker=worker, now=now)
                 if job is not None:
                     return job
-            if not line:
+            if not following:
                 break
         return None
 

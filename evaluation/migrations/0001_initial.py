@@ -92,7 +92,7 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('laps', models.JSONField(verbose_name='laps')),
-                ('line', models.JSONField(default=list, verbose_name='line')),
+                ('trajectory', models.JSONField(default=list, verbose_name='trajectory')),
                 ('end_reason', models.CharField(max_length=32, verbose_name='ended because')),
                 ('retired_code', models.CharField(blank=True, max_length=40, verbose_name='retired because')),
                 ('retired_params', models.JSONField(blank=True, default=dict, verbose_name='details')),
@@ -129,7 +129,7 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('laps', models.JSONField(verbose_name='laps')),
-                ('line', models.JSONField(default=list, verbose_name='line')),
+                ('trajectory', models.JSONField(default=list, verbose_name='trajectory')),
                 ('end_reason', models.CharField(max_length=32, verbose_name='ended because')),
                 ('retired_code', models.CharField(blank=True, max_length=40, verbose_name='retired because')),
                 ('retired_params', models.JSONField(blank=True, default=dict, verbose_name='details')),

@@ -13,8 +13,8 @@ from core.jobs.kinds import register
 from core.jobs.retried import RetriedKind
 
 from ..events import record_end, record_start
-from ..line import ORDER, queued
 from ..models import Evaluation, Result, State
+from ..queue_order import ORDER, queued
 from ..signals import evaluation_ended
 from .results import delete_files, file_names, store_files, write_result
 from .turns import put_in_turn
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Evaluations(RetriedKind[Evaluation]):
-    """In the order of :mod:`evaluation.line`.
+    """In the order of :mod:`evaluation.queue_order`.
 
     Only a car whose simulator ended ``EVALUATION_MAX_ATTEMPTS`` times, while others passed between each time and the
     one before, fails with ``platform_gave_up``.

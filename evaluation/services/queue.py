@@ -11,8 +11,8 @@ from django.db import transaction
 from paddock.errors import UserFault
 
 from ..events import record_end
-from ..line import URGENT
 from ..models import Evaluation, EvaluationRival, State, TrainedModel
+from ..queue_order import URGENT
 from ..rivals import check_rivals
 from ..selectors import can_use_model
 from ..signals import evaluation_ended

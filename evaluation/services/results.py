@@ -73,7 +73,7 @@ def _car_columns(car: EvaluationOutcome | CompetitorOutcome, trace: str) -> dict
     retired = car.retired or {"code": "", "params": {}}
     return {
         "laps": car.laps,
-        "line": driven_line(car.trace_csv),
+        "trajectory": trajectory_of(car.trace_csv),
         "end_reason": car.end_reason,
         "retired_code": retired["code"],
         "retired_params": retired["params"],
@@ -89,7 +89,7 @@ def _car_columns(car: EvaluationOutcome | CompetitorOutcome, trace: str) -> dict
     }
 
 
-def driven_line(trace_csv: bytes) -> list[list[list[float]]]:
+def trajectory_of(trace_csv: bytes) -> list[list[list[float]]]:
     """For each lap at most :data:`POINTS_PER_LAP` evenly chosen ``[x, y, speed]`` (metres, m/s), from a sim-trace.
 
     Rows in which the car stands out a penalty are left out.

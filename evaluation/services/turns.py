@@ -1,4 +1,4 @@
-"""Giving evaluations their turns in the queue (:mod:`evaluation.line`), and moving those forward that hurry.
+"""Giving evaluations their turns in the queue (:mod:`evaluation.queue_order`), and moving those forward that hurry.
 
 What belongs to a race goes before others once that race closes within the hour, at the priority ``URGENT``: its racers
 can still answer with another car. Among what hurries, racers take turns as everywhere.
@@ -13,8 +13,8 @@ from datetime import datetime, timedelta
 from django.db import IntegrityError, transaction
 from django.db.models import QuerySet
 
-from ..line import URGENT, next_turns, queued
 from ..models import Evaluation
+from ..queue_order import URGENT, next_turns, queued
 
 logger = logging.getLogger(__name__)
 HURRY = timedelta(hours=1)

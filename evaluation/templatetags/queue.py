@@ -8,21 +8,21 @@ from django import template
 from django.utils.formats import number_format
 from django.utils.translation import gettext as _
 
-from evaluation.line import FRONT
+from evaluation.queue_order import FRONT
 
 register = template.Library()
 
 
 @register.filter
-def in_line(position: int | None) -> str:
+def in_queue(position: int | None) -> str:
     """A place in the queue as a sentence; ``""`` for none."""
     if not position:
         return ""
     if position == 1:
-        return _("Next in line.")
+        return _("Next in the queue.")
     if position > FRONT:
-        return _("Behind the first %(count)s in line.") % {"count": number_format(FRONT, force_grouping=True)}
-    return _("Number %(position)s in line.") % {"position": position}
+        return _("Behind the first %(count)s in the queue.") % {"count": number_format(FRONT, force_grouping=True)}
+    return _("Number %(position)s in the queue.") % {"position": position}
 
 
 @register.filter

@@ -61,7 +61,7 @@ class Deliveries(JobKind[WebhookDelivery]):
         busy = WebhookHost.objects.filter(host=OuterRef("webhook__host"), free_at__gt=now)
         return super().due(now).filter(Q(event=TEST) | ~Exists(busy))
 
-    def next_in_line(self, now: datetime) -> list[tuple[int, int]]:
+    def next_in_queue(self, now: datetime) -> list[tuple[int, int]]:
         failures = WebhookHost.objects.filter(host=OuterRef("webhook__host")).values("failures")
         order = (Coalesce(Subquery(failures), 0), Coalesce("not_before", "at"), "pk")
         return list(self.due(now).order_by(*order).values_list("pk", "attempt")[:AT_A_TIME])

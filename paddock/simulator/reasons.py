@@ -42,7 +42,7 @@ register(
     {
         # boxes and bots that a track has no room for
         "box_on_start_line": _(
-            "Box %(number)s stands on the start line. Move it at least %(least_m)s m away from the line."
+            "Box %(number)s stands on the finish line. Move it at least %(least_m)s m away from it."
         ),
         "boxes_overlap": _(
             "Boxes %(number)s and %(other)s overlap or leave no way between them. Put at least %(least_m)s m of track "

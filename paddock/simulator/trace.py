@@ -100,5 +100,5 @@ class Trace:
         return ("\n".join(lines) + "\n").encode()
 
     def points(self) -> np.ndarray:
-        """(n, 2): the driven line of the nose, for drawing."""
+        """(n, 2): the trajectory of the nose, for drawing."""
         return np.column_stack((self.columns["X"], self.columns["Y"]))

@@ -130,9 +130,9 @@ class CompetitorResultSerializer(serializers.Serializer):
     crashes = serializers.IntegerField()
     resets = serializers.IntegerField()
     trace_sha256 = serializers.CharField(help_text="The same cars in the same race give the same number, every time.")
-    line = serializers.ListField(
+    trajectory = serializers.ListField(
         child=serializers.ListField(child=serializers.ListField(child=serializers.FloatField())),
-        help_text="The line driven, for each lap a thinned list of [x, y, speed] in metres and m/s.",
+        help_text="The trajectory, for each lap a thinned list of [x, y, speed] in metres and m/s.",
     )
 
     @extend_schema_field(ReasonSerializer(allow_null=True))

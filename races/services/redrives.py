@@ -54,8 +54,8 @@ from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from core.events import record
 from core.jobs.retried import pause_after
-from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
+from evaluation.queue_order import BACKGROUND
 from evaluation.services import engines_at_work, queue_copies
 
 from ..engines import is_official, is_over, site_engine

@@ -24,7 +24,7 @@ from races.selectors import evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
 from races.selectors.results import Place, Rival
-from tracks.drawing import BoxMark, DrivenLine, draw_svg
+from tracks.drawing import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
 
 register = template.Library()
@@ -120,7 +120,7 @@ def layout_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: 
 
 
 @register.simple_tag
-def run_map(track: Track, direction: str, lines: Sequence[DrivenLine], boxes: tuple[BoxMark, ...]) -> SafeString:
+def run_map(track: Track, direction: str, lines: Sequence[Trajectory], boxes: tuple[BoxMark, ...]) -> SafeString:
     """The map of a run: the lines that it drove, past the boxes that stood there."""
     drawing = draw_svg(track.geometry.in_direction(direction), title=track.name, lines=lines, boxes=boxes)
     return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes

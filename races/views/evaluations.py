@@ -21,7 +21,7 @@ from evaluation.services import stop_evaluation
 from evaluation.services.results import read_layout, read_trace
 from races.honours import race_of_marks
 from races.layout import awaited_boxes, driven_boxes
-from races.replay import ColourBy, driven_lines, lap_rows, map_point, map_size, replay_data
+from races.replay import ColourBy, lap_rows, map_point, map_size, replay_data, trajectories
 from races.selectors import replaced_by
 from races.selectors.results import HeatResult, RunResult, heat_of, result_of
 
@@ -166,7 +166,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "laps": lap_rows(car.result.laps, race_of_marks(shown)),
             "colour": colour,
             "lap": number,
-            "lines": driven_lines(car.result.line, colour, number),
+            "lines": trajectories(car.result.trajectory, colour, number),
             "boxes": driven_boxes(shown.result.layout),
             "bot_count": shown.spec["rules"].get("bots", 0),
             "cars": rows,

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import pytest
 
-from evaluation.services.results import POINTS_PER_LAP, driven_line
+from evaluation.services.results import POINTS_PER_LAP, trajectory_of
 from tests.evaluation.stubs import HEADER, trace_csv
 
 
 def test_the_trajectory_has_a_list_of_points_per_lap():
-    assert driven_line(trace_csv(laps=2, steps=3)) == [
+    assert trajectory_of(trace_csv(laps=2, steps=3)) == [
         [[0.5, 0.0, 1.5], [1.0, 0.0, 1.5], [1.5, 0.0, 1.5]],
         [[0.5, 1.0, 1.5], [1.0, 1.0, 1.5], [1.5, 1.0, 1.5]],
     ]
@@ -19,7 +19,7 @@ def test_the_trajectory_has_a_list_of_points_per_lap():
 
 @pytest.mark.parametrize("steps", [1, 2, 239, 240, 241, 479, 480, 481, 1000, 10_001])
 def test_a_long_lap_is_thinned_evenly(steps):
-    (line,) = driven_line(trace_csv(laps=1, steps=steps))
+    (line,) = trajectory_of(trace_csv(laps=1, steps=steps))
     assert len(line) <= POINTS_PER_LAP
     assert line[0][0] == 0.5
     assert line[-1][0] == steps * 0.5
@@ -33,9 +33,9 @@ def test_a_long_lap_is_thinned_evenly(steps):
 
 def test_a_car_waiting_out_a_penalty_adds_no_points():
     trace = trace_csv(laps=1, steps=4).replace(b",in_progress,", b",pause,", 2)
-    (line,) = driven_line(trace)
+    (line,) = trajectory_of(trace)
     assert [point[0] for point in line] == [1.5, 2.0]
 
 
 def test_an_empty_trace_has_no_trajectory():
-    assert driven_line(f"{HEADER}\n".encode()) == []
+    assert trajectory_of(f"{HEADER}\n".encode()) == []

@@ -218,7 +218,7 @@ class TestResult:
         assert (row.number, row.complete_laps, row.best_lap_ms, row.total_ms) == (1, 2, 8_000, 20_000)
         assert (row.off_tracks, row.crashes, row.resets) == (3, 0, 3)
         assert row.end_reason == "time_up" and row.retired == ""
-        assert len(row.line) == 3
+        assert len(row.trajectory) == 3
         assert read_trace(row) == rival.trace_csv
         assert read_trace(result) == trace_csv(2)
         assert row.trace_sha256 == rival.trace_sha256

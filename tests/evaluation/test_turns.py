@@ -8,10 +8,10 @@ from datetime import timedelta
 import pytest
 from django.db import IntegrityError, connections, transaction
 
-from evaluation import line, selectors, services
-from evaluation.line import URGENT
+from evaluation import queue_order, selectors, services
 from evaluation.models import Evaluation, State
-from evaluation.templatetags.queue import done_in, in_line, place
+from evaluation.queue_order import URGENT
+from evaluation.templatetags.queue import done_in, in_queue, place
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
 from tests.rows import model_row
@@ -140,16 +140,16 @@ class TestUrgency:
 
     def test_repeated_runs_and_house_cars_are_never_urgent(self, alice, submit, now):
         done = submit(alice, closes_at=now + HOUR)
-        (copy,) = services.queue_copies(evaluations=[done], priority=line.BACKGROUND, now=now)
+        (copy,) = services.queue_copies(evaluations=[done], priority=queue_order.BACKGROUND, now=now)
         services.EVALUATIONS.sweep(now=now + 3 * HOUR)
         copy.refresh_from_db()
-        assert (copy.priority, copy.urgent_from, done.priority) == (line.BACKGROUND, None, URGENT)
+        assert (copy.priority, copy.urgent_from, done.priority) == (queue_order.BACKGROUND, None, URGENT)
 
 
 class TestLongQueue:
     @pytest.fixture
     def short_front(self, monkeypatch):
-        for module in (line, selectors):
+        for module in (queue_order, selectors):
             monkeypatch.setattr(module, "FRONT", 3)
 
     def test_a_place_is_exact_only_near_the_front(self, alice, submit, short_front):
@@ -163,8 +163,8 @@ class TestLongQueue:
         assert selectors.queue_position(last) is None
 
     def test_pages_show_the_place_in_words(self):
-        assert [in_line(number) for number in (None, 1, 1000, 1001)] == [
-            *("", "Next in line.", "Number 1000 in line.", "Behind the first 1,000 in line.")
+        assert [in_queue(number) for number in (None, 1, 1000, 1001)] == [
+            *("", "Next in the queue.", "Number 1000 in the queue.", "Behind the first 1,000 in the queue.")
         ]
         assert [place(number) for number in (None, 1, 7, 1001)] == ["…", "next", "7", "> 1,000"]
         assert (done_in(7.2, 3), done_in(7.2, 1001), done_in(None, 3)) == (

@@ -200,7 +200,7 @@ class TestVerify:
         assert json.loads(out)["trace_sha256"] == result.trace_sha256
         assert json.loads(out)["metrics"] == result.metrics["metrics"]
         assert result.complete_laps == 2
-        assert len(result.line) == 2
+        assert len(result.trajectory) == 2
         assert verify(evaluation) == (
             0,
             f"Evaluation {evaluation.public_id} is the same: engine {result.engine}, trace {result.trace_sha256}\n",

@@ -22,8 +22,8 @@ from redis import ConnectionError as NobodyThere
 from config import health, pages, tasks
 from config.backup.databases import damage
 from core.jobs.models import Outage
-from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, WorkerNode
+from evaluation.queue_order import BACKGROUND
 from evaluation.services.nodes import start_worker
 from tests.factories import a_model, a_racer, a_track
 

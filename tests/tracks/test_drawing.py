@@ -14,9 +14,9 @@ from PIL import Image
 
 from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.track import TrackGeometry
-from tracks.drawing import SPEED_CLASSES, BoxMark, DrivenLine, draw_png, draw_svg, svg_path
-from tracks.drawing.lines import ERROR_M, simplify, simplify_loop
+from tracks.drawing import SPEED_CLASSES, BoxMark, Trajectory, draw_png, draw_svg, svg_path
 from tracks.drawing.png import SCHEMES
+from tracks.drawing.trajectories import ERROR_M, simplify, simplify_loop
 
 SVG = "{http://www.w3.org/2000/svg}"
 every_track = pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
@@ -39,7 +39,7 @@ def points_of(path):
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_a_map_is_xml_with_all_marks_inside_its_frame(entry, direction):
     track = entry.geometry(direction)
-    picture = draw_svg(track, width=320, height=180, line=lap(track), car=lap(track)[-1])
+    picture = draw_svg(track, width=320, height=180, trajectory=lap(track), car=lap(track)[-1])
     root = ET.fromstring(picture)
     assert (root.get("width"), root.get("height"), root.get("role")) == ("320", "180", "img")
     assert root[0].tag == SVG + "title" and root[0].text == entry.name
@@ -104,32 +104,32 @@ def test_any_name_gives_parseable_xml(name):
 
 
 def test_a_trajectorys_style_cannot_escape_its_attribute():
-    assert drawn(draw_svg(CATALOGUE[0].geometry(), lines=[DrivenLine([(0, 0), (0, 0.1)], style="rival-2")]), "rival-2")
+    assert drawn(draw_svg(CATALOGUE[0].geometry(), lines=[Trajectory([(0, 0), (0, 0.1)], style="rival-2")]), "rival-2")
     for style in ('"><script>', "two words", "ü", "a;b"):
         with pytest.raises(ValueError, match="style"):
-            DrivenLine([(0, 0), (1, 1)], style=style)
+            Trajectory([(0, 0), (1, 1)], style=style)
 
 
 def test_a_trajectory_is_coloured_by_speed_without_gaps():
     track = CATALOGUE[0].geometry()
     points = lap(track)
     speeds = np.linspace(0.0, 4.5, len(points))
-    strokes = DrivenLine(points, speeds).strokes()
+    strokes = Trajectory(points, speeds).strokes()
     assert [speed for speed, _ in strokes] == list(range(SPEED_CLASSES))
     for (_, before), (_, after) in itertools.pairwise(strokes):
         assert np.array_equal(before[-1], after[0])
-    picture = draw_svg(track, lines=[DrivenLine(points, speeds)])
+    picture = draw_svg(track, lines=[Trajectory(points, speeds)])
     assert len(drawn(picture, "track-line")) == SPEED_CLASSES
     assert len(drawn(picture, "speed-5")) == 1
     with pytest.raises(ValueError, match="speeds"):
-        DrivenLine(points, speeds[:-1])
+        Trajectory(points, speeds[:-1])
 
 
 def test_a_reset_breaks_the_trajectory():
-    line = DrivenLine([(0, 0), (0.2, 0), (0.4, 0), (3.0, 0), (3.2, 0), (9.0, 0), (math.nan, 0), (9.4, 0), (9.6, 0)])
+    line = Trajectory([(0, 0), (0.2, 0), (0.4, 0), (3.0, 0), (3.2, 0), (9.0, 0), (math.nan, 0), (9.4, 0), (9.6, 0)])
     strokes = [points.tolist() for _, points in line.strokes()]
     assert strokes == [[[0, 0], [0.4, 0]], [[3, 0], [3.2, 0]], [[9.4, 0], [9.6, 0]]]
-    assert DrivenLine([]).strokes() == [] and DrivenLine([(1, 1)]).strokes() == []
+    assert Trajectory([]).strokes() == [] and Trajectory([(1, 1)]).strokes() == []
 
 
 @every_track
@@ -158,7 +158,7 @@ def test_a_standalone_map_carries_its_style():
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_a_preview_has_its_size_and_shows_the_trajectory(entry, scheme):
     track = entry.geometry()
-    line = DrivenLine(lap(track), [2.0] * len(lap(track)))
+    line = Trajectory(lap(track), [2.0] * len(lap(track)))
     image = Image.open(io.BytesIO(draw_png(track, (320, 200), scheme=scheme, lines=[line], car=lap(track)[50])))
     image.load()
     assert (image.format, image.size, image.mode) == ("PNG", (320, 200), "RGB")
@@ -172,7 +172,7 @@ def test_a_preview_has_its_size_and_shows_the_trajectory(entry, scheme):
 def test_a_preview_shows_the_trajectory_where_it_was_driven():
     track = CATALOGUE[-1].geometry()
     plain = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240)))), dtype=int)
-    lined = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), line=lap(track, 0.3)))), dtype=int)
+    lined = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), trajectory=lap(track, 0.3)))), dtype=int)
     changed = np.abs(plain - lined).max(axis=2) > 30
     assert 0.005 < changed.mean() < 0.1
     assert not changed[115:125, 195:205].any(), "nothing is drawn on the infield"

@@ -12,8 +12,8 @@ from django.core.files.storage import default_storage
 from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training, an_iteration
-from training.line import place_of
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
+from training.queue_order import place_of
 from training.rewards.examples import DEFAULT
 from training.selectors import (
     can_see_training,

@@ -8,8 +8,8 @@ import pytest
 
 from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training
-from training.line import line_of, place_of
 from training.models import JobState, TrainingJob
+from training.queue_order import place_of, waiting_in_order
 from training.selectors import minutes_used
 from training.services import (
     TRAININGS,
@@ -27,7 +27,7 @@ MINUTE = timedelta(minutes=1)
 
 def order(now) -> list[str]:
     names = dict(TrainingJob.objects.values_list("pk", "name"))
-    return [names[waiting.pk] for waiting in line_of(now)]
+    return [names[waiting.pk] for waiting in waiting_in_order(now)]
 
 
 def has_had(racer, track, at, minutes: float, name: str = "had") -> TrainingJob:
@@ -89,7 +89,7 @@ class TestQueueOrder:
             for name in ("one", "two"):
                 a_training(racer, oval, now, name=name)
             with django_assert_num_queries(2):
-                line_of(now)
+                waiting_in_order(now)
 
 
 class TestCharge:

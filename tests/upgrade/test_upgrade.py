@@ -31,6 +31,7 @@ HERE = Path(__file__).parent
 SITES = sorted(path.name.removesuffix(".tar.xz") for path in HERE.glob("site-*.tar.xz"))
 # of another version by right: an edition is another where a race has more fields
 OTHERWISE = {"edition"}
+RENAMED = {"line": "trajectory"}  # a key of then: its name now
 
 
 def call(data: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -58,8 +59,9 @@ def differences(was: Any, now: Any, where: str = "") -> list[str]:
         return [
             one
             for key in was.keys() - OTHERWISE
+            for new in [RENAMED.get(key, key)]
             for one in (
-                differences(was[key], now[key], f"{where}/{key}") if key in now else [f"{where}/{key} is not told"]
+                differences(was[key], now[new], f"{where}/{key}") if new in now else [f"{where}/{key} is not told"]
             )
         ]
     if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):

@@ -13,9 +13,9 @@ from PIL import Image, ImageDraw
 from paddock.geometry.checks import Points
 from paddock.geometry.track import TrackGeometry
 
-from .lines import DrivenLine
 from .marks import BoxMark, box_corners
 from .svg import BOX_MARKS, MARGIN_M, arrow, finish_line, mark_size
+from .trajectories import Trajectory
 
 MIN_SIDE_PX, MAX_SIDE_PX = 16, 2048
 DASH_M, GAP_M = 0.25, 0.25
@@ -55,8 +55,8 @@ def draw_png(
     size: tuple[int, int] = (640, 360),
     *,
     scheme: str = "dark",
-    line: Sequence[Sequence[float]] | None = None,
-    lines: Sequence[DrivenLine] = (),
+    trajectory: Sequence[Sequence[float]] | None = None,
+    lines: Sequence[Trajectory] = (),
     boxes: Sequence[BoxMark] = (),
     car: tuple[float, float] | None = None,
 ) -> bytes:
@@ -70,8 +70,8 @@ def draw_png(
     if not all(MIN_SIDE_PX <= side <= MAX_SIDE_PX for side in size):
         raise ValueError(f"each side must be {MIN_SIDE_PX} to {MAX_SIDE_PX} px, not {size}")
     colours = SCHEMES[scheme]
-    if line is not None:
-        lines = (*lines, DrivenLine(line))
+    if trajectory is not None:
+        lines = (*lines, Trajectory(trajectory))
     canvas = _Canvas(track, size, colours.ground)
     canvas.loop(track.outer, colours.road)
     canvas.loop(track.inner, colours.ground)

@@ -15,8 +15,8 @@ from xml.sax.saxutils import escape
 from paddock.geometry.checks import Points
 from paddock.geometry.track import TrackGeometry
 
-from .lines import DrivenLine, simplify_loop
 from .marks import BoxMark, box_corners, lane_line
+from .trajectories import Trajectory, simplify_loop
 
 MARGIN_M = 0.3
 LANES = ("inner", "outer")
@@ -43,8 +43,8 @@ def draw_svg(
     *,
     width: int | None = None,
     height: int | None = None,
-    line: Sequence[Sequence[float]] | None = None,
-    lines: Sequence[DrivenLine] = (),
+    trajectory: Sequence[Sequence[float]] | None = None,
+    lines: Sequence[Trajectory] = (),
     car: tuple[float, float] | None = None,
     boxes: Sequence[BoxMark] = (),
     lanes: bool = False,
@@ -53,13 +53,14 @@ def draw_svg(
     marks: str = "",
     below_m: float = 0.0,
 ) -> str:
-    """The map: road, centre line, finish and driving direction, then driven lines, boxes and a car's place.
+    """The map: road, centre line, finish and driving direction, then trajectories, boxes and a car's place.
 
     ``lanes`` draws the middle of the inner and of the outer lane too.
 
-    ``line`` is the short form of one :class:`DrivenLine`; ``car`` a point (x, y) in metres. ``width`` and ``height``
-    are pixels, left out so that the page's layout decides. ``title`` (default: the track's name) is what a screen
-    reader says; it may come from a stranger and is escaped. ``standalone`` adds a small style for use outside a page.
+    ``trajectory`` is the short form of one :class:`Trajectory`; ``car`` a point (x, y) in metres. ``width`` and
+    ``height`` are pixels, left out so that the page's layout decides. ``title`` (default: the track's name) is what a
+    screen reader says; it may come from a stranger and is escaped. ``standalone`` adds a small style for use outside a
+    page.
 
     ``marks``: SVG of the caller's own, in the map's coordinates (see :func:`svg_path`), drawn on top of the road;
     ``below_m``: room for it below the map.
@@ -67,8 +68,8 @@ def draw_svg(
     frame = _Frame(track)
     size = "".join(f' {word}="{int(value)}"' for word, value in (("width", width), ("height", height)) if value)
     ring = frame.path(simplify_loop(track.outer), closed=True) + frame.path(simplify_loop(track.inner), closed=True)
-    if line is not None:
-        lines = (*lines, DrivenLine(line))
+    if trajectory is not None:
+        lines = (*lines, Trajectory(trajectory))
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="track-map" role="img"{size} '
         f'viewBox="0 0 {_number(frame.width)} {_number(frame.height + below_m)}">',

@@ -11,7 +11,7 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
 from paddock.geometry.track import TrackGeometry
-from tracks.drawing import DrivenLine, draw_svg
+from tracks.drawing import Trajectory, draw_svg
 from tracks.models import Track
 
 register = template.Library()
@@ -35,7 +35,7 @@ def track_length(track: Track) -> str:
 
 
 @register.simple_tag
-def track_map(track: Track, direction: str = "", lines: Iterable[DrivenLine] = (), title: str = "") -> SafeString:
+def track_map(track: Track, direction: str = "", lines: Iterable[Trajectory] = (), title: str = "") -> SafeString:
     """The track's map as inline SVG, driven in ``direction`` (default: the file's own), with driven ``lines``."""
     direction, title = direction or track.direction, title or track.name
     if not track.has_shape:

@@ -37,8 +37,8 @@ from training.endings import how_it_ended
 from training.files import training_metrics
 from training.forms.training import CONTINUOUS, DISCRETE, signature_of
 from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
-from training.line import place_of
 from training.models import Algorithm, EndReason, JobState, NeuralNetwork, TrainingJob
+from training.queue_order import place_of
 from training.quotas import bytes_of
 from training.selectors import clonable_models, trainings_of, visible_trainings
 from training.services import create_training, delete_training, evaluate_training, stop_training

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
 from paddock.geometry.track import TrackGeometry
-from tracks.drawing.lines import JUMP_M
 from tracks.drawing.svg import MARGIN_M, draw_svg, svg_path
+from tracks.drawing.trajectories import JUMP_M
 
 from .function import Params
 

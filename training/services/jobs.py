@@ -16,8 +16,8 @@ from core.jobs.retried import RetriedKind, Verdict
 from paddock.errors import PaddockError, PlatformFault, fault_from_dict
 
 from ..events import record_end
-from ..line import line_of
 from ..models import Checkpoint, EndReason, TrainingJob
+from ..queue_order import waiting_in_order
 from .tolls import charge, last_word, toll_of
 
 KEEPINGS_TRIED = 3  # so often a mistake of ours may stop what makes models of what a lost training had learned
@@ -25,7 +25,7 @@ _MISTAKES = ("internal_error", "file_damaged", "conversion_failed")  # which try
 
 
 class Trainings(RetriedKind[TrainingJob]):
-    """Racers take turns at the trainers (:mod:`training.line`).
+    """Racers take turns at the trainers (:mod:`training.queue_order`).
 
     After a fault of the platform a training waits to go on from its last checkpoint. It fails only where its own
     process says so ``EVALUATION_MAX_ATTEMPTS`` times and it gets no further (:mod:`.tolls`): with ``training_gave_up``,
@@ -40,8 +40,8 @@ class Trainings(RetriedKind[TrainingJob]):
     wakes = 4
     lost_code = "trainer_lost"
 
-    def next_in_line(self, now: datetime) -> Sequence[tuple[int, int]]:
-        return [(one.pk, one.attempt) for one in line_of(now)]
+    def next_in_queue(self, now: datetime) -> Sequence[tuple[int, int]]:
+        return [(one.pk, one.attempt) for one in waiting_in_order(now)]
 
     def progress_columns(self, progress: dict[str, Any]) -> dict[str, Any]:
         return {"progress": progress, "seconds_done": progress["seconds"]}

@@ -27,8 +27,8 @@ from races.views.common import tell_fault
 from tracks.drawing import BoxMark
 from training.endings import how_it_ended
 from training.graph import SMOOTHINGS, draw_graph, points_of
-from training.line import place_of
 from training.models import TrainingIteration, TrainingJob
+from training.queue_order import place_of
 from training.quotas import bytes_of
 from training.selectors import can_delete_training, can_stop_training, trainings_of
 from training.services import delete_training, evaluate_training, stop_training, train_first_car

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.trace import CRASHED, IMMOBILIZED, OFF_TRACK, PAUSE, REVERSED
-from tracks.drawing.lines import JUMP_M, TOP_SPEED_MPS
+from tracks.drawing.trajectories import JUMP_M, TOP_SPEED_MPS
 
 FAULTS = (CRASHED, OFF_TRACK, IMMOBILIZED, REVERSED)
 _NUMBERS = ("X", "Y", "yaw", "steer", "throttle", "tstamp")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from evaluation.looks import COLOUR, DEFAULT_COLOUR
-from tracks.drawing.lines import SPEED_CLASSES, TOP_SPEED_MPS
 from tracks.drawing.png import SCHEMES
+from tracks.drawing.trajectories import SPEED_CLASSES, TOP_SPEED_MPS
 
 Colour = tuple[int, int, int]
 

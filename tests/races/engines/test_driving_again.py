@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from django.db import IntegrityError, transaction
 
-from evaluation.line import BACKGROUND
 from evaluation.models import Evaluation, State
+from evaluation.queue_order import BACKGROUND
 from evaluation.selectors import queue_length
 from evaluation.services import EVALUATIONS
 from races.models import Entry, Redrive, RedriveState, Retiming, Submission

@@ -32,7 +32,7 @@ class Waiting(NamedTuple):
     created_at: datetime
 
 
-def line_of(now: datetime) -> list[Waiting]:
+def waiting_in_order(now: datetime) -> list[Waiting]:
     """All trainings that could be claimed at ``now``, in the order in which they will be if nothing else is queued:
     what pauses after a fault of ours stands aside. Two queries."""
     return _in_turn(queued().filter(due(now)), now)
@@ -43,8 +43,8 @@ def place_of(job: TrainingJob, now: datetime) -> int | None:
     wait."""
     if job.state != JobState.QUEUED:
         return None
-    line = [*line_of(now), *_in_turn(queued().exclude(due(now)), now)]
-    return next((place for place, each in enumerate(line, 1) if each.pk == job.pk), None)
+    waiting = [*waiting_in_order(now), *_in_turn(queued().exclude(due(now)), now)]
+    return next((place for place, each in enumerate(waiting, 1) if each.pk == job.pk), None)
 
 
 def due(now: datetime) -> Q:

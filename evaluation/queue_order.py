@@ -32,7 +32,7 @@ FRONT = 1000  # the places that are exact
 ORDER = ("-priority", "turn", "queued_at", "pk")
 
 
-def front_of_line() -> list[int]:
+def front_of_queue() -> list[int]:
     """The ids of the first :data:`FRONT` queued evaluations in the order in which they will run if nothing else is
     queued."""
     return list(queued().order_by(*ORDER).values_list("pk", flat=True)[:FRONT])

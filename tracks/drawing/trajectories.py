@@ -19,7 +19,7 @@ XY = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class DrivenLine:
+class Trajectory:
     """A line to draw on a map: ``points`` (x, y) in metres in driving order.
 
     ``speeds`` (m/s, one a point) colours it in ``SPEED_CLASSES`` steps from 0 to 4 m/s. ``style`` is a word added to
