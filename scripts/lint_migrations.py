@@ -1,13 +1,16 @@
-"""Refuses migrations that break the code before them, which runs beside the new one while a site is upgraded.
+"""Refuses migrations that break the code before them, which runs beside the new one while a site is upgraded, and
+released ones that were changed: a site that has run them never sees the change.
 
-    python scripts/lint_migrations.py             look at what is newer than migrations.accepted
-    python scripts/lint_migrations.py --accept    take all there are for accepted: with a release, or knowingly
+    python scripts/lint_migrations.py              look at what is newer than migrations.accepted, and what was released
+    python scripts/lint_migrations.py --accept     take all there are for accepted: knowingly
+    python scripts/lint_migrations.py --release    the same, with a release: from then on their files never change
 
 django-migration-linter reads the SQL that PostgreSQL would be given, so a throwaway server is started.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -27,8 +30,12 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))
     known = all_migrations()
     accepted = accepted_migrations()
-    if "--accept" in sys.argv:
-        ACCEPTED.open("a").writelines(f"{app} {name}\n" for app, name in known if (app, name) not in accepted)
+    changed = [one for one, released in accepted.items() if released and digest(*one) != released]
+    if changed:
+        print("Released migrations never change; write a new one:", *(f"{a}.{n}" for a, n in changed), file=sys.stderr)
+        return 1
+    if "--accept" in sys.argv or "--release" in sys.argv:
+        accept(known, release="--release" in sys.argv)
         return 0
     fresh = [one for one in known if one not in accepted]
     if not fresh:
@@ -37,10 +44,35 @@ def main() -> int:
     return lint(fresh)
 
 
-def accepted_migrations() -> set[tuple[str, str]]:
-    """Those that are listed. Behind a ``#`` stands why one may that the linter would refuse."""
-    lines = ACCEPTED.read_text().splitlines() if ACCEPTED.exists() else []
-    return {(app, name) for app, name, *_why in (line.split() for line in lines)}
+def accept(migrations: list[tuple[str, str]], *, release: bool) -> None:
+    """Add those that are not listed yet; with a release the hash of each file that has none."""
+    lines = {tuple(line.split()[:2]): line for line in _lines()}
+    for one in migrations:
+        line, _, why = lines.get(one, " ".join(one)).partition("#")
+        if release and len(line.split()) == 2:
+            line = f"{line.rstrip()} {digest(*one)}"
+        lines[one] = f"{line.rstrip()}  # {why.strip()}" if why else line.rstrip()
+    ACCEPTED.write_text("".join(f"{line}\n" for line in lines.values()))
+
+
+def accepted_migrations() -> dict[tuple[str, str], str]:
+    """Those that are listed, each with the hash that it was released with; ``""`` for one that was not yet. Behind a
+    ``#`` stands why one may that the linter would refuse."""
+    found = {}
+    for line in _lines():
+        app, name, *released = line.partition("#")[0].split()
+        found[app, name] = released[0] if released else ""
+    return found
+
+
+def digest(app: str, name: str) -> str:
+    """The sha-256 of a migration's file; ``""`` where there is none any more."""
+    path = ROOT / app / "migrations" / f"{name}.py"
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+
+
+def _lines() -> list[str]:
+    return ACCEPTED.read_text().splitlines() if ACCEPTED.exists() else []
 
 
 def all_migrations(root: Path = ROOT) -> list[tuple[str, str]]:

@@ -33,13 +33,34 @@ def test_accepted_migrations_are_recorded_and_not_checked_again(asked, monkeypat
     assert lint_migrations.main() == 0 and asked == []
 
 
+def test_a_released_migration_that_was_changed_or_deleted_is_refused(asked, monkeypatch, capsys):
+    files = {("races", "0001_a"): "one", ("races", "0002_b"): "two"}
+    monkeypatch.setattr(lint_migrations, "digest", lambda app, name: files.get((app, name), ""))
+    lint_migrations.ACCEPTED.write_text("races 0001_a  # in two steps\n")
+    monkeypatch.setattr(sys, "argv", ["lint_migrations.py", "--release"])
+    assert lint_migrations.main() == 0
+    assert lint_migrations.ACCEPTED.read_text() == "races 0001_a one  # in two steps\nraces 0002_b two\n"
+    monkeypatch.setattr(sys, "argv", ["lint_migrations.py"])
+    assert lint_migrations.main() == 0 and asked == []
+    files["races", "0001_a"] = "another"
+    del files["races", "0002_b"]
+    assert lint_migrations.main() == 1 and asked == []
+    assert "races.0001_a races.0002_b" in capsys.readouterr().err
+
+
+def test_what_was_not_released_may_change(asked, monkeypatch):
+    lint_migrations.ACCEPTED.write_text("races 0001_a\nraces 0002_b\n")
+    monkeypatch.setattr(lint_migrations, "digest", lambda app, name: "another")
+    assert lint_migrations.main() == 0 and asked == []
+
+
 def test_recorded_and_existing_migrations_are_the_same():
     known = lint_migrations.all_migrations()
     accepted = lint_migrations.accepted_migrations()
     assert {app for app, _name in known} == {
         *("accounts", "core", "evaluation", "league", "races", "tracks", "training", "videos"),
     }
-    assert accepted and accepted <= set(known)
+    assert accepted and accepted.keys() <= set(known)
 
 
 @pytest.mark.slow
