@@ -30,8 +30,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """How ``make test`` deals tests out to its workers: slow ones first and each by itself, so that no worker is
-    left with a long one at the end; then the others, in packs of a file, which is cheaper than one by one.
+    """How ``make test`` deals tests out to its workers: first those in a browser, which share one site; then slow ones,
+    each by itself, so that no worker is left with a long one at the end; then the others, in packs of a file, which is
+    cheaper than one by one.
 
     Tests that share what their module makes once stay together: elsewhere every worker would make it anew.
     """
@@ -46,11 +47,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.xdist_group(f"{file} {quick_ones[file] // PACK}"))
             quick_ones[file] += 1
     if hasattr(config, "workerinput"):
-        items.sort(key=_is_quick)
+        items.sort(key=_turn)
 
 
-def pytest_collection_finish() -> None:
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object | None:
+    if config.getvalue("dist") != "loadgroup":
+        return None
+    from tests.groups import GroupScheduling
+
+    return GroupScheduling(config, log)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_finish(session: pytest.Session) -> None:
     """What collecting leaves stays to the end: looking through it for garbage again and again costs a tenth of all."""
+    if hasattr(session.config, "workerinput"):
+        from tests.groups import write_down
+
+        write_down(session.items)
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 50)
@@ -63,6 +78,12 @@ def pytest_runtest_teardown(item: pytest.Item) -> None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     kept.before(item)
+
+
+def _turn(item: pytest.Item) -> int:
+    if item.get_closest_marker("browser") is not None:
+        return 0
+    return 2 if _is_quick(item) else 1
 
 
 def _is_quick(item: pytest.Item) -> bool:
