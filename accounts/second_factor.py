@@ -34,7 +34,7 @@ class SecondFactorAdapter(DefaultMFAAdapter):
 
 
 def factors_of(racer: Racer) -> QuerySet[Authenticator]:
-    """What the racer may show beside the password. Codes on paper alone are none."""
+    """What the racer may show beside the password. Codes on paper alone do not count."""
     return Authenticator.objects.filter(user=racer, type__in=FACTORS)
 
 

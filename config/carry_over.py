@@ -144,7 +144,7 @@ def _opened(source: str, vendor: str) -> Iterator[BaseDatabaseWrapper]:
     elif Path(source).is_file():
         settings = dj_database_url.parse(f"sqlite:///{Path(source).resolve()}")
     else:
-        raise UserFault("carry_unreadable", path=source, problem="there is no such file")
+        raise UserFault("carry_unreadable", path=source, problem="no such file")
     settings = connections.configure_settings({DEFAULT_DB_ALIAS: settings})[DEFAULT_DB_ALIAS]
     # beside the site's own connection and unknown to Django's register of them: only cursors are asked of it
     old = load_backend(settings["ENGINE"]).DatabaseWrapper(settings)

@@ -55,8 +55,8 @@ class PublicReads:
 
 
 class Fresh(ConditionalGetMiddleware):
-    """Middleware: an ETag and a Cache-Control for every answer that is no page and has none, and 304 where the reader
-    has it already. What was said to no one else is kept by no one else."""
+    """Middleware: an ETag and a Cache-Control for every answer that is not a page and has none, and 304 where the
+    reader has it already. What was said to no one else is kept by no one else."""
 
     def process_response(self, request: HttpRequest, response: HttpResponseBase) -> HttpResponseBase:
         for name, value in getattr(request, "rate_limit", {}).items():

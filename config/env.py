@@ -85,7 +85,7 @@ def check_url(name: str, value: str, schemes: tuple[str, ...], example: str) -> 
     try:
         parts = urlsplit(value)
         usable = parts.scheme in schemes and bool(parts.hostname or "unix" in parts.scheme or "socket" in parts.scheme)
-        _ = parts.port  # raises where it is no number or out of range
+        _ = parts.port  # raises where it is not a number or out of range
     except ValueError:
         usable = False
     if not usable or any(mark.isspace() for mark in value):
@@ -104,7 +104,7 @@ def passkeys_work(site_url: str) -> bool:
 
 
 def env_hosts(name: str, default: str) -> list[str]:
-    """Comma-separated host names as ALLOWED_HOSTS takes them. Raises ImproperlyConfigured for what is no host name."""
+    """Comma-separated host names as ALLOWED_HOSTS takes them. Raises ImproperlyConfigured for an invalid host name."""
     hosts = env_list(name, default)
     for host in hosts:
         if not _HOST.fullmatch(host):

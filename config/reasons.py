@@ -26,7 +26,7 @@ register(
         "command_line": _("The command line is not understood: %(problem)s. Call the command with --help."),
         "file_unreadable": _("%(path)s cannot be read: %(problem)s."),
         "file_unwritable": _("%(path)s cannot be written: %(problem)s."),
-        "backup_exists": _("%(path)s is there already and stays as it is. Name a file that is not there yet."),
+        "backup_exists": _("%(path)s already exists and was not changed. Name a file that does not exist yet."),
         "backup_damaged": _("%(path)s cannot be restored: %(problem)s. Nothing was changed. Take another backup."),
         "backup_other_database": _(
             "The backup is of a database of the kind %(theirs)s, and this site has %(ours)s. Name an empty one of its "

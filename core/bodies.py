@@ -66,7 +66,7 @@ def read_as(kind: type[serializers.Serializer], sent: Any, **options: Any) -> di
 def refuse_fields(request: Request) -> None:
     """For an operation without fields. Raises ValidationError with the code ``no_fields`` if any are sent.
 
-    A body that is no JSON is refused by the parser (ParseError, UnsupportedMediaType), as everywhere.
+    A body that is not JSON is refused by the parser (ParseError, UnsupportedMediaType), as everywhere.
     """
     sent = request.data
     names = _unknown(sent, ()) if isinstance(sent, Mapping) else [""] if sent else []
@@ -75,7 +75,7 @@ def refuse_fields(request: Request) -> None:
 
 
 def _unknown(data: Any, known: Iterable[str]) -> list[str]:
-    """Names in ``data`` that are no fields; none where it is no mapping at all, which is refused as such."""
+    """Names in ``data`` that are not fields; none where it is no mapping at all, which is refused as such."""
     if not isinstance(data, Mapping):
         return []
     return [name for name in data if name not in known and name not in NOT_FIELDS]

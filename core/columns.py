@@ -16,7 +16,7 @@ def length_of(model: type[Model], name: str) -> int:
 
 
 def default_of(model: type[Model], name: str) -> Any:
-    """What a column holds of a new row. Raises ValueError for what is no column."""
+    """What a column holds of a new row. Raises ValueError for an unknown column."""
     field = model._meta.get_field(name)
     if not isinstance(field, Field):
         raise ValueError(f"{name} is no column")

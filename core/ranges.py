@@ -30,8 +30,8 @@ def stored_file_response(
     """The stored file, or as much of it as ``Range`` asks for, read from the storage a piece at a time.
 
     ``digest``: what changes with the content; it becomes the ETag. 200 whole, 206 a part, 304 unchanged, 412 where
-    ``If-Match`` names another, 416 a range that the file does not have. Several ranges at once, and what is no range,
-    are answered with the whole, as the standard allows. Whoever is to keep the answer is the caller's word.
+    ``If-Match`` names another, 416 a range that the file does not have. Several ranges at once, and what is not a
+    range, are answered with the whole, as the standard allows. Whoever is to keep the answer is the caller's word.
 
     ``most``: of a range without an end no more bytes than these are sent at a time, which the standard allows, too. A
     player asks for the next ones when it needs them; it would otherwise read so slowly that it keeps one of the site's

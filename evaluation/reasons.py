@@ -20,7 +20,7 @@ register(
         "model_name_taken": _("You already have a model named %(name)s. Choose another name."),
         "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
         "model_look": _(
-            "There is no such look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
+            "Invalid look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
         ),
         "model_deleted_not_shared": _("A deleted model cannot be shared. Upload it again, or share another one."),
         "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
@@ -88,8 +88,8 @@ register(
     "platform",
     {
         "sandbox_unavailable": _(
-            "This host cannot sandbox models safely enough (level %(level)s, at least %(minimum)s is needed), so none "
-            "is run. An operator sees with “manage.py doctor” what is missing."
+            "This host cannot sandbox models safely enough (level %(level)s, at least %(minimum)s is needed), so no "
+            "model is run. An operator sees with “manage.py doctor” what is missing."
         ),
         "worker_inexact": _(
             "This worker does not compute as every other: %(equal)s of %(runs)s golden runs came to what %(engine)s "

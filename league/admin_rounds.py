@@ -79,7 +79,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
         def call(round_: Round, given: dict[str, str]) -> object:
             return lock_round(round=round_, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
-        follows = _("Nobody can correct these results any more. This cannot be taken back.")
+        follows = _("Nobody can correct these results any more. This cannot be undone.")
         return self._ask(request, queryset, "lock", _("Lock results"), follows, ("reason",), call)
 
     @admin.action(description=gettext_lazy("Take the official results back"), permissions=["steward"])

@@ -87,7 +87,7 @@ register(
         "import_no_season": _("races.csv has no race of the season %(season)s. It has: %(seasons)s."),
         "import_empty": _("races.csv has no races."),
         "import_path": _("races.csv, row %(row)s: %(file)s lies outside the folder. Name files inside it."),
-        "import_file_twice": _("races.csv, row %(row)s: %(file)s was named before. Each race has a file of its own."),
+        "import_file_twice": _("races.csv, row %(row)s: %(file)s was named before. Each race has its own file."),
         "import_value": _("%(file)s, row %(row)s: %(column)s cannot be “%(value)s”. It is %(expected)s."),
         "import_times": _("races.csv, row %(row)s: the race closes before it opens. Correct its times."),
         "import_row_count": _("%(file)s has %(found)s results, and races.csv says %(said)s. The file is not whole."),

@@ -81,8 +81,8 @@ class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
 class Preview:
     """What a form's layout looks like. ``race``: unsaved, None without a track; ``problems``: why it cannot be driven
     so, a sentence each; ``boxes``: where they stand, in the order driven; as long as there are problems those in fixed
-    places only, in the order typed, the wrong ones marked; ``hint``: what is still to be filled in, which is no problem
-    before the form is sent."""
+    places only, in the order typed, the wrong ones marked; ``hint``: what is still to be filled in, which is not a
+    problem before the form is sent."""
 
     race: Race | None
     problems: list[str]

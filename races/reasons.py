@@ -27,7 +27,7 @@ register(
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
         "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
         "race_track_without_shape": _(
-            "Nobody here knows the shape of %(track)s: it is the name of a track in an imported season. Choose a track "
+            "The shape of %(track)s is unknown: it is only the name of a track in an imported season. Choose a track "
             "that has a map."
         ),
         "race_community_has_no_division": _("Divisions belong to league races. Leave the division empty."),

@@ -13,7 +13,7 @@ register(
             "You have imported %(limit)s tracks, as many as one racer may. Race on one of those here, or ask an admin."
         ),
         "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
-        "track_look": _("There is no such look of a track. There are: %(looks)s."),
+        "track_look": _("Invalid look of a track. Choose one of: %(looks)s."),
         "track_slug": _(
             "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
         ),

@@ -50,7 +50,7 @@ def import_track(
     ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
     ``look``: one of :class:`tracks.models.TrackLook`, for good: cars of one race must see the same track.
-    Raises UserFault("track_...") for a file that is no track (see :mod:`paddock.geometry.npy`), "track_known" (with
+    Raises UserFault("track_...") for a file that is not a track (see :mod:`paddock.geometry.npy`), "track_known" (with
     ``name`` and ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
     "track_look".
     """

@@ -67,7 +67,7 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, float]]:
-    """The table of actions that granularities make; where one of them is no number, the usual one is taken."""
+    """The table of actions that granularities make; where one of them is not a number, the usual one is taken."""
     numbers = []
     for name in GRANULARITIES:
         try:

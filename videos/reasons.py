@@ -17,7 +17,7 @@ register(
         ),
         "video_run_not_finished": _("This run has no result, so there is no video of it. Wait for its end."),
         "video_part": _(
-            "“%(part)s” is no part of a run. Choose “whole”, “best” (the car's fastest lap) or the number of a lap."
+            "“%(part)s” is not a part of a run. Choose “whole”, “best” (the car's fastest lap) or the number of a lap."
         ),
         "video_no_best_lap": _("Car %(car)s completed no lap, so it has no best one. Choose the whole run."),
         "video_language": _("Videos have their words in one of the languages %(known)s, not in “%(language)s”."),

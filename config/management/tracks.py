@@ -32,8 +32,8 @@ class FoundTrack(NamedTuple):
 def find_track(name: str) -> FoundTrack:
     """A catalogue track by its slug, the track in an ``.npy`` file, or one of the site's own by its slug.
 
-    The database is asked last, so that the other two need none. Raises UserFault for a file that is no track and for a
-    track whose shape nobody here knows, Refusal of ``track_not_found``, ``track_database`` and ``file_unreadable``.
+    The database is asked last, so that the other two need none. Raises UserFault for a file that is not a track and for
+    a track whose shape nobody here knows, Refusal of ``track_not_found``, ``track_database`` and ``file_unreadable``.
     """
     for track in CATALOGUE:
         if track.slug == name:
@@ -53,7 +53,7 @@ def _imported(name: str) -> FoundTrack:
     own: list[str] = []
     if _has_database():
         try:
-            # what is no address at all may be no text to a database
+            # what is no address at all may not be text to a database
             track = Track.objects.filter(slug=name).first() if slug_re.match(name) else None
             if track is not None:
                 return FoundTrack(track.geometry, track.look)

@@ -18,7 +18,7 @@ class Pages(PageNumberPagination):
     max_page_size = 100
 
     def get_page_size(self, request: Request) -> int:
-        """Rows on a page; a hundred for whoever asks for more. Raises ValidationError for what is no number of rows."""
+        """Rows on a page; a hundred for whoever asks for more. Raises ValidationError for an invalid number of rows."""
         asked = request.query_params.get(self.page_size_query_param)
         if asked is None:
             return self.page_size

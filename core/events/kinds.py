@@ -33,6 +33,6 @@ def register(kind: EventKind) -> EventKind:
     if KINDS.get(kind.name, kind) != kind:
         raise ValueError(f"there are two kinds of event called {kind.name}")
     if unknown := set(kind.names) - set(COLUMNS):
-        raise ValueError(f"{kind.name} names {', '.join(sorted(unknown))}, which is no column of an event")
+        raise ValueError(f"{kind.name} names {', '.join(sorted(unknown))}, which is not a column of an event")
     KINDS[kind.name] = kind
     return kind

@@ -97,7 +97,7 @@ def trim(*, now: datetime) -> int:
 
 
 def _pass_unwanted(reader: EventReader) -> int:
-    """Move a reader past events that are none of its own; returns where it stands."""
+    """Move a reader past events that are not its own; returns where it stands."""
     with transaction.atomic():
         cursor = _locked(reader.name)
         # read before the events: up to here all of them can be seen

@@ -58,7 +58,7 @@ def note_fault(fault: PaddockError, *, now: datetime) -> None:
 def note_storage_fault(*, now: datetime) -> bool:
     """A stored file could not be read or written: see whether none can, and then open the breaker. Whether it is out.
 
-    False means that only this file is lost or damaged, which is no reason to keep others waiting.
+    False means that only this file is lost or damaged, which is not a reason to keep others waiting.
     """
     if storage_is_out():
         return True

@@ -171,7 +171,7 @@ def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:
 
 
 def _rows(folder: Path, file: str, needed: Sequence[str]) -> tuple[list[str], Iterator[tuple[int, Mapping[str, str]]]]:
-    """The heading of a file and its rows by column, numbered from 2. Raises UserFault for what is no such table."""
+    """The heading of a file and its rows by column, numbered from 2. Raises UserFault for an invalid table."""
     try:
         text = _bytes(folder, file).decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -34,7 +34,7 @@ class PointsTable:
         """The rule in the reader's language."""
         listed = ", ".join(map(str, self.points))
         return ngettext(
-            "The winner of a round gets %(points)s points, and nobody else any.",
+            "The winner of a round gets %(points)s points; nobody else gets any.",
             "The first %(places)s of a round get points, in this order: %(points)s.",
             len(self.points),
         ) % {"places": len(self.points), "points": listed}

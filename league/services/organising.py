@@ -90,7 +90,7 @@ def cancelling_says(round_: Round) -> list[str]:
     """What would follow for the season if the race of a round were cancelled, in sentences."""
     lines = {
         Stage.OPEN: [_("Nobody is promoted from this open race.")],
-        Stage.PRO: [_("Nobody comes into the finale of this month: cancel it, too.")],
+        Stage.PRO: [_("Nobody qualifies for this month's finale: cancel it, too.")],
         Stage.FINALE: [_("Nobody qualifies for the championship in this finale.")],
         Stage.CHAMPIONSHIP: [_("The season has no champion.")],
     }.get(Stage(round_.stage), [])

@@ -65,7 +65,8 @@ def clean_rows(centre: Any, inner: Any, outer: Any) -> tuple[Points, Points, Poi
 
 
 def check_road(centre: Points, inner: Points, outer: Points) -> None:
-    """Refuse a loop that is no road: wrong length or width, a line that turns back or crosses, borders not around it.
+    """Refuse a loop that is not a road: wrong length or width, a line that turns back or crosses, borders not around
+    it.
 
     Not one of the community's closed files has a crossing, so none is tolerated, not even a tiny loop of the inner
     border at a tight corner. Raises UserFault.

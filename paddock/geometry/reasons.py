@@ -7,7 +7,9 @@ register(
     "Track files",
     "user",
     {
-        "track_not_npy": _("This is no NumPy array file (.npy), or it is cut short. Save the track with numpy.save."),
+        "track_not_npy": _(
+            "This is not a NumPy array file (.npy), or it is cut short. Save the track with numpy.save."
+        ),
         "track_pickled": _(
             "The file holds pickled Python objects, which are never opened. Save a plain float64 array with numpy.save."
         ),

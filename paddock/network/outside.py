@@ -66,5 +66,5 @@ def _number(text: str | None) -> int | None:
     if text is None:
         return None
     if not text.isascii() or not text.isdigit() or len(text) > _DIGITS:
-        raise UserFault("onnx_external_data", problem="at a place that is no number")
+        raise UserFault("onnx_external_data", problem="at a place that is not a number")
     return int(text)

@@ -61,7 +61,7 @@ class Reference:
         return self._run(feeds, None)
 
     def steps(self, feeds: Mapping[str, np.ndarray]) -> bool:
-        """Whether an operator of it makes a step out of a slope: rounds, compares or casts what is no whole number.
+        """Whether an operator of it makes a step out of a slope: rounds, compares or casts what is not a whole number.
 
         There the smallest error may become a large one, and no bound for it can be found by trying."""
         found: list[str] = []

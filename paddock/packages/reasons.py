@@ -38,7 +38,7 @@ register(
             "the policy reads and what its actions mean, which the zip does not."
         ),
         "unexpected_member": _(
-            "The archive holds something that is no plain file in a folder: %(member)s. Pack it again with plain "
+            "The archive holds something other than plain files in folders: %(member)s. Pack it again with plain "
             "files, and with names that do not lead out of it."
         ),
         "several_networks": _(

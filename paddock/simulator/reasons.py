@@ -18,11 +18,13 @@ register(
     "user",
     {
         "trace_too_large": _("The trace is larger than %(limit_mb)s MB. Send fewer episodes."),
-        "trace_not_csv": _("This is no sim-trace: a text file (UTF-8) of comma-separated values is needed."),
+        "trace_not_csv": _("This is not a sim-trace: a text file (UTF-8) of comma-separated values is needed."),
         "trace_columns_missing": _(
             "The trace has no column %(columns)s. Its first line must name the columns as the official simulator does."
         ),
-        "trace_not_a_number": _("Line %(row)s of the trace holds %(value)s for %(column)s, which is no finite number."),
+        "trace_not_a_number": _(
+            "Line %(row)s of the trace holds %(value)s for %(column)s, which is not a finite number."
+        ),
         "trace_column_twice": _("The trace has the column %(columns)s twice. Leave one of the two."),
         "trace_number_too_large": _(
             "Line %(row)s of the trace holds %(value)s for %(column)s. No recorded drive has a figure beyond %(limit)s."

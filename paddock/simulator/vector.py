@@ -56,8 +56,8 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
         **options: Any,
     ) -> None:
         """``options``: those of a single environment. ``copy=False`` returns the same observation arrays from every
-        call, which saves a copy of them. ``numbers_only=True`` leaves out of the infos what is no number (``status``,
-        ``laps``, ``end_reason``), as TorchRL's reader of SAME_STEP environments wants them.
+        call, which saves a copy of them. ``numbers_only=True`` leaves out of the infos what is not a number
+        (``status``, ``laps``, ``end_reason``), as TorchRL's reader of SAME_STEP environments wants them.
 
         Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and too few or too many
         reward functions.

@@ -226,7 +226,7 @@ class RaceAdmin(WithReason):
             title=_("Cancel races"),
             consequence=_(
                 "Cars that wait or drive in these races are stopped. Entries and results stay to be read. Everybody "
-                "reads the reason. This cannot be taken back."
+                "reads the reason. This cannot be undone."
             ),
             note="Cancelled",
             done=lambda count: ngettext("%d race was cancelled.", "%d races were cancelled.", count) % count,

@@ -95,7 +95,7 @@ _RANGES = {
 
 
 def _range_problems(race: Race) -> dict[str, ValidationError]:
-    """Values that no type of race may have; None, which is no value of its field, is told by the field."""
+    """Values that no type of race may have; None, which is not a value of its field, is told by the field."""
     problems = {}
     for name, code in _RANGES.items():
         value = getattr(race, name)

@@ -171,7 +171,8 @@ def laps_constraints(prefix: str) -> list[models.CheckConstraint]:
 
 
 def lap_problems(row: Any) -> dict[str, ValidationError]:
-    """What contradicts itself in a row's laps, by the field to change; a value that is no number is told elsewhere."""
+    """What contradicts itself in a row's laps, by the field to change; a value that is not a number is told
+    elsewhere."""
     driven, needed = row.laps, row.minimum_laps
     if not isinstance(driven, int) or not isinstance(needed, int):
         return {}

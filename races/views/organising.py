@@ -130,7 +130,7 @@ def invitation_reset(request: HttpRequest, slug: str) -> HttpResponse:
     """Make the old invitation link worthless and give the race a new one."""
     race = organised_race(request, slug)
     services.reset_invitation(race=race)
-    messages.success(request, _("The link is new; the old one joins nobody any more. Who has joined stays."))
+    messages.success(request, _("The link is new; the old one no longer works. Who has joined stays."))
     return redirect("race_edit", race.slug)
 
 

@@ -182,7 +182,7 @@ CASES = [
     Case("admin", "/races/round-3/", "Disqualify", "The racer leaves the board", inside=STEWARD),
     Case("admin", "", "Find", "css=#find[value=bob]", {"css=#find": "bob"}, inside="body"),
     Case("admin", "/races/round-3/", "Put back", "The racer stands on the board again", inside=STEWARD),
-    Case("admin", "/races/round-1/", "Lock results", "This cannot be taken back", inside=STEWARD),
+    Case("admin", "/races/round-1/", "Lock results", "This cannot be undone", inside=STEWARD),
     Case("admin", "/races/round-2/", "Take results back", "What came of the round is undone", inside=STEWARD),
     Case("admin", "", "See what will follow", "css=button[value=confirmed]", {"Reason": "Sure"}, inside="body"),
     Case("admin", "", "Take results back", "css=#stewards", inside="body"),

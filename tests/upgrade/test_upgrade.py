@@ -115,7 +115,7 @@ class TestRefusals:
         assert self.refused(before).code == "carry_not_empty"
 
     def test_a_missing_or_invalid_database_file_is_named(self, tmp_path):
-        assert self.refused(tmp_path / "none").params["problem"] == "there is no such file"
+        assert self.refused(tmp_path / "none").params["problem"] == "no such file"
         (tmp_path / "text").write_text("no database" * 500)
         assert "not a database" in self.refused(tmp_path / "text").params["problem"]
         assert self.refused("nonsense://somewhere").code == "carry_unreadable"

@@ -41,8 +41,8 @@ REWARD_REASONS = register(
             "Line %(line)s asks for “%(name)s”, which params do not have. Did you mean “%(meant)s”?"
         ),
         "reward_not_a_number": _(
-            "What the reward function returned in line %(line)s is no number. Each of its ways must end with “return” "
-            "and a number."
+            "What the reward function returned in line %(line)s is not a number. Each of its ways must end with "
+            "“return” and a number."
         ),
         "reward_not_finite": _(
             "The reward function returned %(value)s in line %(line)s. It must return a finite number: look for a "

@@ -72,7 +72,7 @@ def rebuild(shapes: Mapping[str, tuple[int, ...]], array: Array, facts: PolicyFa
     """
     family = next((one for one in _FAMILIES if one.sign in shapes), None)
     if family is None:
-        raise UserFault("sb3_custom", what="a policy that is none of PPO, A2C, SAC, TD3, DDPG and DQN")
+        raise UserFault("sb3_custom", what="a policy thatis not one of PPO, A2C, SAC, TD3, DDPG and DQN")
     if not any(name.startswith(family.eyes) for name in shapes):
         family = replace(family, eyes="features_extractor.")  # before 2.0, and what all share
     policy = _Policy(family, shapes, array, facts, metadata)

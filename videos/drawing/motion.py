@@ -53,7 +53,7 @@ class Steps:
 
 def read_steps(trace: bytes) -> Steps:
     """The steps of a sim-trace. Rows that cannot be read, that lie nowhere on Earth's tracks or that go back in time
-    are left out; a file that is no trace has none."""
+    are left out; a file that is not a trace has none."""
     rows: list[tuple[float, ...]] = []
     words: list[str] = []
     first = None

@@ -75,7 +75,7 @@ class Above(NamedTuple):
 
 @cache
 def above(shell: str) -> Above:
-    """The shell from above; Paddock's own for a word that is no shell."""
+    """The shell from above; Paddock's own for a word that is not a shell."""
     drawing = FROM_ABOVE.get(shell, FROM_ABOVE[Shell.PADDOCK])
     body, glass, dark, under = (
         [outline * (UNIT_M, -UNIT_M) for outline in polygons(path)]
@@ -115,7 +115,7 @@ class Side(NamedTuple):
 
 @cache
 def side(shell: str) -> Side:
-    """The shell from the side; Paddock's own for a word that is no shell."""
+    """The shell from the side; Paddock's own for a word that is not a shell."""
     drawing = FROM_THE_SIDE.get(shell, FROM_THE_SIDE[Shell.PADDOCK])
     rear, front, radius = drawing.wheels
     wheels = [(x, GROUND - radius, radius) for x in (rear, front)]

@@ -100,7 +100,7 @@ class Drive:
     def decode(self, action: Any) -> Action:
         """The command that an action of the action space means; a whole number in any form that holds just one.
 
-        Raises ValueError for what is no action; UserFault ``non_finite_action`` as in a race.
+        Raises ValueError for an invalid action; UserFault ``non_finite_action`` as in a race.
         """
         actions = self._setting.actions
         if actions.kind == DISCRETE:

@@ -235,7 +235,7 @@ def check_metadata(metadata: Mapping[str, Any]) -> ModelMetadata:
 
 def load_track(track: Track) -> TrackGeometry:
     """A geometry as it is, one of the catalogue by its slug, or one from a .npy file. Raises ValueError for a slug that
-    is not in the catalogue and is no file either, UserFault for a file that is refused."""
+    is neither in the catalogue nor a file, UserFault for a file that is refused."""
     if isinstance(track, TrackGeometry):
         return track
     if isinstance(track, str) and not track.endswith(".npy"):
