@@ -104,7 +104,7 @@ def test_a_killed_program_is_restarted_alone(programs):
     run.process.send_signal(signal.SIGTERM)
     assert run.process.wait(10) == 0
     assert "culprit None 143" in run.said
-    assert re.search(r"^\d\d:\d\d:\d\d paddock \| beside$", run.said, re.M), "who says it stands before each line"
+    assert re.search(r"^\d\d:\d\d:\d\d paddock {6}\| beside$", run.said, re.M), "who says it stands before each line"
     assert not any(is_running(pid) for pid in (web, broker, again))
 
 

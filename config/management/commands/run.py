@@ -132,7 +132,7 @@ def _trainer(celery: list[str]) -> dict[str, list[str]]:
 
 def _video_worker(celery: list[str]) -> dict[str, list[str]]:
     """The worker for videos, which stands back for all others. Each video gets a process of its own, so that an idle
-    worker holds no libraries of pictures and video_wakes."""
+    worker holds no libraries of pictures and video."""
     if not settings.VIDEOS:
         return {}
     return {
