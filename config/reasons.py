@@ -8,8 +8,8 @@ register(
     "platform",
     {
         "database_not_ready": _(
-            "The database is not ready: %(problem)s. Make it so with “manage.py migrate” (“manage.py run” does it "
-            "itself), or see to what DATABASE_URL and PADDOCK_DATA name."
+            "The database is not ready: %(problem)s. Prepare it with “manage.py migrate” (“manage.py run” does it "
+            "itself), or check DATABASE_URL and PADDOCK_DATA."
         ),
         "database_damaged": _(
             "The database is damaged: %(problem)s. Restore the last good backup (“manage.py restore”) into an empty "
@@ -64,7 +64,7 @@ register(
         ),
         "track_database": _(
             "There is no track %(name)s in the catalogue, and this site's own tracks cannot be looked up: %(problem)s. "
-            "Name one of the catalogue (%(known)s) or an .npy file, or see to the database."
+            "Name one of the catalogue (%(known)s) or an .npy file, or check the database."
         ),
         "rules_senseless": _("These rules make no sense: %(problem)s."),
     },

@@ -15,7 +15,7 @@ RUN_STARTED = register(EventKind("run.started", "a worker has taken a run", RUN,
 RUN_FINISHED = register(
     EventKind("run.finished", "a run has a result", RUN, ("racer", "subject"), ("best_lap_ms", "total_ms"))
 )
-RUN_FAILED = register(EventKind("run.failed", "a run came to no result", RUN, ("racer", "subject"), ("reason",)))
+RUN_FAILED = register(EventKind("run.failed", "a run ended without a result", RUN, ("racer", "subject"), ("reason",)))
 RUN_STOPPED = register(EventKind("run.stopped", "a run was stopped", RUN, ("racer", "subject")))
 
 

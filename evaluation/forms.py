@@ -43,7 +43,7 @@ class UploadForm(forms.Form):
         label=_("Files"),
         allow_empty_file=True,
         max_length=None,
-        error_messages={"required": _("Choose the car's archive, or a network and its model_metadata.json.")},
+        error_messages={"required": _("Choose a model's archive, or a network and its model_metadata.json.")},
         widget=FilesInput(attrs={"accept": ".gz,.tgz,.tar,.zip,.onnx,.data,.onnx_data,.bin,.json,.pb"}),
     )
     name = forms.CharField(

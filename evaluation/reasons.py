@@ -92,7 +92,7 @@ register(
             "model is run. An operator sees with “manage.py doctor” what is missing."
         ),
         "worker_inexact": _(
-            "This worker does not compute as every other: %(equal)s of %(runs)s golden runs came to what %(engine)s "
+            "This worker does not compute like every other: %(equal)s of %(runs)s golden runs came to what %(engine)s "
             "must come to. It takes no work, which waits for another worker. An operator sees with “manage.py doctor” "
             "what differs."
         ),

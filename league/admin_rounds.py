@@ -97,8 +97,8 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             return disqualify(round=round_, racer=racer, by=steward, reason=given["reason"], now=timezone.now())
 
         follows = _(
-            "The racer leaves the board, their waiting cars are stopped, everybody reads the reason, and what came of "
-            "the round is worked out anew. It can be undone while the steward window is open."
+            "The racer leaves the board, their waiting cars are stopped, everybody reads the reason, and the outcome "
+            "of the round is calculated again. It can be undone while the steward window is open."
         )
         return self._ask(request, queryset, "disqualify", _("Disqualify"), follows, ("racer", "reason"), call)
 
@@ -108,7 +108,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             racer = _racer(given["racer"])
             return put_back(round=round_, racer=racer, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
-        follows = _("The racer stands on the board again, and what came of the round is worked out anew.")
+        follows = _("The racer stands on the board again, and the outcome of the round is calculated again.")
         return self._ask(request, queryset, "put_back", _("Put back"), follows, ("racer", "reason"), call)
 
     @admin.action(description=gettext_lazy("Postpone"), permissions=["steward"])

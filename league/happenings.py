@@ -35,7 +35,7 @@ EVENTS = (*OF_RACER, *OF_RACES)
 TEST = "webhook.test"
 LABELS = {
     FINISHED: gettext_noop("a car of mine has driven"),
-    FAILED: gettext_noop("a run of mine came to no result"),
+    FAILED: gettext_noop("a run of mine ended without a result"),
     PROMOTED: gettext_noop("I am promoted"),
     IN_FINALE: gettext_noop("I am in a finale"),
     QUALIFIED: gettext_noop("I have qualified for the championship"),
@@ -51,11 +51,11 @@ WORDS = {
     OFFICIAL: SENTENCES[NoticeKind.OFFICIAL],
     RESULT: gettext_noop("%(race)s: %(racer)s was timed (%(time)s)."),
     FINISHED: gettext_noop("Your car %(model)s has driven: best lap %(time)s."),
-    FAILED: gettext_noop("The run of your car %(model)s came to no result (%(reason)s)."),
+    FAILED: gettext_noop("The run of your car %(model)s ended without a result (%(reason)s)."),
     PROMOTED: SENTENCES[NoticeKind.PROMOTED],
     IN_FINALE: gettext_noop("You are in the finale: %(race)s."),
     QUALIFIED: SENTENCES[NoticeKind.QUALIFIED],
-    TEST: gettext_noop("A test from Paddock: this address is told what you chose."),
+    TEST: gettext_noop("A test from Paddock: this address receives what you chose."),
 }
 
 

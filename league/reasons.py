@@ -98,11 +98,11 @@ register(
         ),
         "import_season_differs": _(
             "The season %(season)s was imported before from other files. A season is imported once; delete it to "
-            "import it anew."
+            "import it again."
         ),
         "import_numbers_differ": _(
             "The season %(season)s was imported before with another %(number)s. Leave the numbers out to see it as it "
-            "is, or delete it to import it anew."
+            "is, or delete it to import it again."
         ),
         "import_season_exists": _("There is a season %(season)s here that was not imported. It stays as it is."),
         "export_folder_used": _("%(folder)s is not empty. Name a folder that is new or empty."),

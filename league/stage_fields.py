@@ -102,7 +102,7 @@ def _layout() -> dict[str, forms.Field]:
     """An empty one is as proposed."""
     fields = rule_fields(LAYOUT, strict=True)
     fields["random_boxes"].label = _("Boxes")
-    fields["random_boxes"].help_text = _("Their places are drawn anew for each month.")
+    fields["random_boxes"].help_text = _("Their places are drawn again for each month.")
     return fields | rule_fields(("sensors",), strict=True)
 
 

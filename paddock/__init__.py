@@ -1,1 +1,2 @@
-"""The engine: tracks, simulator, environments, and what a car's network may be. No Django, and no room of the site."""
+"""The engine: tracks, simulator, environments, and what a model's network may be. No Django, and no room of the
+site."""

@@ -152,5 +152,5 @@ def webhook_secret(request: HttpRequest, pk: int) -> HttpResponse:
 def webhook_remove(request: HttpRequest, pk: int) -> HttpResponse:
     """Take one of the racer's webhooks away."""
     remove_webhook(webhook=get_object_or_404(webhooks_of(request.user), pk=pk))
-    messages.success(request, _("The webhook is gone; it is told nothing more."))
+    messages.success(request, _("The webhook is deleted and receives nothing more."))
     return redirect("webhooks")

@@ -1,4 +1,4 @@
-"""A car's network as numbers: read and written without a library, brought into one form, computed exactly.
+"""A model's network as numbers: read and written without a library, brought into one form, computed exactly.
 
 No Django, no runtime: the policy process, the admission and whoever compares with them use it. What a network may be is
 decided in :mod:`paddock.packages.gate`.

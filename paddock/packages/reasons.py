@@ -13,15 +13,14 @@ register(
             "there are checkpoints (.ckpt), logs or videos in it, leave them out."
         ),
         "not_a_model": _(
-            "This is not a model. Upload the car's model.tar.gz, or an .onnx file together with its "
-            "model_metadata.json."
+            "This is not a model. Upload a model.tar.gz, or an .onnx file together with its model_metadata.json."
         ),
         "upload_parts": _(
             "These files do not belong together. Upload one archive, or one network with its model_metadata.json (and, "
             "of an .onnx file that keeps its weights outside, the .onnx.data file)."
         ),
         "model_missing": _(
-            "There is no network in the upload. A car's archive holds agent/model.pb, a training's folder "
+            "There is no network in the upload. A model's archive holds agent/model.pb, a training's folder "
             "model/model_<iteration>.pb, a zip one .onnx file."
         ),
         "metadata_missing": _(
@@ -47,7 +46,7 @@ register(
         ),
         "training_folder_incomplete": _(
             "This is a training's folder, and %(missing)s is missing from it: checkpoints (.ckpt) alone cannot be "
-            "read. Pack the folder again with it, or upload the car's own archive."
+            "read. Pack the folder again with it, or upload the model's own archive."
         ),
         "checkpoint_missing": _(
             "There is no checkpoint %(checkpoint)s in the upload. It holds: %(found)s. Choose one of these, or "
@@ -140,7 +139,7 @@ register(
     {
         "graph_unreadable": _(
             "The file model.pb is not a frozen TensorFlow graph or is damaged. Use agent/model.pb from the "
-            "car's own archive."
+            "model's own archive."
         ),
         "graph_too_big": _(
             "The TensorFlow graph has too many parts (limit %(limit)s). Upload the frozen graph "
@@ -148,7 +147,7 @@ register(
         ),
         "graph_not_frozen": _(
             "The graph has weights that are not stored in it (%(node)s). Upload the frozen graph "
-            "agent/model.pb from the car's archive."
+            "agent/model.pb from the model's archive."
         ),
         "graph_operation": _(
             "The TensorFlow operation %(operation)s cannot be converted (%(node)s). Export the network to ONNX "
@@ -163,7 +162,7 @@ register(
         ),
         "graph_invalid": _(
             "The graph contradicts itself at %(node)s: sizes or types do not fit. Use agent/model.pb from the "
-            "car's own archive."
+            "model's own archive."
         ),
     },
 )
@@ -173,7 +172,7 @@ register(
     "user",
     {
         "onnx_operator": _(
-            "The operator %(operator)s is not allowed in a car's network (%(layer)s). It stands at: %(where)s. Use "
+            "The operator %(operator)s is not allowed in a model's network (%(layer)s). It stands at: %(where)s. Use "
             "plain layers: convolution, dense, pooling, activations."
         ),
         "onnx_inputs": _(

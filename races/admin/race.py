@@ -249,7 +249,7 @@ class RaceAdmin(WithReason):
         done = self.each(request, secret, lambda race: reset_invitation(race=race), "Replaced the invitation link")
         self.message_user(request, ngettext("%d link was replaced.", "%d links were replaced.", done) % done)
 
-    @admin.action(description=gettext_lazy("Work out the standings anew"), permissions=["change"])
+    @admin.action(description=gettext_lazy("Recalculate the standings"), permissions=["change"])
     def work_out_anew(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
         self.each(request, queryset, lambda race: recompute_race(race=race), "Worked out the standings anew")
-        self.message_user(request, _("The standings were worked out anew from the results."))
+        self.message_user(request, _("The standings were recalculated from the results."))

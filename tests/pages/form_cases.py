@@ -138,7 +138,7 @@ CASES = [
     Case(
         "alice",
         "/train/new/",
-        "Make the table anew",
+        "Make the table again",
         "css=[name=actions-7-speed]:not([value=''])",
         {"Steering angles": "7"},
         scripts=False,

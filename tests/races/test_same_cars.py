@@ -162,7 +162,7 @@ class TestEarlierEntries:
         assert settle_due(now=now) == 1 and settle_due(now=now) == 0
         assert ranks(race) == {"alice": 1, "bob": None}
         page = Client().get(race.get_absolute_url()).content.decode()
-        assert "excluded: same car as alice, whose it is" in page
+        assert "excluded: same car as alice, who sent it first" in page
         rows = {
             row["racer"]: row["car_of"] for row in Client().get(f"/api/v1/races/{race.slug}/board/").json()["results"]
         }

@@ -8,7 +8,7 @@ register(
     "user",
     {
         "sb3_unreadable": _(
-            "%(member)s in this zip of stable-baselines3 cannot be read. Save the model anew with model.save() of a "
+            "%(member)s in this zip of stable-baselines3 cannot be read. Save the model again with model.save() of a "
             "current version and upload that."
         ),
         "sb3_custom": _(

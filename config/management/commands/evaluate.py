@@ -43,7 +43,7 @@ class Command(JsonCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument(
-            "package", type=Path, help="a car's archive or a training's folder (.tar.gz, .zip), or an .onnx file"
+            "package", type=Path, help="a model's archive or a training's folder (.tar.gz, .zip), or an .onnx file"
         )
         parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
         parser.add_argument("--track", required=True, help=TRACK_HELP)

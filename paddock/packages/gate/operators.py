@@ -1,4 +1,4 @@
-"""The operators a car's network may use, with the attributes each may have.
+"""The operators a model's network may use, with the attributes each may have.
 
 Left out on purpose: control flow (Loop, If, Scan), anything random, operators that make their output's size out of
 numbers (Tile, Range, OneHot), strings, sequences, and recurrent layers (a policy has no memory between steps here).
