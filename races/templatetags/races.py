@@ -8,11 +8,12 @@ from functools import lru_cache
 from django import template
 from django.template import Context
 from django.utils import timezone
-from django.utils.html import format_html
+from django.utils.html import escape, format_html
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
 from races import facts, ranking
@@ -20,7 +21,7 @@ from races.engines import hidden_runs
 from races.layout import box_marks
 from races.models import Entry, Race, RaceState
 from races.replay import LAP_COLOURS
-from races.selectors import evaluations_visible_to, races_on
+from races.selectors import BoardRow, evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
 from races.selectors.results import Place, Rival
@@ -192,9 +193,22 @@ def score_columns(race: Race) -> tuple[ranking.Column, ...]:
     return ranking.rule_for(race).columns()
 
 
+@register.simple_tag
+def time_cells(race: Race, row: BoardRow) -> SafeString:
+    """The cells of a row in these columns: the most frequent part of a board, so written here and not by a template."""
+    cells = []
+    for column in ranking.rule_for(race).columns():
+        fastest = row.has_fastest_lap and column.figure == "best_lap_ms"
+        shown = " time" if column.ranks else f" {column.shown}" if column.shown else ""
+        said = f'<span class="hidden"> ({escape(_("fastest lap"))})</span>' if fastest else ""
+        time = clock(getattr(row.entry, column.figure))
+        cells.append(f'<td class="num{shown}{" best strong" if fastest else ""}">{time}{said}</td>')
+    return mark_safe("".join(cells))  # words of ours, and times
+
+
 @register.filter
-def figure_in(shown: Entry | ranking.Standing, column: ranking.Column) -> int | None:
-    """The time of an entry or a standing that stands in a column."""
+def figure_in(shown: ranking.Standing, column: ranking.Column) -> int | None:
+    """The time of a standing that stands in a column."""
     figure: int | None = getattr(shown, column.figure)
     return figure
 
