@@ -14,7 +14,7 @@ from accounts.views import account
 
 from .views import site, workers
 
-# One door: who is not logged in is sent to the site's own form, with its limits and its second factor
+# One log-in: who is not logged in is sent to the site's own form, with its limits and its second factor
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [
