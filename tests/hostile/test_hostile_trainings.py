@@ -204,7 +204,7 @@ def mine(self, *arguments):
 
 def reward_function(params):
     if trainer:
-        modules["training.trainer.cars"].Cars.harvest = mine
+        modules["training.trainer.cars"].TrainingCars.harvest = mine
     return 1.0
 """,
     ),

@@ -103,7 +103,7 @@ CASES = [
     Case("alice", "/settings/tokens/", "Revoke", "The token is revoked"),
     Case("alice", "/settings/webhooks/", "Send a test", "The test is on its way"),
     Case("alice", "/settings/webhooks/", "New secret", "The webhook has a new secret."),
-    Case("alice", "/settings/webhooks/", "Remove", "The webhook is gone"),
+    Case("alice", "/settings/webhooks/", "Remove", "The webhook is deleted"),
     Case("alice", "/settings/webhooks/", "Add a webhook", "The webhook is made.", {"Address": "https://example.org/a"}),
     Case("alice", "/settings/notices/", "Save", "Saved."),
     Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),

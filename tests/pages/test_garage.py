@@ -79,7 +79,7 @@ def test_an_unavailable_storage_is_reported_with_its_code(world: World, monkeypa
 def test_a_missing_file_is_reported_beside_the_field(world: World) -> None:
     response = world.client("newcomer").post("/models/upload/", {"name": ""})
     assert response.status_code == 422
-    assert "Choose the car" in response.content.decode()
+    assert "Choose a model" in response.content.decode()
 
 
 def test_a_model_is_uploaded_and_shown(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
