@@ -15,10 +15,18 @@ from contextlib import contextmanager, suppress
 
 import billiard
 from billiard import pool
-from celery.signals import worker_process_init, worker_shutting_down
+from celery.signals import worker_init, worker_process_init, worker_shutting_down
 
 _RECEIPT_TENTHS_S = 10
 _stopping = mmap.mmap(-1, 1)  # one byte that a worker shares with the processes that it forks
+
+
+@worker_init.connect
+def begin_worker(**kwargs: object) -> None:
+    """Before a worker has its pool: a byte of its own. Workers that are forks of one process, as those of
+    ``manage.py run`` are, would share that one's: the first that stops would have all others begin nothing any more."""
+    global _stopping
+    _stopping = mmap.mmap(-1, 1)
 
 
 @worker_process_init.connect

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
+from celery.signals import worker_init
 
 from core.jobs import stopping
 from core.jobs.stopping import shutdown_flag
@@ -60,3 +61,30 @@ def test_a_task_started_after_the_signal_knows_of_it(monkeypatch):
     stopping.pass_on_shutdown()
     with shutdown_flag() as told:
         assert told()
+
+
+def test_a_worker_that_stops_stops_no_other_fork_of_the_same_process():
+    """As the programs of ``manage.py run`` are: what had loaded this module forks the workers, and they their pools."""
+
+    def of_a_worker(told: bool) -> bool:
+        worker_init.send(sender=None)
+        if told:
+            stopping.pass_on_shutdown()
+        return said_by_a_fork(stopping.is_stopping)
+
+    assert said_by_a_fork(lambda: of_a_worker(told=True)), "the processes of its pool know"
+    assert not said_by_a_fork(lambda: of_a_worker(told=False))
+    assert not stopping.is_stopping()
+
+
+def said_by_a_fork(question: Callable[[], bool]) -> bool:
+    pid = os.fork()
+    if pid == 0:
+        status = 2
+        try:
+            status = int(question())
+        finally:
+            os._exit(status)
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    assert status in (0, 1), status
+    return bool(status)
