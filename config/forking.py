@@ -28,7 +28,7 @@ def fork(work: Callable[[], object]) -> tuple[int, int]:
     """Do ``work`` in a process and a session of its own, which ends with this one. Returns its id and where its output
     can be read.
 
-    It has the standard streams and no other open file of ours.
+    It reads nothing, and has no open file of ours: where our own standard input is closed, 0 may be any file's number.
     """
     reading, writing = os.pipe()
     ours = os.getpid()
@@ -68,6 +68,8 @@ def _begin(work: Callable[[], object], output: int, parent: int) -> NoReturn:
         os.setsid()
         os.dup2(output, 1)
         os.dup2(output, 2)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
         os.closerange(3, os.sysconf("SC_OPEN_MAX"))
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -210,5 +210,9 @@ class Supervisor:
         before = f"{datetime.now():%H:%M:%S} {name:{width}} | "
         if colour and sys.stdout.isatty():
             before = f"\033[{colour}m{before}\033[0m"
-        for line in text.splitlines():
-            print(before + line, flush=True)
+        try:
+            for line in text.splitlines():
+                print(before + line, flush=True)
+        except BrokenPipeError:  # who read our log has gone, and that is the end of any program
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            self._stop(signal.SIGPIPE, None)

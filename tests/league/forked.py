@@ -17,14 +17,15 @@ def main() -> None:
     print(", ".join(sys.argv[1:]))
     print(f"{signal.getsignal(signal.SIGINT).__name__}, {int(signal.getsignal(signal.SIGTERM))}, nice {os.nice(0)}")
     files = [int(one) for one in os.listdir("/proc/self/fd") if os.path.exists(f"/proc/self/fd/{one}")]
-    print("files", ", ".join(map(str, sorted(files))))
+    read = os.readlink("/proc/self/fd/0")
+    print("files", ", ".join(f"{one} ({read})" if one == 0 else str(one) for one in sorted(files)))
     print(Path("/proc/self/cmdline").read_bytes().decode().rstrip("\0"))
     child = dict(line.split("=", 1) for line in subprocess.check_output(["env", "-0"], text=True).split("\0") if line)
-    print("the environment is", "the same" if child == dict(os.environ) else "another")
     told = Event()
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     Thread(target=_last_words, args=(told,)).start()
     try:
+        print("the environment is", "the same" if child == dict(os.environ) else "another")
         signal.pause()
     finally:
         told.set()

@@ -139,9 +139,24 @@ def test_nothing_outlives_a_killed_supervisor(programs):
     wait_for(lambda: not any(is_running(pid) for pid in pids), 5)
 
 
+def test_all_end_in_order_when_nobody_reads_the_log_any_more(tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = [sys.executable, "-c", SUPERVISOR, str(tmp_path), "web=stays", "worker=dies", "broker=stays"]
+    with subprocess.Popen(command, cwd=CHECKOUT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout.readline()
+        running.stdout.close()
+        assert running.wait(20) == 0
+        assert running.stderr.read() == ""
+    assert not any(is_running(int(pid)) for name in ("web", "broker") for pid in (tmp_path / name).read_text().split())
+
+
 def test_a_module_runs_in_a_fork_that_shares_what_is_loaded_and_no_open_file(tmp_path):
     with subprocess.Popen(
-        [sys.executable, "-c", SHARING, str(tmp_path / "held")], cwd=CHECKOUT, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", SHARING, str(tmp_path / "held")],
+        cwd=CHECKOUT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     ) as running:
         said = [running.stdout.readline().partition(" | ")[2].strip() for _ in range(6)]
         running.send_signal(signal.SIGTERM)
@@ -150,7 +165,7 @@ def test_a_module_runs_in_a_fork_that_shares_what_is_loaded_and_no_open_file(tmp
     assert said[0] == "loaded by the supervisor"
     assert said[1] == f"{tmp_path}/held, of its own"
     assert said[2] == "default_int_handler, 0, nice 3"
-    assert said[3] == "files 0, 1, 2"
+    assert said[3] == "files 0 (/dev/null), 1, 2"
     assert said[4] == f"{sys.executable} -m tests.league.forked {tmp_path}/held of its own"
     assert said[5] == "the environment is the same"
     assert "stopped well" in rest
