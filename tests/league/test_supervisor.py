@@ -143,11 +143,12 @@ def test_all_end_in_order_when_nobody_reads_the_log_any_more(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     command = [sys.executable, "-c", SUPERVISOR, str(tmp_path), "web=stays", "worker=dies", "broker=stays"]
     with subprocess.Popen(command, cwd=CHECKOUT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
-        assert running.stdout.readline()
+        wait_for(lambda: all((tmp_path / name).exists() for name in ("web", "broker")), 10)
         running.stdout.close()
         assert running.wait(20) == 0
         assert running.stderr.read() == ""
-    assert not any(is_running(int(pid)) for name in ("web", "broker") for pid in (tmp_path / name).read_text().split())
+    pids = [int(pid) for name in ("web", "broker") for pid in (tmp_path / name).read_text().split()]
+    assert pids and not any(is_running(pid) for pid in pids)
 
 
 def test_a_module_runs_in_a_fork_that_shares_what_is_loaded_and_no_open_file(tmp_path):
