@@ -7,8 +7,12 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Timer
 
 import numpy as np
 import pytest
@@ -45,20 +49,49 @@ def folder(tmp_path_factory) -> Path:
     return made
 
 
-@pytest.fixture
-def run(folder) -> Run:
-    def call(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+class Commands:
+    """A process that does commands in an environment, one after the other (tests/league/commands.py)."""
+
+    def __init__(self, folder: Path, environment: dict[str, str]) -> None:
         keep = {name: os.environ[name] for name in ("PATH", "HOME", "LANG") if name in os.environ}
-        return subprocess.run(
-            [sys.executable, CHECKOUT / "manage.py", *arguments],
+        self._folder = folder
+        self._process = subprocess.Popen(
+            [sys.executable, CHECKOUT / "tests/league/commands.py"],
             cwd=folder,
             env={**keep, "PADDOCK_DATA": str(folder / "data"), "OMP_NUM_THREADS": "1", **environment},
-            capture_output=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
             text=True,
-            timeout=120,
         )
 
-    return call
+    def run(self, arguments: Sequence[str]) -> subprocess.CompletedProcess:
+        with TemporaryDirectory() as kept:
+            out, err = Path(kept, "out"), Path(kept, "err")
+            late = Timer(120, self._process.kill)
+            late.start()
+            print(json.dumps([arguments, str(out), str(err)]), file=self._process.stdin, flush=True)
+            status = self._process.stdout.readline()
+            late.cancel()
+            assert status, f"{arguments}: no end within two minutes, or the process does not begin"
+            return subprocess.CompletedProcess(arguments, int(status), out.read_text(), err.read_text())
+
+    def close(self) -> None:
+        with self._process:
+            self._process.kill()
+
+
+@pytest.fixture(scope="module")
+def run(folder) -> Iterator[Run]:
+    """Do a command in an environment; the site is loaded once for all commands in the same one."""
+    with ExitStack() as ending:
+
+        @cache
+        def commands_in(*environment: tuple[str, str]) -> Commands:
+            commands = Commands(folder, dict(environment))
+            ending.callback(commands.close)
+            return commands
+
+        yield lambda *arguments, **environment: commands_in(*environment.items()).run(arguments)
 
 
 def said(done: subprocess.CompletedProcess) -> str:
