@@ -23,6 +23,8 @@ from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.utils import load_backend
 
 from paddock.errors import UserFault
+from paddock.geometry.character import character_of
+from paddock.geometry.npy import read_npy
 
 # The last migrations before 0.1.0, by room
 LAST = {
@@ -33,6 +35,13 @@ LAST = {
     "tracks": "0003_looks",
     "training": "0007_turns_and_tolls",
 }
+
+
+def _character(npy: bytes, measure: str) -> int | None:
+    """A track's corners or difficulty, which older versions did not reckon; None where its shape is not known."""
+    return getattr(character_of(read_npy(bytes(npy), "")), measure) if npy else None
+
+
 # New table: old one
 TABLES = {
     "accounts_racer": "league_racer",
@@ -56,6 +65,8 @@ MADE: dict[tuple[str, str], tuple[tuple[str, ...], Callable[..., Any]]] = {
         ("bot_lane_changes",),
         lambda changes: json.dumps({"bot_lane_changes": bool(changes)}),
     ),
+    ("tracks_track", "corners"): (("npy",), lambda npy: _character(npy, "corners")),
+    ("tracks_track", "difficulty"): (("npy",), lambda npy: _character(npy, "difficulty")),
     # a notice that never goes by mail has no row
     ("league_mail", "notice_id"): (("id",), lambda notice: notice),
     ("league_mail", "attempt"): (("mail_tries",), lambda tries: tries),

@@ -11,7 +11,6 @@ from django.utils import timezone
 from accounts.models import Racer
 from evaluation.models import Network, TrainedModel
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import write_npy
 from tracks.models import Track
 
 METADATA = {
@@ -31,15 +30,16 @@ METADATA = {
 def track_row(slug: str) -> Track:
     """A track of the catalogue."""
     entry = next(track for track in CATALOGUE if track.slug == slug)
-    geometry = entry.geometry()
     return Track.objects.create(
         slug=slug,
         name=entry.name,
-        npy=write_npy(geometry),
-        fingerprint=geometry.fingerprint,
-        length_m=geometry.length,
-        width_m=geometry.width_at(0.0),
-        direction=geometry.direction,
+        npy=entry.npy,
+        fingerprint=entry.fingerprint,
+        length_m=entry.length_m,
+        width_m=entry.width_m,
+        corners=entry.corners,
+        difficulty=entry.difficulty,
+        direction=entry.direction,
         is_catalogue=True,
     )
 

@@ -44,6 +44,8 @@ class Track(models.Model):
     fingerprint = models.CharField(_("fingerprint"), max_length=64, unique=True, editable=False)
     length_m = models.FloatField(_("length in metres"), null=True, blank=True, editable=False)
     width_m = models.FloatField(_("width in metres"), null=True, blank=True, editable=False)
+    corners = models.PositiveSmallIntegerField(_("corners"), null=True, blank=True, editable=False)
+    difficulty = models.PositiveSmallIntegerField(_("difficulty"), null=True, blank=True, editable=False)
     direction = models.CharField(_("the file's own direction"), max_length=3, choices=Direction.choices, editable=False)
     look = models.CharField(
         _("look"), max_length=16, choices=TrackLook.choices, default=TrackLook.OFFICIAL, editable=False
@@ -67,10 +69,19 @@ class Track(models.Model):
             models.CheckConstraint(condition=models.Q(length_m__gt=0), name="track_length_positive"),
             models.CheckConstraint(condition=models.Q(width_m__gt=0), name="track_width_positive"),
             models.CheckConstraint(
-                condition=models.Q(length_m__isnull=True, width_m__isnull=True, is_catalogue=False)
-                | models.Q(length_m__isnull=False, width_m__isnull=False),
-                name="track_has_both_measures_or_no_shape",
+                condition=models.Q(
+                    length_m__isnull=True,
+                    width_m__isnull=True,
+                    corners__isnull=True,
+                    difficulty__isnull=True,
+                    is_catalogue=False,
+                )
+                | models.Q(
+                    length_m__isnull=False, width_m__isnull=False, corners__isnull=False, difficulty__isnull=False
+                ),
+                name="track_has_all_measures_or_no_shape",
             ),
+            models.CheckConstraint(condition=models.Q(difficulty__lte=100), name="track_difficulty_at_most_100"),
             models.CheckConstraint(condition=models.Q(direction__in=Direction.values), name="track_direction_known"),
             models.CheckConstraint(condition=models.Q(look__in=TrackLook.values), name="track_look_known"),
         ]

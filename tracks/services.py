@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
-from statistics import median
 from typing import TYPE_CHECKING
 
 from django.db import IntegrityError, transaction
@@ -17,6 +16,7 @@ from core.columns import length_of
 from core.locks import hold
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
+from paddock.geometry.character import character_of, median_width
 from paddock.geometry.npy import read_npy, write_npy
 from paddock.geometry.track import TrackGeometry
 
@@ -114,9 +114,8 @@ def free_slug(name: str) -> str:
 
 
 def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
-    geometry = entry.geometry()
     texts = {"name": entry.name, "description": entry.description, "is_catalogue": True}
-    track = Track.objects.filter(fingerprint=geometry.fingerprint).first()
+    track = Track.objects.defer("npy").filter(fingerprint=entry.fingerprint).first()
     if track is not None and track.slug == entry.slug:
         if any(getattr(track, field) != value for field, value in texts.items()):
             Track.objects.filter(pk=track.pk).update(**texts)
@@ -127,8 +126,9 @@ def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
         older.slug, older.is_catalogue = free_slug(f"{entry.slug}-{older.fingerprint[:6]}"), False
         older.save(update_fields=["slug", "is_catalogue"])
     if track is None:
-        track = _row(geometry, slug=entry.slug, name=entry.name)
-        track.created_at = now
+        track = Track(npy=entry.npy, created_at=now)
+        for field in ("name", "fingerprint", "length_m", "width_m", "direction", "corners", "difficulty"):
+            setattr(track, field, getattr(entry, field))
     track.slug, track.owner = entry.slug, None
     for field, value in texts.items():
         setattr(track, field, value)
@@ -137,15 +137,17 @@ def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
 
 
 def _row(geometry: TrackGeometry, *, slug: str, name: str) -> Track:
-    widths = (geometry.width_at(float(distance)) for distance in geometry.cumulative)
+    corners, difficulty = character_of(geometry)
     return Track(
         slug=slug,
         name=name,
         npy=write_npy(geometry),
         fingerprint=geometry.fingerprint,
         length_m=round(geometry.length, 3),
-        width_m=round(median(widths), 3),
+        width_m=round(median_width(geometry), 3),
         direction=geometry.direction,
+        corners=corners,
+        difficulty=difficulty,
     )
 
 

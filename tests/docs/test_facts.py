@@ -12,7 +12,6 @@ import pytest
 
 from accounts.tokens import TOKENS_PER_RACER
 from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
-from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.checks import MAX_LENGTH_M, MAX_WAYPOINTS, MAX_WIDTH_M, MIN_LENGTH_M, MIN_WAYPOINTS, MIN_WIDTH_M
 from paddock.network.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
 from paddock.packages.gate.operators import OPERATORS
@@ -140,12 +139,6 @@ def test_the_environment_snippet_runs():
     assert names["observation"]["FRONT_FACING_CAMERA"].shape == (120, 160, 1)
     names["cars"].close()
     assert names["observations"]["FRONT_FACING_CAMERA"].shape == (16, 120, 160, 1)
-
-
-def test_catalogue_tracks_and_their_lengths_are_correct():
-    for track in CATALOGUE:
-        assert f"`{track.slug}`" in text("racers.md")
-        assert f"`{track.slug}` {track.stated_length_m:.2f} m" in text("simulator.md").replace("\n", " ")
 
 
 def test_the_numbers_on_the_simulator_page_are_correct():

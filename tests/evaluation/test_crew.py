@@ -87,7 +87,7 @@ def test_a_rehearsed_crew_drives_a_race_of_more_cars(job):
 
 
 def test_all_tracks_reach_a_runner_that_is_still_starting(job):
-    venues = [replace(job, track=track.geometry()).venue for track in CATALOGUE]
+    venues = [replace(job, track=track.geometry()).venue for track in CATALOGUE[:VENUES_KEPT]]
     with Crew(venues=venues) as crew:
         assert evaluate(job, crew=crew).end_reason == "time_up"
 

@@ -101,7 +101,7 @@ def test_malformed_names_are_unknown_tracks(name):
 
 
 def test_a_track_known_only_by_name_is_refused(imported):
-    Track.objects.filter(pk=imported.pk).update(length_m=None, width_m=None)
+    Track.objects.filter(pk=imported.pk).update(length_m=None, width_m=None, corners=None, difficulty=None)
     with pytest.raises(UserFault) as caught:
         find_track("back-yard")
     assert caught.value.code == "track_shape_unknown"

@@ -55,7 +55,7 @@ RIVALS = (pipeline.RivalModel(small_network(seed=1), METADATA),) * (MAX_CARS - 1
     ids=["alone", "four cars"],
 )
 def test_the_largest_track_needs_under_half_of_a_runners_memory(monkeypatch, rules, rivals):
-    largest = max(CATALOGUE, key=lambda track: track.stated_length_m or 0.0)
+    largest = max(CATALOGUE, key=lambda track: track.length_m)
     started, peaks = [], []
     launch = crew.launch
 

@@ -24,6 +24,8 @@ class Migration(migrations.Migration):
                 ('fingerprint', models.CharField(editable=False, max_length=64, unique=True, verbose_name='fingerprint')),
                 ('length_m', models.FloatField(blank=True, editable=False, null=True, verbose_name='length in metres')),
                 ('width_m', models.FloatField(blank=True, editable=False, null=True, verbose_name='width in metres')),
+                ('corners', models.PositiveSmallIntegerField(blank=True, editable=False, null=True, verbose_name='corners')),
+                ('difficulty', models.PositiveSmallIntegerField(blank=True, editable=False, null=True, verbose_name='difficulty')),
                 ('direction', models.CharField(choices=[('ccw', 'counter-clockwise'), ('cw', 'clockwise')], editable=False, max_length=3, verbose_name="the file's own direction")),
                 ('look', models.CharField(choices=[('official', 'as in the official simulator'), ('textures', 'the official textures in full light'), ('bold', 'large dashes, a far and high wall')], default='official', editable=False, max_length=16, verbose_name='look')),
                 ('is_catalogue', models.BooleanField(default=False, editable=False, verbose_name='from the catalogue')),
@@ -34,7 +36,7 @@ class Migration(migrations.Migration):
                 'verbose_name': 'track',
                 'verbose_name_plural': 'tracks',
                 'ordering': ['-is_catalogue', 'length_m'],
-                'constraints': [models.CheckConstraint(condition=models.Q(('length_m__gt', 0)), name='track_length_positive'), models.CheckConstraint(condition=models.Q(('width_m__gt', 0)), name='track_width_positive'), models.CheckConstraint(condition=models.Q(models.Q(('is_catalogue', False), ('length_m__isnull', True), ('width_m__isnull', True)), models.Q(('length_m__isnull', False), ('width_m__isnull', False)), _connector='OR'), name='track_has_both_measures_or_no_shape'), models.CheckConstraint(condition=models.Q(('direction__in', ['ccw', 'cw'])), name='track_direction_known'), models.CheckConstraint(condition=models.Q(('look__in', ['official', 'textures', 'bold'])), name='track_look_known')],
+                'constraints': [models.CheckConstraint(condition=models.Q(('length_m__gt', 0)), name='track_length_positive'), models.CheckConstraint(condition=models.Q(('width_m__gt', 0)), name='track_width_positive'), models.CheckConstraint(condition=models.Q(models.Q(('corners__isnull', True), ('difficulty__isnull', True), ('is_catalogue', False), ('length_m__isnull', True), ('width_m__isnull', True)), models.Q(('corners__isnull', False), ('difficulty__isnull', False), ('length_m__isnull', False), ('width_m__isnull', False)), _connector='OR'), name='track_has_all_measures_or_no_shape'), models.CheckConstraint(condition=models.Q(('difficulty__lte', 100)), name='track_difficulty_at_most_100'), models.CheckConstraint(condition=models.Q(('direction__in', ['ccw', 'cw'])), name='track_direction_known'), models.CheckConstraint(condition=models.Q(('look__in', ['official', 'textures', 'bold'])), name='track_look_known')],
             },
         ),
     ]

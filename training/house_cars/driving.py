@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
-from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.race import run_race
 
 from .environment import SENSOR
-
-_TRACKS = {entry.slug: entry for entry in CATALOGUE}
 
 
 class OnnxDriver:
@@ -53,7 +51,7 @@ def score(onnx: bytes, metadata: dict[str, Any], routes: Sequence[tuple[str, str
     driver = OnnxDriver(onnx)
     clean, speed, distance = 0, 0.0, 0.0
     for slug, direction in routes:
-        track = _TRACKS[slug].geometry()
+        track = by_slug(slug).geometry()
         rules = RaceRules.of_an_episode(max_simulated_ms=120_000, direction=direction)
         lap = run_race(track, rules, space, [SENSOR], driver).laps[0]
         distance += lap.completion_percentage / 100.0

@@ -1,4 +1,4 @@
-"""The training ground: every catalogue track in both directions, with small frames that vary in light."""
+"""The training ground: the tracks of the demo season and a few more, both ways, with frames that vary in light."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ import numpy as np
 from gymnasium import spaces
 
 import paddock.simulator.envs  # noqa: F401  registers the environments
-from paddock.geometry.catalogue import CATALOGUE
 from paddock.simulator.clock import STEP_MS
 from paddock.simulator.rewards import Params
 
-from .recipes import Recipe
+from .recipes import TRACKS, Recipe
 
 SENSOR = "FRONT_FACING_CAMERA"
 POOL = 4  # the network sees the mean of 4 x 4 pixels; pooled here, learning stores a sixteenth
 EPISODE_MS = 20_000
-ROUTES: tuple[tuple[str, str], ...] = tuple((entry.slug, way) for entry in CATALOGUE for way in ("ccw", "cw"))
+ROUTES: tuple[tuple[str, str], ...] = tuple((slug, way) for slug in TRACKS for way in ("ccw", "cw"))
 
 
 def pool(frame: np.ndarray) -> np.ndarray:

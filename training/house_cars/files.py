@@ -10,11 +10,11 @@ from typing import Any
 
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
-from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue import by_slug
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules
 
-from .recipes import Recipe
+from .recipes import TRACKS, Recipe
 
 FOLDER = Path(__file__).parent
 LAPS = 3
@@ -43,21 +43,21 @@ def write_car(folder: Path, recipe: Recipe, onnx: bytes, made: dict[str, Any]) -
 
 
 def measure_car(folder: Path, name: str) -> dict[str, dict[str, dict[str, Any]]]:
-    """Three laps on each catalogue track in both directions through the platform's own sandboxed pipeline; written into
-    the car's JSON and returned by track and direction. Raises PaddockError where an evaluation fails."""
+    """Three laps on each of :data:`.recipes.TRACKS`, both ways, through the platform's own sandboxed pipeline; written
+    into the car's JSON and returned by track and direction. Raises PaddockError where an evaluation fails."""
     path = folder / f"{name}.json"
     content = json.loads(path.read_text())
     package = _admit((folder / f"{name}.onnx").read_bytes(), content)
     measured: dict[str, dict[str, dict[str, Any]]] = {}
-    for entry in CATALOGUE:
-        track = entry.geometry()
+    for slug in TRACKS:
+        track = by_slug(slug).geometry()
         for direction in ("ccw", "cw"):
             rules = RaceRules(laps=LAPS, direction=direction)
             outcome = evaluate(
                 RaceJob(track, rules, package.onnx, package.metadata.to_dict(), facts=package.facts.to_dict())
             )
             times = [lap["time_ms"] for lap in outcome.laps if lap["complete"]]
-            measured.setdefault(entry.slug, {})[direction] = {
+            measured.setdefault(slug, {})[direction] = {
                 "complete_laps": len(times),
                 "average_lap_ms": round(sum(times) / len(times)) if times else None,
                 "best_lap_ms": min(times, default=None),
@@ -90,10 +90,10 @@ def write_table(folder: Path) -> None:
 def _table_lines(cars: list[dict[str, Any]]) -> Iterable[str]:
     yield "| track | direction | " + " | ".join(car["display_name"] for car in cars) + " |"
     yield "|---|---|" + "---:|" * len(cars)
-    for entry in CATALOGUE:
+    for slug in TRACKS:
         for direction in ("ccw", "cw"):
-            cells = [_cell(car["measured"][entry.slug][direction]) for car in cars]
-            yield f"| {entry.name} | {direction} | " + " | ".join(cells) + " |"
+            cells = [_cell(car["measured"][slug][direction]) for car in cars]
+            yield f"| {by_slug(slug).name} | {direction} | " + " | ".join(cells) + " |"
 
 
 def _cell(found: dict[str, Any]) -> str:

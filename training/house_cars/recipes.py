@@ -5,6 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+# Where they learn and are measured: the demo season's six, our oval, and two that everybody knows, one of them narrow
+TRACKS = (
+    "baja-turnpike",
+    "baja-highway",
+    "kuei-raceway",
+    "kuei-super-raceway",
+    "cosmic-loop",
+    "cosmic-circuit",
+    "oval",
+    "a-to-z-speedway",
+    "reinvent-2018",
+)
+
 
 @dataclass(frozen=True)
 class Recipe:

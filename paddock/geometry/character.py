@@ -1,0 +1,66 @@
+"""What a track asks of a car: how many corners it has and how difficult it is. Our own measures; no Django.
+
+The published difficulty of the old console's tracks follows from no shape (its rank correlation with length, width,
+turning and time lost in bends is below 0.4 each), so Paddock defines one that can be reckoned.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .track import TrackGeometry
+
+STEP_M = 0.1
+SMOOTH_M = 0.6  # headings are compared so far apart: waypoints of the old files lie up to 0.7 m from each other
+BENT = 0.2  # 1/m: a bend of a greater radius than 5 m is driven as a straight
+CORNER_DEGREES = 30.0  # less turning than this is no corner
+TOP_SPEED = 4.0  # m/s, the fastest that the old console's cars drive
+SIDEWAYS = 4.0  # m/s2 that the reference car takes in a bend
+ROAD_M = 1.07  # the usual width of the league's roads
+
+
+class Character(NamedTuple):
+    """``corners``: how many. ``difficulty``: 0 to 100, see :func:`character_of`."""
+
+    corners: int
+    difficulty: int
+
+
+def median_width(track: TrackGeometry) -> float:
+    """Metres between the borders, square to the track: the median over the waypoints."""
+    left, right = track.half_widths_along(track.cumulative)
+    return float(np.median(left + right))
+
+
+def character_of(track: TrackGeometry) -> Character:
+    """The character of a track; the same in both directions.
+
+    A corner is a stretch that turns one way, tighter than a radius of 5 m, by at least 30 degrees in all. The
+    difficulty is the share of a lap, in per cent, that a car in the middle of the road gives away to bends (at most
+    4 m/s, and 4 m/s2 sideways, against 4 m/s all the way), times 1.07 m over the road's median width; at most 100.
+    """
+    count = max(round(track.length / STEP_M), 16)
+    distances = np.arange(count) * (track.length / count)
+    headings = np.array([track.point_at(distance)[2] for distance in distances - SMOOTH_M / 2])
+    apart = max(round(SMOOTH_M / track.length * count), 1)
+    turned = np.angle(np.exp(1j * (np.roll(headings, -apart) - headings)))
+    curvature = turned * (count / (apart * track.length))
+    slowed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS / np.maximum(np.abs(curvature), 1e-9)))
+    given_away = 1.0 - 1.0 / float((TOP_SPEED / slowed).mean())
+    difficulty = 100.0 * given_away * ROAD_M / median_width(track)
+    return Character(_corners(curvature, track.length / count), min(round(difficulty), 100))
+
+
+def _corners(curvature: np.ndarray, step: float) -> int:
+    """How many stretches of one sign turn far enough, counted round the loop."""
+    sign = np.where(np.abs(curvature) < BENT, 0.0, np.sign(curvature))
+    changes = np.flatnonzero(sign != np.roll(sign, 1))
+    if not len(changes):  # a circle is one corner that never ends; a straight has none
+        return int(sign[0] != 0.0)
+    stretches = np.split(np.roll(curvature, -changes[0]), (changes - changes[0])[1:])
+    signs = np.roll(sign, -changes[0])[changes - changes[0]]
+    degrees = [abs(math.degrees(float(stretch.sum()) * step)) for stretch in stretches]
+    return sum(1 for sign, turn in zip(signs, degrees, strict=True) if sign and turn >= CORNER_DEGREES)
