@@ -12,7 +12,7 @@ class RacesConfig(AppConfig):
         from core.pages import register_slots
         from evaluation.signals import evaluation_ended
 
-        from . import queues, video_words
+        from . import queues, track_figures, video_words
         from .board_triggers import installed_after_migrate
         from .events import register_audiences
         from .quotas import RACES
@@ -21,6 +21,7 @@ class RacesConfig(AppConfig):
         register(RACES)
         video_words.register()
         queues.register()
+        track_figures.register()
         register_audiences()
         register_slots(
             {

@@ -16,9 +16,11 @@ from accounts.who import racer_of
 from core.forms import add_fault
 from paddock.errors import UserFault
 
+from .figures import figure, figures, with_figures
 from .forms import ImportTrackForm
 from .models import Track
 from .quotas import TRACKS
+from .selectors import found_tracks
 from .services import import_track
 
 TRACKS_PER_PAGE = 24
@@ -26,17 +28,19 @@ TRACKS_PER_PAGE = 24
 
 @require_safe
 def tracks(request: HttpRequest) -> HttpResponse:
-    """The catalogue first, then what racers imported."""
-    page = Paginator(Track.objects.select_related("owner"), TRACKS_PER_PAGE).get_page(request.GET.get("page"))
-    return render(request, "tracks/tracks.html", {"page": page})
+    """Cards of all tracks with their figures, searched and sorted."""
+    asked = " ".join(request.GET.get("q", "").replace("\0", "").split())[:64]
+    sorted_by = figure(request.GET.get("sort", ""))
+    page = Paginator(found_tracks(search=asked, sort=sorted_by.name), TRACKS_PER_PAGE).get_page(request.GET.get("page"))
+    context = {"page": page, "asked": asked, "sorted_by": sorted_by, "figures": figures()}
+    return render(request, "tracks/tracks.html", context)
 
 
 @require_safe
 def track(request: HttpRequest, slug: str) -> HttpResponse:
-    """One track: map, length, width and the races on it."""
-    return render(
-        request, "tracks/track.html", {"track": get_object_or_404(Track.objects.select_related("owner"), slug=slug)}
-    )
+    """One track: map, figures and the races on it."""
+    shown = get_object_or_404(with_figures(Track.objects.select_related("owner")), slug=slug)
+    return render(request, "tracks/track.html", {"track": shown, "figures": figures()})
 
 
 @login_required

@@ -12,6 +12,7 @@ from django.utils.translation import gettext as _
 
 from paddock.geometry.track import TrackGeometry
 from tracks.drawing import Trajectory, draw_svg
+from tracks.figures import Figure
 from tracks.models import Track
 
 register = template.Library()
@@ -32,6 +33,12 @@ def _plain_map(track: TrackGeometry, direction: str, title: str) -> str:
 def track_length(track: Track) -> str:
     """The length of a track for reading, or that it is not known."""
     return f"{track.length_m:.2f} m" if track.has_shape else _("length unknown")
+
+
+@register.filter
+def figure_of(track: Track, figure: Figure) -> str:
+    """A figure of a track for reading; ``""`` for none."""
+    return figure.shown(track)
 
 
 @register.simple_tag
