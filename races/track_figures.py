@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.db.models import Count, Min, Q
 from django.utils.translation import pgettext_lazy
 
-from core.templatetags.formats import lap_time
+from core import times
 from tracks.figures import Figure, register_figure
 from tracks.models import Track
 
@@ -18,7 +18,7 @@ _DRIVEN_HERE = _HELD & Q(races__imported_at=None)
 
 def _record(track: Track) -> str:
     record = getattr(track, "record_ms", None)
-    return lap_time(record) if record else ""
+    return times.clock(record) if record else ""
 
 
 def register() -> None:

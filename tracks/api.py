@@ -6,7 +6,7 @@ import numpy as np
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
 from rest_framework import generics, serializers, status
 from rest_framework.parsers import MultiPartParser
 from rest_framework.permissions import IsAuthenticatedOrReadOnly
@@ -20,8 +20,9 @@ from core.bodies import Body, read_as
 from paddock.geometry.npy import MAX_BYTES
 
 from . import services
+from .figures import figures, with_figures
 from .models import Direction, Track, TrackLook
-from .selectors import all_tracks
+from .selectors import found_tracks
 
 LINE = {
     "type": "array",
@@ -49,12 +50,22 @@ class TrackSerializer(serializers.Serializer):
     description = serializers.CharField(allow_blank=True)
     length_m = serializers.FloatField(allow_null=True, help_text="Of the centre line; null if no shape is known here.")
     width_m = serializers.FloatField(allow_null=True, help_text="Between the borders, median; null likewise.")
+    corners = serializers.IntegerField(
+        allow_null=True, help_text="Bends tighter than a radius of 5 m, 30 degrees or more."
+    )
+    difficulty = serializers.IntegerField(allow_null=True, help_text="0 to 100, as docs/tracks.md defines it.")
     direction = serializers.ChoiceField(Direction.choices, help_text="In which the file's own points run.")
     fingerprint = serializers.CharField(help_text="sha-256 of the points.")
     look = serializers.ChoiceField(TrackLook.choices, help_text="What cameras see of it.")
     is_catalogue = serializers.BooleanField(help_text="One of Paddock's own tracks.")
+    figures = serializers.SerializerMethodField(help_text="What was counted on it: `record` in ms or null, `raced`.")
     imported_by = serializers.CharField(source="owner.alias", default=None, allow_null=True)
     created_at = serializers.DateTimeField()
+
+    @extend_schema_field({"type": "object", "additionalProperties": {"type": ["integer", "null"]}})
+    def get_figures(self, track: Track) -> dict[str, int | None]:
+        """The figures of rooms above, by name; a track that was only just made has none."""
+        return {each.name: getattr(track, each.column, None) for each in figures() if each.annotation is not None}
 
 
 class TrackDetailSerializer(TrackSerializer):
@@ -63,6 +74,19 @@ class TrackDetailSerializer(TrackSerializer):
     centre = LineField(source="geometry.centre", allow_null=True)
     inner = LineField(source="geometry.inner", allow_null=True)
     outer = LineField(source="geometry.outer", allow_null=True)
+
+
+class FindSerializer(serializers.Serializer):
+    """Which tracks to list, and in which order."""
+
+    search = serializers.CharField(required=False, allow_blank=True, max_length=64)
+    sort = serializers.ChoiceField(choices=(), required=False)
+
+    def get_fields(self) -> dict[str, serializers.Field]:
+        """With the figures of now: rooms above add theirs when the site starts."""
+        fields = super().get_fields()
+        fields["sort"].choices = {each.name: each.label for each in figures()}
+        return fields
 
 
 class ImportSerializer(Body):
@@ -78,7 +102,18 @@ class ImportSerializer(Body):
 
 
 @extend_schema_view(
-    get=extend_schema(operation_id="list_tracks", summary="Tracks", responses=TrackSerializer, tags=["tracks"])
+    get=extend_schema(
+        operation_id="list_tracks",
+        summary="Tracks",
+        parameters=[
+            OpenApiParameter("search", str, description="Part of a name, an address, or an importer's alias."),
+            OpenApiParameter(
+                "sort", str, description="`name`, `length`, `width`, `corners`, `difficulty`, `record`, `raced`."
+            ),
+        ],
+        responses=TrackSerializer,
+        tags=["tracks"],
+    )
 )
 class TracksView(generics.ListAPIView):
     """All tracks: list them, import one."""
@@ -89,7 +124,8 @@ class TracksView(generics.ListAPIView):
     serializer_class = TrackSerializer
 
     def get_queryset(self) -> QuerySet[Track]:
-        return all_tracks()
+        asked = read_as(FindSerializer, self.request.query_params)
+        return found_tracks(search=asked.get("search", ""), sort=asked.get("sort", ""))
 
     @extend_schema(
         operation_id="import_track",
@@ -115,5 +151,5 @@ class TrackView(APIView):
         operation_id="read_track", summary="A track with its points", responses=TrackDetailSerializer, tags=["tracks"]
     )
     def get(self, request: Request, slug: str) -> Response:
-        track = get_object_or_404(Track.objects.select_related("owner"), slug=slug)
+        track = get_object_or_404(with_figures(Track.objects.select_related("owner")), slug=slug)
         return Response(TrackDetailSerializer(track).data)

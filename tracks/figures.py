@@ -16,9 +16,12 @@ from .models import Track
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a track. ``name``: in addresses (``?sort=length``) and, for an ``annotation``, of the attribute that
-    the list's rows carry; ``column``: what is sorted by; ``shown``: the figure for reading, ``""`` for none; ``falling``:
-    the greatest comes first; ``leads``: the list is sorted by it unless somebody asks for another."""
+    """One figure of a track.
+
+    ``name``: in addresses (``?sort=length``); ``column``: what is sorted by, and where there is an ``annotation`` the
+    attribute that the list's rows carry; ``shown``: the figure for reading, ``""`` for none; ``falling``: the greatest
+    comes first; ``leads``: the list is sorted by it unless somebody asks for another.
+    """
 
     name: str
     label: str | Promise

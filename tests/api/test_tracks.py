@@ -9,6 +9,7 @@ import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 
 from paddock.geometry.npy import write_npy
+from tests.factories import a_race, drive, laps
 from tests.rows import track_row
 from tests.shared import SHARED, needs_shared
 
@@ -86,3 +87,38 @@ def test_a_refused_track_says_why(alice, oval, as_racer, data, name, code):
 def test_importing_needs_a_log_in(oval, as_racer):
     answer = as_racer(None).post(ADDRESS, {"file": npy(b"x"), "name": "Track"}, format="multipart")
     assert (answer.status_code, answer.data["code"]) == (401, "not_authenticated")
+
+
+def test_tracks_are_searched_by_name_address_and_official_name(db, as_racer):
+    for slug in ("oval", "baja-turnpike", "kuei-raceway"):
+        track_row(slug)
+    client = as_racer(None)
+    for words, found in (("Kuei", ["kuei-raceway"]), ("turnp", ["baja-turnpike"]), ("dubai", ["baja-turnpike"])):
+        assert [row["slug"] for row in client.get(ADDRESS, {"search": words}).data["results"]] == found
+    assert client.get(ADDRESS, {"search": "monza"}).data["results"] == []
+
+
+def test_tracks_are_sorted_by_a_figure_and_by_no_other(db, as_racer):
+    for slug in ("kuei-raceway", "oval", "baja-turnpike"):
+        track_row(slug)
+    client = as_racer(None)
+
+    def by(name):
+        return [row["slug"] for row in client.get(ADDRESS, {"sort": name}).data["results"]]
+
+    assert by("length") == ["oval", "baja-turnpike", "kuei-raceway"]
+    assert by("corners") == ["oval", "kuei-raceway", "baja-turnpike"]
+    assert by("name") == ["baja-turnpike", "kuei-raceway", "oval"]
+    refused = client.get(ADDRESS, {"sort": "colour"})
+    assert refused.status_code == 400
+
+
+def test_a_track_shows_its_record_and_how_often_it_was_raced(alice, bob, as_racer, now):
+    race = a_race(now, slug="on-the-oval")
+    a_race(now, slug="called-off", track=race.track, cancelled_at=now)
+    a_race(now, slug="private", track=race.track, visibility="invitation")
+    drive(race, alice, laps(9000, 8000, 8500), now)
+    drive(race, bob, laps(7000, 7500, 7900), now)
+    figures = as_racer(None).get(f"{ADDRESS}{race.track.slug}/").data["figures"]
+    assert figures == {"record": 7000, "raced": 1}
+    assert as_racer(None).get(ADDRESS, {"sort": "raced"}).data["results"][0]["figures"] == figures
