@@ -47,11 +47,11 @@ def clear_distance(track: TrackGeometry) -> float:
     """Metres round the centre line within which every point is on the road; 0.0 where nothing is sure.
 
     The centre line lies between the borders and crosses neither, so from one of its points nobody leaves the road by
-    going less far than to the nearest border. Taken from the waypoints, less half the longest stretch between two.
+    going less far than to the nearest border. Of two lines that do not cross, the nearest points are a waypoint of one
+    and a point of the other.
     """
-    nearest = min(_least_distance(track.centre, border) for border in (track.inner, track.outer))
-    longest = float(np.linalg.norm(np.roll(track.centre, -1, axis=0) - track.centre, axis=1).max())
-    return max(0.0, nearest - longest / 2)
+    lines = [(track.centre, border) for border in (track.inner, track.outer)]
+    return min(min(_least_distance(one, other), _least_distance(other, one)) for one, other in lines)
 
 
 def _least_distance(points: np.ndarray, line: np.ndarray) -> float:

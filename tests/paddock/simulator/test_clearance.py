@@ -33,7 +33,10 @@ def test_all_points_within_the_clear_distance_are_road(entry) -> None:
     track = entry.geometry()
 
     assert_clear(track)
-    assert 0.8 * track.width_at(0.0) / 2 < clear_distance(track) < track.width_at(0.0) / 2
+    left, right = track.half_widths_along(track.cumulative)
+    narrowest = min(left.min(), right.min())
+    # straight pieces of border between few waypoints cut into a hairpin
+    assert 0.7 * narrowest < clear_distance(track) <= narrowest + 1e-9
 
 
 @needs_shared
