@@ -198,6 +198,25 @@ def test_a_training_folder_is_uploaded_and_a_checkpoint_chosen(page: playwright.
     playwright.expect(page.get_by_text("files were not needed")).to_be_visible()
 
 
+def test_a_track_is_found_by_its_official_name_and_by_its_figures(page: playwright.Page) -> None:
+    page.goto("/tracks/")
+    names = page.locator(".tile h2")
+    # sorted by how often they are raced: the season's before all others
+    season = {"Baja Turnpike", "Baja Highway", "Kuei Raceway", "Kuei Super Raceway", "Cosmic Loop", "Cosmic Circuit"}
+    assert season <= set(names.all_inner_texts()[:7])
+    page.get_by_label("Name of a track").fill("hamption")
+    page.get_by_label("Sorted by").select_option(label="Length")
+    page.get_by_label("Name of a track").press("Enter")
+    playwright.expect(names).to_have_text(["Kuei Raceway", "Kuei Super Raceway"])
+    playwright.expect(page.get_by_label("Sorted by")).to_have_value("length")
+    page.get_by_role("link", name="Show all").click()
+    page.get_by_label("Sorted by").select_option(label="Difficulty")
+    page.get_by_role("main").get_by_role("button", name="Show").click()
+    playwright.expect(names.first).to_have_text(re.compile("Ace Speedway|Rogue Circuit"))
+    names.first.get_by_role("link").click()
+    playwright.expect(page.get_by_role("definition").filter(has_text="easy · 9")).to_be_visible()
+
+
 def test_the_skip_link_and_the_menu_work_from_the_keyboard(page: playwright.Page) -> None:
     sign_up(page, "tabber")
     page.goto("/races/")
