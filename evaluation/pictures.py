@@ -73,14 +73,26 @@ def sensor_picture(
     return png.tobytes()
 
 
+_NEXT_BOX_M = 1.0
+_IN_SIGHT = math.radians(20)  # of the front camera's 30 to either side
+
+
 def views(track: TrackGeometry) -> tuple[Viewpoint, ...]:
-    """Three places: where the track is straightest, with a box ahead and one beside; where it bends most, with a box
-    ahead in the other lane; and in traffic, a car ahead and one behind."""
+    """Three places: where the track is straightest, with a box ahead and one beside; where it bends most and the next
+    box, in the other lane, is still in sight (behind a hairpin it is not); and in traffic, a car ahead and one behind.
+    """
     steps = np.linspace(0.0, track.length, 200, endpoint=False).tolist()
     bends = [
         abs(math.remainder(track.point_at(metres + 1.5)[2] - track.point_at(metres)[2], math.tau)) for metres in steps
     ]
-    straight, bend = steps[int(np.argmin(bends))], steps[int(np.argmax(bends))]
+
+    def in_sight(metres: float) -> bool:
+        x, y, heading = track.lane_centre(metres, "inner")
+        box_x, box_y, _ = track.lane_centre(metres + _NEXT_BOX_M, "outer")
+        return abs(math.remainder(math.atan2(box_y - y, box_x - x) - heading, math.tau)) < _IN_SIGHT
+
+    straight = steps[int(np.argmin(bends))]
+    bend = max(zip(bends, steps, strict=True), key=lambda place: (in_sight(place[1]), place[0]))[1]
 
     def lane(make: Callable[..., Solid], metres: float, side: str) -> Solid:
         return make(*track.lane_centre(metres, side))
@@ -89,7 +101,9 @@ def views(track: TrackGeometry) -> tuple[Viewpoint, ...]:
         Viewpoint(
             *track.lane_centre(straight, "outer"), (lane(box, straight + 1.1, "outer"), lane(box, straight, "inner"))
         ),
-        Viewpoint(*track.lane_centre(bend, "inner"), (lane(box, bend + 1.0, "outer"), lane(box, bend + 2.2, "inner"))),
+        Viewpoint(
+            *track.lane_centre(bend, "inner"), (lane(box, bend + _NEXT_BOX_M, "outer"), lane(box, bend + 2.2, "inner"))
+        ),
         Viewpoint(*track.point_at(straight), (lane(car, straight + 0.8, "inner"), lane(car, straight - 0.5, "outer"))),
     )
 

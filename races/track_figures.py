@@ -6,7 +6,7 @@ from django.db.models import Count, Min, Q
 from django.utils.translation import pgettext_lazy
 
 from core import times
-from tracks.figures import Figure, register_figure
+from tracks.figures import TrackFigure, register_figure
 from tracks.models import Track
 
 from .models import Visibility
@@ -24,7 +24,7 @@ def _record(track: Track) -> str:
 def register() -> None:
     """Show both on pages of tracks."""
     register_figure(
-        Figure(
+        TrackFigure(
             "record",
             pgettext_lazy("of a track", "Record"),
             "record_ms",
@@ -33,7 +33,7 @@ def register() -> None:
         )
     )
     register_figure(
-        Figure(
+        TrackFigure(
             "raced",
             pgettext_lazy("of a track", "Races"),
             "raced",

@@ -15,7 +15,7 @@ from .models import Track
 
 
 @dataclass(frozen=True)
-class Figure:
+class TrackFigure:
     """One figure of a track.
 
     ``name``: in addresses (``?sort=length``); ``column``: what is sorted by, and where there is an ``annotation`` the
@@ -37,20 +37,20 @@ class Figure:
         return F(self.column).desc(nulls_last=True) if self.falling else F(self.column).asc(nulls_last=True)
 
 
-_FIGURES: dict[str, Figure] = {}
+_FIGURES: dict[str, TrackFigure] = {}
 
 
-def register_figure(figure: Figure) -> None:
+def register_figure(figure: TrackFigure) -> None:
     """Show ``figure`` on the cards of tracks and let them be sorted by it."""
     _FIGURES[figure.name] = figure
 
 
-def figures() -> tuple[Figure, ...]:
+def figures() -> tuple[TrackFigure, ...]:
     """All figures: the tracks' own first."""
     return tuple(_FIGURES.values())
 
 
-def figure(name: str) -> Figure:
+def figure(name: str) -> TrackFigure:
     """The figure called ``name``, or the one that leads where there is none of that name."""
     return _FIGURES.get(name) or next((each for each in _FIGURES.values() if each.leads), _FIGURES["name"])
 
@@ -73,9 +73,9 @@ def difficulty_words(track: Track) -> str:
     return f"{word} · {track.difficulty}"
 
 
-register_figure(Figure("name", gettext_lazy("Name"), "name", lambda track: ""))
+register_figure(TrackFigure("name", gettext_lazy("Name"), "name", lambda track: ""))
 register_figure(
-    Figure(
+    TrackFigure(
         "length",
         gettext_lazy("Length"),
         "length_m",
@@ -83,14 +83,16 @@ register_figure(
     )
 )
 register_figure(
-    Figure("width", gettext_lazy("Width"), "width_m", lambda track: f"{track.width_m:.2f} m" if track.width_m else "")
+    TrackFigure(
+        "width", gettext_lazy("Width"), "width_m", lambda track: f"{track.width_m:.2f} m" if track.width_m else ""
+    )
 )
 register_figure(
-    Figure(
+    TrackFigure(
         "corners",
         pgettext_lazy("of a track", "Corners"),
         "corners",
         lambda track: "" if track.corners is None else str(track.corners),
     )
 )
-register_figure(Figure("difficulty", gettext_lazy("Difficulty"), "difficulty", difficulty_words))
+register_figure(TrackFigure("difficulty", gettext_lazy("Difficulty"), "difficulty", difficulty_words))

@@ -12,7 +12,7 @@ from django.utils.translation import gettext as _
 
 from paddock.geometry.track import TrackGeometry
 from tracks.drawing import Trajectory, draw_svg
-from tracks.figures import Figure
+from tracks.figures import TrackFigure
 from tracks.models import Track
 
 register = template.Library()
@@ -36,7 +36,7 @@ def track_length(track: Track) -> str:
 
 
 @register.filter
-def figure_of(track: Track, figure: Figure) -> str:
+def figure_of(track: Track, figure: TrackFigure) -> str:
     """A figure of a track for reading; ``""`` for none."""
     return figure.shown(track)
 
