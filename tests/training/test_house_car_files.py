@@ -9,16 +9,16 @@ import pytest
 
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
-from paddock.geometry.catalogue import CATALOGUE
+from league.services.demo import OPEN_TRACKS, PRO_TRACKS
+from paddock.geometry.catalogue import by_slug
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
 from training.house_cars.files import FOLDER, KEY, LAPS
-from training.house_cars.recipes import RECIPES
+from training.house_cars.recipes import RECIPES, TRACKS
 
 NAMES = sorted(path.stem for path in FOLDER.glob("*.onnx"))
-TRACKS = {entry.slug: entry for entry in CATALOGUE}
 
 
 def content(name: str) -> dict:
@@ -68,7 +68,9 @@ def test_each_car_is_small_and_passes_the_gate(name: str) -> None:
 def test_each_car_repeats_its_recorded_laps_to_the_millisecond(name: str, slug: str) -> None:
     package = admitted(name)
 
-    outcome = evaluate(RaceJob(TRACKS[slug].geometry(), RaceRules(laps=LAPS), package.onnx, package.metadata.to_dict()))
+    outcome = evaluate(
+        RaceJob(by_slug(slug).geometry("ccw"), RaceRules(laps=LAPS), package.onnx, package.metadata.to_dict())
+    )
 
     recorded = content(name)[KEY]["measured"][slug]["ccw"]
     times = [lap["time_ms"] for lap in outcome.laps]
@@ -77,11 +79,32 @@ def test_each_car_repeats_its_recorded_laps_to_the_millisecond(name: str, slug: 
     assert sum(lap["resets"] for lap in outcome.laps) == recorded["resets"]
 
 
-def test_the_record_covers_every_catalogue_track() -> None:
+def drives(name: str) -> dict[tuple[str, str], dict]:
+    measured = content(name)[KEY]["measured"]
+    return {(slug, way): drive for slug, ways in measured.items() for way, drive in ways.items()}
+
+
+def test_the_record_covers_every_track_of_the_season_both_ways() -> None:
     for name in NAMES:
-        measured = content(name)[KEY]["measured"]
-        assert set(measured) == set(TRACKS)
-        drives = [way for ways in measured.values() for way in ways.values()]
-        assert all(drive["complete_laps"] == LAPS for drive in drives), name
-        # The fastest dares more than it can: a hairpin in fourteen drives.
-        assert all(drive["resets"] <= (2 if name == "flyer" else 0) for drive in drives), name
+        assert set(drives(name)) == {(slug, way) for slug in TRACKS for way in ("ccw", "cw")}
+    assert set(TRACKS) >= {*OPEN_TRACKS, *PRO_TRACKS}
+
+
+def test_three_cars_finish_on_every_track() -> None:
+    for name in NAMES:
+        assert all(drive["complete_laps"] == LAPS for drive in drives(name).values()), name
+
+
+def test_their_paces_differ_clearly_on_every_track() -> None:
+    slow, middle, fast = (drives(name) for name in ("steady", "brisk", "flyer"))
+    for place in slow:
+        times = [each[place]["average_lap_ms"] for each in (fast, middle, slow)]
+        assert times[0] < 0.95 * times[1] < 0.95 * 0.95 * times[2], place
+
+
+def test_the_steady_car_never_leaves_the_road_and_the_others_seldom() -> None:
+    left = {name: sorted(drive["resets"] for drive in drives(name).values() if drive["resets"]) for name in NAMES}
+    assert left["steady"] == []
+    # Kuei Super Raceway's narrow hairpin, counter-clockwise, is where both lose most
+    assert len(left["brisk"]) <= 2 and sum(left["brisk"]) <= 4
+    assert len(left["flyer"]) <= 3 and sum(left["flyer"]) <= 9

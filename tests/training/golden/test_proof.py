@@ -33,6 +33,7 @@ def test_a_host_without_effective_pins_is_not_exact(monkeypatch):
     monkeypatch.setattr(exact, "environment", lambda given: dict(given))
     found = proof.prove()
     assert not found.exact and found.settled
+    assert found.differ == PROOF
     assert "trace_sha256 of car 0 is" in found.why
 
 
