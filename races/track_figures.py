@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from django.db.models import Count, Min, Q
+from django.db.models.functions import Now
 from django.utils.translation import pgettext_lazy
 
 from core import times
@@ -11,8 +12,8 @@ from tracks.models import Track
 
 from .models import Visibility
 
-# Races that everybody sees; of those with times from elsewhere the track's record is none
-_HELD = Q(races__visibility=Visibility.PUBLIC, races__cancelled_at=None)
+# Races that everybody sees and that have begun; of those with times from elsewhere the track's record is none
+_HELD = Q(races__visibility=Visibility.PUBLIC, races__cancelled_at=None, races__opens_at__lte=Now())
 _DRIVEN_HERE = _HELD & Q(races__imported_at=None)
 
 
