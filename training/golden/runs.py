@@ -123,8 +123,8 @@ RUNS: tuple[GoldenRun, ...] = (
     _run("a car of the old console", "baja-turnpike", CONSOLE, seconds=4),
 )
 
-# What a worker drives at its start: continuous actions and a table, a lidar and boxes, bots; camera and network in all of
-# them. Each comes to something else on a host whose libraries choose their code by processor.
+# What a worker drives at its start: continuous actions and a table, a lidar and boxes, bots; camera and network in all
+# of them. Each comes to something else on a host whose libraries choose their code by processor.
 PROOF = ("bots met with a lidar of sectors", "a duel", "camera and lidar among boxes")
 
 
