@@ -62,7 +62,7 @@ class TrackSerializer(serializers.Serializer):
     imported_by = serializers.CharField(source="owner.alias", default=None, allow_null=True)
     created_at = serializers.DateTimeField()
 
-    @extend_schema_field({"type": "object", "additionalProperties": {"type": ["integer", "null"]}})
+    @extend_schema_field({"type": "object", "additionalProperties": {"type": "integer", "nullable": True}})
     def get_figures(self, track: Track) -> dict[str, int | None]:
         """The figures of rooms above, by name; a track that was only just made has none."""
         return {each.name: getattr(track, each.column, None) for each in figures() if each.annotation is not None}
@@ -80,13 +80,12 @@ class FindSerializer(serializers.Serializer):
     """Which tracks to list, and in which order."""
 
     search = serializers.CharField(required=False, allow_blank=True, max_length=64)
-    sort = serializers.ChoiceField(choices=(), required=False)
 
     def get_fields(self) -> dict[str, serializers.Field]:
         """With the figures of now: rooms above add theirs when the site starts."""
         fields = super().get_fields()
-        fields["sort"].choices = {each.name: each.label for each in figures()}
-        return fields
+        names = [(each.name, each.label) for each in figures()]
+        return {**fields, "sort": serializers.ChoiceField(choices=names, required=False)}
 
 
 class ImportSerializer(Body):
