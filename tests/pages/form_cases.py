@@ -130,6 +130,7 @@ CASES = [
     Case("alice", "/models/{spare}/", "css=form[action$='/submit/'] button", "css=#live-card"),
     Case("alice", "/models/{model}/edit/", "Save", "Saved.", {"Name": "Lightning 2"}),
     Case("alice", "/models/shared/", "Search", "No shared model and no racer", {"Name or racer": "nobody"}),
+    Case("guest", "/tracks/", "Show", "No track is called that", {"Name of a track": "nowhere"}),
     Case("alice", "/vehicles/new/", "Save", "Saved.", {"Name": "Second"}),
     Case("alice", "/vehicles/{vehicle}/", "Save", "Saved.", {"Name": "Third"}),
     Case("alice", "/vehicles/{vehicle}/delete/", "Delete", "The vehicle is deleted."),
