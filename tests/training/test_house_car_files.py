@@ -105,6 +105,6 @@ def test_their_paces_differ_clearly_on_every_track() -> None:
 def test_the_steady_car_never_leaves_the_road_and_the_others_seldom() -> None:
     left = {name: sorted(drive["resets"] for drive in drives(name).values() if drive["resets"]) for name in NAMES}
     assert left["steady"] == []
-    # Kuei Super Raceway's narrow hairpin, counter-clockwise, is where both lose most
+    # most of them on Kuei Super Raceway, counter-clockwise
     assert len(left["brisk"]) <= 2 and sum(left["brisk"]) <= 4
     assert len(left["flyer"]) <= 3 and sum(left["flyer"]) <= 9
