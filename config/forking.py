@@ -81,7 +81,7 @@ def _begin(work: Callable[[], object], output: int, parent: int) -> NoReturn:
         status = 0
     except SystemExit as end:
         status = _status(end)
-    except BaseException:  # whatever it is, it ends this process, as it would end any that Python runs
+    except (Exception, KeyboardInterrupt):  # it ends this process with its traceback, as it would any that Python runs
         traceback.print_exc()
     finally:
         _end(status)

@@ -73,11 +73,12 @@ def test_both_directions_agree_on_where_a_point_is(entry, share, side):
 def test_progress_never_jumps_on_a_wobbling_lap(entry, direction):
     track = entry.geometry(direction)
     hint, before, total = 0, 0.0, 0.0
+    # near a border, the inside of Kuei's hairpins of few waypoints is folded: two distances for one point
+    sway_m = 0.4 if entry.slug.startswith("kuei") else 0.53
     steps = int(track.length / 0.05)
     for k in range(1, 2 * steps + 1):
         distance = k * track.length / steps
-        # nearer to a border, the inside of a few hairpins of the old files is folded: two distances for one point
-        x, y, _ = track.point_at(distance, 0.4 * math.sin(1.7 * distance))
+        x, y, _ = track.point_at(distance, sway_m * math.sin(1.7 * distance))
         found = track.project(x, y, hint)
         moved = math.remainder(found.distance - before, track.length)
         assert 0.0 < moved < 0.2

@@ -33,10 +33,9 @@ def test_all_points_within_the_clear_distance_are_road(entry) -> None:
     track = entry.geometry()
 
     assert_clear(track)
-    left, right = track.half_widths_along(track.cumulative)
-    narrowest = min(left.min(), right.min())
-    # straight pieces of border between few waypoints cut into a hairpin
-    assert 0.7 * narrowest < clear_distance(track) <= narrowest + 1e-9
+    # straight pieces of border between Kuei's few waypoints cut into its hairpins
+    share = 0.7 if entry.slug.startswith("kuei") else 0.8
+    assert share * track.width_at(0.0) / 2 < clear_distance(track) < track.width_at(0.0) / 2
 
 
 @needs_shared

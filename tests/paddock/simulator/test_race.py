@@ -28,14 +28,24 @@ def straight_on(readings):
     return np.float32([1.0])
 
 
+# Where the scripted pilot, which brakes late, leaves the road at 3 m/s
+TOO_FAST_FOR = {
+    ("baja-turnpike", "ccw"),
+    ("kuei-super-raceway", "ccw"),
+    ("cosmic-loop", "cw"),
+    ("cosmic-circuit", "cw"),
+}
+
+
 @pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_the_pilot_laps_every_catalogue_track_both_ways(entry, direction):
     track = entry.geometry()
-    result = pilot_race(track, direction, speed=2.0, laps=1)
+    speed = 2.0 if (entry.slug, direction) in TOO_FAST_FOR else 3.0
+    result = pilot_race(track, direction, speed=speed, laps=1)
     assert result.end_reason == "laps_done"
     assert result.laps[0].resets == 0
-    assert track.length / 2.1 < result.simulated_ms / 1000 < track.length / 1.2
+    assert track.length / (speed + 0.1) < result.simulated_ms / 1000 < track.length / 1.2
     progress = result.trace["progress"]
     assert np.all(np.diff(progress) < 100 * 1.0 / track.length)  # never a jump of a metre
     assert np.all(np.diff(progress) > -0.01)
