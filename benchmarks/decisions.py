@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.runner_process import policy_header
-from evaluation.sandbox.policy_process import Policy
 from paddock.network.bound import NetworkFacts
 from paddock.network.session import load
 from paddock.simulator.action import ActionSpace
+from paddock.simulator.deciding import Policy
 from paddock.simulator.race import run_race
+from paddock.simulator.sensors import policy_header
 from training.golden.bare import answer_each
 from training.golden.cars import car
 from training.golden.runs import GoldenRun
@@ -44,7 +44,7 @@ class Asked:
 
     @property
     def ways(self) -> list[int]:
-        """Steps by the ways of :data:`evaluation.sandbox.policy_wire.WAYS`."""
+        """Steps by the ways of :data:`paddock.network.policy_wire.WAYS`."""
         return list(self._judged.counts.values())
 
     def __call__(self, readings: Mapping[str, np.ndarray]) -> np.ndarray:

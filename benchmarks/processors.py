@@ -15,8 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from evaluation.sandbox.policy_wire import EXACT, EXCEEDED
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.network.policy_wire import EXACT, EXCEEDED
 from paddock.rules.race import RaceRules
 from training.golden.__main__ import console_car
 from training.golden.drive import Driven

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.sandbox.policy_process import Policy
 from paddock.geometry.track import TrackGeometry
 from paddock.network.session import load
 from paddock.rules.race import OBJECT_AVOIDANCE, RaceRules
@@ -23,6 +22,7 @@ from paddock.simulator.camera.optics import Optics
 from paddock.simulator.camera.view import Camera
 from paddock.simulator.car import Pose
 from paddock.simulator.clock import STEP_MS
+from paddock.simulator.deciding import Policy
 from paddock.simulator.layout import lay_out
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.sensors import POSE, sensor_spec

@@ -18,6 +18,7 @@ from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, rea
 from evaluation.sandbox.launch import SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import CONVERTER, Limits
 from evaluation.sandbox.lock import EXIT_MEMORY
+from evaluation.slots import upload_slot
 from paddock.errors import PlatformFault, UserFault
 from paddock.errors.reasons import REASONS
 from paddock.network.bound import NetworkFacts
@@ -27,7 +28,6 @@ from paddock.packages.kinds import SB3
 from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
 from paddock.packages.metadata import ModelMetadata, parse_metadata
 from paddock.packages.read import RawPackage, UploadPart, read_upload
-from paddock.packages.slots import upload_slot
 
 MODULE = "evaluation.convert_process"
 _START_S = 20.0
@@ -78,7 +78,8 @@ def admit(
     slots_directory: Path | None = None,
     checkpoint: str = "",
 ) -> AdmittedPackage:
-    """Read an upload and admit its model, or say why not. ``who``: the racer's number, see :func:`.slots.upload_slot`.
+    """Read an upload and admit its model, or say why not. ``who``: the racer's number, see
+    :func:`evaluation.slots.upload_slot`.
 
     ``checkpoint``: which one of a training's folder: ``best``, ``last``, a number, or nothing for the best known.
 

@@ -17,6 +17,7 @@ from typing import Any
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
 from paddock.network.bound import NetworkFacts
+from paddock.network.policy_wire import EXCEEDED, WAYS
 from paddock.rules.race import RaceRules
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import cpu_model
@@ -28,7 +29,6 @@ from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from .sandbox.launch import widen_pipe
 from .sandbox.policy import describe, failed_start
 from .sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
-from .sandbox.policy_wire import EXCEEDED, WAYS
 from .venue import Venue
 
 WALL_LIMIT_S = 300.0
@@ -106,7 +106,7 @@ class EvaluationOutcome:
     car was done. ``shares``: wall seconds in ``start`` (processes, loading), ``physics``, ``camera``, ``policy`` (of
     which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
     sets of policies and runner added up. ``ways``: for each car, how many steps were answered in each of the ways of
-    :data:`evaluation.sandbox.policy_wire.WAYS`. ``inexact``: numbers of cars whose bound did not hold
+    :data:`paddock.network.policy_wire.WAYS`. ``inexact``: numbers of cars whose bound did not hold
     (:class:`paddock.network.bound.NetworkFacts`); all was driven again without it.
     """
 

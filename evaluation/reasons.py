@@ -38,19 +38,6 @@ register(
 )
 
 register(
-    "The network",
-    "user",
-    {
-        "network_fails": _(
-            "The network does not run: the inference engine refused it. Export it again with a current tool."
-        ),
-        "network_non_finite": _(
-            "The network answers NaN or infinity to an ordinary picture. Use an earlier checkpoint."
-        ),
-    },
-)
-
-register(
     "On the track",
     "user",
     {
@@ -105,6 +92,9 @@ register(
         "runner_protocol": _("The simulator sent something unreadable. The evaluation will be repeated."),
         "runner_error": _("The simulator failed (%(detail)s). The evaluation will be repeated."),
         "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
+        "upload_busy": _(
+            "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
+        ),
         "sb3_needs_torch": _(
             "This site cannot read zips of stable-baselines3: PyTorch is not installed on it. Export the policy "
             "with torch.onnx.export() and upload the .onnx file, or ask the site's operator for training."

@@ -1,7 +1,7 @@
 """The referee in its own sandboxed process: simulator and rules, no secrets, no network, no file.
 
 Started by :mod:`.crew`, used by :mod:`.pipeline`. It reads a message with the job, answers ``{"headers": [...]}``
-(what it will ask each policy, see :mod:`evaluation.sandbox.policy_wire`), builds the world, waits for
+(what it will ask each policy, see :mod:`paddock.network.policy_wire`), builds the world, waits for
 ``{"start": true}`` before it asks a policy for the first time, drives, and sends ``{"progress": ...}`` messages,
 ``{"retired": {"car", "error"}}`` for each car that is taken off the track, and then one ``{"result": ...}`` with the
 layout and the traces, or one ``{"error": {"code", "fault", "params"}}``.
@@ -20,7 +20,7 @@ import select
 import sys
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -28,19 +28,19 @@ import numpy as np
 
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.network.policy_wire import WAYS
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.engine import versions
 from paddock.simulator.metrics import metrics_json
 from paddock.simulator.race import CompetitorRun, Entrant, Policy, Progress, RaceResult, run_race
-from paddock.simulator.sensors import sensor_spec
+from paddock.simulator.sensors import policy_header
 from paddock.simulator.stage import PreparedTrack
 from paddock.simulator.world import make_ready
 
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
-from .sandbox.policy_wire import WAYS
 
 _PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated
@@ -197,13 +197,6 @@ def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:
             raise
 
     return ask
-
-
-def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, Any]:
-    """What the policy must take and answer."""
-    specs = [sensor_spec(name, metadata.get("lidar_config")) for name in sorted(metadata["sensor"])]
-    inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
-    return {"inputs": inputs, "outputs": space.size, "ranges": space.ranges}
 
 
 def _outcome(result: RaceResult, cars: Sequence[RaceResult | CompetitorRun]) -> dict[str, Any]:

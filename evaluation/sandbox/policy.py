@@ -63,7 +63,8 @@ class PolicyProcess:
             write_message(self.process.stdin, {"facts": facts}, [onnx], time.monotonic() + LOAD_S)
 
     def agree(self, header: dict[str, Any]) -> str:
-        """Say what goes in and out (a header of :mod:`.policy_wire`) and wait until the network is loaded.
+        """Say what goes in and out (a header of :mod:`paddock.network.policy_wire`) and wait until the network is
+        loaded.
 
         Returns the version of onnxruntime. Raises UserFault (``policy_refused``, ``policy_memory``, ``policy_died``,
         ``policy_late``, ``policy_protocol``).

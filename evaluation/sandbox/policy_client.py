@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from paddock.errors import UserFault
+from paddock.network.policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, reply_buffer, request_buffer
 
 from .limits import POLICY_S
-from .policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, reply_buffer, request_buffer
 
 STEP_DEADLINE_S = 1.0
 OVERAGE_S = 10.0
@@ -27,7 +27,7 @@ class PolicyClient:
     A step may take ``step_deadline_s``; what is above comes from a bank of ``overage_s`` for the whole run (Kaggle's
     rule), and all steps together may take ``total_s``. Slowness within that budget changes nothing but wall time.
 
-    ``counts``: steps by the way they were answered, see :data:`.policy_wire.WAYS`.
+    ``counts``: steps by the way they were answered, see :data:`paddock.network.policy_wire.WAYS`.
 
     Raises UserFault: ``policy_late``, ``policy_late_exact`` (the same where most steps went the exact way),
     ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them

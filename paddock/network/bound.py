@@ -5,7 +5,7 @@ that differs from processor to processor. Their size hangs on the network and on
 orders draw from the same distribution. It is measured where the network is admitted, as the greatest difference over
 all outputs and :data:`.probes.COUNT` frames whose contrast is beyond a camera's, and multiplied by :data:`MARGIN`.
 ``python -m benchmarks.processors`` tells how much of that was ever used. A sample of the steps of every run is checked
-besides (:class:`evaluation.sandbox.policy_process.Policy`).
+besides (:class:`paddock.simulator.deciding.Policy`).
 """
 
 from __future__ import annotations

@@ -72,6 +72,10 @@ register(
             "The archive unpacks to far more than a car or its training needs. Pack the network and "
             "model_metadata.json only."
         ),
+        "sb3_at_home": _(
+            "This is a zip of stable-baselines3, which a site converts and the engine alone does not. Upload it, "
+            "download the model again as ONNX, or export it yourself."
+        ),
     },
 )
 
@@ -198,18 +202,14 @@ register(
             "million are allowed. Train a smaller one."
         ),
         "network_too_wide": _("The network's intermediate results are too large for one step. Train a smaller one."),
+        "network_fails": _(
+            "The network does not run: the inference engine refused it. Export it again with a current tool."
+        ),
+        "network_non_finite": _(
+            "The network answers NaN or infinity to an ordinary picture. Use an earlier checkpoint."
+        ),
         "non_finite_weights": _(
             "The network has weights that are NaN or infinite, so its training broke. Use an earlier checkpoint."
-        ),
-    },
-)
-
-register(
-    "Paddock's own faults",
-    "platform",
-    {
-        "upload_busy": _(
-            "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
         ),
     },
 )

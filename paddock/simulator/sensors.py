@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from .camera.view import Camera, Scene
 from .solids import Solid
 
 if TYPE_CHECKING:  # sensors need no physics
+    from .action import ActionSpace
     from .car import Car
 
 SENSORS = SENSOR_NAMES
@@ -57,6 +58,13 @@ def sensor_spec(name: str, lidar_config: Mapping[str, float] | None = None) -> S
         return SensorSpec(name, spec.shape, "uint8")
     low, high = (lidar.LEAST_M, lidar.RAW_LIMIT_M) if name == "LIDAR" else (0.0, 1.0)
     return SensorSpec(name, spec.shape, "float32", low, high)
+
+
+def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, Any]:
+    """What a policy must take and answer, see :mod:`paddock.network.policy_wire`."""
+    specs = [sensor_spec(name, metadata.get("lidar_config")) for name in sorted(metadata["sensor"])]
+    inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
+    return {"inputs": inputs, "outputs": space.size, "ranges": space.ranges}
 
 
 # LEFT_CAMERA is the front camera under another name (deepracer-simapp, sensors/sensors_rollout.py): only a car with a

@@ -16,10 +16,10 @@ import pytest
 from evaluation import admit as admit_module
 from evaluation.admit import admit
 from evaluation.sandbox.launch import launch
+from evaluation.slots import upload_slot
 from paddock.errors import PaddockError
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.read import UploadPart
-from paddock.packages.slots import upload_slot
 from tests.hostile.parts import Upload, car, good_network, good_zip, metadata, pair, small_car
 
 PAYLOADS = Path(__file__).parent / "payloads"

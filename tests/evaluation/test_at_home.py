@@ -14,13 +14,13 @@ import pytest
 import paddock.simulator.envs  # noqa: F401  registers the environments
 import training.house_cars
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.runner_process import policy_header
-from evaluation.sandbox.policy_process import Policy
 from paddock.exact import PINS, environment, is_pinned
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.session import load
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import DISCRETE, ActionSpace
+from paddock.simulator.deciding import Policy
+from paddock.simulator.sensors import policy_header
 from tests.pinned import pinned_process
 
 pytestmark = pytest.mark.slow

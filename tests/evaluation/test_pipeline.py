@@ -10,10 +10,10 @@ import pytest
 
 from evaluation import pipeline
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.sandbox.policy_wire import EXACT
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.bound import NetworkFacts
+from paddock.network.policy_wire import EXACT
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
 from tests.sandbox.conftest import level, nothing_left  # noqa: F401

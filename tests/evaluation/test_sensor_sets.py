@@ -12,7 +12,6 @@ from onnx import TensorProto, helper, numpy_helper
 
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.pipeline import RaceJob, evaluate
-from evaluation.sandbox.policy_process import Policy
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.session import load
@@ -20,6 +19,7 @@ from paddock.packages.inputs import CAMERAS, LIDARS, input_spec
 from paddock.packages.read import UploadPart
 from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
+from paddock.simulator.deciding import Policy
 from paddock.simulator.race import run_race
 from paddock.simulator.sensors import sensor_spec
 from tests.paddock.packages.coach import coach_graph, metadata_dict

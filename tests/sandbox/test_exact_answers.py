@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.sandbox.policy_process import CHECK_EVERY, Policy
-from evaluation.sandbox.policy_wire import CHECKED, EXACT, EXCEEDED, FAST
 from paddock.network.bound import NetworkFacts
+from paddock.network.policy_wire import CHECKED, EXACT, EXCEEDED, FAST
 from paddock.network.session import load
+from paddock.simulator.deciding import CHECK_EVERY, Policy
 
 from .networks import CAMERA, HEADER
 

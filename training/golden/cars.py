@@ -17,7 +17,7 @@ import numpy as np
 import onnx
 from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 
-from evaluation.convert_process import admit_network
+from paddock.packages.admission import admit_network
 from paddock.packages.gate import check_onnx
 from paddock.packages.inputs import input_spec
 from paddock.packages.kinds import ONNX

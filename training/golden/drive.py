@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from paddock.simulator.engine import ENGINE_ID
 
-from .cars import GoldenCar, car
+from .cars import car
 from .runs import GoldenRun
 
 if TYPE_CHECKING:
     from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome
-    from paddock.simulator.race import CompetitorRun, RaceResult
 
 
 @dataclass(frozen=True)
 class DrivenCar:
     """What one car came to. ``ways``: how many of its steps were answered in each of the ways of
-    :data:`evaluation.sandbox.policy_wire.WAYS`, which differs from processor to processor and is no part of the
+    :data:`paddock.network.policy_wire.WAYS`, which differs from processor to processor and is no part of the
     result."""
 
     model: str  # its identity
@@ -82,35 +80,12 @@ def through_the_pipeline(run: GoldenRun) -> Driven:
 def in_this_process(run: GoldenRun) -> Driven:
     """Drive with simulator and networks in this process, which should have been started with the pins of
     :mod:`paddock.exact`. Raises UserFault."""
-    from evaluation.sandbox.policy_wire import EXCEEDED
-    from paddock.network.bound import NetworkFacts
+    from paddock.packages.own import OwnCar
+    from paddock.simulator.own import drive
 
     cars = [car(name) for name in run.cars]
-    driven = _driven(run, cars)
-    if not any(one.ways[EXCEEDED] for one in driven.cars):
-        return driven
-    # as the pipeline does: once more, with exact answers of those whose bound did not hold
-    exact = NetworkFacts(bound=None).to_dict()
-    pairs = zip(cars, driven.cars, strict=True)
-    return _driven(run, [replace(one, facts=exact) if came.ways[EXCEEDED] else one for one, came in pairs])
-
-
-def _driven(run: GoldenRun, cars: Sequence[GoldenCar]) -> Driven:
-    from paddock.simulator.race import run_race
-
-    policies = [_Here(one) for one in cars]
-    first, *rivals = [policy.entrant for policy in policies]
     track = run.geometry()
-    result = run_race(
-        track,
-        run.rules,
-        first.action_space,
-        first.sensors,
-        first.policy,
-        rivals=rivals,
-        lidar_config=first.lidar_config,
-    )
-    driven: list[RaceResult | CompetitorRun] = [result, *result.rivals]
+    own = drive(track, run.rules, [OwnCar(one.onnx, one.metadata, one.facts, one.sha256) for one in cars])
     return Driven(
         run.name,
         ENGINE_ID,
@@ -121,29 +96,8 @@ def _driven(run: GoldenRun, cars: Sequence[GoldenCar]) -> Driven:
                 [lap.time_ms for lap in came.laps if lap.complete],
                 came.end_reason,
                 came.trace.sha256,
-                policy.ways,
+                ways,
             )
-            for one, came, policy in zip(cars, driven, policies, strict=True)
+            for one, came, ways in zip(cars, own.cars, own.ways, strict=True)
         ],
     )
-
-
-class _Here:
-    """The policy of a sandboxed process, without the process."""
-
-    def __init__(self, one: GoldenCar) -> None:
-        from evaluation.runner_process import policy_header
-        from evaluation.sandbox.policy_process import Policy
-        from paddock.network.bound import NetworkFacts
-        from paddock.network.session import load
-        from paddock.simulator.action import ActionSpace
-        from paddock.simulator.race import Entrant
-
-        space = ActionSpace.from_metadata(one.metadata)
-        self._policy = Policy(load(one.onnx, NetworkFacts.from_dict(one.facts)), policy_header(one.metadata, space))
-        sensors = sorted(one.metadata["sensor"])
-        self.entrant = Entrant(space, sensors, self._policy.answer, one.metadata.get("lidar_config"))
-
-    @property
-    def ways(self) -> list[int]:
-        return list(self._policy.counts.values())

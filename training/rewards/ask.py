@@ -20,8 +20,8 @@ from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, rea
 from evaluation.sandbox.launch import FROM_OUTSIDE, SandboxedProcess, launch, widen_pipe
 from evaluation.sandbox.limits import REWARD
 from evaluation.sandbox.lock import EXIT_MEMORY
+from evaluation.slots import default_directory, upload_slot
 from paddock.errors import PlatformFault, UserFault
-from paddock.packages.slots import default_directory, upload_slot
 
 from .function import MAX_REWARD, Params, printable, readable
 from .modules import wanted_modules

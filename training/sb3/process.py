@@ -12,9 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from evaluation.convert_process import LOCKED, admit_network
+from evaluation.convert_process import LOCKED
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
+from paddock.packages.admission import admit_network
 from paddock.packages.kinds import ONNX
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata

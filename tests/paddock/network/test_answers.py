@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from onnx import helper, numpy_helper
 
-from evaluation.convert_process import admit_network
 from paddock.network.answers import answers_of
+from paddock.packages.admission import admit_network
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import metadata, network

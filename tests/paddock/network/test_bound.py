@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper
 
-from evaluation.convert_process import admit_network
 from paddock.errors import UserFault
 from paddock.network.bound import MARGIN, NetworkFacts, derive_bound
 from paddock.network.probes import COUNT, probes
 from paddock.network.session import load
+from paddock.packages.admission import admit_network
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import metadata, network

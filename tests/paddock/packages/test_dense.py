@@ -11,11 +11,11 @@ import onnxruntime
 import pytest
 from onnx import helper
 
-from evaluation.convert_process import admit_network
 from paddock.errors import UserFault
 from paddock.network.canonical import CanonicalNetwork, write_model
 from paddock.network.dense import LEAST_OUTPUTS, LEAST_WEIGHTS, dense_as_convolutions
 from paddock.network.session import load
+from paddock.packages.admission import admit_network
 from paddock.packages.gate import Canonical, check_onnx
 from paddock.packages.identity import identity
 from paddock.packages.limits import DEFAULT_LIMITS

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from onnx import helper
 
-from evaluation.convert_process import admit_network
+from paddock.packages.admission import admit_network
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import network

@@ -14,8 +14,8 @@ import pytest
 
 from evaluation.admit import AdmittedPackage, admit
 from evaluation.sandbox.policy import PolicyProcess
-from evaluation.sandbox.policy_wire import EXACT, FAST
 from paddock.errors import UserFault
+from paddock.network.policy_wire import EXACT, FAST
 from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from paddock.packages.read import UploadPart
 from tests.hostile.parts import regular

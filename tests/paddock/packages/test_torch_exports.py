@@ -17,8 +17,8 @@ from stable_baselines3 import PPO, SAC
 from torch import nn
 from torch.nn import functional
 
-from evaluation.convert_process import admit_network
 from paddock.errors import UserFault
+from paddock.packages.admission import admit_network
 from paddock.packages.gate import Canonical
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata

@@ -16,7 +16,7 @@ from paddock.errors import PlatformFault
 
 _POLL_S = 0.05
 _RACERS = 64  # racers share this many files: now and then two racers must take turns
-_CHECKOUT = Path(__file__).resolve().parent.parent.parent
+_CHECKOUT = Path(__file__).resolve().parent.parent
 
 
 def default_directory() -> Path:
