@@ -130,6 +130,17 @@ class RaceRules:
         column=True,
     )
     direction: str = rule("ccw", label=_("Direction"), choices=DIRECTIONS, column=True)
+    # of a run that nobody is ranked by: a race begins and ends at the finish line
+    start_m: float = rule(
+        0.0,
+        label=_("Start"),
+        help=_("So many metres after the finish line; laps begin and end there."),
+        unit="m",
+        least=0,
+        most=1000,
+        run_only=True,
+        option="start",
+    )
     boxes: tuple[BoxPlace, ...] = rule(
         (),
         label=_("Boxes"),
@@ -237,8 +248,12 @@ class RaceRules:
         return cls(**{one.name: one.episode for one in RUN_RULES.values() if one.episode is not None} | rules)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return dataclasses.asdict(self)
+        """Plain JSON values. A start at the finish line is not named: while a site is upgraded, a worker of before does
+        not know it."""
+        told = dataclasses.asdict(self)
+        if not self.start_m:
+            del told["start_m"]
+        return told
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> RaceRules:
@@ -319,6 +334,11 @@ RUN_RULES = rules_in(RaceRules)
 RULES: Mapping[str, Rule] = {
     **{name: one for name, one in RUN_RULES.items() if not one.run_only},
     **rules_in(BoardRules),
+}
+# What a racer sets of a run of their own: how it drives, where it starts, and what its laps are worth.
+OWN_RULES: Mapping[str, Rule] = {
+    **{name: one for name, one in RUN_RULES.items() if name in RULES or name == "start_m"},
+    **{name: RULES[name] for name in ("ranking_method", "minimum_laps", "opponents")},
 }
 LAYOUT = tuple(name for name, one in RULES.items() if one.layout)
 BY_PLACE = tuple(sorted(RULES, key=lambda name: RULES[name].place))

@@ -146,7 +146,7 @@ def run_race(
     lidar_config: Mapping[str, float] | None = None,
     theme: Theme = OFFICIAL,
     physics: CarPhysics = PADDOCK_CAR,
-    start_m: float = 0.0,
+    start_m: float | None = None,
     ground: PreparedTrack | None = None,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
@@ -158,8 +158,8 @@ def run_race(
     ``policy`` gets a dict of sensor readings and returns the network's output. It may raise: the race of a car alone is
     then over without a result, and so it is for any error but a UserFault; of several cars the one whose policy raises
     a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps and at
-    the end. ``start_m`` moves start and finish along the track, but no box. ``ground``: that of this track, direction
-    and theme, where somebody has built it up already.
+    the end. ``start_m`` (None: that of the rules) moves start and finish along the track, but no box. ``ground``: that
+    of this track, direction and theme, where somebody has built it up already.
 
     Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes.
     """
@@ -168,7 +168,7 @@ def run_race(
     begun = perf_counter()
     entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
     with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics) as stage:
-        race = _Race(stage, entrants, start_m)
+        race = _Race(stage, entrants, rules.start_m if start_m is None else start_m)
         first = race.cars[0]
         while not race.over:
             race.step()

@@ -113,7 +113,7 @@ class Setting:
             if not math.isfinite(start):
                 raise ValueError(f"start_m must be a finite number of metres, not {start}")
             return start
-        return float(rng.uniform(0.0, self.ground.track.length)) if self.random_start else 0.0
+        return float(rng.uniform(0.0, self.ground.track.length)) if self.random_start else self.rules.start_m
 
     def episode_rules(self, rng: np.random.Generator) -> RaceRules:
         """The rules of one episode: with another seed for boxes and bots in each, unless ``layout_seed`` fixes it."""
