@@ -26,6 +26,7 @@ from django.db.models import Max, Min, OuterRef, QuerySet, Subquery
 
 from .models import Evaluation, State
 
+OWN = -5  # a racer's own runs: behind what races wait for, before what nobody waits for
 BACKGROUND = -20  # the lowest priority there is
 URGENT = 10
 FRONT = 1000  # the places that are exact

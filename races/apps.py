@@ -15,10 +15,11 @@ class RacesConfig(AppConfig):
         from . import queues, track_figures, video_words
         from .board_triggers import installed_after_migrate
         from .events import register_audiences
-        from .quotas import RACES
+        from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation
 
-        register(RACES)
+        for quota in (RACES, OWN_RUNS_AT_ONCE, OWN_RUNS_A_DAY):
+            register(quota)
         video_words.register()
         queues.register()
         track_figures.register()

@@ -1,16 +1,20 @@
-"""How many races a racer may hold."""
+"""How many races a racer may hold, and how many runs of their own they may ask for."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 
-from django.db.models import Count
+from django.db.models import Count, Q, QuerySet
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import Quota
+from evaluation.models import State
+from paddock.errors.reasons import platform_codes
 
-from .models import Race, RaceKind
+from .models import OwnEvaluation, Race, RaceKind
+
+A_DAY = timedelta(days=1)
 
 
 def _races(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
@@ -21,4 +25,26 @@ def _races(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]
     return dict(held.order_by().values_list("organiser").annotate(Count("pk")))
 
 
+def _own_at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+    """Own runs that wait or drive."""
+    under_way = _own(racers).filter(evaluation__state__in=(State.QUEUED, State.RUNNING))
+    return dict(under_way.values_list("owner").annotate(Count("pk")))
+
+
+def _own_a_day(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+    """Own runs that were asked for in the 24 hours before ``now``, deleted ones too. What failed through our fault, and
+    what was stopped before it began, counts for nothing."""
+    nothing = Q(evaluation__state=State.FAILED, evaluation__reason_code__in=platform_codes())
+    nothing |= Q(evaluation__state=State.STOPPED, evaluation__started_at=None)
+    asked = _own(racers).filter(Q(evaluation=None) | ~nothing, asked_at__gt=now - A_DAY)
+    return dict(asked.values_list("owner").annotate(Count("pk")))
+
+
+def _own(racers: Collection[int] | None) -> QuerySet[OwnEvaluation]:
+    own = OwnEvaluation.objects.order_by()
+    return own if racers is None else own.filter(owner__in=racers)
+
+
 RACES = Quota(4, "races", "RACES_PER_RACER", _("Races held at a time"), _races)
+OWN_RUNS_AT_ONCE = Quota(9, "own_runs_at_once", "OWN_RUNS_AT_ONCE", _("Own runs under way"), _own_at_once)
+OWN_RUNS_A_DAY = Quota(10, "own_runs_a_day", "OWN_RUNS_A_DAY", _("Own runs in 24 hours"), _own_a_day)

@@ -113,9 +113,47 @@ register(
 )
 
 register(
-    "Several cars in a race",
+    "Own runs",
     "user",
-    {},
+    {
+        "own_model_gone": _(
+            "This model is neither in your garage nor shared with you (any more). Choose another one, or upload it."
+        ),
+        "own_rival_gone": _(
+            "Rival %(number)s is neither in your garage nor shared with you (any more). Choose another car, or none."
+        ),
+        "own_race_gone": _("You do not see this race (any more). Choose another one, or a track and rules."),
+        "own_as_in_race": _(
+            "As in a race means by its rules, on its track and alone. Leave out the race, or track, rivals and rules."
+        ),
+        "own_without_race": _(
+            "A car is sent to the race whose rules it drove by. Choose the race, or do not have it submitted."
+        ),
+        "own_needs_track": _("Choose a track, or a race to drive as in."),
+        "own_needs_rivals": _("Choose one to three cars to race against, or bots."),
+        "own_start": _(
+            "The start is not on the lap, which is %(length_m)s m long. Choose a place from 0 m to less than that."
+        ),
+        "own_runs_at_once": _(
+            "%(limit)s runs of your own wait or drive, as many as may at a time. Wait until one is done, or stop one."
+        ),
+        "own_runs_a_day": _(
+            "You have had %(limit)s runs of your own within 24 hours, as many as a racer may. Come back later, or ask "
+            "an operator for more."
+        ),
+        "own_only": _(
+            "This run is not one of your own: it was driven in a race or by somebody else. Only runs that you asked "
+            "for yourself can be driven again and deleted."
+        ),
+        "own_under_way": _("The run waits or drives. Stop it first, then delete it."),
+        "own_race_changed": _("The race has other rules now than those that this run was driven by. Drive it again."),
+        "own_other_engine": _(
+            "The results of this race are of the engine %(engine)s, and this run is of %(site)s: they cannot be held "
+            "against each other."
+        ),
+        "own_not_classified": _("It was not sent: with these laps it would not be classified. Train the car on."),
+        "own_not_better": _("It was not sent: it is no better than what you have in this race."),
+    },
 )
 
 register(

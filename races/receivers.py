@@ -6,14 +6,16 @@ from datetime import datetime
 
 from evaluation.models import Evaluation, Result
 
-from .services import record_ended_duel, record_ended_evaluation
+from .services import record_ended_duel, record_ended_evaluation, record_ended_own
 from .services.redrives import drive_again_after_commit
 
 
 def take_ended_evaluation(
     sender: object, *, evaluation: Evaluation, result: Result | None, now: datetime, **kwargs: object
 ) -> None:
-    """Write the standing, or what a duel gave, in the transaction that ends the evaluation."""
+    """Write the standing, or what a duel gave, in the transaction that ends the evaluation; and send the car of an own
+    run to its race."""
     record_ended_evaluation(evaluation=evaluation, result=result, now=now)
     record_ended_duel(evaluation=evaluation, result=result, now=now)
+    record_ended_own(evaluation=evaluation, result=result, now=now)
     drive_again_after_commit(evaluation, now)

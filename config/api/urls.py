@@ -7,7 +7,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
 from league.api import notices, organising, seasons, webhooks
-from races.api import boards, duels, entries, evaluations, races, videos
+from races.api import boards, duels, entries, evaluations, own, races, videos
 from tracks import api as tracks
 
 from . import reference, views
@@ -51,6 +51,8 @@ version_1: list[URLPattern | URLResolver] = [
     path("seasons/<slug:slug>/racers/<slug:alias>/", seasons.RacerSeasonView.as_view(), name="api-racer-season"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
     path("", include("training.api.urls")),
+    path("evaluations/", own.OwnRunsView.as_view(), name="api-evaluations"),
+    path("evaluations/<slug:public_id>/again/", own.AgainView.as_view(), name="api-evaluation-again"),
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
     path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),

@@ -15,15 +15,17 @@ from paddock.rules.race import (
     MAX_BOTS,
     MAX_BOXES,
     OBJECT_AVOIDANCE,
+    OWN_RULES,
     RULES,
     RUN_RULES,
+    TOTAL,
     BoxPlace,
     RaceRules,
 )
 from paddock.rules.rule import Rule
 
 _METAVARS = {"ms": "SECONDS", "m": "METRES", "m/s": "MPS"}
-_ASKED = [rule for rule in RUN_RULES.values() if rule.name in RULES and rule.name != "boxes"]
+_ASKED = [rule for rule in OWN_RULES.values() if rule.name in RUN_RULES and rule.name != "boxes"]
 
 
 def add_race_options(parser: ArgumentParser) -> None:
@@ -52,6 +54,33 @@ def add_race_options(parser: ArgumentParser) -> None:
         metavar="FRACTION:LANE",
         help=f"a box in a fixed place: the share of the lap driven there and the lane ({', '.join(LANES)}); repeat it",
     )
+
+
+def add_ranking_options(parser: ArgumentParser) -> None:
+    """What the laps are worth: the ranking method, and how many laps in a row it asks for."""
+    method, needed = OWN_RULES["ranking_method"], OWN_RULES["minimum_laps"]
+    parser.add_argument("--ranking-method", choices=method.choices, default=method.default, help="default: %(default)s")
+    parser.add_argument(
+        "--minimum-laps", type=int, metavar="N", help=f"{needed.label.lower()}; default: 3, or as many as are driven"
+    )
+
+
+def laps_needed(options: dict[str, Any]) -> int:
+    """Laps in a row that classify a car. Raises UserFault("race_minimum_laps", "race_total_needs_all_laps")."""
+    laps, needed = options["laps"], options["minimum_laps"]
+    if needed is None:
+        return laps if options["ranking_method"] == TOTAL else min(RULES["minimum_laps"].default, laps)
+    if not 1 <= needed <= laps:
+        raise UserFault("race_minimum_laps", laps=laps)
+    if options["ranking_method"] == TOTAL and needed != laps:
+        raise UserFault("race_total_needs_all_laps", laps=laps)
+    return needed
+
+
+def check_start(rules: RaceRules, length_m: float) -> None:
+    """Raise UserFault("own_start") unless the run starts on the lap."""
+    if not 0.0 <= rules.start_m < length_m:
+        raise UserFault("own_start", length_m=f"{length_m:.2f}")
 
 
 def rules_of(options: dict[str, Any]) -> RaceRules:

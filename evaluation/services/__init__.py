@@ -12,12 +12,14 @@ from .garage import (
 from .jobs import EVALUATIONS, finish_evaluation
 from .nodes import engines_at_work, note_worker
 from .queue import queue_again, queue_copies, queue_evaluation, stop_evaluation
+from .results import delete_evaluation
 from .turns import reschedule
 from .work import job_of, run_next_evaluation
 
 __all__ = [
     "EVALUATIONS",
     "UploadedModel",
+    "delete_evaluation",
     "delete_model",
     "describe_model",
     "engines_at_work",

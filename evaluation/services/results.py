@@ -11,8 +11,10 @@ import uuid
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from django.db import transaction
 from django.db.models import Q
 
 from core.storage_faults import storage_at_work
@@ -153,6 +155,21 @@ def read_layout(result: Result) -> dict[str, list]:
     """
     bots = json.loads(read_gzip(result.bots.name or "")) if result.bots else []
     return {"boxes": result.layout.get("boxes", []), "bots": bots}
+
+
+@transaction.atomic
+def delete_evaluation(*, evaluation: Evaluation) -> None:
+    """Delete a run that is over for good: its result, its videos, and after the commit its files.
+
+    Raises ProtectedError for one that belongs to a race.
+    """
+    result = Result.objects.filter(evaluation=evaluation).first()
+    names: list[str] = []
+    if result is not None:
+        names = [result.trace.name or "", result.bots.name or ""]
+        names += [rival.trace.name or "" for rival in result.rivals.all()]
+    evaluation.delete()
+    transaction.on_commit(partial(delete_files, [name for name in names if name]), robust=True)
 
 
 def delete_files(names: list[str]) -> None:

@@ -2,6 +2,6 @@
 
 from .duels import DrawAdmin, DuelAdmin
 from .race import RaceAdmin
-from .results import EntryAdmin, SubmissionAdmin
+from .results import EntryAdmin, OwnEvaluationAdmin, SubmissionAdmin
 
-__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "RaceAdmin", "SubmissionAdmin"]
+__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "OwnEvaluationAdmin", "RaceAdmin", "SubmissionAdmin"]

@@ -12,7 +12,7 @@ from django.utils.translation import gettext_lazy, ngettext
 from accounts.who import racer_of
 from core.admin import ReadOnly
 
-from ..models import Entry, Race, Submission
+from ..models import Entry, OwnEvaluation, Race, Submission
 from ..selectors import rank_of
 from ..services import (
     remove_entry,
@@ -130,3 +130,14 @@ class SubmissionAdmin(ReadOnly, WithReason):
             "Put into the queue again",
         )
         self.message_user(request, ngettext("%d run is queued again.", "%d runs are queued again.", done) % done)
+
+
+@admin.register(OwnEvaluation)
+class OwnEvaluationAdmin(ReadOnly, admin.ModelAdmin):
+    """Runs that racers asked for themselves, and those that they have deleted within a day."""
+
+    list_display = ("owner", "evaluation", "race", "submit_if_better", "submission", "asked_at", "deleted_at")
+    list_filter = ("submit_if_better", ("deleted_at", admin.EmptyFieldListFilter))
+    list_select_related = ("owner", "evaluation", "race", "submission__entry__racer")
+    search_fields = ("owner__alias", "evaluation__public_id", "race__slug")
+    date_hierarchy = "asked_at"

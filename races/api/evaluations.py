@@ -9,24 +9,28 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema, extend_schema_field
-from rest_framework import serializers
+from rest_framework import serializers, status
 from rest_framework.exceptions import NotFound, PermissionDenied
-from rest_framework.permissions import AllowAny, IsAuthenticated
+from rest_framework.permissions import AllowAny, IsAuthenticated, IsAuthenticatedOrReadOnly
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from accounts.scopes import RACE
+from accounts.who import racer_of
 from core.bodies import refuse_fields
 from core.file_view import FileView
 from evaluation.files import logs_of
 from evaluation.models import CompetitorResult, Evaluation, Result, State
-from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_length, queue_position
+from evaluation.selectors import expected_wait_s, queue_length, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 
+from ..models import OwnEvaluation, RankingMethod
+from ..selectors.own import OwnResult, can_stop_run, own_of, own_result
+from ..services import delete_own
 from ..video_words import race_of
 from .lookup import visible_evaluation
 from .placed import PlacedBoxSerializer
@@ -168,6 +172,53 @@ class RivalSerializer(serializers.Serializer):
     model = ModelSummarySerializer()
 
 
+class WouldBeSerializer(serializers.Serializer):
+    """What a run would be in a race, if it were sent there now."""
+
+    rank = serializers.IntegerField()
+    racers = serializers.IntegerField(help_text="Of so many, this one among them.")
+    is_better = serializers.BooleanField(source="change.is_better", help_text="Than what you have in the race.")
+
+
+class OwnSerializer(serializers.Serializer):
+    """What a run of one's own is besides."""
+
+    race = NamedSerializer(allow_null=True, help_text="The race that it was driven as in.")
+    ranking_method = serializers.ChoiceField(RankingMethod.choices)
+    minimum_laps = serializers.IntegerField()
+    classified = serializers.SerializerMethodField(help_text="Once it has a result.")
+    score_ms = serializers.SerializerMethodField(help_text="By the ranking method; null unless it is classified.")
+    would_be = serializers.SerializerMethodField(help_text="In its race, against the board as it is now.")
+    submit_if_better = serializers.BooleanField()
+    submitted = serializers.CharField(
+        source="submission.evaluation.public_id", default=None, allow_null=True, help_text="The run in the race."
+    )
+    submit_reason = serializers.SerializerMethodField(help_text="Why it was not submitted, though that was wished for.")
+
+    def get_classified(self, own: OwnEvaluation) -> bool | None:
+        worth = self._worth(own)
+        return None if worth is None else worth.standing.classified
+
+    def get_score_ms(self, own: OwnEvaluation) -> int | None:
+        worth = self._worth(own)
+        return None if worth is None else worth.standing.score_ms
+
+    @extend_schema_field(WouldBeSerializer(allow_null=True))
+    def get_would_be(self, own: OwnEvaluation) -> dict[str, Any] | None:
+        worth = self._worth(own)
+        return None if worth is None or worth.would_be is None else WouldBeSerializer(worth.would_be).data
+
+    @extend_schema_field(ReasonSerializer(allow_null=True))
+    def get_submit_reason(self, own: OwnEvaluation) -> dict[str, Any] | None:
+        return reason_of(own.submit_reason_code, own.submit_reason, own.submit_reason_params)
+
+    def _worth(self, own: OwnEvaluation) -> OwnResult | None:
+        if not hasattr(self, "_worked_out"):
+            result = getattr(own.evaluation, "result", None)
+            self._worked_out = None if result is None else own_result(own, result)
+        return self._worked_out
+
+
 class EvaluationSerializer(serializers.Serializer):
     """One run of one model."""
 
@@ -178,6 +229,7 @@ class EvaluationSerializer(serializers.Serializer):
     rivals = serializers.SerializerMethodField(help_text="Other submitted cars in the same race.")
     race = serializers.SerializerMethodField()
     submission = serializers.SerializerMethodField(help_text="The number of the submission it measures.")
+    own = serializers.SerializerMethodField(help_text="Of a run that its racer asked for themselves.")
     track = TrackSummarySerializer()
     rules = serializers.SerializerMethodField(help_text="As they stood when it was sent.")
     queue = serializers.SerializerMethodField(help_text="While it waits.")
@@ -201,6 +253,11 @@ class EvaluationSerializer(serializers.Serializer):
     def get_submission(self, evaluation: Evaluation) -> int | None:
         submission = getattr(evaluation, "submission", None)
         return None if submission is None else submission.number
+
+    @extend_schema_field(OwnSerializer(allow_null=True))
+    def get_own(self, evaluation: Evaluation) -> dict[str, Any] | None:
+        own = getattr(evaluation, "own", None)
+        return None if own is None else OwnSerializer(own).data
 
     def get_rules(self, evaluation: Evaluation) -> dict[str, Any]:
         return evaluation.spec["rules"]
@@ -256,7 +313,8 @@ class MetricsSerializer(serializers.Serializer):
 class EvaluationView(APIView):
     """One evaluation."""
 
-    permission_classes = [AllowAny]
+    token_scope = RACE
+    permission_classes = [IsAuthenticatedOrReadOnly]
 
     @extend_schema(
         operation_id="read_evaluation",
@@ -270,6 +328,21 @@ class EvaluationView(APIView):
     )
     def get(self, request: Request, public_id: str) -> Response:
         return Response(EvaluationSerializer(visible_evaluation(request, public_id)).data)
+
+    @extend_schema(
+        operation_id="delete_evaluation",
+        summary="Delete a run of your own that is over",
+        description="With its result, its videos and its files. What was sent to a race because of it stays.",
+        request=None,
+        responses={204: None},
+        tags=["evaluations"],
+    )
+    def delete(self, request: Request, public_id: str) -> Response:
+        evaluation = visible_evaluation(request, public_id)
+        refuse_fields(request)
+        own = own_of(racer_of(request), evaluation)
+        delete_own(own=own, now=timezone.now())
+        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class StopView(APIView):
@@ -290,7 +363,7 @@ class StopView(APIView):
         evaluation = visible_evaluation(request, public_id)
         refuse_fields(request)
         if not evaluation.is_final:
-            if not can_stop_evaluation(request.user, evaluation):
+            if not can_stop_run(request.user, evaluation):
                 raise PermissionDenied()
             stop_evaluation(evaluation=evaluation, now=timezone.now())
         return Response(EvaluationSerializer(evaluation).data)

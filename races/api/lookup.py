@@ -36,5 +36,12 @@ def own_entry(request: Request, slug: str) -> Entry:
 
 def visible_evaluation(request: Request, public_id: str) -> Evaluation:
     """The evaluation with this id, with its race and result. Raises Http404."""
-    evaluations = evaluations_visible_to(request.user).select_related("submission__entry__race", "duel__race", "result")
+    evaluations = evaluations_visible_to(request.user).select_related(
+        "submission__entry__race",
+        "duel__race",
+        "own__race__track",
+        "own__owner",
+        "own__submission__evaluation",
+        "result",
+    )
     return get_object_or_404(evaluations, public_id=public_id)

@@ -5,6 +5,7 @@ from .choices import Division, DuelFormat, Lane, Opponents, RaceKind, RaceState,
 from .counting import BoardCount
 from .duel import Draw, Duel, DuelCompetitor, DuelState
 from .entry import Entry
+from .own import OwnEvaluation
 from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
 from .rules import default_sensors
@@ -21,6 +22,7 @@ __all__ = [
     "Entry",
     "Lane",
     "Opponents",
+    "OwnEvaluation",
     "Race",
     "RaceCar",
     "RaceKind",

@@ -51,6 +51,37 @@ def places_of(entries: Sequence[int]) -> dict[int, int]:
         return {pk: int(place) for pk, place in cursor.fetchall()}
 
 
+def racers_before(race: Race, key: tuple[int, int, int]) -> int:
+    """How many racers of a race would stand before who came there now with this ``Standing.key``: whoever is better,
+    and of equals everybody, for they came earlier. One query, down the levels."""
+    score, lap, resets = key
+    params: dict[str, int] = {"race": race.pk, "score": score, "lap": lap, "resets": resets}
+    for number, shift in enumerate(SHIFTS):
+        params |= {f"to_{number}": score >> shift, f"from_{number}": 0}
+        if number:
+            params[f"from_{number}"] = (score >> SHIFTS[number - 1]) << LEVEL_BITS
+    with connection.cursor() as cursor:
+        cursor.execute(_BEFORE, params)
+        return int(cursor.fetchone()[0])
+
+
+def _before() -> str:
+    counts, entry = BoardCount._meta.db_table, Entry._meta.db_table
+    levels = [
+        f"COALESCE((SELECT SUM(c.racers) FROM {counts} c WHERE c.race_id = %(race)s AND c.shift = {shift} "
+        f"AND c.bucket >= %(from_{number})s AND c.bucket < %(to_{number})s), 0)"
+        for number, shift in enumerate(SHIFTS)
+    ]
+    ties = (
+        f"(SELECT COUNT(*) FROM {entry} o WHERE o.race_id = %(race)s AND o.withdrawn_at IS NULL AND NOT o.is_baseline "
+        "AND o.rank_score = %(score)s AND (o.rank_lap, o.resets) <= (%(lap)s, %(resets)s))"
+    )
+    return f"SELECT {' + '.join([*levels, ties])}"
+
+
+_BEFORE = _before()
+
+
 def _places() -> str:
     counts, entry = BoardCount._meta.db_table, Entry._meta.db_table
     levels, above = [], ""

@@ -7,6 +7,7 @@ an entry or a race and wants an evaluation stopped does so after the commit.
 from ..layout import race_rules
 from .duels import draw_duels, drive_all_on, drive_on, record_ended_duel
 from .entries import accept_invitation, enter_race, give_field, remove_entry, restore_entry, take_out, withdraw
+from .own import delete_own, drive_own, drive_own_again, record_ended_own
 from .races import (
     cancel_race,
     clone_race,
@@ -26,9 +27,12 @@ __all__ = [
     "close_race",
     "create_community_race",
     "create_league_race",
+    "delete_own",
     "draw_duels",
     "drive_all_on",
     "drive_on",
+    "drive_own",
+    "drive_own_again",
     "edit_race",
     "enter_race",
     "give_field",
@@ -37,6 +41,7 @@ __all__ = [
     "recompute_standing",
     "record_ended_duel",
     "record_ended_evaluation",
+    "record_ended_own",
     "remove_entry",
     "repeat_submission",
     "reset_invitation",

@@ -25,6 +25,7 @@ SECTIONS = (
     "Track files",
     "Recorded drives",
     "Races",
+    "Own runs",
     "The league",
     "Several cars in a race",
     "Duels",

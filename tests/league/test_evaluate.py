@@ -101,18 +101,22 @@ class TestEvaluate:
         trace = tmp_path / "trace.csv"
         arguments = ["--direction", "cw", "--laps", "1", "--seed", "7", "--off-track-penalty", "2.5"]
         arguments += ["--collision-penalty", "1", "--max-resets", "4", "--time-limit", "30", "--trace", str(trace)]
+        arguments += ["--start", "2.5", "--ranking-method", "best", "--minimum-laps", "1"]
         status, out, _ = evaluate(*CAR_FILES, "--track", "oval", *arguments, "--json")
         assert status == 0
         assert jobs[0].rules == RaceRules(
             direction="cw",
             laps=1,
             seed=7,
+            start_m=2.5,
             off_track_penalty_ms=2500,
             collision_penalty_ms=1000,
             max_resets=4,
             max_simulated_ms=30_000,
         )
         assert jobs[0].track.direction == "cw"
+        told = json.loads(out)
+        assert told["classified"] and told["score_ms"] == told["best_lap_ms"]
         assert len(trace.read_text().splitlines()) == 2 + json.loads(out)["steps"]  # a header, and the state at the end
 
     @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Literal
 
 from evaluation.models import Evaluation
-from evaluation.services import queue_evaluation
+from evaluation.selectors import can_use_model
 from paddock.errors import UserFault
-from paddock.rules.race import RaceRules
+from races.services import drive_own
 
 from ..models import TrainingJob
 from .create import layout_of
@@ -22,15 +22,19 @@ LAPS_OF_A_TEST = 3
 def evaluate_training(
     *, job: TrainingJob, which: Literal["best", "last"] = "best", by: Racer, now: datetime
 ) -> Evaluation:
-    """Queue three laps of the best or the last model on the track and the layout that it was trained on.
+    """Queue three laps of the best or the last model on the track and the layout that it was trained on, as a run of
+    the racer's own.
 
-    Raises UserFault("training_no_model") while there is none, ("model_not_yours") for who does not own it.
+    Raises UserFault("training_no_model") while there is none, ("model_not_yours") for who does not own it, and as
+    :func:`races.services.drive_own`.
     """
     model = job.last_model if which == "last" else job.best_model
     if model is None or model.deleted_at is not None:
         raise UserFault("training_no_model")
-    rules = RaceRules.from_dict(
-        {**layout_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
-        | ({"seed": job.seed} if job.random_boxes or job.bots else {})
-    )
-    return queue_evaluation(owner=by, model=model, track=job.track, rules=rules, now=now)
+    if not can_use_model(by, model):
+        raise UserFault("model_not_yours")
+    options = {**layout_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
+    options |= {"seed": job.seed} if job.random_boxes or job.bots else {}
+    own = drive_own(owner=by, model=model, track=job.track, now=now, **options)
+    assert own.evaluation is not None, "it has just been queued"
+    return own.evaluation

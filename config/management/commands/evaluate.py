@@ -15,7 +15,7 @@ from django.conf import settings
 from django.core.management.base import CommandError
 
 from config.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
-from config.management.race_options import add_race_options, rules_of
+from config.management.race_options import add_race_options, add_ranking_options, check_start, laps_needed, rules_of
 from config.management.run_video import save_video
 from config.management.tracks import TRACK_HELP, find_track
 from core.templatetags.formats import lap_time
@@ -30,6 +30,7 @@ from paddock.packages.read import UploadPart
 from paddock.rules.race import MAX_CARS
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.layout import lay_out
+from races.ranking import RULES as RANKING
 
 
 class Command(JsonCommand):
@@ -64,6 +65,7 @@ class Command(JsonCommand):
             help="the .onnx.data file beside an .onnx file, if it has one",
         )
         add_race_options(parser)
+        add_ranking_options(parser)
         parser.add_argument(
             "--rival",
             action="append",
@@ -88,8 +90,10 @@ class Command(JsonCommand):
         try:
             rules = rules_of(options)
             check_rivals(rules, len(options["rival"]))
+            ranking, needed = RANKING[options["ranking_method"]], laps_needed(options)
             found = find_track(track)
             geometry = found.geometry.in_direction(rules.direction)
+            check_start(rules, geometry.length)
             lay_out(geometry, rules)  # before anything takes long
             started = time.monotonic()
             paths = [path for path in (package, metadata, options["weights"]) if path is not None]
@@ -113,10 +117,14 @@ class Command(JsonCommand):
             sys.exit(REFUSED if theirs else OUR_FAULT)
         except KeyboardInterrupt:
             sys.exit(130)
+        worth = ranking.standing(outcome.laps, needed)
         if as_json:
-            self.stdout.write(json.dumps(report(outcome, cars, admission_s), indent=2))
+            ranked = {"classified": worth.classified, "score_ms": worth.score_ms}
+            self.stdout.write(json.dumps(report(outcome, cars, admission_s) | ranked, indent=2))
         else:
             self._table(outcome, geometry, admission_s)
+            score = "not classified" if worth.score_ms is None else lap_time(worth.score_ms)
+            self.stdout.write(f"by {ranking.code}, {needed} laps in a row: {score}")
         if options["trace"] is not None:  # last: where it cannot be written, the figures have been told
             _write_traces(options["trace"], outcome)
         if options["video"] is not None:

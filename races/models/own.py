@@ -1,0 +1,102 @@
+"""A racer's own runs: any car that they may use on any track, for nobody else."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+from django.utils import timezone
+from django.utils.functional import cached_property
+from django.utils.translation import gettext_lazy as _
+
+from core.jobs.models import reason_sentence
+from paddock.rules.race import RULES, RaceRules
+
+from .choices import RankingMethod
+from .race import Race
+from .submission import Submission
+
+
+class OwnEvaluation(models.Model):
+    """A run that a racer asked for: private, and counted in no race.
+
+    ``race``: the race whose rules it was driven by, where it was one. ``submission``: what was sent to that race
+    because the run was better than the racer's best there; ``submit_reason_code``: why nothing was, where that was
+    wished for. Once deleted it has no ``evaluation`` any more; the row stays for a day, because it counts for so long.
+    """
+
+    owner = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="own_evaluations", verbose_name=_("owner")
+    )
+    evaluation = models.OneToOneField(
+        "evaluation.Evaluation",
+        models.CASCADE,
+        null=True,
+        blank=True,
+        related_name="own",
+        verbose_name=_("evaluation"),
+    )
+    race = models.ForeignKey(
+        Race, models.SET_NULL, null=True, blank=True, related_name="own_evaluations", verbose_name=_("as in the race")
+    )
+    ranking_method = models.CharField(_("ranked by"), max_length=7, choices=RankingMethod.choices)
+    minimum_laps = models.PositiveSmallIntegerField(_("laps in a row to be classified"))
+    submit_if_better = models.BooleanField(_("submit if better"), default=False)
+    submission = models.OneToOneField(
+        Submission,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="own_evaluation",
+        verbose_name=_("submission"),
+    )
+    submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
+    submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    asked_at = models.DateTimeField(_("asked for"), default=timezone.now)
+    deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("own run")
+        verbose_name_plural = _("own runs")
+        ordering = ["-asked_at", "-pk"]
+        indexes = [models.Index(fields=["owner", "-asked_at", "-id"], name="own_of_a_racer")]
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(evaluation__isnull=False, deleted_at=None)
+                | Q(evaluation__isnull=True, deleted_at__isnull=False),
+                name="own_deleted_has_no_run",
+            ),
+            models.CheckConstraint(condition=Q(ranking_method__in=RankingMethod.values), name="own_ranking_known"),
+            models.CheckConstraint(
+                condition=Q(minimum_laps__gte=1, minimum_laps__lte=RULES["minimum_laps"].most),
+                name="own_minimum_laps_range",
+            ),
+            models.CheckConstraint(
+                condition=Q(submit_if_better=True) | Q(submission=None, submit_reason_code=""),
+                name="own_submitted_as_wished",
+            ),
+            models.CheckConstraint(
+                condition=Q(submission=None) | Q(submit_reason_code=""), name="own_submitted_or_a_reason"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return str(self.evaluation) if self.evaluation_id else f"{self.pk}"
+
+    @property
+    def submit_reason(self) -> str:
+        """Why it was not submitted, in the reader's language, or ``""``."""
+        return reason_sentence(self.submit_reason_code, self.submit_reason_params)
+
+    @cached_property
+    def rules(self) -> RaceRules:
+        """What the run was told. Raises AttributeError once it is deleted."""
+        assert self.evaluation is not None, "it is not deleted"
+        return RaceRules.from_dict(self.evaluation.spec["rules"])
+
+    @cached_property
+    def ranked_as(self) -> Race:
+        """A race that is nowhere, which ranks as the run does: for what its laps are worth, and in which words."""
+        rules = self.rules
+        ranked = {"laps": rules.laps, "minimum_laps": self.minimum_laps, "ranking_method": self.ranking_method}
+        return Race(race_type=rules.race_type, direction=rules.direction, **ranked)

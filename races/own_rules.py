@@ -1,0 +1,97 @@
+"""The rules of a racer's own run: put together from what they chose, or taken from a race."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from django.core.exceptions import ValidationError
+
+from paddock.errors import UserFault
+from paddock.rules.race import BOTS as AGAINST_BOTS
+from paddock.rules.race import HEAD_TO_HEAD, MODELS, OWN_RULES, ROUND_ROBIN, RULES, TOTAL, RaceRules
+
+from .errors import RaceRefused, problem
+from .layout import check_layout, race_rules
+from .models import Race
+from .models.layout import problems_of
+from .models.rules import lap_problems, usual
+
+if TYPE_CHECKING:
+    from tracks.models import Track
+
+_NAMES = tuple(name for name in OWN_RULES if name in RULES)
+
+
+@dataclass(frozen=True)
+class OwnRules:
+    """What a run is told, and what its laps are worth."""
+
+    rules: RaceRules
+    ranking_method: str
+    minimum_laps: int
+
+
+def own_rules(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> OwnRules:
+    """What ``options`` (names of :data:`paddock.rules.race.OWN_RULES`) make of a run with so many rivals.
+
+    What is left out is as it usually is: against rivals if there are some, else against bots if some are named; ranked
+    over three laps, or as many as are driven. Raises RaceRefused with all problems by field, UserFault
+    ``race_track_without_shape``, ``own_needs_rivals``, ``rivals_...``, ``too_many_rivals``; TypeError for an option
+    that no run has.
+    """
+    if unknown := options.keys() - OWN_RULES.keys():
+        raise TypeError(f"a run has no {', '.join(sorted(unknown))}")
+    if not track.has_shape:
+        raise UserFault("race_track_without_shape", track=track.name)
+    race = race_like(track, options, rivals=rivals)
+    start_m = float(options.get("start_m") or 0.0)
+    problems = _problems(race, start_m)
+    if problems:
+        raise RaceRefused(ValidationError(problems))
+    if race.opponents == MODELS and not rivals:
+        raise UserFault("own_needs_rivals")
+    return OwnRules(replace(race_rules(race), start_m=start_m), race.ranking_method, race.minimum_laps)
+
+
+def rules_as_in(race: Race) -> OwnRules:
+    """Those of a race. Raises UserFault ``race_recorded`` for one that was driven elsewhere,
+    ``race_track_without_shape``."""
+    if not race.track.has_shape:
+        raise UserFault("race_track_without_shape", track=race.track.name)
+    if race.imported_at is not None:
+        raise UserFault("race_recorded")
+    return OwnRules(race_rules(race), race.ranking_method, race.minimum_laps)
+
+
+def race_like(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> Race:
+    """A race that is nowhere, with these rules: for what is known of races, such as their maps and their problems."""
+    told = {name: options.get(name, usual(name)) for name in _NAMES}
+    if told["race_type"] == HEAD_TO_HEAD and not told["opponents"]:
+        told["opponents"] = MODELS if rivals else AGAINST_BOTS if told["bots"] else ""
+    if "minimum_laps" not in options and isinstance(told["laps"], int):
+        told["minimum_laps"] = told["laps"] if told["ranking_method"] == TOTAL else min(3, told["laps"])
+    # that there are models to race against is looked at elsewhere; in which form they would meet says nothing here
+    duels = {"duel_format": ROUND_ROBIN} if told["opponents"] == MODELS else {}
+    return Race(track=track, **told, **duels)
+
+
+def _problems(race: Race, start_m: float) -> dict[str, Any]:
+    others = {field.name for field in Race._meta.fields} - set(_NAMES)
+    problems: dict[str, Any] = {}
+    try:
+        race.clean_fields(exclude=others)
+    except ValidationError as error:
+        problems = error.error_dict
+    for name, found in {**lap_problems(race), **problems_of(race)}.items():
+        problems.setdefault(name, found)
+    length_m = race.track.length_m or 0.0
+    if not 0.0 <= start_m < length_m:
+        problems["start_m"] = problem("own_start", length_m=f"{length_m:.2f}")
+    if not problems:
+        try:
+            check_layout(race)
+        except ValidationError as error:
+            problems = error.error_dict
+    return problems
