@@ -13,6 +13,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
+from core.constraints import ChecksTogether
 from core.validators import ONE_LINE
 from paddock.rules.race import RULES
 
@@ -46,7 +47,7 @@ def new_invitation() -> str:
     return get_random_string(32)
 
 
-class Race(with_rules(RULES, inside_a_race)):  # type: ignore[misc]
+class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[misc]
     """A race: where, how, when, and how it is ranked. It is open as a function of the time (:meth:`state_at`)."""
 
     slug = models.SlugField(_("address"), unique=True, max_length=80)

@@ -1,0 +1,52 @@
+"""Asking the database about a row's check constraints, all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import cache
+
+from django.core.exceptions import FieldError
+from django.db import models, router
+from django.db.models import Q
+
+
+class ChecksTogether(models.Model):
+    """A model with many check constraints: validation asks about all of them in one query, where Django sends one for
+    each with every field in it. Only where they do not all hold is each asked for its own message."""
+
+    class Meta:
+        abstract = True
+
+    def validate_constraints(self, exclude: Collection[str] | None = None) -> None:
+        """As Django's. Raises ValidationError."""
+        excluded = set(exclude or ())
+        if all(isinstance(one, models.CheckConstraint) for one in self._meta.constraints) and _all_hold(self, excluded):
+            return
+        super().validate_constraints(exclude=excluded)
+
+
+def _all_hold(row: models.Model, excluded: set[str]) -> bool:
+    """Whether each constraint of which no field is left out holds; False where that cannot be asked in one query."""
+    model = type(row)
+    asked = [(condition, names) for condition, names in _checks(model) if not names & excluded]
+    if not asked:
+        return True
+    every = row._get_field_expression_map(meta=model._meta, exclude=excluded)
+    needed = set().union(*(names for _condition, names in asked))
+    try:
+        return Q(*(condition for condition, _names in asked)).check(
+            {name: every[name] for name in needed}, using=router.db_for_write(model, instance=row)
+        )
+    except (FieldError, KeyError):
+        return False
+
+
+@cache
+def _checks(model: type[models.Model]) -> list[tuple[Q, frozenset[str]]]:
+    """Each check constraint's condition, true where it is unknown as in the database, and the fields it names."""
+    return [
+        (condition, frozenset(name for name, *_lookups in model._get_expr_references(condition)))
+        for one in model._meta.constraints
+        if isinstance(one, models.CheckConstraint)
+        for condition in [Q(one.condition)]
+    ]
