@@ -11,7 +11,7 @@ from django.utils.translation import gettext as _
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
-from paddock.rules.race import RULES, RUN_RULES, BoxPlace, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, RULES, RUN_RULES, BoxPlace, RaceRules
 from paddock.simulator.layout import Layout, box_faults, lay_out, place_box
 from paddock.simulator.solids import Solid, box
 from tracks.drawing import BoxMark
@@ -44,16 +44,25 @@ def _lay(geometry: TrackGeometry, rules: RaceRules) -> Layout:
 
 
 def check_layout(race: Race) -> None:
-    """Refuse boxes and bots that have no room on the race's track. Raises ValidationError on the field to change.
+    """Refuse boxes and bots that have no room on the race's track, and a race of several cars on an open one. Raises
+    ValidationError on the field to change.
 
     The race's values must make sense by themselves (``Race.full_clean``).
     """
-    if not (has_boxes(race) or race.bots):
+    if not (has_boxes(race) or race.bots or race.race_type == HEAD_TO_HEAD):
         return
     try:
         laid_out(race)
     except UserFault as fault:
-        field = "bots" if race.bots else "random_boxes" if race.random_boxes else "boxes"
+        field = (
+            "track"
+            if fault.code == "track_needs_loop"
+            else "bots"
+            if race.bots
+            else "random_boxes"
+            if race.random_boxes
+            else "boxes"
+        )
         raise ValidationError({field: problem(fault.code, **fault.params)}) from fault
 
 

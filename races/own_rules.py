@@ -89,6 +89,8 @@ def _problems(race: Race, start_m: float) -> dict[str, Any]:
     length_m = race.track.length_m or 0.0
     if not 0.0 <= start_m < length_m:
         problems["start_m"] = problem("own_start", length_m=f"{length_m:.2f}")
+    elif start_m and race.track.is_open:
+        problems["start_m"] = problem("track_start_fixed", track=race.track.name)
     if not problems:
         try:
             check_layout(race)

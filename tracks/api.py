@@ -27,7 +27,8 @@ from .selectors import found_tracks
 LINE = {
     "type": "array",
     "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
-    "description": "[x, y] in metres. The first point lies at the finish line and is not repeated at the end.",
+    "description": "[x, y] in metres. The first point lies at the finish line and is not repeated at the end; on an "
+    "open track it lies at the start, and the last one at the finish.",
 }
 
 
@@ -54,7 +55,10 @@ class TrackSerializer(serializers.Serializer):
         allow_null=True, help_text="Bends tighter than a radius of 5 m, 30 degrees or more."
     )
     difficulty = serializers.IntegerField(allow_null=True, help_text="0 to 100, as docs/tracks.md defines it.")
-    direction = serializers.ChoiceField(Direction.choices, help_text="In which the file's own points run.")
+    direction = serializers.ChoiceField(
+        Direction.choices, help_text="In which the file's own points run; of an open track from start to end."
+    )
+    is_open = serializers.BooleanField(help_text="Driven from its first point to its last, each lap anew.")
     fingerprint = serializers.CharField(help_text="sha-256 of the points.")
     look = serializers.ChoiceField(TrackLook.choices, help_text="What cameras see of it.")
     is_catalogue = serializers.BooleanField(help_text="One of Paddock's own tracks.")
@@ -98,6 +102,10 @@ class ImportSerializer(Body):
     name = serializers.CharField(help_text="1 to 64 characters.")
     description = serializers.CharField(required=False, allow_blank=True, max_length=1000)
     look = serializers.ChoiceField(TrackLook.choices, required=False, help_text="What cameras see of it; for good.")
+    is_open = serializers.BooleanField(
+        required=False,
+        help_text="It is meant to be driven from start to end. Without, the last point must meet the first.",
+    )
 
 
 @extend_schema_view(

@@ -23,7 +23,11 @@ class ImportTrackForm(forms.Form):
         ),
         widget=forms.FileInput(attrs={"accept": ".npy"}),
     )
-
+    is_open = forms.BooleanField(
+        label=_("This track is open: it is driven from start to end"),
+        required=False,
+        help_text=_("The first point is the start and the last one the finish; each lap begins at the start again."),
+    )
     look = forms.ChoiceField(
         label=_("Look"),
         choices=TrackLook.choices,

@@ -8,6 +8,7 @@ from django.conf import settings
 from django.db import models
 from django.urls import reverse
 from django.utils import timezone
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from paddock.errors import UserFault
@@ -47,6 +48,9 @@ class Track(models.Model):
     corners = models.PositiveSmallIntegerField(_("corners"), null=True, blank=True, editable=False)
     difficulty = models.PositiveSmallIntegerField(_("difficulty"), null=True, blank=True, editable=False)
     direction = models.CharField(_("the file's own direction"), max_length=3, choices=Direction.choices, editable=False)
+    is_open = models.BooleanField(
+        _("driven from start to end"), default=False, db_default=models.Value(False), editable=False
+    )
     look = models.CharField(
         _("look"), max_length=16, choices=TrackLook.choices, default=TrackLook.OFFICIAL, editable=False
     )
@@ -107,7 +111,13 @@ class Track(models.Model):
             raise UserFault("track_shape_unknown", name=self.name)
         return _geometry(self.fingerprint, bytes(self.npy), self.slug)
 
+    def way(self, direction: str) -> str:
+        """A direction in words: an open track is driven as it is drawn or back."""
+        if not self.is_open:
+            return str(Direction(direction).label)
+        return gettext("from start to end") if direction == self.direction else gettext("from end to start")
+
 
 @lru_cache(maxsize=128)
 def _geometry(fingerprint: str, npy: bytes, name: str) -> TrackGeometry:
-    return read_npy(npy, name)
+    return read_npy(npy, name, is_open=None)

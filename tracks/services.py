@@ -44,12 +44,14 @@ def import_track(
     slug: str | None = None,
     description: str = "",
     look: str = TrackLook.OFFICIAL,
+    is_open: bool = False,
 ) -> Track:
     """Keep the track of a community ``.npy`` file, under an address made from its name unless ``slug`` says another.
 
     ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
-    ``look``: one of :class:`tracks.models.TrackLook`, for good: cars of one race must see the same track.
+    ``look``: one of :class:`tracks.models.TrackLook`, for good: cars of one race must see the same track. ``is_open``:
+    it is meant to be driven from start to end; a loop is refused then, and an open track otherwise.
     Raises UserFault("track_...") for a file that is not a track (see :mod:`paddock.geometry.npy`), "track_known" (with
     ``name`` and ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
     "track_look".
@@ -60,7 +62,7 @@ def import_track(
     shapeless = _shapeless(name, slug) if owner is None else None
     if slug is not None and shapeless is None:
         _refuse_slug(slug)
-    geometry = read_npy(data, name)
+    geometry = read_npy(data, name, is_open=is_open)
     with transaction.atomic():
         if owner is not None and not owner.is_staff:
             _refuse_above_limit(owner)
@@ -127,7 +129,7 @@ def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
         older.save(update_fields=["slug", "is_catalogue"])
     if track is None:
         track = Track(npy=entry.npy, created_at=now)
-        for field in ("name", "fingerprint", "length_m", "width_m", "direction", "corners", "difficulty"):
+        for field in ("name", "fingerprint", "length_m", "width_m", "direction", "corners", "difficulty", "is_open"):
             setattr(track, field, getattr(entry, field))
     track.slug, track.owner = entry.slug, None
     for field, value in texts.items():
@@ -146,6 +148,7 @@ def _row(geometry: TrackGeometry, *, slug: str, name: str) -> Track:
         length_m=round(geometry.length, 3),
         width_m=round(median_width(geometry), 3),
         direction=geometry.direction,
+        is_open=geometry.is_open,
         corners=corners,
         difficulty=difficulty,
     )

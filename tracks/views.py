@@ -56,6 +56,7 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
                 owner=racer_of(request),
                 now=timezone.now(),
                 look=form.cleaned_data["look"],
+                is_open=form.cleaned_data["is_open"],
             )
         except UserFault as fault:
             add_fault(form, fault)

@@ -30,7 +30,8 @@ def save_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, fil
         VideoCar(number, name_of(file), look.shell, look.colour, result.trace_csv, result.laps)
         for number, (file, look, result) in enumerate(zip(files, looks, results, strict=True))
     ]
-    words = f"{track.length:.1f} m, {'counter-clockwise' if track.direction == 'ccw' else 'clockwise'}"
+    way = "start to end" if track.is_open else "counter-clockwise" if track.direction == "ccw" else "clockwise"
+    words = f"{track.length:.1f} m, {way}"
     try:
         write_video(VideoScene(track, track.name, words, cars, layout=outcome.layout, order=outcome.order), path)
     except UserFault as fault:

@@ -42,7 +42,7 @@ def find_track(name: str) -> FoundTrack:
     if path.suffix == ".npy":
         try:
             with path.open("rb") as file:
-                return FoundTrack(read_npy(file.read(MAX_BYTES + 1), path.stem))
+                return FoundTrack(read_npy(file.read(MAX_BYTES + 1), path.stem, is_open=None))
         except OSError as error:
             raise Refusal.unreadable(error, path) from error
     return _imported(name)

@@ -1,3 +1,4 @@
 """Tracks as lines: lengths, borders, files, and the shapes of the catalogue."""
 
+from . import open_track as open_track  # tells of itself
 from . import reasons as reasons  # registers its codes

@@ -44,14 +44,20 @@ def character_of(track: TrackGeometry) -> Character:
     """
     count = max(round(track.length / STEP_M), 16)
     distances = np.arange(count) * (track.length / count)
-    headings = np.array([track.point_at(distance)[2] for distance in distances - SMOOTH_M / 2])
     apart = max(round(SMOOTH_M / track.length * count), 1)
-    turned = np.angle(np.exp(1j * (np.roll(headings, -apart) - headings)))
+    places = distances - SMOOTH_M / 2
+    if track.is_open:  # beyond its end it goes straight on
+        places = np.append(places, places[-1] + track.length / count * np.arange(1, apart + 1))
+    headings = np.array([track.point_at(distance)[2] for distance in places])
+    turned = np.angle(np.exp(1j * (np.roll(headings, -apart) - headings)))[:count]
     curvature = turned * (count / (apart * track.length))
     slowed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS / np.maximum(np.abs(curvature), 1e-9)))
     given_away = 1.0 - 1.0 / float((TOP_SPEED / slowed).mean())
     difficulty = 100.0 * given_away * ROAD_M / median_width(track)
-    return Character(_corners(curvature, track.length / count), min(round(difficulty), 100))
+    step = track.length / count
+    if track.is_open:  # no corner goes on from its end to its start
+        curvature = np.append(curvature, 0.0)
+    return Character(_corners(curvature, step), min(round(difficulty), 100))
 
 
 def _corners(curvature: np.ndarray, step: float) -> int:

@@ -31,11 +31,12 @@ OPEN_GAP_FACTOR = 1.5
 _BLOCK = 256
 
 
-def clean_rows(centre: Any, inner: Any, outer: Any) -> tuple[Points, Points, Points]:
-    """Three equal (N, 2) float64 arrays of a closed loop: finite, duplicate points dropped, first row not repeated.
+def clean_rows(centre: Any, inner: Any, outer: Any, is_open: bool | None = False) -> tuple[Points, Points, Points]:
+    """Three equal (N, 2) float64 arrays: finite, duplicate points dropped, first row not repeated.
 
-    Row 0 is always kept (it is the finish line). Raises UserFault ``track_shape``, ``track_not_finite``,
-    ``track_far_away``, ``track_too_few_points``, ``track_too_large`` or ``track_open``.
+    Row 0 is always kept (it is the finish line of a loop, the start of an open track). ``is_open``: what the rows are
+    meant to be, None for either. Raises UserFault ``track_shape``, ``track_not_finite``, ``track_far_away``,
+    ``track_too_few_points``, ``track_too_large``, ``track_open`` or ``track_not_open``.
     """
     try:
         rows = [np.array(part, dtype=np.float64) for part in (centre, inner, outer)]
@@ -57,11 +58,17 @@ def clean_rows(centre: Any, inner: Any, outer: Any) -> tuple[Points, Points, Poi
     if len(keep) > MAX_WAYPOINTS:
         raise UserFault("track_too_large", points=len(keep), limit=MAX_WAYPOINTS)
     rows = [np.ascontiguousarray(part[keep]) for part in rows]
-    steps = np.linalg.norm(np.diff(rows[0], axis=0), axis=1)
-    gap = math.dist(rows[0][-1], rows[0][0])
-    if gap > OPEN_GAP_FACTOR * float(steps.max()):
-        raise UserFault("track_open", gap_m=round(gap, 2))
+    found = ends_apart(rows[0])
+    if is_open is not None and found != is_open:
+        gap = round(math.dist(rows[0][-1], rows[0][0]), 2)
+        raise UserFault("track_open" if found else "track_not_open", gap_m=gap)
     return rows[0], rows[1], rows[2]
+
+
+def ends_apart(centre: Points) -> bool:
+    """Whether a line of clean rows is open: its ends lie farther apart than one and a half of its longest step."""
+    steps = np.linalg.norm(np.diff(centre, axis=0), axis=1)
+    return math.dist(centre[-1], centre[0]) > OPEN_GAP_FACTOR * float(steps.max())
 
 
 def check_road(centre: Points, inner: Points, outer: Points) -> None:
@@ -71,29 +78,8 @@ def check_road(centre: Points, inner: Points, outer: Points) -> None:
     Not one of the community's closed files has a crossing, so none is tolerated, not even a tiny loop of the inner
     border at a tight corner. Raises UserFault.
     """
-    steps = np.roll(centre, -1, axis=0) - centre
-    lengths = np.linalg.norm(steps, axis=1)
-    length = float(lengths.sum())
-    if length < MIN_LENGTH_M:
-        raise UserFault("track_too_short", length_m=round(length, 2), limit_m=MIN_LENGTH_M)
-    if length > MAX_LENGTH_M:
-        raise UserFault("track_too_long", length_m=round(length, 2), limit_m=MAX_LENGTH_M)
-    unit = steps / lengths[:, None]
-    before = np.roll(unit, 1, axis=0)
-    turn = np.degrees(np.arctan2(np.abs(cross(before, unit)), (before * unit).sum(axis=1)))
-    if float(turn.max()) > MAX_TURN_DEG:
-        raise UserFault("track_turns_back", row=int(turn.argmax()), degrees=round(float(turn.max())))
-    found = find_crossing(centre)
-    if found is not None:
-        raise UserFault("track_self_crossing", row=found[0], other_row=found[1])
-
-    widths = np.linalg.norm(inner - outer, axis=1)
-    worst = int(widths.argmin())
-    if widths[worst] < MIN_WIDTH_M:
-        raise UserFault("track_too_narrow", row=worst, width_m=round(float(widths[worst]), 3), limit_m=MIN_WIDTH_M)
-    worst = int(widths.argmax())
-    if widths[worst] > MAX_WIDTH_M:
-        raise UserFault("track_too_wide", row=worst, width_m=round(float(widths[worst]), 3), limit_m=MAX_WIDTH_M)
+    check_way(centre, np.roll(centre, -1, axis=0) - centre)
+    check_widths(inner, outer)
     for first, second, line, other in (
         (inner, None, "inner border", "inner border"),
         (outer, None, "outer border", "outer border"),
@@ -107,6 +93,39 @@ def check_road(centre: Points, inner: Points, outer: Points) -> None:
     small, large = sorted((inner, outer), key=lambda border: abs(signed_area(border)))
     if not (inside(centre, small[0]) and inside(large, centre[0])):
         raise UserFault("track_borders_apart")
+
+
+def check_way(centre: Points, steps: Points) -> None:
+    """Refuse a centre line that is too long or too short, turns back or crosses itself. ``steps``: from each point to
+    the next; an open line has one fewer than points, and none of its ends is a turn."""
+    is_open = len(steps) < len(centre)
+    lengths = np.linalg.norm(steps, axis=1)
+    length = float(lengths.sum())
+    if length < MIN_LENGTH_M:
+        raise UserFault("track_too_short", length_m=round(length, 2), limit_m=MIN_LENGTH_M)
+    if length > MAX_LENGTH_M:
+        raise UserFault("track_too_long", length_m=round(length, 2), limit_m=MAX_LENGTH_M)
+    unit = steps / lengths[:, None]
+    before = np.roll(unit, 1, axis=0)
+    turn = np.degrees(np.arctan2(np.abs(cross(before, unit)), (before * unit).sum(axis=1)))
+    if is_open:
+        turn[0] = 0.0
+    if float(turn.max()) > MAX_TURN_DEG:
+        raise UserFault("track_turns_back", row=int(turn.argmax()), degrees=round(float(turn.max())))
+    found = find_crossing(centre, is_open=is_open)
+    if found is not None:
+        raise UserFault("track_self_crossing", row=found[0], other_row=found[1])
+
+
+def check_widths(inner: Points, outer: Points) -> None:
+    """Refuse a road that is too wide or too narrow."""
+    widths = np.linalg.norm(inner - outer, axis=1)
+    worst = int(widths.argmin())
+    if widths[worst] < MIN_WIDTH_M:
+        raise UserFault("track_too_narrow", row=worst, width_m=round(float(widths[worst]), 3), limit_m=MIN_WIDTH_M)
+    worst = int(widths.argmax())
+    if widths[worst] > MAX_WIDTH_M:
+        raise UserFault("track_too_wide", row=worst, width_m=round(float(widths[worst]), 3), limit_m=MAX_WIDTH_M)
 
 
 def cross(a: Points, b: Points) -> Points:
@@ -128,16 +147,21 @@ def inside(loop: Points, point: Points) -> bool:
     return bool((over & (at > point[0])).sum() % 2)
 
 
-def find_crossing(line: Points, other: Points | None = None) -> tuple[int, int] | None:
+def find_crossing(line: Points, other: Points | None = None, is_open: bool = False) -> tuple[int, int] | None:
     """First pair of row numbers whose segments touch or cross, of two closed polylines or of one with itself.
 
-    Points that repeat the one before are left out first: borders stand still at the inside of a tight corner.
+    ``is_open``: ``line`` ends at its last point. Points that repeat the one before are left out first: borders stand
+    still at the inside of a tight corner.
     """
     rows_a = _moving(line)
     rows_b = rows_a if other is None else _moving(other)
     a = line[rows_a]
     b = a if other is None else other[rows_b]
     a_end, b_end = np.roll(a, -1, axis=0), np.roll(b, -1, axis=0)
+    if is_open:
+        a, a_end = a[:-1], a_end[:-1]
+        if other is None:
+            b, b_end = a, a_end
     b_low, b_high = np.minimum(b, b_end), np.maximum(b, b_end)
     count = len(a)
     numbers = np.arange(len(b))
@@ -147,7 +171,7 @@ def find_crossing(line: Points, other: Points | None = None) -> tuple[int, int] 
         if other is None:
             mine = np.arange(start, start + len(p))[:, None]
             apart = (numbers - mine) % count
-            meet &= (apart > 1) & (apart < count - 1) & (numbers > mine)
+            meet &= (apart > 1) & (is_open | (apart < count - 1)) & (numbers > mine)
         i, j = np.nonzero(meet)
         if not len(i):
             continue

@@ -16,8 +16,9 @@ _MAX_SIZE = 1 << 48  # a greater number in a header is no size at all (and Pytho
 _QUOTED = 80  # characters of a stranger's header in a sentence
 
 
-def read_npy(data: bytes, name: str) -> TrackGeometry:
+def read_npy(data: bytes, name: str, *, is_open: bool | None = False) -> TrackGeometry:
     """A track from the bytes of a ``.npy`` file. Nothing is unpickled and no memory is taken before sizes are checked.
+    ``is_open``: whether it is meant to be driven from start to end; None for whatever the file holds.
 
     Raises UserFault with a ``track_...`` code.
     """
@@ -47,7 +48,7 @@ def read_npy(data: bytes, name: str) -> TrackGeometry:
     if len(body) != shape[0] * 6 * dtype.itemsize:
         raise UserFault("track_not_npy")
     rows = np.frombuffer(body, dtype=dtype).reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
-    return TrackGeometry.from_arrays(name, rows[:, 0:2], rows[:, 2:4], rows[:, 4:6])
+    return TrackGeometry.from_arrays(name, rows[:, 0:2], rows[:, 2:4], rows[:, 4:6], is_open=is_open)
 
 
 def _quoted(text: str) -> str:
@@ -55,8 +56,8 @@ def _quoted(text: str) -> str:
 
 
 def write_npy(track: TrackGeometry) -> bytes:
-    """The track as a community file: float64 (N + 1, 6), the first row repeated at the end."""
+    """The track as a community file: float64 (N + 1, 6), the first row repeated at the end; (N, 6) of an open one."""
     rows = np.hstack((track.centre, track.inner, track.outer))
     stream = io.BytesIO()
-    np.save(stream, np.vstack((rows, rows[:1])), allow_pickle=False)
+    np.save(stream, rows if track.is_open else np.vstack((rows, rows[:1])), allow_pickle=False)
     return stream.getvalue()

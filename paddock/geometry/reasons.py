@@ -26,8 +26,12 @@ register(
         ),
         "track_too_large": _("The track has %(points)s points, more than %(limit)s. Sample it less finely."),
         "track_open": _(
-            "The track is open: its last point is %(gap_m)s m from its first. A race needs a closed loop; "
-            "repeat the first point at the end."
+            "The track is open: its last point is %(gap_m)s m from its first. For a loop, repeat the first point at "
+            "the end; if it is to be driven from start to end, say that it is open."
+        ),
+        "track_not_open": _(
+            "The track is a loop: its last point is %(gap_m)s m from its first, no farther than its points lie apart. "
+            "Import it without saying that it is open."
         ),
         "track_too_short": _(
             "The track is %(length_m)s m long, shorter than %(limit_m)s m. Coordinates are in metres: scale it up."

@@ -1,4 +1,4 @@
-"""Is a point on the road? The road is the ring between the two borders, border lines included. No Django."""
+"""Is a point on the road? The road is what its outlines enclose, border lines included. No Django."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ _Edge = tuple[float, float, float, float, float]
 
 
 class Road:
-    """The ring between two closed borders (N, 2), cut into horizontal bands so that one test looks at few segments."""
+    """What closed outlines (N, 2) enclose, cut into horizontal bands so that one test looks at few segments. A loop has
+    two, one inside the other: the road is the ring between them."""
 
-    def __init__(self, inner: Points, outer: Points) -> None:
+    def __init__(self, *outlines: Points) -> None:
         edges: list[_Edge] = []
-        for border in (inner, outer):
+        for border in outlines:
             points: list[tuple[float, float]] = [(float(x), float(y)) for x, y in border]
             for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True):
                 edges.append((ax, ay, bx - ax, by - ay, (bx - ax) ** 2 + (by - ay) ** 2))
@@ -55,7 +56,7 @@ class Road:
                     return True
                 if px * px + py * py <= _ON_LINE_M * _ON_LINE_M:
                     return True
-            # Even-odd rule over both borders at once: inside the outer and not inside the inner is one crossing.
+            # Even-odd rule over all outlines at once: inside the outer and not inside the inner is one crossing.
             if (py >= 0.0) != (py >= dy) and (turn < 0.0) == (dy < 0.0):
                 odd = not odd
         return odd

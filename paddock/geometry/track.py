@@ -1,7 +1,8 @@
 """The one immutable description of a track: centre line, borders, distances, projection. No Django.
 
 Rows of the three lines belong together: ``inner[i]`` and ``outer[i]`` lie across the road from ``centre[i]``
-(deepracer-simapp, track_geom/track_data.py). The finish line is waypoint 0.
+(deepracer-simapp, track_geom/track_data.py). The finish line of a loop is waypoint 0; an open track is driven from its
+first waypoint to its last.
 
 Between waypoints the direction of the track turns evenly: each waypoint has a tangent (the bisector of its two
 segments), a segment blends the tangents of its ends, and "across the track" is square to the blend. So distance, offset
@@ -13,13 +14,13 @@ from __future__ import annotations
 import hashlib
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .checks import Floats, Points, check_road, clean_rows, cross, inside, signed_area
+from .checks import Floats, Points, check_road, clean_rows, ends_apart, inside, signed_area
 from .road import Road
+from .segments import ROUNDING_M, Segment, foot, reaches, root, segments
 
 CCW = "ccw"
 CW = "cw"
@@ -27,21 +28,16 @@ DIRECTIONS = (CCW, CW)
 
 WINDOW_M = 2.0  # how far from the hint a projection may land, along the centre line
 
-_ROWS = 64  # of a track at a time, where each is held against each: memory stays small for 2000
-
-_ROUNDING_M = (
-    1e-9  # a point so little behind a waypoint is abreast of it, or rounding would put it in no segment at all
-)
-
 
 class Projection(NamedTuple):
     """Where a point is, seen from the track. Distances in metres, angles in radians.
 
     A named tuple because building a frozen dataclass would take a third of the time of a projection.
 
-    ``distance`` in [0, length) from the finish in driving direction; ``offset`` from the centre line, positive to the
-    left of the driving direction; ``heading`` of the centre line there, from -pi to pi; ``index`` of the segment from
-    waypoint ``index`` to the next.
+    ``distance`` in [0, length) from the finish in driving direction (on an open track from the start: below 0 before
+    it, above the length beyond the end); ``offset`` from the centre line, positive to the left of the driving
+    direction; ``heading`` of the centre line there, from -pi to pi; ``index`` of the segment from waypoint ``index`` to
+    the next.
     """
 
     distance: float
@@ -51,11 +47,14 @@ class Projection(NamedTuple):
 
 
 class TrackGeometry:
-    """A closed road, driven in the order of its rows. Build it with :meth:`from_arrays`; nothing changes afterwards.
+    """A road, driven in the order of its rows. Build it with :meth:`from_arrays`; nothing changes afterwards. Lines
+    whose ends lie apart make an :class:`.open_track.OpenTrack`, all others a loop.
 
     ``centre``, ``inner``, ``outer``, ``left``, ``right``: float64 (N, 2), read-only; row 0 is the finish and is not
     repeated at the end. ``inner`` and ``outer`` are the physical borders (the inner one lies inside the loop),
     ``left`` and ``right`` the same two by driving direction. ``cumulative``: (N,) metres from the finish.
+    ``outlines``: what encloses the road, closed lines each, and ``middles`` for each of their rows the centre point
+    that it lies across from. ``paved``: from where to where the road goes, metres.
     """
 
     name: str
@@ -68,42 +67,76 @@ class TrackGeometry:
     length: float
     direction: str
     bounds: tuple[float, float, float, float]
+    outlines: tuple[Points, ...]
+    middles: tuple[Points, ...]
+    paved: tuple[float, float]
+    is_open = False
+    _open: ClassVar[Any]  # :class:`.open_track.OpenTrack`, which tells of itself
+    _turn: float  # at this distance it begins again at 0
     _left_m: list[float]
     _right_m: list[float]
     _starts: list[float]
-    _segments: list[_Segment]
+    _segments: list[Segment]
     _table: Points
     _steps: Points
     _road: Road
+
+    def __new__(cls, name: str, centre: Points, inner: Points, outer: Points) -> TrackGeometry:
+        return super().__new__(cls._open if ends_apart(centre) else cls)
 
     def __init__(self, name: str, centre: Points, inner: Points, outer: Points) -> None:
         """Take rows that are already clean and checked; callers outside this module use :meth:`from_arrays`."""
         put = self.__dict__
         put["name"] = name
         for line, rows in (("centre", centre), ("inner", inner), ("outer", outer)):
-            put[line] = _frozen(rows)
-        put["direction"] = CCW if signed_area(centre) > 0 else CW
+            put[line] = frozen(rows)
+        put["direction"] = self._direction()
         put["left"], put["right"] = (self.inner, self.outer) if self.direction == CCW else (self.outer, self.inner)
-        borders = np.vstack((inner, outer))
-        low, high = borders.min(axis=0), borders.max(axis=0)
-        put["bounds"] = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
-        steps = np.roll(centre, -1, axis=0) - centre
+        steps = self._leads(centre)
         lengths = np.linalg.norm(steps, axis=1)
         ends = np.cumsum(lengths)
         put["length"] = float(ends[-1])
-        put["cumulative"] = _frozen(np.concatenate(([0.0], ends[:-1])))
-        unit = steps / lengths[:, None]
-        tangents = unit + np.roll(unit, 1, axis=0)
-        tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+        put["cumulative"] = frozen(np.concatenate(([0.0], ends))[: len(centre)])
+        self._enclose()
+        borders = np.vstack(self.outlines)
+        low, high = borders.min(axis=0), borders.max(axis=0)
+        put["bounds"] = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+        tangents = self._tangents(steps / lengths[:, None])
         normals = np.column_stack((-tangents[:, 1], tangents[:, 0]))
-        put["_left_m"] = _reach(self.centre, normals, self.left).tolist()
-        put["_right_m"] = _reach(self.centre, -normals, self.right).tolist()
+        sides = ((normals, self.left), (-normals, self.right))
+        left_m, right_m = (reaches(self.centre, across, border, *self._border(border)) for across, border in sides)
+        put["_left_m"], put["_right_m"] = left_m.tolist(), right_m.tolist()
         put["_starts"] = self.cumulative.tolist()
-        put["_segments"] = list(_segments(self, tangents))
-        put["_table"] = _frozen(np.array(self._segments))
-        put["_steps"] = _frozen(steps)
-        put["_road"] = Road(self.inner, self.outer)
+        wide = np.maximum(left_m, right_m)
+        put["_segments"] = list(segments(self.centre, tangents, self._starts, self.length, wide, len(steps)))
+        put["_table"] = frozen(np.array(self._segments))
+        put["_steps"] = frozen(steps)
+        put["_road"] = Road(*self.outlines)
+
+    def _direction(self) -> str:
+        return CCW if signed_area(self.centre) > 0 else CW
+
+    @staticmethod
+    def _leads(line: Points) -> Points:
+        """From each point of a line to the next."""
+        return np.roll(line, -1, axis=0) - line
+
+    def _enclose(self) -> None:
+        put = self.__dict__
+        put["outlines"], put["middles"] = (self.inner, self.outer), (self.centre, self.centre)
+        put["paved"], put["_turn"] = (0.0, self.length), self.length
+
+    @staticmethod
+    def _tangents(unit: Points) -> Points:
+        """Direction of the track at each waypoint, from those of the segments (unit vectors)."""
+        tangents = unit + np.roll(unit, 1, axis=0)
+        return tangents / np.linalg.norm(tangents, axis=1)[:, None]
+
+    def _border(self, border: Points) -> tuple[Points, Points]:
+        """Where the segments of a border begin, and what leads to their ends."""
+        return border, self._leads(border)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a track does not change: cannot set {name}")
@@ -112,26 +145,41 @@ class TrackGeometry:
         raise AttributeError(f"a track does not change: cannot delete {name}")
 
     @classmethod
-    def from_arrays(cls, name: str, centre: Any, inner: Any, outer: Any) -> TrackGeometry:
-        """Check three tables of points, each (N, 2) in metres, and build the track.
+    def from_arrays(
+        cls, name: str, centre: Any, inner: Any, outer: Any, *, is_open: bool | None = False
+    ) -> TrackGeometry:
+        """Check three tables of points, each (N, 2) in metres, and build the track. ``is_open``: whether they are meant
+        to be an open track; None for whatever they are.
 
         The rows may or may not repeat the first point at the end; points that repeat the one before are dropped. Where
         the columns of the borders are exchanged (the "inner" one outside the loop) they are put right. Raises
         UserFault with a ``track_...`` code, see :mod:`paddock.geometry.checks`.
         """
-        centre, inner, outer = clean_rows(centre, inner, outer)
+        centre, inner, outer = clean_rows(centre, inner, outer, is_open)
+        if ends_apart(centre):
+            cls._open.check(centre, inner, outer)
+            return cls(name, centre, inner, outer)
         check_road(centre, inner, outer)
         if not inside(outer, inner[0]):
             inner, outer = outer, inner
         return cls(name, centre, inner, outer)
 
     def in_direction(self, direction: str) -> TrackGeometry:
-        """The same road driven ``"ccw"`` or ``"cw"`` from the same finish. Raises ValueError for another word."""
+        """The same road driven ``"ccw"`` or ``"cw"`` from the same finish; an open one from its other end. Raises
+        ValueError for another word."""
         if direction not in DIRECTIONS:
             raise ValueError(f"direction must be one of {DIRECTIONS}, not {direction!r}")
         if direction == self.direction:
             return self
-        return TrackGeometry(self.name, *(_reversed(line) for line in (self.centre, self.inner, self.outer)))
+        return TrackGeometry(self.name, *(self._reversed(line) for line in (self.centre, self.inner, self.outer)))
+
+    @staticmethod
+    def _reversed(line: Points) -> Points:
+        return np.concatenate((line[:1], line[:0:-1]))
+
+    def along(self, metres: float) -> float:
+        """Metres from the line of this track for those of a run of many laps, counted on: a loop goes on round."""
+        return metres
 
     def project(self, x: float, y: float, hint: int | None = None) -> Projection:
         """The track's view of the point (x, y).
@@ -151,7 +199,7 @@ class TrackGeometry:
                 py = y - ay
                 behind = px * tx + py * ty
                 if behind < 0.0:
-                    if behind < -_ROUNDING_M:
+                    if behind < -ROUNDING_M:
                         if walked > 0.0 or walked < -WINDOW_M:
                             break
                         index = index - 1 if index else count - 1
@@ -234,6 +282,16 @@ class TrackGeometry:
         return self._road.contains(x, y)
 
     @property
+    def finish_m(self) -> float:
+        """How far from row 0 a lap ends, for whoever draws it."""
+        return 0.0
+
+    @property
+    def lines(self) -> tuple[Points, Points, Points]:
+        """Centre, inner and outer border as far as there is road."""
+        return self.centre, self.inner, self.outer
+
+    @property
     def fingerprint(self) -> str:
         """sha-256 (hex) of the little-endian float64 bytes of centre, inner and outer: same number, same road."""
         digest = hashlib.sha256()
@@ -248,7 +306,7 @@ class TrackGeometry:
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> TrackGeometry:
         """The track that :meth:`to_dict` wrote, checked again like any other: it comes from another process."""
-        return cls.from_arrays(data["name"], data["centre"], data["inner"], data["outer"])
+        return cls.from_arrays(data["name"], data["centre"], data["inner"], data["outer"], is_open=None)
 
     @classmethod
     def from_trusted_dict(cls, data: dict[str, Any]) -> TrackGeometry:
@@ -277,22 +335,22 @@ class TrackGeometry:
         """(segment, share of it) at a distance from the finish, which may be negative or more than a lap."""
         if not math.isfinite(distance):
             raise ValueError(f"distance must be finite, not {distance}")
-        distance %= self.length
-        index = bisect_right(self._starts, distance) - 1
+        distance %= self._turn
+        index = min(bisect_right(self._starts, distance), len(self._segments)) - 1
         start, size = self._segments[index][10:12]
         return index, min((distance - start) / size, 1.0)
 
     def _places(self, distances: Floats) -> tuple[np.ndarray, Points]:
         """:meth:`_place` for many distances."""
-        distances = np.asarray(distances, np.float64) % self.length
-        index = np.searchsorted(self.cumulative, distances, side="right") - 1
+        distances = np.asarray(distances, np.float64) % self._turn
+        index = np.minimum(np.searchsorted(self.cumulative, distances, side="right"), len(self._segments)) - 1
         start, size = self._table[index, 10:12].T
         return index, np.minimum((distances - start) / size, 1.0)
 
     def _nearest(self, x: float, y: float) -> int:
         """Segment of the whole track nearest to the point; the first of equals."""
-        apart = np.array((x, y)) - self.centre
         steps = self._steps
+        apart = np.array((x, y)) - self.centre[: len(steps)]
         t = np.clip((apart * steps).sum(axis=1) / (steps * steps).sum(axis=1), 0.0, 1.0)
         apart -= t[:, None] * steps
         return int((apart * apart).sum(axis=1).argmin())
@@ -301,12 +359,16 @@ class TrackGeometry:
         """Segment within WINDOW_M of ``hint`` that is nearest to the point; of equals the one nearest to the hint."""
         count = len(self._segments)
         best = index = hint % count
-        least, _ = _foot(self._segments[index], x, y)
+        least, _ = foot(self._segments[index], x, y)
         for step in (1, -1):
             walked, index = 0.0, hint % count
             while walked < WINDOW_M:
-                index = (index + step) % count
-                square, _ = _foot(self._segments[index], x, y)
+                index += step
+                if not 0 <= index < count:
+                    if self.is_open:
+                        break
+                    index %= count
+                square, _ = foot(self._segments[index], x, y)
                 if square < least:
                     least, best = square, index
                 walked += self._segments[index][11]
@@ -315,16 +377,16 @@ class TrackGeometry:
     def _settle(self, x: float, y: float, nearest: int) -> Projection:
         """Projection of a point whose nearest segment is known: across the blended direction where that is near the
         nearest point, else (inside a corner tighter than the point is far) the nearest point itself."""
-        square, foot = _foot(self._segments[nearest], x, y)
+        square, share = foot(self._segments[nearest], x, y)
         limit = 1.2 * math.sqrt(square) + 0.02
         count = len(self._segments)
         for index in (nearest, (nearest - 1) % count, (nearest + 1) % count):
-            t = _root(self._segments[index], x, y)
+            t = root(self._segments[index], x, y)
             if t is not None:
                 found = self._seen_from(index, t, x, y)
                 if abs(found.offset) <= limit:
                     return found
-        found = self._seen_from(nearest, foot, x, y)
+        found = self._seen_from(nearest, share, x, y)
         return Projection(found.distance, math.copysign(math.sqrt(square), found.offset), found.heading, found.index)
 
     def _seen_from(self, index: int, t: float, x: float, y: float) -> Projection:
@@ -333,78 +395,11 @@ class TrackGeometry:
         ty += t * uy
         offset = (tx * (y - ay - t * ey) - ty * (x - ax - t * ex)) / math.sqrt(tx * tx + ty * ty)
         distance = start + t * size
-        return Projection(distance if distance < self.length else 0.0, offset, math.atan2(ty, tx), index)
+        return Projection(distance if distance < self._turn else 0.0, offset, math.atan2(ty, tx), index)
 
 
-_Segment = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float]
-
-
-def _segments(track: TrackGeometry, tangents: Points) -> Iterator[_Segment]:
-    """One tuple a segment: start, step, tangent, change of tangent, step . tangent, step . change, distance, length,
-    and how far to the side a point may be for the quick answer (the road's edge)."""
-    count = len(track.centre)
-    wide = np.maximum(track._left_m, track._right_m)
-    for index in range(count):
-        after = (index + 1) % count
-        (ax, ay), (bx, by) = track.centre[index].tolist(), track.centre[after].tolist()
-        (tx, ty), (nx, ny) = tangents[index].tolist(), tangents[after].tolist()
-        ex, ey, ux, uy = bx - ax, by - ay, nx - tx, ny - ty
-        size = (track._starts[after] if after else track.length) - track._starts[index]
-        reach = float(max(wide[index], wide[after]))
-        yield ax, ay, ex, ey, tx, ty, ux, uy, ex * tx + ey * ty, ex * ux + ey * uy, track._starts[index], size, reach
-
-
-def _root(segment: _Segment, x: float, y: float) -> float | None:
-    """Share of the segment in [0, 1) whose line across the track meets the point, None where none does."""
-    ax, ay, _, _, tx, ty, ux, uy, along, bend, *_ = segment
-    behind = (x - ax) * tx + (y - ay) * ty
-    slope = (x - ax) * ux + (y - ay) * uy - along
-    if behind < -_ROUNDING_M or behind + slope - bend >= 0.0:
-        return None
-    behind = max(behind, 0.0)
-    below = math.sqrt(slope * slope + 4.0 * behind * bend) - slope
-    return 2.0 * behind / below if below > 0.0 else 0.0
-
-
-def _foot(segment: _Segment, x: float, y: float) -> tuple[float, float]:
-    """(squared distance of the point from the segment, share of the segment at the nearest point in [0, 1])."""
-    ax, ay, ex, ey = segment[:4]
-    px, py = x - ax, y - ay
-    t = min(max((px * ex + py * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-    px -= t * ex
-    py -= t * ey
-    return px * px + py * py, t
-
-
-def _reach(centre: Points, across: Points, border: Points) -> Points:
-    """Metres from each centre point along ``across`` (unit vectors) to the border; (N,).
-
-    The rows of some files are not square to the track (AWS_track: border points 2 m apart on a road of 0.6 m), so the
-    true width is measured. Where the line across misses the border at a tight corner (and meets it much farther away
-    or never) the row's own border point counts.
-    """
-    step = np.roll(border, -1, axis=0) - border
-    result = np.linalg.norm(border - centre, axis=1)
-    for first in range(0, len(centre), _ROWS):
-        part = slice(first, first + _ROWS)
-        rays = across[part, None]
-        apart = border - centre[part, None]
-        turn = cross(rays, step)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = cross(apart, step) / turn
-            share = cross(apart, rays) / turn
-        near = along < 1.2 * result[part, None] + 0.05
-        hits = (turn != 0) & (share >= 0) & (share <= 1) & (along > 0) & near
-        least = np.where(hits, along, np.inf).min(axis=1)
-        result[part] = np.where(hits.any(axis=1), least, result[part])
-    return result
-
-
-def _reversed(line: Points) -> Points:
-    return np.concatenate((line[:1], line[:0:-1]))
-
-
-def _frozen(rows: Points) -> Points:
+def frozen(rows: Points) -> Points:
+    """A copy that nobody changes."""
     rows = np.array(rows, dtype=np.float64, order="C")
     rows.flags.writeable = False
     return rows

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
-from paddock.rules.race import INNER, LANES, OUTER, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, INNER, LANES, OUTER, RaceRules
 
 from .solids import Solid, box
 
@@ -73,8 +73,13 @@ def lay_out(track: TrackGeometry, rules: RaceRules) -> Layout:
 
     Boxes stand in the middle of their lanes, square to the track. Raises UserFault ``box_on_start_line``,
     ``boxes_overlap`` or ``box_off_track`` for fixed places (boxes are counted from 1 in the order of the rules),
-    ``boxes_do_not_fit`` when random ones find no room, ``bots_do_not_fit`` when the track is too short for the bots.
+    ``boxes_do_not_fit`` when random ones find no room, ``bots_do_not_fit`` when the track is too short for the bots,
+    on an open track ``track_needs_loop`` for a race of several cars and ``track_start_fixed`` for another start.
     """
+    if rules.start_m and track.is_open:
+        raise UserFault("track_start_fixed", track=track.name)
+    if rules.race_type == HEAD_TO_HEAD:
+        refuse_open(track)
     if rules.bots:
         start_places(track.length, rules.bots)
     if rules.boxes:
@@ -86,6 +91,13 @@ def lay_out(track: TrackGeometry, rules: RaceRules) -> Layout:
     else:
         return EMPTY
     return Layout(tuple(sorted(boxes, key=lambda box: box.metres)))
+
+
+def refuse_open(track: TrackGeometry) -> None:
+    """Several cars, bots among them, need a loop: they go on side by side where one on an open track is put back to
+    its start, and form up behind a line where it has no road. Raises UserFault ``track_needs_loop``."""
+    if track.is_open:
+        raise UserFault("track_needs_loop", track=track.name)
 
 
 def place_box(track: TrackGeometry, fraction: float, lane: str) -> PlacedBox:
@@ -131,9 +143,11 @@ def _passable(track: TrackGeometry, placed: PlacedBox) -> bool:
 
 
 def _distances(track: TrackGeometry, a: PlacedBox, b: PlacedBox) -> tuple[float, float]:
-    """Metres between two boxes along the centre line (the shorter way round) and over the field."""
+    """Metres between two boxes along the centre line (of a loop the shorter way round) and over the field."""
     along = abs(a.metres - b.metres)
-    return min(along, track.length - along), math.hypot(a.solid.x - b.solid.x, a.solid.y - b.solid.y)
+    if not track.is_open:
+        along = min(along, track.length - along)
+    return along, math.hypot(a.solid.x - b.solid.x, a.solid.y - b.solid.y)
 
 
 def _draw_boxes(track: TrackGeometry, rules: RaceRules) -> list[PlacedBox]:
@@ -141,8 +155,8 @@ def _draw_boxes(track: TrackGeometry, rules: RaceRules) -> list[PlacedBox]:
     length, count = track.length, rules.random_boxes
     gap = max(rules.box_distance_m, BOX_SPACING_M) + _ROUNDING_M
     first, last = RANDOM_START_CLEAR_M, length - START_CLEAR_M - _ROUNDING_M
-    # The distance holds across the finish line too: first and last box lie within a lap less one gap.
-    span = min(last - first, length - gap)
+    # The distance holds across the finish line of a loop too: first and last box lie within a lap less one gap.
+    span = last - first if track.is_open else min(last - first, length - gap)
     slack = span - (count - 1) * gap
     if slack >= 0:
         draw = random.Random(f"boxes {rules.seed}").random

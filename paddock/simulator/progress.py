@@ -48,10 +48,10 @@ def clear_distance(track: TrackGeometry) -> float:
 
     The centre line lies between the borders and crosses neither, so from one of its points nobody leaves the road by
     going less far than to the nearest border. Of two lines that do not cross, the nearest points are a waypoint of one
-    and a point of the other.
+    and a point of the other. Lines of an open track are taken as closed too, which never tells of more room.
     """
-    lines = [(track.centre, border) for border in (track.inner, track.outer)]
-    return min(min(_least_distance(one, other), _least_distance(other, one)) for one, other in lines)
+    centre, *borders = track.lines
+    return min(min(_least_distance(centre, border), _least_distance(border, centre)) for border in borders)
 
 
 def _least_distance(points: np.ndarray, line: np.ndarray) -> float:
@@ -66,8 +66,9 @@ def _least_distance(points: np.ndarray, line: np.ndarray) -> float:
 class Odometer:
     """Unwrapped progress of one car's nose.
 
-    ``metres`` counts from the finish line at the start of the run: the second lap begins at one track length. It
-    falls when the car reverses, so that crossing the line backwards and forwards again scores nothing.
+    ``metres`` counts from the finish line at the start of the run: the second lap begins at one track length, also on
+    an open track, where the car is put back to its start. It falls when the car reverses, so that crossing the line
+    backwards and forwards again scores nothing.
     """
 
     def __init__(self, track: TrackGeometry, reach: Reach) -> None:
@@ -80,7 +81,7 @@ class Odometer:
 
     def put(self, x: float, y: float, near_m: float) -> None:
         """The car was put where its nose is at (x, y), about ``near_m`` metres (unwrapped) along the track."""
-        hint = self._track.project(*self._track.point_at(near_m)[:2]).index
+        hint = self._track.project(*self._track.point_at(self._track.along(near_m))[:2]).index
         self.place = self.seen = self._track.project(x, y, hint)
         self.metres = near_m + self._wrap(self.place.distance - near_m)
         self._patience = 1
@@ -92,7 +93,9 @@ class Odometer:
         """
         before, _, _, index = self.place
         place = self.seen = self._track.project(x, y, index)
-        gained = self._wrap(place[0] - before)
+        gained = place[0] - before
+        if not self._track.is_open:
+            gained = self._wrap(gained)
         if abs(gained) > self._patience * self._reach.at(index):
             self._patience += 1  # a nose that hung over the inside of a hairpin may catch up
             return False

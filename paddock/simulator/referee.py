@@ -77,7 +77,8 @@ class Referee:
         free: Callable[[Pose], bool] = _always,
         grid: int | None = None,
     ) -> None:
-        """``start_m``: where the line of this run is, metres after the track's finish. ``clear_m``: how near to the
+        """``start_m``: where the line of this run is, metres after the track's finish; of an open track, whose lines
+        stay at its ends, where the car is on its first lap. ``clear_m``: how near to the
         centre line everything is road (0.0: every wheel is looked at, always). ``free``: whether a place is free of
         other cars. ``grid``: the car's place among several at the start; without, it starts on the line at the centre
         of the road (or as near as boxes and other cars leave room)."""
@@ -87,8 +88,11 @@ class Referee:
         # No wheel is farther from the nose than the rear ones.
         self._wheel_m = math.hypot(physics.nose_x - physics.rear_axle_x, physics.half_track)
         self._clear_m = clear_m - self._wheel_m  # of the nose
+        self._clear_from, self._clear_to = -math.inf, math.inf
+        if track.is_open:
+            self._clear_from, self._clear_to = track.paved[0] + self._wheel_m, track.paved[1]
         self.odometer = Odometer(track, reach or Reach(track))
-        self._start_m = start_m
+        self._start_m = 0.0 if track.is_open else start_m
         self._penalties = {
             CRASHED: penalty_steps(rules.collision_penalty_ms, physics.control_hz),
             OFF_TRACK: penalty_steps(rules.off_track_penalty_ms, physics.control_hz),
@@ -108,7 +112,7 @@ class Referee:
         self._owed = False
         self.boxes = BoxWatch(layout, track.length, rules.mercy_resets, start_m + physics.nose_x)
         self._noses: tuple[tuple[float, float], ...] = ()
-        start = self._start(grid)
+        start = self._start(start_m, grid)
         self.place(*start)
         self._before_m, self._before = self.odometer.metres, start.pose
         self._clear = False
@@ -167,6 +171,8 @@ class Referee:
         self.status = IN_PROGRESS if self.pause_steps <= 0 else PAUSE
         if self.step >= self._last_step:
             self._end(TIME_UP, TIME_UP)
+        elif self.laps[-1].end_ms is not None:  # back at the start of an open track
+            self._next_lap(milliseconds(self.step))
         return self.status
 
     def retire(self) -> None:
@@ -194,7 +200,8 @@ class Referee:
         self._reversing = self._reversing + 1 if odometer.metres < before_m else 0
         self.boxes.moved(odometer.metres)
         # The common case, and four exact tests less.
-        self._clear = abs(odometer.seen[1]) < self._clear_m
+        seen = odometer.seen
+        self._clear = abs(seen[1]) < self._clear_m and self._clear_from < seen[0] < self._clear_to
         if self._clear:
             self.all_wheels_on_track = True
         else:
@@ -215,18 +222,16 @@ class Referee:
         self._owed = False
         lap = self.laps[-1]
         if lap.end_ms is not None:
-            lap = Lap(lap.number + 1, lap.end_ms)
-            self.laps.append(lap)
-            self._line_m = self._next_line()
+            lap = self._next_lap(lap.end_ms)
         if self.odometer.metres >= self._line_m:
             self._cross_lines(self._before_m, self.odometer.metres)
         if lap.end_ms is not None:
             if lap.number == self.rules.laps:
                 self._end(LAPS_DONE, LAP_COMPLETE)
-            else:
-                self.status = LAP_COMPLETE
-                self._owed = rammed  # judged in the lap that begins: by then the two may be apart
-            return None
+                return None
+            self.status = LAP_COMPLETE
+            self._owed = rammed  # judged in the lap that begins: by then the two may be apart
+            return self._back_to_start() if self.track.is_open else None
         if self.boxes.hit(self.pose):
             # From where it is now: it stands on the road that it drove.
             return self._put_back(self.odometer.metres) if self._fault(CRASHED) else None
@@ -247,6 +252,17 @@ class Referee:
         # The base goes where the nose was. A car that only stands must not creep round the track like that: its nose
         # stays where it is.
         return self._put_back(self._before_m - (self._physics.nose_x if fault == IMMOBILIZED else 0.0))
+
+    def _next_lap(self, start_ms: int) -> Lap:
+        lap = Lap(self.laps[-1].number + 1, start_ms)
+        self.laps.append(lap)
+        self._line_m = self._next_line()
+        return lap
+
+    def _back_to_start(self) -> PutBack:
+        """The road is at its end: the next lap begins from rest at the start, a control step later. No reset."""
+        self.pause_steps = 1
+        return PutBack(Pose(*self.track.point_at(0.0)), self.lap_start_m + self.track.length)
 
     def _wheels(self, pose: Pose) -> list[bool]:
         """For each wheel whether its centre is on the road."""
@@ -303,8 +319,8 @@ class Referee:
         :meth:`paddock.simulator.boxes.BoxWatch.put_back`. Never so near to the line that the car would stand across
         it."""
         limit = self.lap_start_m + self.track.length - self._physics.nose_x - 0.01
-        metres = min(metres, limit)
-        places = [self.track.lane_centre(metres, lane) for lane in LANES]
+        metres = max(min(metres, limit), self._least_m)
+        places = [self._lane_centre(metres, lane) for lane in LANES]
         before = self._before
         lane = min(
             zip(places, LANES, strict=True), key=lambda at: math.hypot(at[0][0] - before.x, at[0][1] - before.y)
@@ -315,34 +331,43 @@ class Referee:
     def _free_place(self, metres: float, lane: str, limit: float) -> PutBack:
         """The proper place if nothing stands there, else the nearest that is free: in the other lane, behind (but not
         before a box that was passed), at last ahead (but not beyond a box or the line)."""
-        proper = PutBack(Pose(*self.track.lane_centre(metres, lane)), metres)
+        proper = PutBack(Pose(*self._lane_centre(metres, lane)), metres)
         if self._is_free(proper.pose):
             return proper
-        least = max(metres - _SEARCH_M, self.boxes.floor_m)
+        least = max(metres - _SEARCH_M, self.boxes.floor_m, self._least_m)
         most = min(metres + _SEARCH_M, limit, self.boxes.next_m - BEYOND_M)
         back = math.floor(max(0.0, metres - least) / _SEARCH_STEP_M)
         ahead = math.floor(max(0.0, most - metres) / _SEARCH_STEP_M)
         for shift in (*range(0, -back - 1, -1), *range(1, ahead + 1)):
             at = metres + shift * _SEARCH_STEP_M
             for side in (lane, other_lane(lane)):
-                pose = Pose(*self.track.lane_centre(at, side))
+                pose = Pose(*self._lane_centre(at, side))
                 if self._is_free(pose):
                     return PutBack(pose, at)
         return proper
 
+    @property
+    def _least_m(self) -> float:
+        """Nobody is put before this: an open track has nothing before its start."""
+        return self.lap_start_m if self.track.is_open else -math.inf
+
+    def _lane_centre(self, metres: float, lane: str) -> tuple[float, float, float]:
+        return self.track.lane_centre(self.track.along(metres), lane)
+
     def _is_free(self, pose: Pose) -> bool:
         return self.boxes.free(pose) and self._free(pose)
 
-    def _start(self, grid: int | None) -> PutBack:
+    def _start(self, start_m: float, grid: int | None) -> PutBack:
         """Where the car starts. On a grid: 0.75 m behind the car before, odd ones in the inner, even ones in the outer
         lane (deepracer-simapp, START_POS_OFFSET)."""
         if grid is not None:
-            metres = self._start_m - GRID_M * grid
+            metres = start_m - GRID_M * grid
             return PutBack(Pose(*self.track.lane_centre(metres, INNER if grid % 2 else OUTER)), metres)
-        centre = PutBack(Pose(*self.track.point_at(self._start_m)), self._start_m)
+        centre = PutBack(Pose(*self.track.point_at(start_m)), start_m)
         if self._is_free(centre.pose):
             return centre
-        return self._free_place(self._start_m, INNER, self._start_m + _SEARCH_M)
+        limit = self.track.length - self._physics.nose_x - 0.01 if self.track.is_open else math.inf
+        return self._free_place(start_m, INNER, min(start_m + _SEARCH_M, limit))
 
     def _end(self, reason: str, status: str) -> None:
         self.end_reason = reason

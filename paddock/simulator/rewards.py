@@ -111,7 +111,7 @@ class Objects:
         if not solids:
             return _nothing()
         places = self._projected(solids)
-        behind, ahead = _neighbours([place.distance for place in places], distance)
+        behind, ahead = _neighbours([place.distance for place in places], distance, self._track.is_open)
         return {
             "closest_objects": [behind, ahead],
             "objects_location": [(solid.x, solid.y) for solid in solids],
@@ -137,10 +137,13 @@ class Objects:
         return [place for _, place in self._seen]
 
 
-def _neighbours(distances: list[float], distance: float) -> tuple[int, int]:
-    """Indices of the object behind and of the one ahead along the closed track; the same twice for a single one."""
+def _neighbours(distances: list[float], distance: float, is_open: bool) -> tuple[int, int]:
+    """Indices of the object behind and of the one ahead along the track; the same twice for a single one, and on an
+    open track before the first one and beyond the last."""
     order = sorted(range(len(distances)), key=distances.__getitem__)
     after = bisect_right([distances[number] for number in order], distance)
+    if is_open:
+        return order[max(after - 1, 0)], order[min(after, len(order) - 1)]
     return order[after - 1], order[after % len(order)]
 
 

@@ -15,7 +15,7 @@ from .camera.theme import OFFICIAL, Theme
 from .camera.view import Scene
 from .car import Pose
 from .competitor import Competitor
-from .layout import lay_out
+from .layout import lay_out, refuse_open
 from .physics import PADDOCK_CAR, CarPhysics
 from .progress import Reach, clear_distance
 from .referee import Referee
@@ -102,8 +102,13 @@ class Simulation:
     ) -> Competitor:
         """A car on the centre line, its base ``start_m`` metres after the finish (deepracer-simapp starts at 0), or as
         near as boxes and bots leave room; that is where its laps begin and end. With ``grid`` its place in the starting
-        grid behind that line, from 0: 0.75 m apart, in the outer and inner lane by turns."""
+        grid behind that line, from 0: 0.75 m apart, in the outer and inner lane by turns.
+
+        Raises UserFault ``track_needs_loop`` for a grid on an open track.
+        """
         ground = self.ground
+        if grid is not None:
+            refuse_open(ground.track)
         mine: Competitor | None = None
         referee = Referee(
             ground.track,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 
+from paddock.geometry.catalogue import by_slug
 from paddock.geometry.npy import write_npy
 from tests.factories import a_race, drive, laps
 from tests.rows import track_row
-from tests.shared import SHARED, needs_shared
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/tracks/"
@@ -60,13 +60,13 @@ def test_a_track_can_be_imported_only_once(alice, bob, oval, as_racer):
     assert again.data["params"]["slug"] == "my-oval"
 
 
-@needs_shared
-def test_the_communitys_straight_track_is_refused_as_open(alice, as_racer):
-    straight = SHARED / "tracks" / "Straight_track.npy"
-    if not straight.exists():
-        straight = next((SHARED / "tracks").glob("*traight*.npy"))
-    answer = as_racer(alice).post(ADDRESS, {"file": npy(straight.read_bytes()), "name": "Line"}, format="multipart")
+def test_an_open_track_is_imported_by_whoever_says_that_it_is_one(alice, as_racer):
+    file = by_slug("straight-track").npy
+    answer = as_racer(alice).post(ADDRESS, {"file": npy(file), "name": "Line"}, format="multipart")
     assert (answer.status_code, answer.data["code"]) == (400, "track_open")
+    answer = as_racer(alice).post(ADDRESS, {"file": npy(file), "name": "Line", "is_open": "true"}, format="multipart")
+    assert answer.status_code == 201
+    assert answer.data["is_open"] and answer.data["centre"][0] != answer.data["centre"][-1]
 
 
 @pytest.mark.parametrize(

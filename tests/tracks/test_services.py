@@ -184,15 +184,32 @@ def test_the_command_names_an_unreadable_file(tmp_path: Path):
 
 
 @needs_shared
-def test_every_community_track_but_the_straight_one_imports(now):
+def test_every_community_track_imports_as_what_it_is(now):
     refusals = {}
     for path in sorted((SHARED / "tracks").glob("*.npy")):
-        try:
-            import_track(data=path.read_bytes(), name=path.stem, owner=None, now=now)
-        except UserFault as fault:
-            refusals[path.stem] = fault.code
-    assert refusals == {"Straight_track": "track_open"}
+        for is_open in (False, True):
+            try:
+                import_track(data=path.read_bytes(), name=path.stem, owner=None, now=now, is_open=is_open)
+            except UserFault as fault:
+                refusals.setdefault(fault.code, set()).add(path.stem)
+    assert refusals["track_open"] == {"Straight_track"}
+    assert set(refusals) == {"track_open", "track_not_open"}
     assert Track.objects.count() >= 20
+    assert [track.name for track in Track.objects.filter(is_open=True)] == ["Straight_track"]
+
+
+def test_an_open_track_keeps_its_shape_and_its_words(now, alice):
+    data = by_slug("straight-track").npy
+    track = import_track(data=data, name="Sprint", owner=alice, now=now, is_open=True)
+    track = Track.objects.get(pk=track.pk)
+    assert track.geometry.is_open and bytes(track.npy) == data
+    assert [track.way(direction) for direction in ("ccw", "cw")] == ["from start to end", "from end to start"]
+
+
+def test_a_loop_is_not_imported_as_open(now, alice, oval_file):
+    fault = refused("track_not_open", data=oval_file, name="Round", owner=alice, now=now, is_open=True)
+    assert "is a loop" in str(fault)
+    assert not Track.objects.exists()
 
 
 def test_a_track_keeps_the_look_it_was_imported_with(oval_file, alice, now):

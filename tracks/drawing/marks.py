@@ -41,6 +41,8 @@ def box_corners(box: BoxMark, least_m: float) -> list[tuple[float, float]]:
 
 
 def lane_line(track: TrackGeometry, lane: str) -> Points:
-    """The middle of the ``"inner"`` or ``"outer"`` lane all round, (n, 2) in metres, the first point not repeated."""
+    """The middle of the ``"inner"`` or ``"outer"`` lane all round, (n, 2) in metres, the first point not repeated; of
+    an open track from start to end."""
     count = max(8, round(track.length / LANE_STEP_M))
-    return np.array([track.lane_centre(track.length * k / count, lane)[:2] for k in range(count)])
+    places = range(count + track.is_open)
+    return np.array([track.lane_centre(track.length * k / count, lane)[:2] for k in places])

@@ -14,7 +14,7 @@ from paddock.geometry.checks import Points
 from paddock.geometry.track import TrackGeometry
 
 from .marks import BoxMark, box_corners
-from .svg import BOX_MARKS, MARGIN_M, arrow, finish_line, mark_size
+from .svg import BOX_MARKS, MARGIN_M, arrow, finish_line, mark_size, start_line
 from .trajectories import Trajectory
 
 MIN_SIDE_PX, MAX_SIDE_PX = 16, 2048
@@ -73,15 +73,19 @@ def draw_png(
     if trajectory is not None:
         lines = (*lines, Trajectory(trajectory))
     canvas = _Canvas(track, size, colours.ground)
-    canvas.loop(track.outer, colours.road)
-    canvas.loop(track.inner, colours.ground)
-    for border in (track.inner, track.outer):
+    *holes, around = track.outlines
+    canvas.loop(around, colours.road)
+    for hole in holes:
+        canvas.loop(hole, colours.ground)
+    for border in track.outlines:
         canvas.stroke(np.vstack((border, border[:1])), colours.border, 1.2)
     for dash in _dashes(track):
         canvas.stroke(dash, colours.centre, 1.0)
     for one in lines:
         for speed, points in one.strokes():
             canvas.stroke(points, colours.line if speed is None else colours.speeds[speed], 2.2)
+    if track.is_open:
+        canvas.stroke(start_line(track), colours.centre, 2.0)
     canvas.stroke(finish_line(track), colours.mark, 2.6)
     canvas.stroke(arrow(track), colours.mark, 2.2)
     for box in boxes:

@@ -1,6 +1,7 @@
 """A track map as SVG. Colours come from the page's style sheet through classes. No Django.
 
-Classes: ``track-map`` (the picture), ``track-road``, ``track-centre``, ``track-finish``, ``track-arrow``,
+Classes: ``track-map`` (the picture), ``track-road``, ``track-centre``, ``track-finish``, ``track-start``,
+``track-arrow``,
 ``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's own style), ``track-lane`` (with ``inner``
 or ``outer``), ``track-box`` (a shape and its number), ``track-car``. Strokes keep their width in screen pixels at any
 size (``vector-effect``), so a style sheet sets ``stroke-width`` in px.
@@ -16,7 +17,7 @@ from paddock.geometry.checks import Points
 from paddock.geometry.track import TrackGeometry
 
 from .marks import BoxMark, box_corners, lane_line
-from .trajectories import Trajectory, simplify_loop
+from .trajectories import Trajectory, simplify, simplify_loop
 
 MARGIN_M = 0.3
 LANES = ("inner", "outer")
@@ -28,6 +29,7 @@ _THIN = 'vector-effect="non-scaling-stroke"'
 _STYLE = (
     "<style>"
     ".track-road{fill:#8b949e55;stroke:#8b949e}.track-centre{fill:none;stroke:#8b949e;stroke-dasharray:4 4}"
+    ".track-start{fill:none;stroke:#8b949e;stroke-width:2.5}"
     ".track-finish,.track-arrow{fill:none;stroke:#ff3b55;stroke-width:2.5}"
     ".track-box path{fill:#d99a3d;stroke:#7a4f10}.track-box text{fill:#1c1206;text-anchor:middle;font-weight:700}"
     ".track-lane{stroke:#5eb0ff}.track-lane.outer{stroke-dasharray:6 4}"
@@ -67,7 +69,9 @@ def draw_svg(
     """
     frame = _Frame(track)
     size = "".join(f' {word}="{int(value)}"' for word, value in (("width", width), ("height", height)) if value)
-    ring = frame.path(simplify_loop(track.outer), closed=True) + frame.path(simplify_loop(track.inner), closed=True)
+    ring = "".join(frame.path(simplify_loop(line), closed=True) for line in reversed(track.outlines))
+    loop = not track.is_open
+    centre = frame.path(simplify_loop(track.centre) if loop else simplify(track.centre), closed=loop)
     if trajectory is not None:
         lines = (*lines, Trajectory(trajectory))
     parts = [
@@ -76,9 +80,10 @@ def draw_svg(
         f"<title>{_text(track.name if title is None else title)}</title>",
         _STYLE if standalone else "",
         f'<path class="track-road" fill-rule="evenodd" {_THIN} d="{ring}"/>',
-        f'<path class="track-centre" fill="none" {_THIN} d="{frame.path(simplify_loop(track.centre), closed=True)}"/>',
+        f'<path class="track-centre" fill="none" {_THIN} d="{centre}"/>',
         *(_lane(frame, track, lane) for lane in LANES if lanes),
         *(_stroke(frame, points, speed, one.style) for one in lines for speed, points in one.strokes()),
+        "" if loop else f'<path class="track-start" fill="none" {_THIN} d="{frame.path(start_line(track))}"/>',
         f'<path class="track-finish" fill="none" {_THIN} d="{frame.path(finish_line(track))}"/>',
         f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track))}"/>',
     ]
@@ -98,12 +103,21 @@ def svg_path(track: TrackGeometry, points: Sequence[Sequence[float]] | Points, *
 
 def finish_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float, float]]:
     """The two ends of the finish line, border to border, square to the track."""
-    left, right = track.half_widths_at(0.0)
-    return track.point_at(0.0, left)[:2], track.point_at(0.0, -right)[:2]
+    return _across(track, track.finish_m)
+
+
+def start_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The two ends of the start line of an open track; a loop starts at its finish line."""
+    return _across(track, 0.0)
+
+
+def _across(track: TrackGeometry, metres: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    left, right = track.half_widths_at(metres)
+    return track.point_at(metres, left)[:2], track.point_at(metres, -right)[:2]
 
 
 def arrow(track: TrackGeometry) -> list[tuple[float, float]]:
-    """Three points of a chevron on the road just after the finish that points in the driving direction."""
+    """Three points of a chevron on the road just after the start that points in the driving direction."""
     size = mark_size(track)
     reach = min(size, 0.4 * track.width_at(0.0))
     x, y, heading = track.point_at(2.5 * size)
@@ -140,8 +154,9 @@ def _stroke(frame: _Frame, points: Points, speed: int | None, style: str) -> str
 
 
 def _lane(frame: _Frame, track: TrackGeometry, lane: str) -> str:
-    points = simplify_loop(lane_line(track, lane))
-    return f'<path class="track-lane {lane}" fill="none" {_THIN} d="{frame.path(points, closed=True)}"/>'
+    line, loop = lane_line(track, lane), not track.is_open
+    path = frame.path(simplify_loop(line) if loop else simplify(line), closed=loop)
+    return f'<path class="track-lane {lane}" fill="none" {_THIN} d="{path}"/>'
 
 
 def _box(frame: _Frame, box: BoxMark) -> str:

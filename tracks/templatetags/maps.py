@@ -36,6 +36,12 @@ def track_length(track: Track) -> str:
 
 
 @register.filter
+def way(track: Track, direction: str) -> str:
+    """Which way round the track is driven, in words."""
+    return track.way(direction)
+
+
+@register.filter
 def figure_of(track: Track, figure: TrackFigure) -> str:
     """A figure of a track for reading; ``""`` for none."""
     return figure.shown(track)

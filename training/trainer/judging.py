@@ -70,7 +70,8 @@ class Judgement:
 
 class Judge:
     """Drives a policy over the trials: one lap each, ended by the first fault, from places that are evenly spread over
-    the track; the first from the finish line. The simulator repeats itself, so trials from one place would be one."""
+    the track; the first from the finish line. The simulator repeats itself, so trials from one place would be one: but
+    on an open track every lap is from the start, and no other is worth a trial."""
 
     def __init__(
         self,
@@ -84,7 +85,8 @@ class Judge:
         self._pulse = pulse
         self._senses, self._spec = senses, spec
         self._settings = [self._setting(track, reward, 1) for reward in rewards]
-        self._starts = [number * track.length / len(rewards) for number in range(len(rewards))]
+        apart = 0.0 if track.is_open else track.length / len(rewards)
+        self._starts = [number * apart for number in range(len(rewards))]
         self._drives = [Drive(setting) for setting in self._settings]
         self._long = Drive(self._setting(track, rewards[0], spec.stop_clean_laps)) if spec.stop_clean_laps else None
 

@@ -56,10 +56,10 @@ class Ground:
     def __init__(self, track: TrackGeometry, reach_m: float) -> None:
         """``reach_m``: how far from the picture's middle anything is seen."""
         self._reach = reach_m
-        outer, inner = rounded_off(track.outer), rounded_off(track.inner)
-        ring = Polygon(outer, [inner]).buffer(0)
+        *holes, around = outlines = [rounded_off(line) for line in track.outlines]
+        ring = Polygon(around, holes).buffer(0)
         self._road, self._verge = ring, ring.buffer(VERGE_M, quad_segs=4)
-        borders = [LineString(np.vstack((line, line[:1]))) for line in (inner, outer)]
+        borders = [LineString(np.vstack((line, line[:1]))) for line in outlines]
         self._borders = shapely.union_all([line.buffer(BORDER_M, quad_segs=3) for line in borders])
         shapely.prepare(self._borders)
         red, white = _kerbs(track)
@@ -150,8 +150,9 @@ def _patch(shape: BaseGeometry, colour: Colour) -> Iterator[Patch]:
 
 def _dashes(track: TrackGeometry) -> list[np.ndarray]:
     """The dashed centre line."""
-    count = max(1, round(track.length / (DASH_M + GAP_M)))
-    starts = np.arange(count) * (track.length / count)
+    first, last = track.paved
+    count = max(1, round((last - first) / (DASH_M + GAP_M)))
+    starts = first + np.arange(count) * ((last - first) / count)
     along = np.linspace(0.0, DASH_M, 4)
     return [
         np.concatenate(
@@ -163,7 +164,8 @@ def _dashes(track: TrackGeometry) -> list[np.ndarray]:
 
 def _finish(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """The chequered finish line, border to border: its dark and its light squares."""
-    left, right = track.half_widths_at(0.0)
+    finish = track.finish_m
+    left, right = track.half_widths_at(finish)
     columns = max(2, round((left + right) / CHECK_M))
     edges = np.linspace(-right, left, columns + 1)
     squares: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
@@ -171,7 +173,7 @@ def _finish(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
         near, far = row * CHECK_M, (row + 1) * CHECK_M
         for column in range(columns):
             low, high = edges[column], edges[column + 1]
-            distances = np.array((near, far, far, near))
+            distances = finish + np.array((near, far, far, near))
             corners = track.points_at(distances, np.array((low, low, high, high)))
             squares[(row + column) % 2].append(corners)
     return squares

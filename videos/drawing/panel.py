@@ -279,11 +279,11 @@ class SmallMap:
         self._middle = np.array(((x_min + x_max) / 2, (y_min + y_max) / 2))
         self._card = Sticker.card(width, height, 10 * self._unit, palette.SURFACE, palette.LINE)
         large = cv2.resize(self._card.pixels, None, fx=_FINER, fy=_FINER, interpolation=cv2.INTER_NEAREST)
-        ring = [fixed(self._place(line) * _FINER) for line in (track.outer, track.inner)]
+        ring = [fixed(self._place(line) * _FINER) for line in reversed(track.outlines)]
         cv2.fillPoly(large, ring, mixed(palette.ROAD, palette.ROAD_LINE, 0.1), cv2.LINE_AA, 4)
         cv2.polylines(large, ring, True, palette.LINE_STRONG, round(1.6 * _FINER * self._unit), cv2.LINE_AA, 4)
-        left, right = track.half_widths_at(0.0)
-        ends = np.array((track.point_at(0.0, left)[:2], track.point_at(0.0, -right)[:2]))
+        left, right = track.half_widths_at(track.finish_m)
+        ends = np.array([track.point_at(track.finish_m, side)[:2] for side in (left, -right)])
         middle = ends.mean(axis=0)
         least = max(1.0, 7.0 * self._unit / max(self._scale * (left + right) / 2, 1e-6))
         finish = fixed(self._place((ends - middle) * least + middle) * _FINER)

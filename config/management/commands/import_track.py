@@ -29,6 +29,7 @@ class Command(JsonCommand):
         parser.add_argument(
             "--look", choices=TrackLook.values, default=TrackLook.OFFICIAL.value, help="default: %(default)s"
         )
+        parser.add_argument("--open", action="store_true", help="the track ends: it is driven from start to end")
         parser.add_argument("--json", action="store_true", help="print the track as JSON")
 
     def handle(self, *args: Any, **options: Any) -> None:
@@ -47,14 +48,15 @@ class Command(JsonCommand):
                 slug=options["slug"],
                 description=options["description"],
                 look=options["look"],
+                is_open=options["open"],
             )
         except UserFault as fault:
             raise Refusal(fault) from None
         if options["json"]:
-            fields = ("slug", "name", "length_m", "width_m", "direction", "look", "fingerprint")
+            fields = ("slug", "name", "length_m", "width_m", "direction", "is_open", "look", "fingerprint")
             self.stdout.write(json.dumps({field: getattr(track, field) for field in fields}))
         else:
             self.stdout.write(
                 f"{track.slug}: {track.name}, {track.length_m:.2f} m long, {track.width_m:.2f} m wide, "
-                f"{track.direction}"
+                f"{track.direction}{', open' if track.is_open else ''}"
             )

@@ -24,8 +24,8 @@ class CatalogueTrack:
 
     ``file``: what the official simulator calls it, and its file here without ``.npy``; ``fingerprint``, ``length_m``,
     ``width_m`` (median), ``direction``: of its geometry; ``corners`` and ``difficulty``: see
-    :func:`paddock.geometry.character.character_of`; ``description``: English, marked for translation, empty where name
-    and shape say all.
+    :func:`paddock.geometry.character.character_of`; ``is_open``: driven from start to end; ``description``: English,
+    marked for translation, empty where name and shape say all.
     """
 
     slug: str
@@ -37,6 +37,7 @@ class CatalogueTrack:
     direction: str
     corners: int
     difficulty: int
+    is_open: bool = False
     description: str = ""
 
     @property
@@ -54,7 +55,7 @@ def _geometry(slug: str, direction: str) -> TrackGeometry:
     track = by_slug(slug)
     if direction != track.direction:
         return _geometry(slug, track.direction).in_direction(direction)
-    return read_npy(track.npy, track.name)
+    return read_npy(track.npy, track.name, is_open=track.is_open)
 
 
 def by_slug(slug: str) -> CatalogueTrack:
@@ -73,6 +74,7 @@ def _entry(row: dict[str, str]) -> CatalogueTrack:
         direction=row["direction"],
         corners=int(row["corners"]),
         difficulty=int(row["difficulty"]),
+        is_open=row["is_open"] == "yes",
         description=DESCRIPTIONS.get(row["slug"], ""),
     )
 

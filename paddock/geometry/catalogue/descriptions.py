@@ -23,5 +23,8 @@ DESCRIPTIONS: dict[str, str] = {
     ),
     "cosmic-loop": _("One sprint straight, several 90-degree turns and two hairpins."),
     "cosmic-circuit": _("Several 90-degree turns joined by bends: there is no true straight, so the car never rests."),
+    "straight-track": _(
+        "The one track that ends: straight on from start to finish, and each lap from the start again."
+    ),
     "oval": _("Two straights and two wide bends: the place for a first lap."),
 }

@@ -51,7 +51,7 @@ def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tu
         return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
 
     spare = _BLEED_OF_AREAS / per_metre.mean()
-    borders = [fixed(track.inner), fixed(track.outer)]
+    borders = [fixed(line) for line in track.outlines]
     ground = np.full((rows, columns), theme.field, np.uint8)
     cv2.fillPoly(ground, borders, theme.road, cv2.LINE_AA, _SHIFT)
     for dash in fixed(_dashes(track, theme, spare)):
@@ -59,10 +59,17 @@ def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tu
     # Twice as thick as the line; the half outside the road is covered by the field again.
     thickness = max(1, round(2 * (theme.line_width * per_metre.mean() - _BLEED_OF_LINES)))
     cv2.polylines(ground, borders, True, theme.line, thickness, cv2.LINE_AA, _SHIFT)
-    inner, outer = (fixed(_beyond(border, track.centre, spare)) for border in (track.inner, track.outer))
+    *holes, around = (
+        fixed(_beyond(border, middle, spare)) for border, middle in zip(track.outlines, track.middles, strict=True)
+    )
     frame = np.array([(-9, -9), (columns + 9, -9), (columns + 9, rows + 9), (-9, rows + 9)], np.int32) << _SHIFT
-    cv2.fillPoly(ground, [frame, outer], theme.field, cv2.LINE_AA, _SHIFT)
-    cv2.fillPoly(ground, [inner], theme.field, cv2.LINE_AA, _SHIFT)
+    cv2.fillPoly(ground, [frame, around], theme.field, cv2.LINE_AA, _SHIFT)
+    for hole in holes:
+        cv2.fillPoly(ground, [hole], theme.field, cv2.LINE_AA, _SHIFT)
+    if track.is_open:
+        for metres in (0.0, track.finish_m):
+            line = _across(track, metres, theme.line_width, spare)
+            cv2.fillConvexPoly(ground, fixed(line), theme.line, cv2.LINE_AA, _SHIFT)
     return tuple(
         Level(
             ground
@@ -80,12 +87,20 @@ def _beyond(border: np.ndarray, centre: np.ndarray, metres: float) -> np.ndarray
     return border + across * (metres / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9))
 
 
+def _across(track: TrackGeometry, metres: float, width: float, less_m: float) -> np.ndarray:
+    """Corners (4, 2) of a line across the road that ends at ``metres``, smaller by ``less_m`` on each side."""
+    left, right = (half - less_m for half in track.half_widths_at(metres))
+    first, last = metres - width + less_m, metres - less_m
+    return track.points_at(np.array((first, last, last, first)), np.array((left, left, -right, -right)))
+
+
 def _dashes(track: TrackGeometry, theme: Theme, less_m: float) -> np.ndarray:
     """Corners (n, 4, 2) of each dash of the centre line, smaller by ``less_m`` on each side; the first starts at the
-    finish, the pitch fits the length."""
-    count = max(1, round(track.length / theme.dash_pitch))
-    pitch, half = track.length / count, max(theme.dash_width / 2 - less_m, less_m / 2)
+    finish (where the road begins), the pitch fits the length."""
+    first, last = track.paved
+    count = max(1, round((last - first) / theme.dash_pitch))
+    pitch, half = (last - first) / count, max(theme.dash_width / 2 - less_m, less_m / 2)
     length = max(theme.dash_length - 2 * less_m, less_m)
-    starts = np.arange(count) * pitch + less_m
+    starts = first + np.arange(count) * pitch + less_m
     corners = ((0.0, half), (length, half), (length, -half), (0.0, -half))
     return np.stack([track.points_at(starts + along, side) for along, side in corners], axis=1)

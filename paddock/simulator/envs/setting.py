@@ -45,6 +45,8 @@ DEFAULT_METADATA: Mapping[str, Any] = {
     "sensor": ["FRONT_FACING_CAMERA"],
 }
 
+OPEN_ROOM_M = 1.0
+
 Track = TrackGeometry | str | os.PathLike[str]
 Readings = dict[str, np.ndarray]
 
@@ -112,8 +114,16 @@ class Setting:
             start = float(options["start_m"])
             if not math.isfinite(start):
                 raise ValueError(f"start_m must be a finite number of metres, not {start}")
+            if self.ground.track.is_open and not 0.0 <= start <= self._last_start_m:
+                raise ValueError(f"start_m on this open track must be 0 to {self._last_start_m:.2f}, not {start}")
             return start
-        return float(rng.uniform(0.0, self.ground.track.length)) if self.random_start else self.rules.start_m
+        return float(rng.uniform(0.0, self._last_start_m)) if self.random_start else self.rules.start_m
+
+    @property
+    def _last_start_m(self) -> float:
+        """Episodes on an open track start at least ``OPEN_ROOM_M`` before its end."""
+        track = self.ground.track
+        return track.length - OPEN_ROOM_M if track.is_open else track.length
 
     def episode_rules(self, rng: np.random.Generator) -> RaceRules:
         """The rules of one episode: with another seed for boxes and bots in each, unless ``layout_seed`` fixes it."""
@@ -248,7 +258,7 @@ def load_track(track: Track) -> TrackGeometry:
     from paddock.geometry.npy import read_npy
 
     path = Path(track)
-    return read_npy(path.read_bytes(), path.stem)
+    return read_npy(path.read_bytes(), path.stem, is_open=None)
 
 
 def _box_place(place: BoxPlace | Mapping[str, Any] | tuple[float, str]) -> BoxPlace:

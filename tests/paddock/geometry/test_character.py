@@ -51,7 +51,7 @@ def test_both_directions_have_the_same_character(slug):
 
 
 def test_the_catalogue_ranges_from_easy_to_hard():
-    found = [character_of(entry.geometry()) for entry in CATALOGUE]
+    found = [character_of(entry.geometry()) for entry in CATALOGUE if not entry.is_open]
     assert min(character.difficulty for character in found) < 15
     assert max(character.difficulty for character in found) > 60
     assert all(2 <= character.corners <= 20 for character in found)

@@ -12,7 +12,7 @@ import pytest
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 from paddock.geometry import checks, npy
-from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.npy import MAX_BYTES, MAX_ROWS, read_npy, write_npy
 from paddock.geometry.track import TrackGeometry
 from tests.shared import SHARED, needs_shared
@@ -167,9 +167,8 @@ def test_a_lap_of_a_community_track_makes_steady_progress(path, direction):
     assert total == pytest.approx(track.length, abs=1e-6)
 
 
-@needs_shared
-def test_the_straight_track_is_refused_as_open():
-    fault = refused((SHARED / "tracks" / "Straight_track.npy").read_bytes())
+def test_an_open_track_is_refused_where_a_loop_is_meant():
+    fault = refused(by_slug("straight-track").npy)
     assert fault.code == "track_open"
     assert fault.params["gap_m"] == pytest.approx(5.71, abs=0.005)
 

@@ -27,7 +27,7 @@ from .tracks_for_tests import hairpin, stadium
 NOSE = PADDOCK_CAR.nose_x
 STADIUM, HAIRPIN = stadium(), hairpin()
 REACH = {track: Reach(track) for track in (STADIUM, HAIRPIN)}
-TRACKS = [entry.geometry() for entry in CATALOGUE]
+TRACKS = [entry.geometry() for entry in CATALOGUE if not entry.is_open]
 
 
 def referee(track=STADIUM, **rules):

@@ -112,7 +112,7 @@ def test_bots_start_apart_and_off_the_grid_or_are_refused():
 
 
 def test_six_bots_have_room_on_every_catalogue_track():
-    for entry in CATALOGUE:
+    for entry in [entry for entry in CATALOGUE if not entry.is_open]:
         assert len(start_places(entry.geometry().length, 6)) == 6
 
 
