@@ -90,7 +90,7 @@ def _problems(race: Race, start_m: float) -> dict[str, Any]:
     if not 0.0 <= start_m < length_m:
         problems["start_m"] = problem("own_start", length_m=f"{length_m:.2f}")
     elif start_m and race.track.is_open:
-        problems["start_m"] = problem("track_start_fixed", track=race.track.name)
+        problems["start_m"] = problem("track_start_fixed")
     if not problems:
         try:
             check_layout(race)

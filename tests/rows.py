@@ -40,6 +40,7 @@ def track_row(slug: str) -> Track:
         corners=entry.corners,
         difficulty=entry.difficulty,
         direction=entry.direction,
+        is_open=entry.is_open,
         is_catalogue=True,
     )
 

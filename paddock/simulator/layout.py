@@ -77,7 +77,7 @@ def lay_out(track: TrackGeometry, rules: RaceRules) -> Layout:
     on an open track ``track_needs_loop`` for a race of several cars and ``track_start_fixed`` for another start.
     """
     if rules.start_m and track.is_open:
-        raise UserFault("track_start_fixed", track=track.name)
+        raise UserFault("track_start_fixed")
     if rules.race_type == HEAD_TO_HEAD:
         refuse_open(track)
     if rules.bots:
@@ -97,7 +97,7 @@ def refuse_open(track: TrackGeometry) -> None:
     """Several cars, bots among them, need a loop: they go on side by side where one on an open track is put back to
     its start, and form up behind a line where it has no road. Raises UserFault ``track_needs_loop``."""
     if track.is_open:
-        raise UserFault("track_needs_loop", track=track.name)
+        raise UserFault("track_needs_loop")
 
 
 def place_box(track: TrackGeometry, fraction: float, lane: str) -> PlacedBox:

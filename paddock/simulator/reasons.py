@@ -44,11 +44,11 @@ register(
     {
         # boxes and bots that a track has no room for
         "track_needs_loop": _(
-            "%(track)s ends where it does not begin, and several cars or bots need a loop. Choose another track, or a "
+            "This track is driven from start to end, and several cars or bots need a loop. Choose another track, or a "
             "time trial or object avoidance."
         ),
         "track_start_fixed": _(
-            "%(track)s is driven from its start line to its end, and laps begin nowhere else. Leave the start at 0."
+            "This track is driven from its start to its end, and laps begin nowhere else. Leave the start at 0."
         ),
         "box_on_start_line": _(
             "Box %(number)s stands on the finish line. Move it at least %(least_m)s m away from it."

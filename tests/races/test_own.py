@@ -21,6 +21,7 @@ from races.selectors.own import can_stop_run, is_own_of, own_result, own_runs_of
 from races.services import create_community_race, delete_own, drive_own, drive_own_again, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, break_down, drive, lap, laps, outcome, start
 from tests.refusals import refused
+from tests.rows import track_row
 from tracks.models import Track
 
 pytestmark = pytest.mark.django_db
@@ -95,6 +96,17 @@ def test_a_car_that_is_shared_and_a_house_car_may_be_driven_by_everybody(alice, 
 def test_what_cannot_be_driven_is_refused_and_nothing_is_queued(alice, now, said, code):
     refused(code, ask, owner=alice, now=now, **said)
     assert not Evaluation.objects.exists() and not OwnEvaluation.objects.exists()
+
+
+@pytest.mark.parametrize(
+    ("said", "code"), [({"start_m": 1.0}, "track_start_fixed"), ({**HEAD, "bots": 1}, "track_needs_loop"), ({}, None)]
+)
+def test_an_open_track_is_driven_alone_and_from_its_start(alice, now, said, code):
+    straight = track_row("straight-track")
+    if code:
+        refused(code, ask, owner=alice, now=now, track=straight, **said)
+    else:
+        assert ask(alice, now, track=straight).evaluation.track == straight
 
 
 def test_rivals_are_refused_where_they_cannot_race(alice, now):

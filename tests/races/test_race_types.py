@@ -15,6 +15,7 @@ from races.layout import box_marks, box_rows
 from races.models import Race
 from races.services import clone_race, create_community_race, edit_race, race_rules
 from tests.factories import a_race, a_track, drive, lap
+from tests.rows import track_row
 
 pytestmark = pytest.mark.django_db
 
@@ -51,6 +52,15 @@ def test_every_race_type_passes_its_rules_to_the_simulator(alice, now, options):
     assert [{"fraction": box.fraction, "lane": box.lane} for box in rules.boxes] == options.get("boxes", [])
     assert (rules.random_boxes, rules.bots) == (options.get("random_boxes", 0), options.get("bots", 0))
     lay_out(race.track.geometry.in_direction(race.direction), rules)
+
+
+@pytest.mark.parametrize("options", [BOTS, MODELS])
+def test_an_open_track_carries_no_race_of_several_cars(alice, now, options):
+    straight = track_row("straight-track")
+    assert refusal(make, alice, now, track=straight, **options) == {"track": "track_needs_loop"}
+    race = make(alice, now, track=straight, **DRAWN | {"random_boxes": 2})
+    change = {"random_boxes": 0, "box_distance_m": 2.0, **options}
+    assert refusal(edit_race, race=race, now=now, **change) == {"track": "track_needs_loop"}
 
 
 def test_boxes_are_listed_and_marked_where_the_simulator_has_them(alice, now):

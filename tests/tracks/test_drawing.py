@@ -55,6 +55,26 @@ def test_a_map_is_xml_with_all_marks_inside_its_frame(entry, direction):
     assert "style" not in picture and "#" not in picture, "colours belong to the style sheet"
 
 
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_a_map_of_an_open_track_has_a_start_and_a_finish(direction):
+    track = by_slug("straight-track").geometry(direction)
+    picture = draw_svg(track, lanes=True)
+    (road,) = drawn(picture, "track-road")
+    assert road.get("d").count("Z") == 1  # one line round the road, not a ring
+    (start,), (finish,) = drawn(picture, "track-start"), drawn(picture, "track-finish")
+    apart = np.mean(points_of(finish), axis=0) - np.mean(points_of(start), axis=0)
+    assert apart == pytest.approx([5.71 if direction == "ccw" else -5.71, 0.0], abs=0.02)
+    for word in ("track-centre", "track-lane"):
+        assert all(not line.get("d").endswith("Z") for line in drawn(picture, word))
+    assert not drawn(draw_svg(by_slug("oval").geometry()), "track-start")
+
+
+def test_a_picture_of_an_open_track_has_road_between_its_ends_only():
+    picture = Image.open(io.BytesIO(draw_png(by_slug("straight-track").geometry(), (640, 360))))
+    colours = [picture.getpixel((x, 170)) for x in (10, 200, 450, 630)]
+    assert colours[1] == colours[2] != colours[0] == colours[3]
+
+
 def test_a_callers_marks_lie_on_the_road_with_room_below():
     track = by_slug("oval").geometry()
     plain = ET.fromstring(draw_svg(track))

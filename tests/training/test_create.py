@@ -9,7 +9,7 @@ from django.db import IntegrityError, transaction
 
 from paddock.errors import PaddockError, UserFault
 from tests.factories import a_race
-from tests.rows import METADATA, model_row
+from tests.rows import METADATA, model_row, track_row
 from tests.training.jobs import a_training
 from training.models import JobState, TrainingJob, Vehicle
 from training.selectors import can_clone_model, clonable_models, minutes_left, minutes_used
@@ -109,6 +109,11 @@ def test_models_and_running_trainings_hold_their_names(alice, bob, oval, now):
     a_training(alice, oval, now, name="before")
     assert refusal(alice, oval, now, name="before").code == "training_name_taken"
     a_training(bob, oval, now, name="bolt")  # another's garage
+
+
+def test_bots_are_not_trained_against_on_an_open_track(alice, now):
+    straight = track_row("straight-track")
+    assert refusal(alice, straight, now, race_type="head_to_head", bots=2).code == "track_needs_loop"
 
 
 def test_a_full_garage_is_refused_before_training(alice, oval, now, settings):

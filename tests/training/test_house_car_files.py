@@ -14,7 +14,11 @@ from paddock.geometry.catalogue import by_slug
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules
+from paddock.simulator.action import ActionSpace
 from paddock.simulator.engine import ENGINE_ID
+from paddock.simulator.race import run_race
+from training.house_cars.driving import OnnxDriver
+from training.house_cars.environment import SENSOR
 from training.house_cars.files import FOLDER, KEY, LAPS
 from training.house_cars.recipes import RECIPES, TRACKS
 
@@ -77,6 +81,18 @@ def test_each_car_repeats_its_recorded_laps_to_the_millisecond(name: str, slug: 
     assert [lap["complete"] for lap in outcome.laps] == [True] * LAPS
     assert (min(times), round(sum(times) / LAPS)) == (recorded["best_lap_ms"], recorded["average_lap_ms"])
     assert sum(lap["resets"] for lap in outcome.laps) == recorded["resets"]
+
+
+@pytest.mark.parametrize(("name", "direction"), [("steady", "ccw"), ("brisk", "cw")])
+def test_a_car_trained_on_loops_drives_the_straight_track_to_its_end(name: str, direction: str) -> None:
+    driver = OnnxDriver((FOLDER / f"{name}.onnx").read_bytes())
+    space = ActionSpace.from_metadata(RECIPES[name].metadata)
+    rules = RaceRules(laps=2, direction=direction)
+
+    laps = run_race(by_slug("straight-track").geometry(), rules, space, [SENSOR], driver).laps
+
+    assert [(lap.complete, lap.resets) for lap in laps] == [(True, 0)] * 2
+    assert abs(laps[0].time_ms - laps[1].time_ms) <= 1
 
 
 def drives(name: str) -> dict[tuple[str, str], dict]:

@@ -107,7 +107,7 @@ def finish_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float,
 
 
 def start_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The two ends of the start line of an open track; a loop starts at its finish line."""
+    """The two ends of the line where an open track starts; a loop starts at its finish line."""
     return _across(track, 0.0)
 
 

@@ -9,8 +9,9 @@ import pytest
 import shapely
 
 from evaluation.looks import DEFAULT_COLOUR, Shell
+from paddock.geometry.catalogue import by_slug
 from tests.videos.drawing.runs import OVAL
-from videos.drawing import lettering, shapes
+from videos.drawing import lettering, palette, shapes
 from videos.drawing.ground import Ground, rounded_off
 from videos.drawing.palette import bgr, speed_class
 
@@ -53,6 +54,16 @@ class TestGround:
     def test_a_sharp_corner_stays(self):
         square = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)])
         assert shapely.Polygon(rounded_off(square)).area == pytest.approx(16.0)
+
+    def test_an_open_track_has_one_line_round_its_road_and_its_flag_where_it_ends(self):
+        track = by_slug("straight-track").geometry()
+        ground = Ground(track, 2.0)
+        end = track.centre[-1]
+        flag = [patch for patch in ground.around(*end) if patch.colour in (palette.SUNKEN, palette.TEXT)]
+        corners = np.concatenate([patch.corners for patch in flag])
+        assert len(flag) == 2 and np.abs(corners.mean(axis=0) - end).max() < 0.05
+        (road,) = [patch for patch in ground.around(*track.centre[10]) if patch.colour == palette.ROAD]
+        assert len(road.parts) == 1
 
     def test_only_nearby_ground_is_cached_and_not_for_ever(self):
         ground = Ground(OVAL, 2.0)
