@@ -4,30 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import cache
+from typing import Any
 
 from django.core.exceptions import FieldError
 from django.db import models, router
 from django.db.models import Q
 
 
-class ChecksTogether(models.Model):
-    """A model with many check constraints: validation asks about all of them in one query, where Django sends one for
-    each with every field in it. Only where they do not all hold is each asked for its own message."""
+class ChecksTogether:
+    """Beside ``models.Model``, for one with many check constraints: validation asks about all in one query, where
+    Django sends one for each with every field in it. Only where they do not all hold is each asked for its own
+    message."""
 
-    class Meta:
-        abstract = True
+    _meta: Any
 
     def validate_constraints(self, exclude: Collection[str] | None = None) -> None:
         """As Django's. Raises ValidationError."""
         excluded = set(exclude or ())
         if all(isinstance(one, models.CheckConstraint) for one in self._meta.constraints) and _all_hold(self, excluded):
             return
-        super().validate_constraints(exclude=excluded)
+        super().validate_constraints(exclude=excluded)  # type: ignore[misc]
 
 
-def _all_hold(row: models.Model, excluded: set[str]) -> bool:
+def _all_hold(row: Any, excluded: set[str]) -> bool:
     """Whether each constraint of which no field is left out holds; False where that cannot be asked in one query."""
-    model = type(row)
+    model: Any = type(row)
     asked = [(condition, names) for condition, names in _checks(model) if not names & excluded]
     if not asked:
         return True
@@ -42,7 +43,7 @@ def _all_hold(row: models.Model, excluded: set[str]) -> bool:
 
 
 @cache
-def _checks(model: type[models.Model]) -> list[tuple[Q, frozenset[str]]]:
+def _checks(model: Any) -> list[tuple[Q, frozenset[str]]]:
     """Each check constraint's condition, true where it is unknown as in the database, and the fields it names."""
     return [
         (condition, frozenset(name for name, *_lookups in model._get_expr_references(condition)))
