@@ -7,7 +7,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
 from league.api import notices, organising, seasons, webhooks
-from races.api import boards, duels, entries, evaluations, own, races, videos
+from races.api import boards, duels, entries, evaluations, own, races, specifications, videos
 from tracks import api as tracks
 
 from . import reference, views
@@ -38,6 +38,11 @@ version_1: list[URLPattern | URLResolver] = [
     path("races/<slug:slug>/close/", races.CloseView.as_view(), name="api-race-close"),
     path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
     path("races/<slug:slug>/invitation/", races.InvitationResetView.as_view(), name="api-race-invitation"),
+    path(
+        "races/<slug:slug>/specification/",
+        specifications.RaceSpecificationView.as_view(),
+        name="api-race-specification",
+    ),
     path("races/<slug:slug>/board/", boards.BoardView.as_view(), name="api-board"),
     path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
@@ -54,6 +59,11 @@ version_1: list[URLPattern | URLResolver] = [
     path("evaluations/", own.OwnRunsView.as_view(), name="api-evaluations"),
     path("evaluations/<slug:public_id>/again/", own.AgainView.as_view(), name="api-evaluation-again"),
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
+    path(
+        "evaluations/<slug:public_id>/specification/",
+        specifications.EvaluationSpecificationView.as_view(),
+        name="api-evaluation-specification",
+    ),
     path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
     path("evaluations/<slug:public_id>/layout/", evaluations.LayoutView.as_view(), name="api-layout"),
