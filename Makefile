@@ -15,7 +15,7 @@ export ORT_DISABLE_TELEMETRY := 1
 # Each process would compile our code and rewrite the tests anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run training test soak lint lock audit bench clean compiled system-run system-test
+.PHONY: help setup run training package test soak lint lock audit bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -26,6 +26,9 @@ run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 	@exec $(BIN)/python manage.py run --host $(HOST) --port $(PORT)
 
 training: system-run $(VENV)/.training ## what training models needs, however large, for the next "make run"
+
+package: $(VENV)/.run ## the racers' package, a wheel and a source archive in dist/: the engine and the command paddock
+	@$(BIN)/python scripts/package.py
 
 test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)

@@ -1,5 +1,6 @@
 """What pyproject.toml cannot say: the camera's C function is compiled where there is a compiler, and left out
-elsewhere, see paddock/simulator/camera/compiled.py."""
+elsewhere, see paddock/simulator/camera/compiled.py. The same file builds the site and, in a tree that
+scripts/package.py puts together, the racers' package."""
 
 from __future__ import annotations
 
@@ -7,7 +8,9 @@ import importlib.util
 from pathlib import Path
 
 from setuptools import Extension, setup
+from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 from setuptools.errors import CompileError
 
 SOURCE = Path("paddock", "simulator", "camera", "compiled.py")
@@ -33,7 +36,24 @@ class BuildWarp(build_ext):
             raise CompileError(str(error)) from error
 
 
+class AnyPython(bdist_wheel):
+    """The wheel is of a system and a processor, and of any Python 3: the C function knows nothing of Python."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        return "py3", "none", super().get_tag()[2]
+
+
+class WithStart(build_py):
+    """Puts the line for the start of Python, where there is one, beside the package."""
+
+    def run(self) -> None:
+        super().run()
+        if not self.editable_mode:
+            for line in Path(__file__).parent.glob("*.pth"):
+                self.copy_file(str(line), str(Path(self.build_lib, line.name)))
+
+
 setup(
     ext_modules=[Extension("paddock.simulator.camera.warp", [str(SOURCE.with_name("warp.c"))], optional=True)],
-    cmdclass={"build_ext": BuildWarp},
+    cmdclass={"build_ext": BuildWarp, "bdist_wheel": AnyPython, "build_py": WithStart},
 )

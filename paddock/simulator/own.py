@@ -1,13 +1,18 @@
-"""A race driven in this very process, networks and all, as racers do at home: no sandbox, for it is their own car.
+"""A race driven in this very process, networks and all, as racers do at home: no sandbox, for it is their own car. And
+a race driven again from the commands in its traces, where the networks are not at hand.
 
 Started with the pins of :mod:`paddock.exact`, a run comes to the same trace as on the site, to the bit.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from paddock.geometry.track import TrackGeometry
 from paddock.network.bound import NetworkFacts
@@ -16,7 +21,7 @@ from paddock.network.session import load
 from paddock.packages.own import OwnCar
 from paddock.rules.race import RaceRules
 
-from .action import ActionSpace
+from .action import CONTINUOUS, Action, ActionSpace
 from .camera.theme import OFFICIAL, THEMES
 from .deciding import Policy
 from .race import CompetitorRun, Entrant, Progress, RaceResult, run_race
@@ -91,3 +96,46 @@ def _policy(car: OwnCar) -> Policy:
 def _entrant(metadata: Mapping[str, Any], policy: Policy) -> Entrant:
     space = ActionSpace.from_metadata(metadata)
     return Entrant(space, sorted(metadata["sensor"]), policy.answer, metadata.get("lidar_config"))
+
+
+@dataclass(frozen=True)
+class RecordedCommands(ActionSpace):
+    """An action space that answers nobody: what was commanded in each control step, row by row of a trace."""
+
+    commands: tuple[Action, ...] = ()
+
+    @classmethod
+    def of_trace(cls, trace_csv: bytes) -> RecordedCommands:
+        """Those of a sim-trace of ours. Raises ValueError for anything else."""
+        try:
+            rows = csv.DictReader(io.StringIO(trace_csv.decode("utf-8")))
+            commands = [
+                Action(
+                    float(row["steer"]), float(row["throttle"]), None if row["action"] == "-1" else int(row["action"])
+                )
+                for row in rows
+            ]
+        except (KeyError, TypeError, UnicodeDecodeError, csv.Error) as error:
+            raise ValueError(f"not a sim-trace: {error}") from error
+        if not commands:
+            raise ValueError("not a sim-trace: it has no rows")
+        return cls(CONTINUOUS, commands=tuple(commands))
+
+    def decode(self, output: np.ndarray, step: int = 0) -> Action:
+        """The command of the step; of a step behind the last row the last one, so that the run comes to an end."""
+        return self.commands[min(step, len(self.commands)) - 1]
+
+
+def drive_again(track: TrackGeometry, rules: RaceRules, traces: Sequence[bytes]) -> RaceResult:
+    """The race whose cars got the commands in these sim-traces (CSV), by the same physics, referee and rules.
+
+    No car sees anything, so this is quick. Each trace comes out again, to the last bit, if this engine made it and its
+    figures are true; a car that was taken off the track while others drove on is not repeated so. Raises ValueError for
+    what is no trace.
+    """
+    first, *rivals = [Entrant(RecordedCommands.of_trace(trace), (), _blind) for trace in traces]
+    return run_race(track, rules, first.action_space, first.sensors, first.policy, rivals=rivals)
+
+
+def _blind(readings: dict[str, np.ndarray]) -> np.ndarray:
+    return np.zeros(2, np.float32)

@@ -36,6 +36,7 @@ SECTIONS = (
     "Account",
     "Programs",
     "Commands",
+    "At home",
 )
 
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from django.core.management import get_commands, load_command_class
 
-from .pages import CHECKOUT, everything, section, text
+from paddock.cli import settings
+
+from .pages import CHECKOUT, DOCS, everything, section, text
 
 READ_BY_LIBRARIES = {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_ENDPOINT_URL_S3"}
 OURS = sorted(path.stem for path in (CHECKOUT / "config/management/commands").glob("[a-z]*.py"))
@@ -53,7 +55,10 @@ def test_every_variable_has_a_row(name):
 
 def test_every_described_variable_is_read():
     named = set(re.findall(r"\b(PADDOCK_[A-Z_]+|AWS_[A-Z_0-9]+|[A-Z]+_URL)\b", everything()))
-    assert named <= variables() | READ_BY_LIBRARIES
+    of_the_action = set(re.findall(r"(?:vars|secrets)\.(PADDOCK_[A-Z]+)", (DOCS / "examples/submit.yml").read_text()))
+    at_home = {settings.SITE, settings.TOKEN, settings.FOLDER}
+    assert named <= variables() | READ_BY_LIBRARIES | at_home | of_the_action
+    assert at_home <= named
 
 
 def test_documented_defaults_match_the_settings():

@@ -3,11 +3,13 @@
     python training/examples/train_a_car.py --track oval --out car.zip
 
 Sixteen cars drive in one simulator, PPO of stable-baselines3 learns from what they see, and the network is written as
-an ONNX file beside its model_metadata.json: upload the zip, or time it as the site would with
+an ONNX file beside its model_metadata.json: upload the zip, time it as the site would, or let this file send it:
 
-    python manage.py evaluate car.zip --track oval
+    paddock evaluate car.zip --track oval
+    python training/examples/train_a_car.py --track oval --submit https://your.site/races/...
 
-It needs Paddock's checkout with what training needs (``make training``); no site, no broker, no database.
+It needs the package ``paddock-racing[training]``, or Paddock's checkout with what training needs (``make training``,
+where the command is ``python -m paddock.cli``); to learn and to drive, no site, no broker, no database.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import sys
 import time
 import warnings
 import zipfile
@@ -201,8 +204,16 @@ def drive(package: Path, laps: int = 3, **options: Any) -> dict[str, Any]:
     return info
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """The command line."""
+def submit(package: Path, race: str) -> int:
+    """Send the package to a race, wait, and show the result; the exit status of the command ``paddock``. Say ``paddock
+    login`` once before."""
+    from paddock.cli.main import main as paddock
+
+    return paddock(["submit", str(package), race, "--wait"])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; its exit status."""
     parser = argparse.ArgumentParser(description="Train a car and pack it for the site.")
     parser.add_argument("--track", default="oval", help="a slug of the catalogue or an .npy file (default: oval)")
     parser.add_argument("--direction", default="ccw", choices=("ccw", "cw"))
@@ -210,6 +221,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--cars", type=int, default=16)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("car.zip"))
+    parser.add_argument("--submit", default="", metavar="RACE", help="the address of a race's page: send the car there")
     asked = parser.parse_args(arguments)
 
     where = {"track": asked.track, "direction": asked.direction}
@@ -221,7 +233,8 @@ def main(arguments: list[str] | None = None) -> None:
     for lap in ran["laps"]:
         print(f"lap {lap['number']}: {lap['time_ms'] / 1000:.3f} s, {lap['resets']} resets, {lap['status'].lower()}")
     print(f"packed: {asked.out}")
+    return submit(asked.out, asked.submit) if asked.submit else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

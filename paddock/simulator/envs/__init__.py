@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gymnasium
+from paddock.plugin import register_envs
 
 from .setting import DEFAULT_METADATA, Setting, load_track
 from .single import HeadToHeadEnv, ObjectAvoidanceEnv, RacingEnv, TimeTrialEnv
@@ -17,11 +17,4 @@ __all__ = [
     "load_track",
 ]
 
-_VECTOR = "paddock.simulator.vector"
-
-for _name in ("TimeTrial", "ObjectAvoidance", "HeadToHead"):
-    gymnasium.register(
-        id=f"Paddock/{_name}-v1",
-        entry_point=f"{__name__}:{_name}Env",
-        vector_entry_point=f"{_VECTOR}:{_name}VectorEnv",
-    )
+register_envs()

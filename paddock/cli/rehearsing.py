@@ -1,0 +1,133 @@
+"""``paddock evaluate``: drive a car at home, under a race's rules or any others."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from paddock.errors import UserFault
+from paddock.rules.race import RUN_RULES, BoxPlace, RaceRules
+from paddock.simulator.camera.theme import OFFICIAL
+from paddock.simulator.engine import ENGINE_ID
+
+from .asking import Call, parts_of, race_of
+from .driving import Where, driven, figures, is_exact, laps_table, track_here, where_of
+from .showing import lap_time
+from .site import Site, SiteRefusal
+
+DIFFERENT = 1
+
+
+def evaluate(asked: Call, options: argparse.Namespace) -> int:
+    """Drive, say what came of it, and compare with the site where it has driven this very car in this race."""
+    if options.race:
+        if options.rule or options.look:
+            raise UserFault("home_command_line", problem="--rule and --look belong to --track: a race has its own")
+        site, slug = race_of(asked, options.race)
+        where = where_of(site, site.get(f"/races/{slug}/specification/"))
+    else:
+        rules = _rules(options.rule)
+        where = Where(track_here(options.track).in_direction(rules.direction), options.look or OFFICIAL.name, rules)
+    own = list(parts_of([Path(name) for name in options.model]).values())
+    cars = [{"files": list(map(str, own)), "checkpoint": options.checkpoint}]
+    cars += [{"files": [rival], "checkpoint": ""} for rival in options.rival]
+    with driven(where, asked.speaker, cars=cars) as (came, folder):
+        if options.trace:
+            _copy(folder / "0.csv", Path(options.trace))
+    lines, value = _told(where, came)
+    status = 0
+    if options.race:
+        compared = _of_the_site(site, slug, came) if site.token else None
+        value["site"] = {"address": site.address, "race": slug, "engine": where.engine, "run": compared}
+        said, same = _compared(site, where, came, compared)
+        lines.append(said)
+        value["same_as_the_site"] = same
+        status = DIFFERENT if same is False else 0
+    asked.speaker.result(value, "\n".join(lines))
+    return status
+
+
+def _rules(given: list[str]) -> RaceRules:
+    """Rules as ``name=value``, by the names of docs/rules.md; a value is JSON, or a word as it is."""
+    values: dict[str, Any] = {}
+    try:
+        for text in given:
+            name, equals, value = text.partition("=")
+            if not equals or name not in RUN_RULES:
+                raise ValueError(f"{text} is not NAME=VALUE with one of {', '.join(RUN_RULES)}")
+            try:
+                values[name] = json.loads(value)
+            except ValueError:
+                values[name] = value
+        if "boxes" in values:
+            values["boxes"] = tuple(BoxPlace(float(share), str(lane)) for share, lane in values["boxes"])
+        if "bot_lane_change_ms" in values:
+            values["bot_lane_change_ms"] = tuple(values["bot_lane_change_ms"])
+        return RaceRules(**values)
+    except (ValueError, TypeError) as error:
+        raise UserFault("rule_senseless", problem=" ".join(str(error).split())) from error
+
+
+def _copy(trace: Path, to: Path) -> None:
+    try:
+        to.write_bytes(trace.read_bytes())
+    except OSError as error:
+        raise UserFault("home_file_unwritable", path=str(to), problem=error.strerror or str(error)) from error
+
+
+def _told(where: Where, came: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
+    lines = [f"{where.track.name}, {where.track.length:.2f} m, {where.track.direction}"]
+    for number, car in enumerate(came["cars"]):
+        if len(came["cars"]) > 1:
+            lines.append(f"\ncar {number}, place {came['order'].index(number) + 1}")
+        mean = figures(car["laps"])
+        best, average, total = (lap_time(mean[name]) for name in ("best_lap_ms", "average_ms", "total_ms"))
+        lines += [laps_table(car["laps"]), f"best {best}, average {average}, total {total}; ended: {car['end_reason']}"]
+        if car["retired"]:
+            lines.append(f"retired: {car['retired']['code']}")
+        lines += [f"model {car['sha256']}", f"engine {came['engine']}, trace {car['trace_sha256']}"]
+    cars = [{**car, **figures(car["laps"])} for car in came["cars"]]
+    return lines, {**cars[0], "rivals": cars[1:], **{name: came[name] for name in ("engine", "versions", "order")}}
+
+
+def _of_the_site(site: Site, slug: str, came: dict[str, Any]) -> dict[str, Any] | None:
+    """The finished run of this very car in this race, of the token's racer; None where there is none."""
+    try:
+        submissions = site.pages(f"/races/{slug}/submissions/")
+    except SiteRefusal as refusal:
+        if refusal.said["code"] != "entry_missing":
+            raise
+        submissions = []
+    for sent in submissions:
+        if sent["model"]["sha256"] == came["cars"][0]["sha256"] and sent["state"] == "finished":
+            run = site.get(f"/evaluations/{sent['evaluation']}/")
+            result = run["result"]
+            return {
+                "evaluation": sent["evaluation"],
+                "engine": result["engine"],
+                "trace_sha256": result["trace_sha256"],
+                "laps": [lap["time_ms"] for lap in result["laps"]],
+            }
+    return None
+
+
+def _compared(site: Site, where: Where, came: dict[str, Any], run: dict[str, Any] | None) -> tuple[str, bool | None]:
+    """What is to be said of the site's run, and whether the hashes are equal; None where there are no two."""
+    if where.engine != ENGINE_ID:
+        return (
+            f"{site.address} drives with the engine {where.engine} and this package with {ENGINE_ID}: "
+            "lap times there may be other ones, and hashes are not compared.",
+            None,
+        )
+    if run is None:
+        why = "this car has no result of yours in that race yet" if site.token else "without a token it shows none"
+        return f"Driven by the rules and the engine of {site.address}; nothing to compare with: {why}.", None
+    page = f"{site.address}/evaluations/{run['evaluation']}/"
+    if run["engine"] != ENGINE_ID:
+        return f"The site's run is of the engine {run['engine']}, so it is not compared: {page}", None
+    if run["trace_sha256"] == came["cars"][0]["trace_sha256"]:
+        return f"The same as the site's run, to the bit: {page}", True
+    why = "" if is_exact(came) else " This system's arithmetic is not the site's to the last bit, which explains it."
+    return f"DIFFERENT from the site's run, whose trace is {run['trace_sha256']}: {page}{why}", False

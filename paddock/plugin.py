@@ -1,0 +1,57 @@
+"""Makes Gymnasium know the environments without an import of ours: ``gymnasium.make("Paddock/TimeTrial-v1")``.
+
+Gymnasium before 1.0 asked installed packages for what they register (the entry point group ``gymnasium.envs``), and
+since then it does not. So the wheel brings a line for the start of Python besides (``paddock_racing.pth``), which calls
+:func:`watch`: when Gymnasium has been imported, and no sooner, the environments are registered by their names, and
+nothing of them is loaded before one is made. Imported at every start of Python, so it imports next to nothing itself.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+WATCHED = "gymnasium.envs"  # where Gymnasium registers its own
+_NAMES = ("TimeTrial", "ObjectAvoidance", "HeadToHead")
+
+
+def register_envs() -> None:
+    """Register the environments; those that are known already stay as they are."""
+    from gymnasium.envs.registration import register, registry
+
+    for name in _NAMES:
+        if f"Paddock/{name}-v1" not in registry:
+            register(
+                id=f"Paddock/{name}-v1",
+                entry_point=f"paddock.simulator.envs:{name}Env",
+                vector_entry_point=f"paddock.simulator.vector:{name}VectorEnv",
+            )
+
+
+def watch() -> None:
+    """Register them when Gymnasium is imported; at once, where it has been."""
+    if WATCHED in sys.modules:
+        register_envs()
+    elif not any(isinstance(finder, _Watcher) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Watcher())
+
+
+class _Watcher:
+    """Finds nothing itself: it asks the others for Gymnasium, once, and adds what comes after."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        """See :class:`importlib.abc.MetaPathFinder`."""
+        if name != WATCHED:
+            return None
+        sys.meta_path.remove(self)
+        found = (finder.find_spec(name, path, target) for finder in list(sys.meta_path))
+        spec = next((spec for spec in found if spec is not None), None)
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
+
+            def and_ours(module: Any) -> None:
+                execute(module)
+                register_envs()
+
+            spec.loader.exec_module = and_ours  # type: ignore[method-assign]
+        return spec

@@ -1,0 +1,179 @@
+"""The command against a running site, with a worker that drives: from a token to a proof."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import zipfile
+
+import pytest
+from django.core.cache import cache
+from django.utils import timezone
+
+from accounts.tokens import create_token
+from evaluation.models import Evaluation, Result, TrainedModel
+from evaluation.services import run_next_evaluation
+from paddock.cli import sending
+from paddock.simulator import engine
+from tests.factories import a_race, a_racer
+from tests.shared import CHECKOUT
+from training.golden.cars import HOUSE_CARS
+
+pytestmark = [pytest.mark.slow, pytest.mark.django_db(transaction=True)]
+CAR = (HOUSE_CARS / "flyer.onnx", HOUSE_CARS / "flyer.json")
+
+
+@pytest.fixture(autouse=True)
+def site(live_server, wakes, monkeypatch):
+    """The site's address; whoever waits for a run lets a worker have a turn."""
+    cache.clear()
+    monkeypatch.setattr(sending.time, "sleep", lambda _: run_next_evaluation(worker="w"))
+    monkeypatch.setenv("PADDOCK_SITE", live_server.url)
+    return live_server.url
+
+
+@pytest.fixture
+def race(site):
+    return a_race(timezone.now(), slug="open", laps=1, minimum_laps=1)
+
+
+@pytest.fixture
+def log_in(monkeypatch, paddock):
+    """Log a racer in, as with a token from the settings of the site."""
+
+    def do(alias: str, scopes: tuple[str, ...] = ("read", "race")):
+        racer = a_racer(alias)
+        _, token = create_token(racer=racer, scopes=scopes, now=timezone.now())
+        monkeypatch.setattr(sys, "stdin", io.StringIO(f"{token}\n"))
+        assert paddock("login").status == 0
+        return racer
+
+    return do
+
+
+def the_run() -> Evaluation:
+    return Evaluation.objects.select_related("result").get()
+
+
+def test_from_a_token_to_a_proof(paddock, log_in, race, site, tmp_path):
+    log_in("alice")
+    assert paddock("races").out.split("\n")[1].startswith("open")
+    assert paddock("tracks", "--search", "oval", "--json").json[0]["slug"] == "oval"
+    assert paddock("board", "open").out == "Nobody yet.\n"
+
+    sent = paddock("submit", *CAR, f"{site}/races/open/", "--wait", "--json")
+    assert sent.status == 0
+    run = the_run()
+    assert sent.json["evaluation"] == run.public_id and sent.json["entry"]["rank"] == 1
+    assert sent.json["run"]["result"]["trace_sha256"] == run.result.trace_sha256
+    assert "alice" in paddock("board", "open").out
+
+    at_home = paddock("evaluate", *CAR, "--race", "open", "--json", "--trace", tmp_path / "run.csv")
+    assert at_home.status == 0
+    assert at_home.json["trace_sha256"] == run.result.trace_sha256
+    assert at_home.json["same_as_the_site"] is True
+    assert b"lap_complete" in (tmp_path / "run.csv").read_bytes()
+
+    proof = paddock("verify", f"{site}/evaluations/{run.public_id}/", "--json")
+    assert (proof.status, proof.json["proof"], proof.json["same"]) == (0, "network", True)
+
+    again = paddock("submit", *CAR, "open", "--wait")
+    assert again.status == 0 and "sent to this race before" in again.err
+    assert Evaluation.objects.count() == 1
+
+
+def test_a_stranger_proves_a_result_without_the_network(paddock, log_in, race, site):
+    log_in("alice")
+    assert paddock("submit", *CAR, "open", "--wait").status == 0
+    log_in("bob")
+    run = the_run()
+    proof = paddock("verify", run.public_id, "--json")
+    assert (proof.status, proof.json["proof"], proof.json["closed"]) == (0, "trace", ["alice"])
+    words = paddock("verify", run.public_id).out
+    assert "Proven without the networks" in words and "alice is not open to you" in words
+
+    laps = [{**lap, "time_ms": lap["time_ms"] - 100} for lap in run.result.laps]
+    Result.objects.update(laps=laps)
+    forged = paddock("verify", run.public_id)
+    assert forged.status == 1 and "DIFFERENT  car 0, commands driven again: laps and sectors" in forged.out
+    assert "NOT proven" in forged.out
+
+    Result.objects.update(laps=run.result.laps, trace_sha256="0" * 64)
+    assert paddock("verify", run.public_id, "--json").json["same"] is False
+
+    Result.objects.update(engine="paddock-v2")
+    other = paddock("verify", run.public_id)
+    assert (other.status, other.code) == (3, "engine_differs") and "paddock-v2" in other.err
+
+
+def test_a_shared_network_is_fetched_and_driven(paddock, log_in, race):
+    log_in("alice")
+    assert paddock("submit", *CAR, "open", "--wait").status == 0
+    TrainedModel.objects.update(shared_at=timezone.now())
+    log_in("bob")
+    proof = paddock("verify", the_run().public_id)
+    assert proof.status == 0 and "the networks were driven again" in proof.out
+
+
+def test_another_engine_of_the_site_is_said(paddock, log_in, race, monkeypatch):
+    log_in("alice")
+    monkeypatch.setattr(engine, "ENGINE_ID", "paddock-v99")  # the site's; the command holds its own
+    said = paddock("evaluate", *CAR, "--race", "open", "--json")
+    assert said.status == 0
+    assert said.json["same_as_the_site"] is None and said.json["site"]["engine"] == "paddock-v99"
+    assert "paddock-v99" in paddock("evaluate", *CAR, "--race", "open").out
+
+
+def test_what_the_site_refuses_is_told_in_its_words(paddock, log_in, race, tmp_path):
+    log_in("alice", ("read",))
+    refused = paddock("upload", *CAR)
+    assert (refused.status, refused.code) == (2, "scope_missing")
+    log_in("bob")
+    (tmp_path / "car.zip").write_bytes(b"no zip at all")
+    assert paddock("upload", tmp_path / "car.zip").status == 2
+    race.max_submissions = 1
+    race.save()
+    assert paddock("submit", *CAR, "open").status == 0
+    other = (HOUSE_CARS / "brisk.onnx", HOUSE_CARS / "brisk.json")
+    refused = paddock("submit", *other, "open", "--json").json["error"]["code"]
+    assert refused in ("submissions_used_up", "submission_running")
+    assert paddock("submit", *other, "closed").code == "not_on_site"
+    assert paddock("evaluate", *CAR, "--race", "closed").code == "not_on_site"
+
+
+def test_a_model_comes_back_as_it_was_uploaded(paddock, log_in, tmp_path):
+    log_in("alice")
+    model = paddock("upload", *CAR, "--name", "Bolt", "--json").json
+    assert model["name"] == "Bolt"
+    target = tmp_path / "bolt.zip"
+    assert paddock("download", model["public_id"], target).status == 0
+    assert sorted(zipfile.ZipFile(target).namelist()) == ["model.onnx", "model_metadata.json"]
+    assert paddock("download", model["public_id"], target).code == "home_exists"
+    assert paddock("upload", target, "--json").json["public_id"] == model["public_id"]
+
+
+def test_a_token_can_be_given_back(paddock, log_in):
+    log_in("alice")
+    assert paddock("logout", "--revoke").status == 0
+    assert paddock("upload", *CAR).code == "token_missing"
+
+
+def test_a_wrong_token_is_not_kept(paddock, site, monkeypatch, config):
+    monkeypatch.setattr(sys, "stdin", io.StringIO("nonsense\n"))
+    assert paddock("login", site).code == "token_refused"
+    assert not (config / "sites.json").exists()
+
+
+def test_the_command_is_a_program(site, race):
+    done = subprocess.run(
+        [sys.executable, "-m", "paddock.cli", "races", "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=CHECKOUT,
+        env={**os.environ, "PADDOCK_SITE": site},
+    )
+    assert [found["slug"] for found in json.loads(done.stdout)] == ["open"]

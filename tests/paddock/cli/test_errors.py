@@ -1,0 +1,132 @@
+"""What goes wrong between home and a site: each has a code, a sentence and an exit status, and nothing is sent on."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+ANSWERS: dict[str, tuple[int, dict[str, str], bytes]] = {
+    "a page": (200, {"Content-Type": "text/html"}, b"<html>Welcome</html>"),
+    "no API": (404, {"Content-Type": "text/html"}, b"<html>Not found</html>"),
+    "JSON of somebody else": (403, {"Content-Type": "application/json"}, b'{"detail": "no"}'),
+    "broken": (502, {"Content-Type": "text/html"}, b"<html>Bad gateway</html>"),
+    "moved": (301, {"Location": "https://elsewhere.example.org/"}, b""),
+    "refuses": (
+        429,
+        {"Content-Type": "application/json", "Retry-After": "30"},
+        json.dumps(
+            {"code": "throttled", "message": "Too often. Try again in 30 s.", "fault": "user", "params": {"wait_s": 30}}
+        ).encode(),
+    ),
+    "is busy": (
+        503,
+        {"Content-Type": "application/json"},
+        json.dumps({"code": "upload_busy", "message": "Try again.", "fault": "platform", "params": {}}).encode(),
+    ),
+    "no token": (
+        401,
+        {"Content-Type": "application/json"},
+        json.dumps({"code": "not_authenticated", "message": "…", "fault": "user", "params": {}}).encode(),
+    ),
+}
+
+
+class Stranger(BaseHTTPRequestHandler):
+    """Answers everything as it is told to."""
+
+    says = "a page"
+    heard: list[tuple[str, str]] = []
+
+    def do_GET(self) -> None:
+        status, headers, body = ANSWERS[self.says]
+        self.heard.append((self.path, self.headers.get("Authorization", "")))
+        self.send_response(status)
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
+
+
+@pytest.fixture(scope="module")
+def stranger() -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Stranger)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize(
+    ("says", "code", "status"),
+    [
+        ("a page", "site_is_no_paddock", 2),
+        ("no API", "site_is_no_paddock", 2),
+        ("JSON of somebody else", "site_is_no_paddock", 2),
+        ("broken", "site_broken", 3),
+        ("moved", "site_elsewhere", 2),
+        ("refuses", "throttled", 2),
+        ("is busy", "upload_busy", 3),
+        ("no token", "token_missing", 2),
+    ],
+)
+def test_whatever_answers_is_told_with_a_code(paddock, stranger, monkeypatch, says, code, status):
+    monkeypatch.setattr(Stranger, "says", says)
+    said = paddock("races", "--site", stranger)
+    assert (said.code, said.status, said.out) == (code, status, "")
+    told = paddock("races", "--site", stranger, "--json")
+    assert told.json["error"]["code"] == code and told.json["error"]["message"]
+
+
+def test_a_refused_token_is_told_apart_from_none(paddock, stranger, monkeypatch):
+    monkeypatch.setattr(Stranger, "says", "no token")
+    monkeypatch.setenv("PADDOCK_SITE", stranger)
+    monkeypatch.setenv("PADDOCK_TOKEN", "secret")
+    assert paddock("races").code == "token_refused"
+
+
+def test_a_token_does_not_follow_to_another_site(paddock, stranger, monkeypatch):
+    monkeypatch.setattr(Stranger, "says", "moved")
+    monkeypatch.setattr(Stranger, "heard", [])
+    monkeypatch.setenv("PADDOCK_SITE", "https://race.example.org")
+    monkeypatch.setenv("PADDOCK_TOKEN", "secret")
+    assert paddock("board", f"{stranger}/races/open/").code == "site_elsewhere"
+    assert Stranger.heard == [("/api/v1/races/open/board/?page=1", "")]
+
+
+def test_no_network_is_said(paddock):
+    said = paddock("races", "--site", "http://127.0.0.1:9")
+    assert (said.code, said.status) == ("site_unreachable", 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["races"], "site_missing"),
+        (["races", "--site", "race.example.org"], "site_address"),
+        ([], "home_command_line"),
+        (["drive"], "home_command_line"),
+        (["evaluate", "car.zip"], "home_command_line"),
+        (["evaluate", "a", "b", "c", "--track", "oval"], "home_command_line"),
+        (["evaluate", "car.zip", "--track", "ovla"], "track_unknown"),
+        (["evaluate", "car.zip", "--track", "ours.npy"], "home_file_unreadable"),
+        (["evaluate", "car.zip", "--track", "oval", "--rule", "laps"], "rule_senseless"),
+        (["evaluate", "car.zip", "--track", "oval", "--rule", "laps=0"], "rule_senseless"),
+        (["evaluate", "car.zip", "--track", "oval", "--rule", "boxes=[1]"], "rule_senseless"),
+        (["evaluate", "car.zip", "--track", "oval", "--rule", "wings=2"], "rule_senseless"),
+        (["evaluate", "car.zip", "--race", "open", "--rule", "laps=1"], "home_command_line"),
+        (["board", "https://race.example.org/tracks/oval/"], "race_wanted"),
+        (["verify", "https://race.example.org/races/open/"], "result_wanted"),
+        (["upload", "nothing.zip", "--site", "http://127.0.0.1:9"], "home_file_unreadable"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_before_anything_is_sent(paddock, arguments, code):
+    said = paddock(*arguments)
+    assert (said.code, said.status) == (code, 2)
