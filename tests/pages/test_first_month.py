@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import html
 import re
-from datetime import timedelta
+from collections.abc import Callable
+from datetime import datetime, timedelta
 
 import pytest
 from django.test import Client
@@ -16,6 +17,7 @@ from league.selectors.overview import fields_in_time, fields_of, leaders_shown, 
 from league.services import close_round, create_season, schedule_round
 from races.models import Race
 from tests.factories import a_racer, a_track
+from tests.kept import Kept
 from tests.league.seasons import board
 from tests.pages.test_queries import queries
 
@@ -25,14 +27,28 @@ STANDINGS = "/seasons/first/standings/?division=open"
 DAYS = timedelta(days=30)
 
 
-@pytest.fixture
-def now():
-    return timezone.now()
+@pytest.fixture(scope="session")
+def kept_first_season(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, lambda: make_season(timezone.now()))
 
 
 @pytest.fixture
-def season(now) -> Season:
-    """Twelve months of open and pro races with their finales, the first of them half over."""
+def made(kept_first_season: Kept, db: None) -> tuple[Season, datetime]:
+    return kept_first_season.copy()
+
+
+@pytest.fixture
+def season(made: tuple[Season, datetime]) -> Season:
+    return made[0]
+
+
+@pytest.fixture
+def now(made: tuple[Season, datetime]) -> datetime:
+    return made[1]
+
+
+def make_season(now: datetime) -> tuple[Season, datetime]:
+    """Twelve months of open and pro races with their finales, the first of them half over, and the time it is."""
     begins = now - DAYS / 2
     season = create_season(
         slug="first",
@@ -61,7 +77,7 @@ def season(now) -> Season:
                 opens_at=at,
                 closes_at=at + lasts,
             )
-    return season
+    return season, now
 
 
 def race(season: Season, number: int, stage: Stage) -> Race:

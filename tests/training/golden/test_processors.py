@@ -22,7 +22,7 @@ pytestmark = [
     pytest.mark.skipif(emulator() is None, reason=f"{EMULATOR} is not installed (Debian: qemu-user)"),
 ]
 # Of each run, which an emulated processor takes about as long for, a large network twenty times as long
-SIMULATED_MS, CONSOLE_MS = 1000, 270
+SIMULATED_MS, CONSOLE_MS = 600, 200
 CONSOLES = next(run.name for run in RUNS if CONSOLE in run.cars)
 SOAKED = 200
 
