@@ -41,6 +41,10 @@ pytestmark = [
     pytest.mark.xdist_group("workers"),
 ]
 HELD = "tests.evaluation.held_worker"
+# Before the result is written, and between its files and its row; all the others in `make soak`
+killed_at = pytest.mark.parametrize(
+    "points", [("running", "stored"), pytest.param(POINTS, marks=pytest.mark.soak)], ids=["two points", "all points"]
+)
 
 
 @pytest.fixture(scope="module")
@@ -124,9 +128,10 @@ def traces_of(evaluation):
     return [name for name in default_storage.listdir("traces")[1] if name.startswith(evaluation.public_id)]
 
 
-def test_a_killed_pool_process_costs_one_attempt_and_no_result(submit, control, broker_url):
+@killed_at
+def test_a_killed_pool_process_costs_one_attempt_and_no_result(submit, control, broker_url, points):
     with control.worker(broker_url):
-        for point in POINTS:
+        for point in points:
             the_pool_process_is_killed_at(point, submit, control)
 
 
@@ -159,10 +164,11 @@ def the_pool_process_is_killed_at(point, submit, control):
     assert traces_of(evaluation) == [os.path.basename(evaluation.result.trace.name)], point
 
 
-def test_a_killed_worker_leaves_no_process_and_the_next_finishes(submit, control, broker_url):
+@killed_at
+def test_a_killed_worker_leaves_no_process_and_the_next_finishes(submit, control, broker_url, points):
     with ExitStack() as workers:
         worker = workers.enter_context(control.worker(broker_url, "first"))
-        for point in POINTS:
+        for point in points:
             control.hold_at(point)
             evaluation = submit()
             child = control.held()
@@ -230,9 +236,10 @@ def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, 
     assert not Result.objects.filter(evaluation=evaluation).exists()
 
 
-def test_a_killed_duel_leaves_the_files_of_one_attempt(submit_duel, control, broker_url):
+@killed_at
+def test_a_killed_duel_leaves_the_files_of_one_attempt(submit_duel, control, broker_url, points):
     with control.worker(broker_url):
-        for point in POINTS:
+        for point in points:
             evaluation = finished_after_a_kill_at(point, submit_duel, control)
             result = Result.objects.get(evaluation=evaluation)
             kept = [result.trace, result.bots, result.rivals.get().trace]
