@@ -36,6 +36,8 @@ UNREACHABLE = {
     # no network within the limits takes so long or crashes the converter: see tests/evaluation/test_admit.py
     "conversion_time",
     "conversion_crashed",
+    # no upload is refused for it: see tests/paddock/packages/test_own.py
+    "sb3_at_home",
 }
 ONLY_IN_THE_SANDBOX = ("conversion_memory",)  # whose limit is the process's
 IN_A_PROCESS = ("Conversion of a TensorFlow graph", "Policies of stable-baselines3", "The network")
