@@ -128,7 +128,6 @@ class TestBadInput:
             ((*DUEL, "--bots", "1", "--bot-speed", "0.1"), "race_bot_speed"),
             ((*DUEL, "--bots", "1", "--bot-speed", "nan"), "race_bot_speed"),
             (("--start", "999"), "own_start"),
-            (("--start=-1",), "rules_senseless"),
             (("--laps", "2", "--minimum-laps", "3"), "race_minimum_laps"),
             (("--ranking-method", "total", "--minimum-laps", "1"), "race_total_needs_all_laps"),
             (("--rival", RIVAL), "rivals_race_type"),
@@ -150,6 +149,7 @@ class TestBadInput:
             ((*DUEL, "--rival", "missing.tar.gz"), "missing.tar.gz cannot be read"),
             ((*DUEL, "--rival", "missing.onnx,missing.json"), "missing.onnx cannot be read"),
             ((*AVOID, "--obstacles", "6", "--obstacle-distance", "-1"), "box_distance_m must be a number"),
+            (("--start=-1",), "start_m must be a number"),
         ],
     )
     def test_invalid_arguments_are_explained(self, jobs, arguments, says):
