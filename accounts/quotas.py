@@ -92,8 +92,8 @@ def used_by(racer: Racer, name: str, now: datetime) -> float:
     return _quotas[name].count([racer.pk], now).get(racer.pk, 0)
 
 
-def usage_of(racer: Racer, now: datetime) -> list[Usage]:
-    """All quotas of one racer."""
+def usage_of(racer: Racer, now: datetime, only: Collection[str] | None = None) -> list[Usage]:
+    """All quotas of one racer, or those of the names in ``only``."""
     own = dict(racer.quotas.values_list("name", "limit"))
     return [
         Usage(
@@ -103,6 +103,7 @@ def usage_of(racer: Racer, now: datetime) -> list[Usage]:
             quota.name in own,
         )
         for quota in all_quotas()
+        if only is None or quota.name in only
     ]
 
 

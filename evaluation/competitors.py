@@ -17,18 +17,19 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class CompetitorRow:
     """A car of a run: its number (0: the one that was sent), its place at the end, from 1, whose, and what it looks
-    like beside the others."""
+    like beside the others. ``label``: what it is called there, see :func:`labels_of`."""
 
     number: int
     place: int
     racer: Racer
     result: CompetitorResult
     look: VehicleLook
+    label: str
 
 
 @dataclass(frozen=True)
 class LiveCompetitor:
-    """A car of a run that waits or drives: its number as in :class:`CompetitorRow`, whose, and what it looks like.
+    """A car of a run that waits or drives: number and label as in :class:`CompetitorRow`, whose, and its look.
 
     ``progress``: what the runner told of it last (``paddock.simulator.race.Progress`` or its ``RivalProgress``),
     with the ``laps`` of the race; empty as long as it has told nothing.
@@ -38,6 +39,7 @@ class LiveCompetitor:
     racer: Racer
     look: VehicleLook
     progress: Mapping[str, Any]
+    label: str
 
     @cached_property
     def is_retired(self) -> bool:
@@ -56,12 +58,13 @@ def car_rows(evaluation: Evaluation) -> list[CompetitorRow]:
     rivals = _rivals(evaluation)
     looks = _looks(evaluation, rivals)
     result = evaluation.result
+    labels = labels_of(evaluation, rivals)
     if not rivals:
-        return [CompetitorRow(0, 1, evaluation.owner, result, looks[0])]
+        return [CompetitorRow(0, 1, evaluation.owner, result, looks[0], labels[0])]
     racers = {0: evaluation.owner} | {rival.number: rival.model.owner for rival in rivals}
     results: dict[int, CompetitorResult] = {0: result} | {rival.number: rival for rival in result.rivals.all()}
     return [
-        CompetitorRow(number, place, racers[number], results[number], looks[number])
+        CompetitorRow(number, place, racers[number], results[number], looks[number], labels[number])
         for place, number in enumerate(result.order, start=1)
         if number in results
     ]
@@ -73,16 +76,34 @@ def live_cars(evaluation: Evaluation) -> list[LiveCompetitor]:
     looks = _looks(evaluation, rivals)
     progress = evaluation.progress or {}
     told = dict(enumerate(progress.get("rivals", ()), start=1))
-    laps = {"laps": progress.get("laps")}
+    laps, labels = {"laps": progress.get("laps")}, labels_of(evaluation, rivals)
     return [
-        LiveCompetitor(0, evaluation.owner, looks[0], progress),
+        LiveCompetitor(0, evaluation.owner, looks[0], progress, labels[0]),
         *(
             LiveCompetitor(
-                one.number, one.model.owner, looks[one.number], told[one.number] | laps if one.number in told else {}
+                one.number,
+                one.model.owner,
+                looks[one.number],
+                told[one.number] | laps if one.number in told else {},
+                labels[one.number],
             )
             for one in rivals
         ),
     ]
+
+
+def labels_of(evaluation: Evaluation, rivals: Sequence[EvaluationRival]) -> dict[int, str]:
+    """What the cars of a run are called, by their numbers: by their racers, or where one racer has several cars in it
+    by their models; those of one name are numbered."""
+    named = {0: evaluation.owner.alias} | {rival.number: rival.model.owner.alias for rival in rivals}
+    if len(set(named.values())) < len(named):
+        named = {0: evaluation.model.name} | {rival.number: rival.model.name for rival in rivals}
+    seen: dict[str, int] = {}
+    labels = {}
+    for number, name in named.items():
+        seen[name] = seen.get(name, 0) + 1
+        labels[number] = name if seen[name] == 1 else f"{name} ({seen[name]})"
+    return labels
 
 
 def _rivals(evaluation: Evaluation) -> list[EvaluationRival]:

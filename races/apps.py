@@ -26,6 +26,9 @@ class RacesConfig(AppConfig):
         register_audiences()
         register_slots(
             {
+                "garage.actions": "races/own/to_runs.html",
+                "garage.row": "races/own/drive_model.html",
+                "model.actions": "races/own/drive_model.html",
                 "model.runs": "races/parts/model_runs.html",
                 "track.actions": "races/parts/hold_here.html",
                 "track.races": "races/parts/races_here.html",

@@ -11,6 +11,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
+from paddock.geometry.track import TrackGeometry
 from races.models import Race
 from tracks.drawing import Trajectory
 from tracks.drawing.svg import MARGIN_M
@@ -99,7 +100,12 @@ def trajectories(
 
 def map_point(track: Track, x: float, y: float) -> tuple[float, float]:
     """A place in metres in the coordinates of the map (from its upper left corner, y down)."""
-    x_min, _, _, y_max = track.geometry.bounds
+    return map_place(track.geometry, x, y)
+
+
+def map_place(geometry: TrackGeometry, x: float, y: float) -> tuple[float, float]:
+    """The same for a track's geometry, in either direction."""
+    x_min, _, _, y_max = geometry.bounds
     return round(x - x_min + MARGIN_M, 3), round(y_max + MARGIN_M - y, 3)
 
 

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import boards, duels, evaluations, organising, races, racing, videos
+from .views import boards, duels, evaluations, organising, own, races, racing, videos
 
 urlpatterns = [
     path("races/", races.races, name="races"),
@@ -29,6 +29,11 @@ urlpatterns = [
     path("races/<slug:slug>/racers/", organising.race_racers, name="race_racers"),
     path("races/<slug:slug>/racers/<str:alias>/remove/", organising.racer_remove, name="race_racer_remove"),
     path("races/<slug:slug>/racers/<str:alias>/restore/", organising.racer_restore, name="race_racer_restore"),
+    path("runs/", own.own_runs, name="own_runs"),
+    path("runs/new/", own.own_new, name="own_new"),
+    path("runs/layout/", own.own_layout, name="own_layout"),
+    path("evaluations/<str:public_id>/again/", own.own_again, name="own_again"),
+    path("evaluations/<str:public_id>/delete/", own.own_delete, name="own_delete"),
     path("evaluations/<str:public_id>/", evaluations.evaluation, name="evaluation"),
     path("evaluations/<str:public_id>/live/", evaluations.evaluation_live, name="evaluation_live"),
     path("evaluations/<str:public_id>/stop/", evaluations.evaluation_stop, name="evaluation_stop"),

@@ -171,7 +171,43 @@
       fields(rows[Math.min(index, shown - 1)])[0].focus();
       list.dispatchEvent(new Event("change", { bubbles: true }));
     }));
+    list.addEventListener("paddock:box", ({ detail: { percent, lane, near } }) => {
+      if (locked) return;
+      const there = rows.findIndex((row) => near(fields(row)[0].value, fields(row)[1].value));
+      if (there >= 0) {
+        rows[there].querySelector("[data-box-remove]").click();
+        return;
+      }
+      const free = rows.findIndex((row) => fields(row)[0].value === "");
+      if (free < 0) return;
+      [percent, lane].forEach((value, which) => { fields(rows[free])[which].value = value; });
+      shown = Math.max(shown, free + 1);
+      show();
+      list.dispatchEvent(new Event("change", { bubbles: true }));
+    });
     show();
+  });
+
+  // --- a click on the map puts a box there, in the lane that is nearest; a click on a box takes it away -----------------
+  document.addEventListener("click", (event) => {
+    const map = event.target.closest("[data-places]");
+    const list = map && map.closest("form").querySelector("[data-box-rows]");
+    if (!list) return;
+    const drawing = map.querySelector("svg");
+    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse());
+    const places = JSON.parse(map.dataset.places);
+    const metres = ([x, y]) => Math.hypot(x - at.x, y - at.y);
+    let best = { far: 1 };
+    Object.entries(places).forEach(([lane, points]) => points.forEach((point, index) => {
+      if (metres(point) < best.far) best = { far: metres(point), lane, percent: 100 * index / points.length };
+    }));
+    if (!best.lane) return;
+    const near = (percent, lane) => {
+      const points = places[lane];
+      const point = percent !== "" && points[Math.round(percent / 100 * points.length) % points.length];
+      return Boolean(point) && metres(point) < 0.35;
+    };
+    list.dispatchEvent(new CustomEvent("paddock:box", { detail: { ...best, percent: best.percent.toFixed(1), near } }));
   });
 
   // --- copy a link ---------------------------------------------------------------------------------------------------

@@ -81,7 +81,7 @@ class VideoRun:
             track.fingerprint,
             self._direction,
             *(
-                [row.number, row.place, row.racer.alias, *row.look, row.result.trace_sha256]
+                [row.number, row.place, row.label, *row.look, row.result.trace_sha256]
                 for row in sorted(self.cars, key=lambda row: row.number)
             ),
         ]
@@ -109,7 +109,7 @@ class VideoRun:
             cars=[
                 VideoCar(
                     number=row.number,
-                    name=row.racer.alias,
+                    name=row.label,
                     shell=row.look.shell,
                     colour=row.look.colour,
                     trace=read_trace(row.result),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from django.db.models import QuerySet
 
+from core.forms import explain
 from evaluation.models import Evaluation, Result, TrainedModel
 from evaluation.selectors import can_stop_evaluation, visible_models
 from paddock.errors import UserFault
@@ -115,6 +116,11 @@ class OwnResult:
     race: Race | None = None
     would_be: WouldBe | None = None
     fault: UserFault | None = None
+
+    @property
+    def problem(self) -> str:
+        """Why it has no place in its race, in the reader's language, or ``""``."""
+        return "" if self.fault is None else explain(self.fault)
 
 
 def own_result(own: OwnEvaluation, result: Result) -> OwnResult:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -16,11 +17,12 @@ from django.utils.translation import gettext_noop
 from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import LANES
 from races import facts, ranking
 from races.engines import hidden_runs
 from races.layout import box_marks
 from races.models import Entry, Race, RaceState
-from races.replay import LAP_COLOURS
+from races.replay import LAP_COLOURS, map_place
 from races.selectors import BoardRow, evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
@@ -32,6 +34,7 @@ register = template.Library()
 
 RACES_ON_A_TRACK = 20
 RUNS_OF_A_MODEL = 50
+PLACES_ON_A_LAP = 200  # where a click on the map may put a box: half a percent apart
 
 # Stopwatch, box, two cars: lines of a 20 x 20 picture.
 ICONS = {
@@ -118,6 +121,21 @@ def race_map(race: Race, *, numbered: bool = False) -> SafeString:
 def layout_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: bool = False) -> SafeString:
     """The map of a layout: a track with boxes on it, and its two lanes where somebody chooses between them."""
     return _map(track.geometry, direction, track.name, boxes, lanes)
+
+
+@register.simple_tag
+def lane_places(race: Race) -> str:
+    """Where boxes may be put on the map of a race's layout, as JSON: for each lane points in the map's coordinates,
+    evenly along the lap from the finish line in the direction driven."""
+    return _lane_places(race.track.geometry, race.direction)
+
+
+@lru_cache(maxsize=64)
+def _lane_places(geometry: TrackGeometry, direction: str) -> str:
+    track = geometry.in_direction(direction)
+    metres = [track.length * number / PLACES_ON_A_LAP for number in range(PLACES_ON_A_LAP)]
+    places = {lane: [map_place(geometry, *track.lane_centre(at, lane)[:2]) for at in metres] for lane in LANES}
+    return json.dumps(places, separators=(",", ":"))
 
 
 @register.simple_tag

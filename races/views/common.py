@@ -32,7 +32,9 @@ def visible_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
     """The evaluation with its result and its race, or 404 when there is none or the reader may not see it."""
     related = ("result", "model__network", "submission__entry__race", "submission__entry__racer", "duel__race")
     best = "submission__entry__best__evaluation__model"
-    return get_object_or_404(evaluations_visible_to(request.user).select_related(*related, best), public_id=public_id)
+    own = ("own__race__track", "own__owner", "own__submission__evaluation", "model__owner")
+    found = evaluations_visible_to(request.user).select_related(*related, best, *own)
+    return get_object_or_404(found, public_id=public_id)
 
 
 def tell_fault(request: HttpRequest, fault: PaddockError) -> None:

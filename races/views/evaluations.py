@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
@@ -16,23 +16,23 @@ from django.views.decorators.http import require_POST, require_safe
 from evaluation.competitors import CompetitorRow, LiveCompetitor, car_rows, live_cars
 from evaluation.files import logs_of
 from evaluation.models import CompetitorResult, Evaluation, Result, State
-from evaluation.selectors import can_stop_evaluation, expected_wait_s, queue_position
+from evaluation.selectors import can_see_model, expected_wait_s, queue_position
 from evaluation.services import stop_evaluation
 from evaluation.services.results import read_layout, read_trace
 from races.honours import race_of_marks
 from races.layout import awaited_boxes, driven_boxes
+from races.models import OwnEvaluation
 from races.replay import ColourBy, lap_rows, map_point, map_size, replay_data, trajectories
 from races.selectors import replaced_by
+from races.selectors.own import can_stop_run, own_result
 from races.selectors.results import HeatResult, RunResult, heat_of, result_of
 
 from .common import visible_evaluation
 from .latest import live_mark
 from .videos import video_context
 
-if TYPE_CHECKING:
-    from accounts.models import Racer
-
 REPLAY_FORMAT = 2
+Car = TypeVar("Car", CompetitorRow, LiveCompetitor)
 
 
 @require_safe
@@ -71,7 +71,7 @@ def evaluation_stop(request: HttpRequest, public_id: str) -> HttpResponse:
     """Stop my evaluation."""
     shown = visible_evaluation(request, public_id)
     if not shown.is_final:
-        if not can_stop_evaluation(request.user, shown):
+        if not can_stop_run(request.user, shown):
             raise Http404
         stop_evaluation(evaluation=shown, now=timezone.now())
     return redirect(shown)
@@ -141,6 +141,7 @@ def _direction(shown: Evaluation) -> str:
 def _context(request: HttpRequest, shown: Evaluation) -> dict:
     submission = getattr(shown, "submission", None)
     duel = getattr(shown, "duel", None)
+    own: OwnEvaluation | None = getattr(shown, "own", None)
     race = submission.entry.race if submission else duel and duel.race
     context = {
         "evaluation": shown,
@@ -148,13 +149,15 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
         "duel": duel,
         "race": race,
         "direction": _direction(shown),
-        "can_stop": can_stop_evaluation(request.user, shown),
+        "own": own,
+        "can_stop": can_stop_run(request.user, shown),
+        "shows_model": can_see_model(request.user, shown.model),
         "replaced_by": replaced_by(shown) if race is None else None,
         "is_mine": request.user.is_authenticated and request.user.pk == shown.owner_id,
     }
     if shown.state == State.FINISHED:
         rows = car_rows(shown)
-        context["heading"] = _heading((row.number, row.racer) for row in rows)
+        context["heading"] = _heading(rows)
         colour = ColourBy.of(request.GET.get("colour"))
         lap = request.GET.get("lap", "")
         car = _chosen_car(request, rows)
@@ -173,6 +176,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,
             "map_size": map_size(shown.track),
             "worth": _worth(request, shown, car),
+            "own_worth": own_result(own, shown.result) if own else None,
         }
         return context | video_context(request, shown, rows)
     position = queue_position(shown)
@@ -180,7 +184,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
     cars = live_cars(shown)
     standing = sorted(cars, key=lambda car: car.place_key)
     context |= {
-        "heading": _heading((car.number, car.racer) for car in cars),
+        "heading": _heading(cars),
         "standing": standing if len(cars) > 1 else [],
         "clock_ms": max(car.progress.get("total_ms", 0) for car in cars),
         "mark": live_mark(shown, position),
@@ -211,10 +215,9 @@ def _chosen_car(request: HttpRequest, rows: Sequence[CompetitorRow]) -> Competit
     return next(row for fits in wanted for row in rows if fits(row))
 
 
-def _heading(cars: Iterable[tuple[int, Racer]]) -> list[Racer]:
-    """Whose run it is where several cars drive, in the order of the start; nobody for a car alone."""
-    racers = [racer for _, racer in sorted(cars, key=lambda car: car[0])]
-    return racers if len(racers) > 1 else []
+def _heading(cars: Sequence[Car]) -> list[Car]:
+    """The cars of a run where there are several, in the order of the start; none for a car alone."""
+    return sorted(cars, key=lambda car: car.number) if len(cars) > 1 else []
 
 
 def _dots(shown: Evaluation, cars: Iterable[LiveCompetitor]) -> list[tuple[LiveCompetitor, tuple[float, float]]]:

@@ -155,6 +155,14 @@ CASES = [
     Case("alice", "/evaluations/{queued}/", "Stop", "css=.pill.cancelled, .pill.stopped"),
     Case("alice", "/evaluations/{driven}/?video={waits}", "Stop", "css=#video:not(:has(progress))", inside="#video"),
     Case("alice", "/evaluations/{driven}/", "css=.video-ask button", "css=#video progress, #video .live-line"),
+    Case("alice", "/runs/new/?race=open-race", "Drive", "css=#live", {"Model": "Spare"}),
+    Case("alice", "/runs/new/", "Take over its rules", "css=[name=submit_if_better]"),
+    Case("alice", "/runs/new/?track=oval", "Drive", "css=#live", {"Model": "Spare"}),
+    Case("alice", "/evaluations/{own}/", "Run again", "css=#live"),
+    Case("alice", "/evaluations/{own}/delete/", "Delete", "The run is deleted."),
+    Case("alice", "/runs/", "Show", "css=[name=state] option[value=queued][selected]", {"State": "queued"}),
+    Case("alice", "/runs/", "Stop", "css=#evaluation .pill.stopped"),
+    Case("alice", "/runs/", "Run again", "css=#live"),
     # seasons and stewards
     Case(
         "guest",

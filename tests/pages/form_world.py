@@ -11,13 +11,13 @@ from allauth.account.utils import user_pk_to_url_str
 
 from accounts.models import Racer
 from accounts.tokens import create_token
-from evaluation.services import share_model
+from evaluation.services import share_model, stop_evaluation
 from league.models import NoticeKind, Round, Stage
 from league.services import close_due_rounds, close_round
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import Race
-from races.services import enter_race, remove_entry, withdraw
+from races.services import drive_own, enter_race, remove_entry, withdraw
 from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, qualify
 from tests.factories import a_model, a_race, a_racer
@@ -85,6 +85,9 @@ class Cast:
 
         create_token(racer=world.admin, now=now)
         add_webhook(owner=alice, url="https://example.org/hook")
+        own = [drive_own(owner=alice, model=spare, track=world.track, now=now) for _ in range(3)]
+        for one in own[:2]:
+            stop_evaluation(evaluation=one.evaluation, now=now)
         self._season(world)
         tell_what_happened(now=now)
         key = f"{user_pk_to_url_str(bob)}-{default_token_generator.make_token(bob)}"
@@ -101,6 +104,7 @@ class Cast:
             "job": running.public_id,
             "ended": ended.public_id,
             "vehicle": vehicle.public_id,
+            "own": own[0].evaluation.public_id,
             "stop": stopping_token(alice.pk, NoticeKind.RESULT),
             "confirm": EmailConfirmationHMAC(fresh).key,
             "reset": key,
@@ -156,7 +160,7 @@ class Cast:
             "races/<slug:slug>/duels/": [{"slug": "duel-race"}],
             "races/<slug:slug>/racers/<": [{"slug": "open-race", "alias": "bob"}],
             "evaluations/<str:public_id>/$": runs,
-            "evaluations/<str:public_id>/": runs[1:2],
+            "evaluations/<str:public_id>/": [*runs[1:2], {"public_id": said["own"]}],
             "videos/<str:public_id>/": [{"public_id": said["waits"]}],
             "models/<str:public_id>/": [{"public_id": said[name]} for name in ("model", "spare", "shared", "theirs")],
             "tracks/<slug:slug>/": [{"slug": "oval"}],

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import partial
 
 from allauth.mfa.totp.internal.auth import TOTP
 from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
-from evaluation.services import share_model
+from evaluation.services import finish_evaluation, share_model
 from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
+from races.models import OwnEvaluation
+from races.services import drive_own
 from tests.drawn_runs import a_driven_run
 from tests.duels import drawn, end_all
-from tests.factories import a_model, a_race, a_racer, drive, laps
+from tests.factories import a_model, a_race, a_racer, drive, laps, outcome, start
 from tests.happened import tell_what_happened
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
@@ -34,7 +37,15 @@ NO_PAGES = {
     "evaluation_trace",
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_package", "model_sensors", "model_share"),
     *("notice_open", "notices_read", "race_layout", "race_draw", "race_invitation_reset", "race_live"),
-    *("race_racer_restore", "reward_validate", "season_calendar_file", "season_now", "set_language"),
+    *(
+        "own_again",
+        "own_layout",
+        "race_racer_restore",
+        "reward_validate",
+        "season_calendar_file",
+        "season_now",
+        "set_language",
+    ),
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
@@ -93,8 +104,18 @@ def make_site() -> Site:
     return Site(world, season, trained, training, _paths(world, season, trained, training, driven, vehicle, token))
 
 
+def _own(world: World) -> list[OwnEvaluation]:
+    """Alice's own runs: one that is done, as in a race, and one among cars that waits."""
+    ask = partial(drive_own, owner=world.alice, model=world.model, now=world.now)
+    done, rivals = ask(race=world.race), [world.model, a_model(world.alice, name="Slow one")]
+    run = start(done.evaluation, world.now)
+    finish_evaluation(pk=run.pk, lease=run.lease, outcome=outcome(laps(20_000, 21_000, 19_000)), now=world.now)
+    return [done, ask(track=world.track, race_type="head_to_head", rivals=rivals)]
+
+
 def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str, list[str]]:
     runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
+    own = [run.evaluation.public_id for run in _own(world)]
     at = f"/seasons/{season.slug}/"
     return {
         "anonymous": [
@@ -113,6 +134,14 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),
             *(f"/evaluations/{driven.public_id}/", f"/evaluations/{driven.public_id}/?colour=lap&lap=2"),
+            *(
+                "/runs/",
+                "/runs/new/",
+                "/runs/new/?race=open-race",
+                f"/evaluations/{own[0]}/",
+                f"/evaluations/{own[1]}/",
+            ),
+            f"/evaluations/{own[0]}/delete/",
             *("/models/", "/models/upload/", "/models/shared/", f"/models/{world.model.public_id}/"),
             *(f"/models/{world.model.public_id}/edit/", f"/models/{world.model.public_id}/delete/"),
             *("/vehicles/", "/vehicles/new/", f"/vehicles/{vehicle.public_id}/"),

@@ -1,0 +1,181 @@
+"""A racer's own runs: the list, the form, driving one again, deleting one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from accounts.models import Racer
+from accounts.quotas import Usage, usage_of
+from accounts.who import racer_of
+from evaluation.models import Evaluation, State, TrainedModel
+from paddock.errors import UserFault
+from races import services
+from races.models import OwnEvaluation, Race, RaceType
+from races.own_form import AsInForm, OwnForm, own_preview, values_of, values_of_race, values_of_rivals
+from races.quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE
+from races.ranking import Standing, standing_in
+from races.selectors import races_visible_to, racing_now
+from races.selectors.own import is_own_of, own_runs_of, usable_race
+from races.services.own import options_of
+from tracks.models import Track
+
+from .common import tell_fault, visible_evaluation
+
+PER_PAGE = 30
+RACES_OFFERED = 60
+
+
+@login_required
+@require_safe
+def own_runs(request: HttpRequest) -> HttpResponse:
+    """My runs, the latest first; by state, type of race, track and model."""
+    racer, asked = racer_of(request), request.GET
+    mine = own_runs_of(racer)
+    choices = {
+        "state": list(State.choices),
+        "race_type": list(RaceType.choices),
+        "track": list(_tracks(mine)),
+        "model": list(_models(mine)),
+    }
+    only = {name: asked[name] for name, known in choices.items() if asked.get(name) in dict(known)}
+    page = Paginator(own_runs_of(racer, **only), PER_PAGE).get_page(asked.get("page"))
+    context = {
+        "page": page,
+        "rows": [(own, _worth(own)) for own in page],
+        "choices": choices,
+        "only": only,
+        "quotas": _quotas(racer),
+    }
+    return render(request, "races/own/runs.html", context)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def own_new(request: HttpRequest) -> HttpResponse:
+    """Ask for a run: as in the ``race`` that the address names, else with rules of its own. ``model`` and ``track``
+    fill in a field, ``like`` the rules of a race, ``run`` those of a run of mine."""
+    racer = racer_of(request)
+    try:
+        race = usable_race(racer, request.GET["race"]) if "race" in request.GET else None
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect("own_new")
+    form: AsInForm | OwnForm
+    if race is not None:
+        form = AsInForm(request.POST or None, racer=racer, initial=_named(request, "model"))
+    else:
+        form = OwnForm(request.POST or None, racer=racer, initial=_initial(request, racer))
+    if request.method == "POST" and form.is_valid():
+        try:
+            said = form.said(racer) | ({"race": race} if race is not None else {})
+            own = services.drive_own(owner=racer, now=timezone.now(), **said)
+        except UserFault as fault:
+            form.show(fault)
+        else:
+            assert own.evaluation is not None, "it has just been queued"
+            return redirect(own.evaluation)
+    context: dict[str, Any] = {"form": form, "race": race, "quotas": _quotas(racer), "is_own": True}
+    if isinstance(form, OwnForm):
+        context["layout"] = own_preview(form, submitted=form.is_bound)
+        context["races"] = list(racing_now(timezone.now(), racer)[:RACES_OFFERED])
+    return render(request, "races/own/new.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_POST
+def own_layout(request: HttpRequest) -> HttpResponse:
+    """The layout that a form says, not saved: a map with its boxes, or why it cannot be so."""
+    context = {"layout": own_preview(OwnForm(request.POST), submitted=False), "is_own": True}
+    return render(request, "races/parts/layout.html", context)
+
+
+@login_required
+@require_POST
+def own_again(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Drive a run of mine again."""
+    own, evaluation = _mine(request, public_id)
+    try:
+        again = services.drive_own_again(own=own, now=timezone.now())
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect(evaluation)
+    assert again.evaluation is not None, "it has just been queued"
+    return redirect(again.evaluation)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def own_delete(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Ask, then delete a run of mine that is over."""
+    own, evaluation = _mine(request, public_id)
+    if request.method == "POST":
+        try:
+            services.delete_own(own=own, now=timezone.now())
+        except UserFault as fault:
+            tell_fault(request, fault)
+            return redirect(evaluation)
+        messages.success(request, _("The run is deleted."))
+        return redirect("own_runs")
+    return render(request, "races/own/delete.html", {"own": own, "evaluation": evaluation})
+
+
+def _mine(request: HttpRequest, public_id: str) -> tuple[OwnEvaluation, Evaluation]:
+    evaluation = visible_evaluation(request, public_id)
+    own: OwnEvaluation | None = getattr(evaluation, "own", None)
+    if own is None or not is_own_of(request.user, own):
+        raise Http404
+    return own, evaluation
+
+
+def _worth(own: OwnEvaluation) -> Standing | None:
+    """What a run is worth by its own ranking; None before it has a result."""
+    result = getattr(own.evaluation, "result", None)
+    return None if result is None else standing_in(own.ranked_as, result.laps)
+
+
+def _quotas(racer: Racer) -> list[Usage]:
+    """How much of what limits own runs is used."""
+    wanted = (OWN_RUNS_AT_ONCE.name, OWN_RUNS_A_DAY.name)
+    return usage_of(racer, timezone.now(), only=wanted)
+
+
+def _initial(request: HttpRequest, racer: Racer) -> dict[str, Any]:
+    """What the form proposes: what a run of mine or a race was, then what the address names."""
+    asked, initial = request.GET, {}
+    if run := own_runs_of(racer).filter(evaluation__public_id=asked.get("run", "")).first():
+        assert run.evaluation is not None, "it is in the list"
+        rivals = run.evaluation.rivals.select_related("model").order_by("number")
+        initial = values_of(options_of(run)) | {"track": run.evaluation.track.slug}
+        initial |= {"model": run.evaluation.model.public_id} | values_of_rivals([each.model for each in rivals])
+        if rivals:
+            initial["opponents"] = "models"
+    elif race := _race_like(racer, asked.get("like", "")):
+        initial = values_of_race(race)
+    return initial | _named(request, "model", "track")
+
+
+def _race_like(racer: Racer, slug: str) -> Race | None:
+    return races_visible_to(racer).filter(slug=slug, imported_at=None).first() if slug else None
+
+
+def _named(request: HttpRequest, *names: str) -> dict[str, str]:
+    return {name: request.GET[name][:80] for name in names if request.GET.get(name)}
+
+
+def _tracks(mine: Any) -> Any:
+    wanted = mine.order_by().values("evaluation__track").distinct()
+    return Track.objects.filter(pk__in=wanted).order_by("name").values_list("slug", "name")
+
+
+def _models(mine: Any) -> Any:
+    wanted = mine.order_by().values("evaluation__model").distinct()
+    return TrainedModel.objects.filter(pk__in=wanted).order_by("name").values_list("public_id", "name")
