@@ -14,6 +14,7 @@ from evaluation.queue_order import OWN, URGENT
 from evaluation.selectors import queue_position
 from evaluation.services import delete_model, finish_evaluation, share_model, stop_evaluation, stop_sharing_model
 from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.catalogue import CATALOGUE
 from races.errors import RaceRefused
 from races.models import Entry, OwnEvaluation, Submission
 from races.selectors import can_see_evaluation, evaluations_visible_to
@@ -21,6 +22,7 @@ from races.selectors.own import can_stop_run, is_own_of, own_result, own_runs_of
 from races.services import create_community_race, delete_own, drive_own, drive_own_again, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, break_down, drive, lap, laps, outcome, start
 from tests.refusals import refused
+from tests.rows import track_row
 from tests.rows import track_row
 from tracks.models import Track
 
@@ -133,6 +135,15 @@ def test_a_track_whose_shape_is_unknown_takes_no_car(alice, now):
     named = {"slug": "old", "name": "Old", "fingerprint": "unknown:1", "npy": b"", "direction": "ccw"}
     track = Track.objects.create(**named, created_at=now)
     refused("race_track_without_shape", ask, owner=alice, now=now, track=track)
+
+
+def test_a_track_without_a_way_round_is_driven_alone_from_its_start(alice, now):
+    track = track_row(next(one.slug for one in CATALOGUE if one.is_open))
+    assert ask(alice, now, track=track, laps=1).rules.laps == 1
+    refused("track_start_fixed", ask, owner=alice, now=now, track=track, start_m=1.0)
+    refused("track_needs_loop", ask, owner=alice, now=now, track=track, rivals=[a_model(alice)], **HEAD)
+    refused("track_needs_loop", ask, owner=alice, now=now, track=track, bots=1, **HEAD)
+    assert OwnEvaluation.objects.count() == 1
 
 
 def test_all_that_is_wrong_is_told_at_once_each_with_its_field(alice, now):
