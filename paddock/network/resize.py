@@ -21,20 +21,11 @@ def resize(
     sizes: np.ndarray | None = None,
 ) -> np.ndarray:
     """The picture ``x`` in its new size."""
-    axes = [axis % x.ndim for axis in node.wholes("axes") or range(x.ndim)]
-    sides = _sides(x.shape, axes, scales, sizes, node.text("keep_aspect_ratio_policy", "stretch"))
-    starts = dict.fromkeys(axes, (_F(0), _F(1)))
-    if roi is not None and roi.size == 2 * len(axes):
-        starts = {axis: (_F(roi[place]), _F(roi[place + len(axes)])) for place, axis in enumerate(axes)}
-    cropped = node.text("coordinate_transformation_mode", "half_pixel") == "tf_crop_and_resize"
     result = x
     missed: dict[int, np.ndarray] = {}
-    for axis, (length, scale) in sides.items():
-        if length == x.shape[axis] and scale == 1 and not cropped:
-            continue
-        places = _places(node, x.shape[axis], length, scale, starts[axis])
+    for axis, places in _turns(node, x.shape, roi, scales, sizes).items():
         outside = (places < 0) | (places > x.shape[axis] - 1)
-        if cropped and outside.any():
+        if _is_cropped(node) and outside.any():
             missed[axis] = outside
         result = _along(node, result, axis, places)
     for axis, away in missed.items():
@@ -42,6 +33,47 @@ def resize(
         result[away] = node.real("extrapolation_value", 0.0)
         result = np.moveaxis(result, 0, axis)
     return result
+
+
+def matrices(
+    node: Node,
+    shape: tuple[int, ...],
+    roi: np.ndarray | None = None,
+    scales: np.ndarray | None = None,
+    sizes: np.ndarray | None = None,
+) -> dict[int, np.ndarray] | None:
+    """For each axis that changes, how much of each old line is in each new one: float64 ``[new, old]``. None for a
+    picture with something else around it."""
+    found = {}
+    for axis, places in _turns(node, shape, roi, scales, sizes).items():
+        if _is_cropped(node) and ((places < 0) | (places > shape[axis] - 1)).any():
+            return None
+        found[axis] = _along(node, np.eye(shape[axis]), 0, places)
+    return found
+
+
+def _is_cropped(node: Node) -> bool:
+    return node.text("coordinate_transformation_mode", "half_pixel") == "tf_crop_and_resize"
+
+
+def _turns(
+    node: Node,
+    shape: tuple[int, ...],
+    roi: np.ndarray | None,
+    scales: np.ndarray | None,
+    sizes: np.ndarray | None,
+) -> dict[int, np.ndarray]:
+    """For each axis that changes, where in the old picture each new line lies."""
+    axes = [axis % len(shape) for axis in node.wholes("axes") or range(len(shape))]
+    sides = _sides(shape, axes, scales, sizes, node.text("keep_aspect_ratio_policy", "stretch"))
+    starts = dict.fromkeys(axes, (_F(0), _F(1)))
+    if roi is not None and roi.size == 2 * len(axes):
+        starts = {axis: (_F(roi[place]), _F(roi[place + len(axes)])) for place, axis in enumerate(axes)}
+    return {
+        axis: _places(node, shape[axis], length, scale, starts[axis])
+        for axis, (length, scale) in sides.items()
+        if length != shape[axis] or scale != 1 or _is_cropped(node)
+    }
 
 
 def _sides(

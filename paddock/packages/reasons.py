@@ -213,3 +213,14 @@ register(
         ),
     },
 )
+
+register(
+    "Export",
+    "user",
+    {
+        "export_operator": _(
+            "The network cannot be written in this format: its operator %(operator)s (%(where)s) has no like there. "
+            "Download the ONNX package, which holds every network."
+        ),
+    },
+)

@@ -22,6 +22,7 @@ from .graph import Graph, TensorflowNode, read_graph
 from .heads import find_policy
 from .ops_math import unary
 from .ops_shape import cast
+from .ours import read_ours
 from .registry import CONVERTERS, Context, Contradiction, Unsupported, require
 from .values import DEAD, Dead, Flow, Known, Tensor, Value
 
@@ -30,12 +31,15 @@ _SOURCES = ("Const", "Placeholder")
 
 
 def convert(graph_def: bytes, inputs: Sequence[InputSpec], limits: PackageLimits = DEFAULT_LIMITS) -> bytes:
-    """Convert a serialised GraphDef to a serialised ONNX model (opset 17).
+    """Convert a serialised GraphDef to a serialised ONNX model (opset 17; of one that Paddock wrote, the very network
+    that it was written from).
 
     Its inputs are named as the sensors: pictures uint8 ``[1, height, width, channels]``, others float32
     ``[1, values]``. Raises UserFault with a code of the conversion section.
     """
     graph = read_graph(graph_def, limits)
+    if (ours := read_ours(graph_def, graph, inputs, limits)) is not None:
+        return ours
     policy, squashed = find_policy(graph)
     conversion = _Conversion(graph, inputs, limits)
     output = conversion.evaluate(policy)

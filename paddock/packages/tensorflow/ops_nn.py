@@ -67,6 +67,22 @@ def _conv2d(context: Context, node: TensorflowNode, inputs: list[Value]) -> list
     return [context.emit.node("Conv", [picture, weight], shape, _FLOAT, planar=True, extra=extra, **attributes)]
 
 
+@converts("AvgPool")
+def _average_pool(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    """The mean of what of the picture is under each window; our own cars see theirs so."""
+    require(len(inputs) == 1)
+    source = tensor(inputs[0])
+    require(len(source.shape) == 4 and source.dtype == _FLOAT)
+    kernel, strides = _spatial(node, "ksize", []), _spatial(node, "strides", [])
+    pads, out = _window(node, source.shape[1:3], kernel, strides)
+    attributes: dict[str, list[int]] = {"kernel_shape": list(kernel), "strides": list(strides)}
+    if any(pads):
+        attributes["pads"] = pads
+    shape = (source.shape[0], *out, source.shape[3])
+    picture = context.emit.planar(source)
+    return [context.emit.node("AveragePool", [picture], shape, _FLOAT, planar=True, extra=(), **attributes)]
+
+
 @converts("MatMul")
 def _matmul(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)

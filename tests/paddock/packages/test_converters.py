@@ -7,6 +7,7 @@ import json
 import pytest
 
 from paddock.errors import UserFault
+from paddock.packages.export import frozen_graph
 from paddock.packages.inputs import CAMERAS, LIDARS
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.tensorflow import convert
@@ -15,6 +16,7 @@ from paddock.packages.tensorflow.registry import CONVERTERS
 
 from .coach import DEEP, MEDIUM, SHALLOW, coach_graph, metadata_dict
 from .test_conversion import TRAINING_PARTS, WIDE, read, scaled_graph
+from .test_export import car, without_its_mark
 
 SENSORS = [[camera, *lidar] for camera in CAMERAS for lidar in ([], *([name] for name in LIDARS))]
 DEPTHS, HEADS = (SHALLOW, MEDIUM, DEEP), ("discrete", "continuous", "sac")
@@ -47,6 +49,8 @@ def test_every_converter_is_needed_by_a_known_network(monkeypatch: pytest.Monkey
             converted(sensors, depth, HEADS[(number + turn) % 3])
     for parts in PARTS:
         converted(["FRONT_FACING_CAMERA", "LIDAR"], SHALLOW, "discrete", **parts)
+    ours, metadata = car("trained, discrete")  # pools its pictures
+    convert(without_its_mark(frozen_graph(ours.onnx, metadata)), metadata.inputs)
     assert ran == set(CONVERTERS) - set(NOT_FROZEN)
 
 

@@ -1,0 +1,50 @@
+"""A model for others than Paddock: the field's ``model.tar.gz`` of physical cars, and OpenVINO's representation.
+
+Both are written from the canonical network by our own writers; neither TensorFlow nor OpenVINO is needed. What is
+uploaded again as a ``model.tar.gz`` is the same model: see :mod:`.marked`.
+"""
+
+from __future__ import annotations
+
+import json
+
+from paddock.network.canonical import CanonicalNetwork
+from paddock.packages.metadata import ModelMetadata
+
+from . import lower_layers, lower_math, lower_shape  # noqa: F401  (they register their converters)
+from .archives import tar_gz
+from .ir import write_ir
+from .lower import lower
+from .marked import exported
+from .policy import Head, finish
+
+CAR, OPENVINO = "car", "openvino"
+FORMS = (CAR, OPENVINO)
+__all__ = ["CAR", "FORMS", "OPENVINO", "export_model", "frozen_graph", "openvino_ir"]
+
+
+def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
+    """A canonical network as a ``.tar.gz`` of one of :data:`FORMS`: ``agent/model.pb`` or ``model.xml`` and
+    ``model.bin``, with ``model_metadata.json``.
+
+    Raises UserFault ``export_operator`` for a network that the form cannot say.
+    """
+    about = json.dumps(metadata.to_dict(), indent=2).encode()
+    if form == CAR:
+        network = CanonicalNetwork.read(onnx)
+        parts = exported(network, {spec.sensor: spec for spec in metadata.inputs}, Head.of(metadata))
+        return tar_gz({"agent/model.pb": parts, "model_metadata.json": [about]})
+    xml, numbers = openvino_ir(onnx, metadata)
+    return tar_gz({"model.xml": [xml], "model.bin": [numbers], "model_metadata.json": [about]})
+
+
+def frozen_graph(onnx: bytes, metadata: ModelMetadata) -> bytes:
+    """A canonical network as a frozen TensorFlow GraphDef with the console's node names."""
+    network = CanonicalNetwork.read(onnx)
+    return b"".join(exported(network, {spec.sensor: spec for spec in metadata.inputs}, Head.of(metadata)))
+
+
+def openvino_ir(onnx: bytes, metadata: ModelMetadata) -> tuple[bytes, bytes]:
+    """A canonical network as OpenVINO's intermediate representation: its XML and its numbers."""
+    head, specs = Head.of(metadata), {spec.sensor: spec for spec in metadata.inputs}
+    return write_ir(finish(lower(CanonicalNetwork.read(onnx), specs), head), head)
