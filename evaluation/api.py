@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.db import transaction
 from django.db.models import QuerySet
-from django.http import HttpResponseBase
+from django.http import Http404, HttpResponseBase
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
@@ -21,11 +21,11 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from paddock.errors import UserFault
-from paddock.packages.kinds import is_weights_file
+from paddock.packages.kinds import EXPORTS, is_weights_file
 from paddock.packages.read import UploadPart
 
 from . import services
-from .files import download_of
+from .files import download_of, export_of, upload_of
 from .looks import Shell, VehicleLook
 from .models import TrainedModel
 from .selectors import is_shared, models_of, shared_models, visible_models
@@ -185,6 +185,7 @@ class ModelsView(generics.ListAPIView):
             name=sent.get("name"),
             description=sent.get("description", ""),
             checkpoint=sent.get("checkpoint", ""),
+            keep_upload=True,
             now=timezone.now(),
         )
         return Response(
@@ -230,6 +231,46 @@ class ModelPackageView(FileView):
     )
     def get(self, request: Request, public_id: str) -> HttpResponseBase:
         return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
+
+
+class ModelExportView(FileView):
+    """The network in a format of others."""
+
+    permission_classes = [IsAuthenticated]
+    media_type = "application/gzip"
+
+    @extend_schema(
+        operation_id="export_model",
+        summary="A model for a car or for OpenVINO",
+        description="A model of yours or a shared one as a .tar.gz. car: agent/model.pb, a frozen TensorFlow graph with "
+        "the names that physical cars look for; openvino: model.xml and model.bin. Each with its model_metadata.json.",
+        parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=EXPORTS)],
+        responses={(200, "application/gzip"): OpenApiTypes.BINARY},
+        tags=["models"],
+    )
+    def get(self, request: Request, public_id: str, form: str) -> HttpResponseBase:
+        model = get_object_or_404(visible_models(request.user), public_id=public_id)
+        if form not in EXPORTS:
+            raise Http404
+        return export_of(model, form, who=racer_of(request).pk)
+
+
+class ModelUploadView(FileView):
+    """What a model was uploaded as."""
+
+    permission_classes = [IsAuthenticated]
+    media_type = "application/octet-stream"
+
+    @extend_schema(
+        operation_id="download_model_upload",
+        summary="The file that a model was uploaded as",
+        description="To the byte, for its owner; several files as one zip. A model that was made here has none, nor has "
+        "one that was uploaded before such files were kept.",
+        responses={(200, "application/octet-stream"): OpenApiTypes.BINARY},
+        tags=["models"],
+    )
+    def get(self, request: Request, public_id: str) -> HttpResponseBase:
+        return upload_of(get_object_or_404(models_of(request.user), public_id=public_id))
 
 
 class ModelView(APIView):

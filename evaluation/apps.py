@@ -1,4 +1,5 @@
 from django.apps import AppConfig
+from django.db.models.signals import post_delete
 from django.utils.translation import gettext_lazy as _
 
 
@@ -11,12 +12,16 @@ class EvaluationConfig(AppConfig):
         from core.jobs.outages import look_after_faults
 
         from . import events  # noqa: F401 - its kinds of events are known from the start
-        from .quotas import MODELS, NETWORKS, STORAGE, TRACES
+        from .models import TrainedModel
+        from .quotas import MODELS, NETWORKS, STORAGE, TRACES, UPLOADS
         from .sandbox import probe as probing
+        from .services.sources import take_source_along
 
         quotas.register(MODELS)
         quotas.register(STORAGE)
         storage.register(NETWORKS)
         storage.register(TRACES)
+        storage.register(UPLOADS)
+        post_delete.connect(take_source_along, sender=TrainedModel, dispatch_uid="evaluation.take_source_along")
         # the turns of a worker end where it says that the sandbox is gone
         look_after_faults("sandbox_failed", lambda: probing.look_again())

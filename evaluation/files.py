@@ -8,15 +8,19 @@ import zipfile
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
+from django.http import FileResponse, HttpResponse, HttpResponseBase, StreamingHttpResponse
 
 from core.archive import ZipPart, part_of, zipped
+from paddock.errors import UserFault
+from paddock.packages.kinds import CAR
 
+from .bounds import package_limits
+from .export import export_in_sandbox
 from .models import CompetitorResult, Evaluation, TrainedModel
 from .robomaker import METADATA, settings_lines, trace_lines
 from .selectors import can_see_model
 from .services.results import read_trace
-from .services.stored import read
+from .services.stored import open_stored, read
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -40,6 +44,30 @@ def package_of(model: TrainedModel) -> bytes:
 def download_of(model: TrainedModel) -> HttpResponseBase:
     """The package as a download that is named after the model."""
     return as_download(HttpResponse(package_of(model), content_type="application/zip"), f"{model.name}.zip")
+
+
+def export_of(model: TrainedModel, form: str, *, who: int) -> HttpResponseBase:
+    """The model in a format of others (:data:`paddock.packages.kinds.EXPORTS`) as a download. ``who``: the racer's
+    number.
+
+    Raises UserFault ``export_operator``, ``network_too_wide``, PlatformFault ``storage_failed``, ``file_damaged`` and
+    those of :func:`.export.export_in_sandbox`.
+    """
+    onnx, about = read(model.network.onnx.name or ""), json.dumps(model.metadata).encode()
+    archive = export_in_sandbox(onnx, about, form, package_limits(), who=who)
+    name = f"{model.name}.tar.gz" if form == CAR else f"{model.name}-{form}.tar.gz"
+    return as_download(HttpResponse(archive, content_type="application/gzip"), name)
+
+
+def upload_of(model: TrainedModel) -> HttpResponseBase:
+    """What a model was uploaded as, to the byte.
+
+    Raises UserFault ``source_not_kept``, PlatformFault ``storage_failed``, ``file_damaged``.
+    """
+    if not model.source_file:
+        raise UserFault("source_not_kept")
+    file = open_stored(model.source_file.name or "")
+    return as_download(FileResponse(file, content_type="application/octet-stream"), model.source_name)
 
 
 def logs_of(evaluation: Evaluation, racer: Racer | AnonymousUser) -> HttpResponseBase:

@@ -109,6 +109,16 @@ class TrainedModel(models.Model):
     colour = models.CharField(_("colour"), max_length=7, default=DEFAULT_COLOUR)
     source_kind = models.CharField(_("uploaded as"), max_length=16)
     source_sha256 = models.CharField(_("sha-256 of the upload"), max_length=64)
+    source_file = models.FileField(
+        _("the upload itself"),
+        upload_to="uploads/",
+        max_length=255,
+        blank=True,
+        default="",
+        db_default="",
+        help_text=_("Empty for a model that was made here, and for one that was uploaded before uploads were kept."),
+    )
+    source_name = models.CharField(_("name of the upload"), max_length=255, blank=True, default="", db_default="")
     created_at = models.DateTimeField(_("uploaded"), default=timezone.now)
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
     shared_at = models.DateTimeField(_("shared"), null=True, blank=True)

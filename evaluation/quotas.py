@@ -31,6 +31,11 @@ def _networks(racers: Collection[int] | None) -> Mapping[int, float]:
     return used
 
 
+def _uploads(racers: Collection[int] | None) -> Mapping[int, float]:
+    """What models were uploaded as, which their owners get back to the byte."""
+    return sizes_of_files(TrainedModel, "source_file", "owner", racers)
+
+
 def _traces(racers: Collection[int] | None) -> Mapping[int, float]:
     """Of all cars of a run, for the racer whose run it is."""
     used: dict[int, float] = defaultdict(float)
@@ -65,4 +70,5 @@ def _of(racers: Collection[int] | None) -> QuerySet[TrainedModel]:
 MODELS = Quota(1, "models", "MODELS_PER_RACER", _("Models in the garage"), _models)
 STORAGE = Quota(2, "storage_mb", "STORAGE_PER_RACER_MB", _("Stored files, MB"), megabytes)
 NETWORKS = Shelf(1, "networks", _("Networks"), _networks)
+UPLOADS = Shelf(5, "uploads", _("Uploaded files of models"), _uploads)
 TRACES = Shelf(2, "traces", _("Sim-traces of runs"), _traces)

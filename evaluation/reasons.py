@@ -23,6 +23,10 @@ register(
             "Invalid look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
         ),
         "model_deleted_not_shared": _("A deleted model cannot be shared. Upload it again, or share another one."),
+        "source_not_kept": _(
+            "There is no uploaded file of this model: it was made on this site, or uploaded before such files were "
+            "kept. Download it in another format, or upload the same file once more, which keeps it."
+        ),
         "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
     },
 )
@@ -91,6 +95,10 @@ register(
         "runner_died": _("The simulator ended unexpectedly (%(how)s). The evaluation will be repeated."),
         "runner_protocol": _("The simulator sent something unreadable. The evaluation will be repeated."),
         "runner_error": _("The simulator failed (%(detail)s). The evaluation will be repeated."),
+        "export_failed": _(
+            "Writing the model failed on our side. Nothing is wrong with yours: try again later, or download another "
+            "format."
+        ),
         "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
         "upload_busy": _(
             "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."

@@ -20,10 +20,11 @@ from accounts.who import racer_of
 from core.forms import add_fault, explain
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
+from paddock.packages.kinds import EXPORTS
 from paddock.simulator.engine import ENGINE_ID
 
 from . import services
-from .files import download_of
+from .files import download_of, export_of, upload_of
 from .forms import DescribeForm, UploadForm
 from .quotas import MODELS
 from .selectors import can_stop_sharing, can_use_model, models_of, visible_models
@@ -58,6 +59,7 @@ def model_upload(request: HttpRequest) -> HttpResponse:
                     name=form.cleaned_data["name"] or None,
                     description=form.cleaned_data["description"],
                     checkpoint=form.cleaned_data["checkpoint"],
+                    keep_upload=True,
                     now=timezone.now(),
                 )
             except UserFault as fault:
@@ -119,6 +121,32 @@ def _sensor_picture(sensors: tuple[str, ...], lidar_config: dict | None) -> byte
 def model_package(request: HttpRequest, public_id: str) -> HttpResponseBase:
     """A model of mine, or one that somebody shares, as a package: ONNX and model_metadata.json in a zip."""
     return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
+
+
+@login_required
+@require_safe
+def model_export(request: HttpRequest, public_id: str, form: str) -> HttpResponseBase:
+    """A model of mine, or one that somebody shares, in a format of others: for a car, for OpenVINO."""
+    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    if form not in EXPORTS:
+        raise Http404
+    try:
+        return export_of(shown, form, who=racer_of(request).pk)
+    except UserFault as fault:
+        messages.error(request, explain(fault))
+        return redirect(shown)
+
+
+@login_required
+@require_safe
+def model_uploaded(request: HttpRequest, public_id: str) -> HttpResponseBase:
+    """What one of my models was uploaded as, to the byte."""
+    mine = get_object_or_404(models_of(request.user), public_id=public_id)
+    try:
+        return upload_of(mine)
+    except UserFault as fault:
+        messages.error(request, explain(fault))
+        return redirect(mine)
 
 
 @login_required

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
@@ -30,6 +30,7 @@ from ..looks import COLOUR, Shell, VehicleLook
 from ..models import Network, TrainedModel
 from ..quotas import MODELS, STORAGE
 from ..signals import model_deleted
+from .sources import delete_unnamed_sources, drop_source, store_source
 from .stored import delete, heal_network, store
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def upload_model(
     look: VehicleLook = VehicleLook(),  # noqa: B008  a tuple
     has_place: bool = False,
     checkpoint: str = "",
+    keep_upload: bool = False,
     now: datetime,
 ) -> UploadedModel:
     """Read, check and keep a model. Nothing is stored unless all of it is in order.
@@ -68,6 +70,7 @@ def upload_model(
     ``name=None`` names it after its file. ``look``: of a new model; one that is there already keeps its own.
     ``checkpoint``: which one of a training's folder: ``best``, ``last``, an iteration's number, or nothing for the best
     that is known. ``has_place``: it was promised a place when there was one, so a garage that is full by now takes it.
+    ``keep_upload``: the files themselves are kept with the model, for their owner to have them back.
     Raises UserFault (a code of the upload, metadata, conversion or gate section, or ``garage_full``,
     ``storage_full``, ``model_name_...``, ``description_too_long``) and PlatformFault.
     """
@@ -82,7 +85,7 @@ def upload_model(
     known = _known_model(owner, admitted.sha256, name, has_place)
     while known is None:
         _stored_network(admitted, now=now)
-        with transaction.atomic():
+        with _kept(files if keep_upload else ()) as (source_file, source_name), transaction.atomic():
             hold(owner)
             known = _known_model(owner, admitted.sha256, name, has_place)
             network = Network.objects.select_for_update().filter(pk=admitted.sha256).first()
@@ -97,10 +100,37 @@ def upload_model(
                     metadata=admitted.metadata.to_dict(),
                     source_kind=admitted.source_kind,
                     source_sha256=admitted.source_sha256,
+                    source_file=source_file,
+                    source_name=source_name,
                     created_at=now,
                 )
                 return UploadedModel(model, created=True, package=admitted)
+    if keep_upload and not known.source_file and known.source_sha256 == admitted.source_sha256:
+        _keep_now(known, files)
     return UploadedModel(known, created=False, package=admitted)
+
+
+@contextmanager
+def _kept(files: Sequence[UploadPart]) -> Iterator[tuple[str, str]]:
+    """The stored file of an upload and its name, both empty without files; deleted again unless a model names it."""
+    if not files:
+        yield "", ""
+        return
+    stored, name = store_source(files)
+    try:
+        yield stored, name
+    finally:
+        if not TrainedModel.objects.filter(source_file=stored).exists():
+            delete(stored)
+
+
+def _keep_now(model: TrainedModel, files: Sequence[UploadPart]) -> None:
+    """Keep the very file that a model was made of, which was uploaded before such files were kept."""
+    with _kept(files) as (stored, name):
+        TrainedModel.objects.filter(pk=model.pk, deleted_at=None, source_file="").update(
+            source_file=stored, source_name=name
+        )
+    model.refresh_from_db(fields=["source_file", "source_name"])
 
 
 @transaction.atomic
@@ -142,11 +172,12 @@ def stop_sharing_model(*, model: TrainedModel) -> None:
 
 @transaction.atomic
 def delete_model(*, model: TrainedModel, now: datetime) -> None:
-    """Take a model out of its owner's garage, and end its sharing. Its evaluations and what they reached on boards
-    stay, as do trainings that began with its weights."""
+    """Take a model out of its owner's garage, end its sharing, and delete what it was uploaded as. Its evaluations and
+    what they reached on boards stay, as do trainings that began with its weights."""
     deleted = TrainedModel.objects.filter(pk=model.pk, deleted_at=None).update(deleted_at=now, shared_at=None)
     model.refresh_from_db(fields=["deleted_at", "shared_at"])
     if deleted:
+        drop_source(model)
         model_deleted.send(sender=TrainedModel, model=model, now=now)
 
 
@@ -159,6 +190,7 @@ def purge_garages(*, now: datetime) -> int:
     """
     before = now - KEEP_DELETED
     _remove_abandoned_uploads(before)
+    delete_unnamed_sources(before)
     for model in TrainedModel.objects.filter(deleted_at__lt=before, evaluations=None, rival_evaluations=None):
         with suppress(ProtectedError, IntegrityError), transaction.atomic():
             model.delete()

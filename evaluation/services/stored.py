@@ -18,7 +18,7 @@ from pathlib import Path
 from time import monotonic
 
 from django.apps import apps
-from django.core.files.base import ContentFile
+from django.core.files.base import ContentFile, File
 from django.core.files.storage import FileSystemStorage, default_storage
 from django.db import transaction
 from django.db.models import Exists, F, FileField, Model, OuterRef, Q
@@ -47,6 +47,43 @@ def store(name: str, content: bytes) -> str:
         _note(stored, hashlib.sha256(content).hexdigest(), len(content))
         unless_noted.pop_all()
     return stored
+
+
+def store_file(name: str, content: File) -> str:
+    """As :func:`store`, for a file too large to be held, from its beginning."""
+    digest, size = hashlib.sha256(), 0
+    for piece in content.chunks(_PIECE):
+        digest.update(piece)
+        size += len(piece)
+    content.seek(0)
+    with ExitStack() as unless_noted:
+        stored = default_storage.save(name, content)
+        unless_noted.callback(default_storage.delete, stored)
+        _note(stored, digest.hexdigest(), size)
+        unless_noted.pop_all()
+    return stored
+
+
+def open_stored(name: str) -> File:
+    """A stored file as it was written, to be read from its beginning. Whoever gets it closes it.
+
+    Raises PlatformFault ``storage_failed``, ``file_damaged``, before a byte of it is sent."""
+    known = StoredFile.objects.filter(name=name).first()
+    try:
+        file, digest = default_storage.open(name, "rb"), hashlib.sha256()
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+        file.seek(0)
+    except FileNotFoundError as error:
+        if _is_away(name):
+            raise PlatformFault("storage_failed") from error
+        raise _damaged(name, Damage.MISSING) from error
+    except Exception as error:  # storages raise errors of their own
+        raise PlatformFault("storage_failed") from error
+    if known is not None and digest.hexdigest() != known.sha256:
+        file.close()
+        raise _damaged(name, Damage.ALTERED)
+    return file
 
 
 def read(name: str) -> bytes:

@@ -7,6 +7,8 @@ import re
 TENSORFLOW, ONNX, SB3 = "tensorflow", "onnx", "sb3"
 GZIP, ZIP, TAR, JSON, BINARY = "gzip", "zip", "tar", "json", "binary"
 ARCHIVES = (GZIP, ZIP, TAR)
+CAR, OPENVINO = "car", "openvino"  # what a model is written as for others
+EXPORTS = (CAR, OPENVINO)
 HEAD = 512  # bytes that :func:`sniff` and :func:`network_kind` want to see
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"

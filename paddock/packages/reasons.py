@@ -215,7 +215,7 @@ register(
 )
 
 register(
-    "Export",
+    "Downloads",
     "user",
     {
         "export_operator": _(

@@ -20,6 +20,7 @@ SECTIONS = (
     "Conversion of a TensorFlow graph",
     "Policies of stable-baselines3",
     "The network",
+    "Downloads",
     "On the track",
     "Paddock's own faults",
     "Track files",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 
 from paddock.network.canonical import CanonicalNetwork
+from paddock.packages.kinds import CAR
 from paddock.packages.metadata import ModelMetadata
 
 from . import lower_layers, lower_math, lower_shape  # noqa: F401  (they register their converters)
@@ -18,13 +19,11 @@ from .lower import lower
 from .marked import exported
 from .policy import Head, finish
 
-CAR, OPENVINO = "car", "openvino"
-FORMS = (CAR, OPENVINO)
-__all__ = ["CAR", "FORMS", "OPENVINO", "export_model", "frozen_graph", "openvino_ir"]
+__all__ = ["export_model", "frozen_graph", "openvino_ir"]
 
 
 def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
-    """A canonical network as a ``.tar.gz`` of one of :data:`FORMS`: ``agent/model.pb`` or ``model.xml`` and
+    """A canonical network as a ``.tar.gz`` of one of :data:`.kinds.EXPORTS`: ``agent/model.pb`` or ``model.xml`` and
     ``model.bin``, with ``model_metadata.json``.
 
     Raises UserFault ``export_operator`` for a network that the form cannot say.

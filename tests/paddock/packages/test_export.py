@@ -16,11 +16,12 @@ import onnxruntime
 import pytest
 
 import paddock.simulator.envs  # noqa: F401  (registers them)
-from evaluation.convert_process import admit_network
 from paddock.errors import UserFault
-from paddock.packages.export import CAR, OPENVINO, export_model, frozen_graph, openvino_ir
+from paddock.packages.admission import admit_network
+from paddock.packages.export import export_model, frozen_graph, openvino_ir
 from paddock.packages.export.graphdef import MARK
 from paddock.packages.gate import Canonical, check_onnx
+from paddock.packages.kinds import CAR, OPENVINO
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import ModelMetadata, parse_metadata
 from paddock.packages.read import UploadPart, read_upload

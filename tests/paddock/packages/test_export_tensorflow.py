@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paddock.packages.export import CAR
+from paddock.packages.kinds import CAR
 
 from .test_export import KINDS, TRAINED, car, feeds_of, runtimes, written
 
