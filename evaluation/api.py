@@ -242,8 +242,8 @@ class ModelExportView(FileView):
     @extend_schema(
         operation_id="export_model",
         summary="A model for a car or for OpenVINO",
-        description="A model of yours or a shared one as a .tar.gz. car: agent/model.pb, a frozen TensorFlow graph with "
-        "the names that physical cars look for; openvino: model.xml and model.bin. Each with its model_metadata.json.",
+        description="A model of yours or a shared one, as a .tar.gz. car: agent/model.pb, a frozen TensorFlow graph "
+        "with the names that cars look for; openvino: model.xml and model.bin. Each with its model_metadata.json.",
         parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=EXPORTS)],
         responses={(200, "application/gzip"): OpenApiTypes.BINARY},
         tags=["models"],
@@ -264,8 +264,8 @@ class ModelUploadView(FileView):
     @extend_schema(
         operation_id="download_model_upload",
         summary="The file that a model was uploaded as",
-        description="To the byte, for its owner; several files as one zip. A model that was made here has none, nor has "
-        "one that was uploaded before such files were kept.",
+        description="To the byte, for its owner; several files as one zip. A model that was made here has none, nor "
+        "has one that was uploaded before such files were kept.",
         responses={(200, "application/octet-stream"): OpenApiTypes.BINARY},
         tags=["models"],
     )

@@ -85,7 +85,7 @@ def test_a_missing_file_is_reported_beside_the_field(world: World) -> None:
 def test_a_model_is_uploaded_and_shown(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     got: dict = {}
 
-    def keep(*, owner, files, name, description, checkpoint, now):
+    def keep(*, owner, files, name, description, checkpoint, keep_upload, now):
         got.update(owner=owner, name=name, description=description, sent=[(f.name, f.stream.read()) for f in files])
         return UploadedModel(a_model(world.newcomer, name=name or "model"), created=True)
 

@@ -16,7 +16,7 @@ import numpy as np
 from paddock.errors import UserFault
 from paddock.network.fields import BYTES, key, message, number, text, varint
 
-from .plain import BINARY, COMPARING, REDUCING, UNARY, Const, Operand, Operation, Plain, Step, Value
+from .plain import BINARY, COMPARING, REDUCING, UNARY, Const, Operand, Plain, PlainOperation, Step, Value
 from .policy import Head
 
 MARK = "_paddock"  # TensorFlow leaves attributes alone whose names begin so
@@ -51,7 +51,7 @@ class Written:
 
 
 @dataclass
-class _Stored:
+class _Layouts:
     """The nodes of one value, by layout; None where it was not asked for yet."""
 
     first: str | None = None
@@ -64,7 +64,7 @@ def write_graph(plain: Plain, head: Head) -> Written:
 
     Raises UserFault ``export_operator``.
     """
-    return _Writer(plain, head).written()
+    return _GraphOf(plain, head).written()
 
 
 def policy_node(written: Written, head: Head, mark: bytes) -> bytes:
@@ -74,11 +74,11 @@ def policy_node(written: Written, head: Head, mark: bytes) -> bytes:
     return said + message(4, number(1, _PRODUCER))
 
 
-class _Writer:
+class _GraphOf:
     def __init__(self, plain: Plain, head: Head) -> None:
         self._plain, self._head = plain, head
         self._result = Written()
-        self._stored: dict[str, _Stored] = {}
+        self._stored: dict[str, _Layouts] = {}
         self._counts: dict[str, int] = {}
         self._constants: dict[tuple, str] = {}
         self._kept: list[np.ndarray] = []  # an array's id is a key as long as the array lives
@@ -90,7 +90,7 @@ class _Writer:
             name = self._head.input_name(sensor)
             said = {"dtype": _type(value.dtype), "shape": message(7, _shape(shape))}
             self._result.parts.append(_node(name, "Placeholder", [], said))
-            stored = _Stored(last=name) if picture else _Stored(first=name)
+            stored = _Layouts(last=name) if picture else _Layouts(first=name)
             stored.scope = f"{self._head.scope}/{sensor}"
             self._stored[value.name] = stored
         output = self._plain.output
@@ -178,7 +178,7 @@ class _Writer:
         self._result.parts.append(_node(name, op, inputs, attributes))
         return name
 
-    def _write(self, operation: Operation) -> None:
+    def _write(self, operation: PlainOperation) -> None:
         scopes = {self._stored[one.name].scope for one in operation.inputs if isinstance(one, Value)}
         scope = scopes.pop() if len(scopes) == 1 else f"{self._head.scope}/middleware_fc_embedder"
         kind, output = operation.kind, operation.output
@@ -192,10 +192,10 @@ class _Writer:
             name, last = self._along(scope, operation)
         else:
             name, last = self._plainly(scope, operation), False
-        stored = _Stored(last=name, scope=scope) if last else _Stored(first=name, scope=scope)
+        stored = _Layouts(last=name, scope=scope) if last else _Layouts(first=name, scope=scope)
         self._stored[output.name] = stored
 
-    def _elementwise(self, scope: str, operation: Operation) -> tuple[str, bool]:
+    def _elementwise(self, scope: str, operation: PlainOperation) -> tuple[str, bool]:
         kind, inputs, output = operation.kind, operation.inputs, operation.output
         pictures = all(len(one.shape) == 4 for one in inputs if isinstance(one, Value))
         last = pictures and len(output.shape) == 4 and self._has_last(*inputs)
@@ -205,7 +205,7 @@ class _Writer:
             said = {"SrcT": _type(inputs[0].dtype), "DstT": _type(output.dtype)}
         return self._node(scope, _NAMES[kind], names, said), last
 
-    def _windowed(self, scope: str, operation: Operation) -> str:
+    def _windowed(self, scope: str, operation: PlainOperation) -> str:
         source, said = operation.inputs[0], operation.attributes
         assert isinstance(source, Value)
         name = self.name_of(source, last=True)
@@ -249,7 +249,7 @@ class _Writer:
         said = {"T": _type(dtype), "N": number(3, len(names)), "Tidx": _type(np.dtype("<i4"))}
         return self._node(scope, "ConcatV2", [*names, at], said)
 
-    def _rearranged(self, scope: str, operation: Operation) -> tuple[str, bool]:
+    def _rearranged(self, scope: str, operation: PlainOperation) -> tuple[str, bool]:
         (source,), output = operation.inputs, operation.output
         assert isinstance(source, Value)
         before, after, order = source.shape, output.shape, operation.attributes.get("order")
@@ -268,7 +268,7 @@ class _Writer:
         said = {"T": _type(source.dtype), "Tperm": _type(np.dtype("<i4"))}
         return self._node(scope, "Transpose", [name, perm], said), False
 
-    def _along(self, scope: str, operation: Operation) -> tuple[str, bool]:
+    def _along(self, scope: str, operation: PlainOperation) -> tuple[str, bool]:
         """What works along axes: in the layout that is there."""
         kind, inputs, said, output = operation.kind, operation.inputs, operation.attributes, operation.output
         source = inputs[0]
@@ -297,7 +297,7 @@ class _Writer:
         typed |= {"Tidx": whole, "keep_dims": number(5, int(said["keep"]))}
         return self._node(scope, _NAMES[kind], [name, over], typed), last
 
-    def _plainly(self, scope: str, operation: Operation) -> str:
+    def _plainly(self, scope: str, operation: PlainOperation) -> str:
         kind, inputs, output = operation.kind, operation.inputs, operation.output
         typed = {"T": _type(inputs[0].dtype)}
         names = [self._operand_of(scope, one) for one in inputs]

@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from .plain import Const, Operand, Operation, Plain, Value
+from .plain import Const, Operand, Plain, PlainOperation, Value
 from .policy import Head
 
 VERSION = 10
@@ -55,7 +55,7 @@ class _Layer:
         self.inputs: list[int] = []
 
 
-class _Writer:
+class _Description:
     def __init__(self, plain: Plain, head: Head) -> None:
         self._plain, self._head = plain, head
         self._layers: list[_Layer] = []
@@ -105,7 +105,7 @@ class _Writer:
             self._size += len(raw) + padding
         return self._known[found]
 
-    def _write(self, operation: Operation) -> None:
+    def _write(self, operation: PlainOperation) -> None:
         kind, said, output = operation.kind, operation.attributes, operation.output
         name, version, attributes = _LAYERS[kind]
         inputs = [self._operand(one) for one in operation.inputs]
@@ -170,7 +170,7 @@ class _Writer:
 
 def write_ir(plain: Plain, head: Head) -> tuple[bytes, bytes]:
     """The description and its numbers: what belongs into ``model.xml`` and ``model.bin``."""
-    return _Writer(plain, head).written()
+    return _Description(plain, head).written()
 
 
 def _port(number: int, layer: _Layer) -> str:

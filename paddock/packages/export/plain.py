@@ -76,7 +76,7 @@ Operand = Const | Value
 
 
 @dataclass(frozen=True, eq=False)
-class Operation:
+class PlainOperation:
     """One plain operation: a word of this module's sets, or one of the methods of :class:`Plain`."""
 
     kind: str
@@ -90,7 +90,7 @@ class Plain:
 
     def __init__(self) -> None:
         self.inputs: dict[str, Value] = {}  # by sensor
-        self.operations: list[Operation] = []
+        self.operations: list[PlainOperation] = []
         self._made = 0
         self.output: Value | None = None
 
@@ -99,7 +99,7 @@ class Plain:
         self.inputs[sensor] = Value(sensor, shape)
         return self.inputs[sensor]
 
-    def made_by(self, value: Operand) -> Operation | None:
+    def made_by(self, value: Operand) -> PlainOperation | None:
         """The operation that makes a value; None for what a sensor reads, and for numbers."""
         return next((one for one in self.operations if one.output is value), None)
 
@@ -121,7 +121,7 @@ class Plain:
             raise UserFault("network_too_wide")
         self._made += 1
         output = Value(f"v{self._made}", sizes, dtype)
-        self.operations.append(Operation(kind, tuple(inputs), output, attributes))
+        self.operations.append(PlainOperation(kind, tuple(inputs), output, attributes))
         return output
 
     def unary(self, kind: str, x: Operand) -> Value:
