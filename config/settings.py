@@ -109,6 +109,7 @@ MIDDLEWARE = [
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "django_htmx.middleware.HtmxMiddleware",
+    "config.back_to_the_form.BackToTheForm",
     "allauth.account.middleware.AccountMiddleware",
     "config.staff_factor.SecondFactorOfStaff",
     "config.our_faults.OurFaults",

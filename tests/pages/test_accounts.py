@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from urllib.parse import urlencode
 
 import pytest
 from django.core import mail
@@ -36,6 +37,24 @@ def test_signing_up_leads_to_the_page_the_racer_wanted(client, db) -> None:
     page = client.get("/accounts/signup/?next=/models/upload/").content.decode()
     assert 'name="next" value="/models/upload/"' in page
     assert client.post("/accounts/signup/", NEW | {"next": "/models/upload/"})["Location"] == "/models/upload/"
+
+
+@pytest.mark.parametrize(
+    ("referer", "back"),
+    [
+        ("http://testserver/races/open-race/?page=2#top", "/races/open-race/?page=2"),
+        ("http://testserver", "/"),
+        ("https://elsewhere.example/races/open-race/", "/"),
+        ("", "/"),
+    ],
+)
+def test_a_form_sent_after_a_logout_leads_back_to_its_page(client, world: World, referer, back) -> None:
+    answer = client.post("/races/open-race/enter/", headers={"referer": referer} if referer else {})
+    assert answer["Location"] == f"/accounts/login/?{urlencode({'next': back}, safe='/')}"
+
+
+def test_a_page_that_needs_a_racer_is_shown_after_the_log_in(client, db) -> None:
+    assert client.get("/models/upload/")["Location"] == "/accounts/login/?next=/models/upload/"
 
 
 @pytest.mark.parametrize(
