@@ -62,7 +62,7 @@ def _of_the_site(site: Site, slug: str) -> TrackGeometry:
     points = site.get(f"/tracks/{slug}/")
     if points.get("centre") is None:
         raise UserFault("track_differs", track=slug)
-    return TrackGeometry.from_arrays(points["name"], points["centre"], points["inner"], points["outer"])
+    return TrackGeometry.from_dict(points)
 
 
 def track_here(name: str) -> TrackGeometry:

@@ -41,16 +41,24 @@ def verify(asked: Call, options: argparse.Namespace) -> int:
     with TemporaryDirectory(prefix="paddock-") as place:
         checks = _files(asked, site, name, told, Path(place))
         closed = sorted({car["racer"] for car in told["cars"] if not car["open"]})
-        if closed or options.trace_only:
+        blind = bool(closed) or options.trace_only
+        if blind and _retired(run):
+            proof = "files"
+        elif blind:
             proof, checks = "trace", checks + _from_traces(asked, where, told, run, Path(place))
         else:
             proof, checks = "network", checks + _from_networks(asked, site, where, told, run, Path(place))
     same = all(check["same"] for check in checks)
-    asked.speaker.result(
-        {"evaluation": name, "engine": ENGINE_ID, "proof": proof, "same": same, "checks": checks, "closed": closed},
-        "\n".join(_words(site, name, proof, closed, checks, run)),
-    )
-    return SAME if same else DIFFERENT
+    proven = same and proof != "files"
+    value = {"evaluation": name, "engine": ENGINE_ID, "proof": proof, "same": same, "proven": proven}
+    words = _words(site, name, proof, closed, checks, run)
+    asked.speaker.result({**value, "checks": checks, "closed": closed}, "\n".join(words))
+    return DIFFERENT if not same else SAME if proven else NOT_RUN
+
+
+def _retired(run: dict[str, Any]) -> bool:
+    """Whether a car was taken off the track while others drove on: commands alone do not repeat that."""
+    return any(result["retired"] for result in (run["result"], *run["result"]["rivals"]))
 
 
 def _words(
@@ -64,6 +72,9 @@ def _words(
     page = f"{site.address}/evaluations/{name}/"
     if not all(check["same"] for check in checks):
         return [*lines, f"NOT proven: {page}"]
+    if proof == "files":
+        why = "a car was taken off the track while others drove on, which takes the networks to repeat"
+        return [*lines, f"Not proven, but for the files: {why}. {page}"]
     if proof == "network":
         return [*lines, f"Proven: the networks were driven again, and came to the same to the bit. {page}"]
     if closed:

@@ -477,3 +477,18 @@ def test_races_similar_to_the_training_are_offered_first(world: World, job: Trai
     assert body.index("Boxes here") < body.index("Trial elsewhere")
     body = world.client("alice").get(job.best_model.get_absolute_url()).content.decode()
     assert body.index(like.name) < body.rindex("what it was trained for") < body.index("Boxes here")
+
+
+def test_the_package_is_offered_where_it_was_built(world: World, settings, tmp_path) -> None:
+    client, page = world.client("anonymous"), "/learn/elsewhere/"
+    settings.BASE_DIR = tmp_path
+    assert "make package" in client.get(page).content.decode()
+    wheel = "paddock_racing-0.1.0-py3-none-linux_x86_64.whl"
+    (tmp_path / "dist").mkdir()
+    for name in (wheel, "paddock_racing-0.1.0.tar.gz", "notes.whl"):
+        (tmp_path / "dist" / name).write_bytes(name.encode())
+    body = client.get(page).content.decode()
+    assert f"paddock-racing[training] @ http://testserver{page}{wheel}" in body and "notes.whl" not in body
+    answer = client.get(page + wheel)
+    assert b"".join(answer.streaming_content) == wheel.encode()
+    assert client.get(f"{page}notes.whl").status_code == 404

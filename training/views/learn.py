@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from django.conf import settings
 from django.http import FileResponse, Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils.translation import get_language
@@ -17,6 +18,7 @@ WRITTEN_IN = ("en", "ko")
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 EXAMPLE = "train_a_car.py"
 EXAMPLE_TYPES = {EXAMPLE: "text/x-python; charset=utf-8", "train_a_car.ipynb": "application/x-ipynb+json"}
+PACKAGE_TYPES = {".whl": "application/zip", ".gz": "application/gzip"}
 
 
 @require_safe
@@ -46,13 +48,25 @@ def lesson(request: HttpRequest, slug: str) -> HttpResponse:
 
 @require_safe
 def elsewhere(request: HttpRequest) -> HttpResponse:
-    """How to train on a machine of one's own, with the example to read."""
-    return render(request, "learn/elsewhere.html", {"code": (EXAMPLES / EXAMPLE).read_text()})
+    """How to train on a machine of one's own, with the example to read, and the package where there is one."""
+    context = {"code": (EXAMPLES / EXAMPLE).read_text(), "packages": _packages()}
+    return render(request, "learn/elsewhere.html", context)
+
+
+def _packages() -> list[str]:
+    """The files of the racers' package that ``make package`` has built, a wheel first."""
+    return sorted(
+        (path.name for path in (settings.BASE_DIR / "dist").glob("paddock_racing-*") if path.suffix in PACKAGE_TYPES),
+        key=lambda name: (not name.endswith(".whl"), name),
+    )
 
 
 @require_safe
 def elsewhere_file(request: HttpRequest, name: str) -> FileResponse:
-    """The example or the notebook as a download."""
+    """The example, the notebook or the package as a download."""
+    if name in _packages():
+        path = settings.BASE_DIR / "dist" / name
+        return FileResponse(path.open("rb"), as_attachment=True, filename=name, content_type=PACKAGE_TYPES[path.suffix])
     if name not in EXAMPLE_TYPES:
         raise Http404
     return FileResponse(

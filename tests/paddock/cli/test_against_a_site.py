@@ -14,16 +14,17 @@ from django.core.cache import cache
 from django.utils import timezone
 
 from accounts.tokens import create_token
-from evaluation.models import Evaluation, Result, TrainedModel
-from evaluation.services import run_next_evaluation
+from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
+from evaluation.services import queue_evaluation, run_next_evaluation
 from paddock.cli import sending
+from paddock.rules.race import RaceRules
 from paddock.simulator import engine
-from tests.factories import a_race, a_racer
+from tests.factories import a_race, a_racer, a_track
 from tests.shared import CHECKOUT
 from training.golden.cars import HOUSE_CARS
 
 pytestmark = [pytest.mark.slow, pytest.mark.django_db(transaction=True)]
-CAR = (HOUSE_CARS / "flyer.onnx", HOUSE_CARS / "flyer.json")
+CAR, OTHER = ((HOUSE_CARS / f"{name}.onnx", HOUSE_CARS / f"{name}.json") for name in ("flyer", "brisk"))
 
 
 @pytest.fixture(autouse=True)
@@ -118,6 +119,24 @@ def test_a_shared_network_is_fetched_and_driven(paddock, log_in, race):
     assert proof.status == 0 and "the networks were driven again" in proof.out
 
 
+def test_several_cars_are_proven_together(paddock, log_in, site):
+    alice = log_in("alice")
+    ids = [paddock("upload", *files, "--json").json["public_id"] for files in (CAR, OTHER)]
+    flyer, brisk = (TrainedModel.objects.get(public_id=one) for one in ids)
+    rules = RaceRules(race_type="head_to_head", laps=1, max_simulated_ms=3000)
+    run = queue_evaluation(owner=alice, model=flyer, rivals=[brisk], track=a_track(), rules=rules, now=timezone.now())
+    assert run_next_evaluation(worker="w")
+    proof = paddock("verify", run.public_id, "--json")
+    assert (proof.status, proof.json["proof"], proof.json["proven"]) == (0, "network", True)
+    assert {"car 1, network driven again: trace", "order of the cars"} <= {one["what"] for one in proof.json["checks"]}
+    blind = paddock("verify", run.public_id, "--trace-only", "--json")
+    assert (blind.status, blind.json["proof"], blind.json["proven"]) == (0, "trace", True)
+
+    RivalResult.objects.update(end_reason="retired", retired_code="non_finite_action", retired_params={"step": 3})
+    unproven = paddock("verify", run.public_id, "--trace-only")
+    assert unproven.status == 3 and "Not proven, but for the files" in unproven.out
+
+
 def test_another_engine_of_the_site_is_said(paddock, log_in, race, monkeypatch):
     log_in("alice")
     monkeypatch.setattr(engine, "ENGINE_ID", "paddock-v99")  # the site's; the command holds its own
@@ -137,10 +156,9 @@ def test_what_the_site_refuses_is_told_in_its_words(paddock, log_in, race, tmp_p
     race.max_submissions = 1
     race.save()
     assert paddock("submit", *CAR, "open").status == 0
-    other = (HOUSE_CARS / "brisk.onnx", HOUSE_CARS / "brisk.json")
-    refused = paddock("submit", *other, "open", "--json").json["error"]["code"]
+    refused = paddock("submit", *OTHER, "open", "--json").json["error"]["code"]
     assert refused in ("submissions_used_up", "submission_running")
-    assert paddock("submit", *other, "closed").code == "not_on_site"
+    assert paddock("submit", *OTHER, "closed").code == "not_on_site"
     assert paddock("evaluate", *CAR, "--race", "closed").code == "not_on_site"
 
 
