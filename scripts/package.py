@@ -35,7 +35,7 @@ def assemble(tree: Path) -> None:
 
 
 def build(folder: Path) -> list[Path]:
-    """Build wheel and source archive into ``folder``, with the setuptools of this Python; their paths.
+    """Build wheel and source archive into ``folder``, in place of older ones; their paths.
 
     Raises RuntimeError with what the build said."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -46,6 +46,8 @@ def build(folder: Path) -> list[Path]:
         done = subprocess.run([sys.executable, "-c", _BUILD, str(made)], cwd=tree, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"the build failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        for old in folder.glob("paddock_racing-*"):
+            old.unlink()
         return [Path(shutil.copy(path, folder)) for path in sorted(made.iterdir())]
 
 
