@@ -110,6 +110,7 @@ def _from_traces(
 ) -> list[dict[str, Any]]:
     traces = [str(folder / f"{car['number']}.csv") for car in told["cars"]]
     with driven(where, asked.speaker, traces=traces) as (came, _):
+        _note_libraries(asked, run, came)
         return _compared(told, run, came, "commands driven again")
 
 
@@ -126,12 +127,21 @@ def _from_networks(
         for car, drove in zip(told["cars"], came["cars"], strict=True):
             checks.append(_check(f"network of car {car['number']}", car["model"]["sha256"], drove["sha256"]))
         checks += _compared(told, run, came, "network driven again")
+        _note_libraries(asked, run, came)
         if not is_exact(came):
             asked.speaker.note(
                 "This system's arithmetic is not the site's to the last bit (that takes x86-64 and glibc): a "
                 "difference here proves nothing."
             )
         return checks
+
+
+def _note_libraries(asked: Call, run: dict[str, Any], came: dict[str, Any]) -> None:
+    """Say where libraries differ: equal engines should make up for it, and where they do not it is the first guess."""
+    theirs, ours = run["result"]["versions"], came["versions"]
+    names = [name for name in ("pybullet", "numpy", "opencv", "libc") if theirs.get(name, ours[name]) != ours[name]]
+    for name in names:
+        asked.speaker.note(f"{name}: {theirs[name]} on the site, {ours[name]} here")
 
 
 def _compared(told: dict[str, Any], run: dict[str, Any], came: dict[str, Any], how: str) -> list[dict[str, Any]]:
