@@ -23,7 +23,6 @@ from races.services import create_community_race, delete_own, drive_own, drive_o
 from tests.factories import a_model, a_race, a_racer, a_track, break_down, drive, lap, laps, outcome, start
 from tests.refusals import refused
 from tests.rows import track_row
-from tests.rows import track_row
 from tracks.models import Track
 
 pytestmark = pytest.mark.django_db
