@@ -63,6 +63,10 @@ register(
         "training_trials": _("An evaluation has %(low)s to %(high)s trials."),
         "training_best_metric": _("The best model is the best by progress, reward or lap_time."),
         "training_seed": _("The seed must be a whole number from 0 to 2147483647."),
+        "training_evaluate_on": _(
+            "When it is done, the model cannot be driven on %(track)s among what it is trained among: %(problem)s "
+            "Choose another track, or none."
+        ),
         "training_course": _(
             "The race type and what stands on the track contradict each other (%(problem)s). Object avoidance has "
             "boxes, head-to-head has bot cars, a time trial has neither."

@@ -116,6 +116,14 @@ class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN
         source="submission.evaluation.public_id", default=None, allow_null=True, help_text="Of what was submitted."
     )
     submit_reason_code = serializers.CharField(allow_blank=True, help_text="Why it was not submitted.")
+    evaluate_on = serializers.CharField(source="evaluate_on.slug", default=None, allow_null=True)
+    own_evaluation = serializers.CharField(
+        source="own_evaluation.evaluation.public_id",
+        default=None,
+        allow_null=True,
+        help_text="Of the best model on the track of `evaluate_on`.",
+    )
+    evaluate_reason_code = serializers.CharField(allow_blank=True, help_text="Why it was not driven there.")
     stored_bytes = serializers.SerializerMethodField(
         help_text="What its files weigh, without the networks of its models: so much is free when it is deleted."
     )
@@ -165,6 +173,12 @@ class CreateSerializer(
         "algorithm are taken over unless one of them is sent.",
     )
     submit_to_race = serializers.CharField(required=False, max_length=80, help_text="The slug of a race.")
+    evaluate_on = serializers.SlugRelatedField(
+        slug_field="slug",
+        queryset=Track.objects.exclude(length_m=None),
+        required=False,
+        help_text="The slug of a track on which the best model is driven for you when it is done: three laps.",
+    )
 
 
 @extend_schema_view(
@@ -293,7 +307,8 @@ class TrainingMetricsView(APIView):
 def visible_training(request: Request, public_id: str) -> TrainingJob:
     """The training with this id. Raises Http404 for who may not see it."""
     related = ("owner", "track", "best_model", "last_model", "cloned_from", "submit_to_race", "submission__evaluation")
-    return get_object_or_404(visible_trainings(request.user).select_related(*related), public_id=public_id)
+    own = ("evaluate_on", "own_evaluation__evaluation")
+    return get_object_or_404(visible_trainings(request.user).select_related(*related, *own), public_id=public_id)
 
 
 def _checked(request: Request, sent: dict[str, Any]) -> dict[str, Any]:

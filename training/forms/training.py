@@ -61,7 +61,7 @@ STEPS: dict[str, tuple[str, ...]] = {
     "actions": ("action_space_type", "actions", *RANGES),
     "vehicle": ("vehicle",),
     "reward": ("reward_code",),
-    "stop": (*ENDING, "submit_to_race"),
+    "stop": (*ENDING, "submit_to_race", "evaluate_on"),
 }
 
 
@@ -169,6 +169,14 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         widget=RaceSelect,
         help_text=_("The best model is sent there by itself."),
     )
+    evaluate_on = forms.ModelChoiceField(
+        label=_("Drive it on a track when done"),
+        queryset=Track.objects.none(),
+        to_field_name="slug",
+        empty_label=_("no"),
+        required=False,
+        help_text=_("Three laps of the best model, for yourself: nobody else sees the run."),
+    )
 
     def __init__(
         self, *args: Any, owner: Racer, now: datetime, initial: dict[str, Any] | None = None, **kwargs: Any
@@ -177,6 +185,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         self.fields["vehicle"].queryset = vehicles_of(owner)
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
         self.fields["clone"].offer(owner, self["clone"].value())
+        self.fields["evaluate_on"].queryset = Track.objects.exclude(length_m=None).defer("npy")
         self.fields["submit_to_race"].queryset = likest_first(enterable_now(now, owner), self._driven_track())
         self.fields["submit_to_race"].label_from_instance = lambda race: (
             named(race.name) if names_track(race.name, race.track.name) else f"{named(race.name)} · {race.track.name}"
@@ -258,6 +267,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
             "reward_signature": signature_of(said["reward_code"]),
             "clone_from": said["clone"],
             "submit_to_race": said["submit_to_race"],
+            "evaluate_on": said["evaluate_on"],
         }
 
     def show(self, fault: UserFault) -> None:
@@ -308,6 +318,7 @@ PLACES = {
     **{code: name for name, code in REFUSALS.items()},
     "training_minutes_left": "stop_minutes",
     "training_reward_missing": "reward_code",
+    "training_evaluate_on": "evaluate_on",
     "sensors_not_offered": "submit_to_race",
     "race_closed": "submit_to_race",
     "race_cancelled": "submit_to_race",

@@ -137,6 +137,28 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         related_name="training_job",
         verbose_name=_("submission"),
     )
+    evaluate_on = models.ForeignKey(
+        "tracks.Track",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("track to evaluate on when done"),
+        db_index=False,  # asked for by nobody but who deletes a track or a run
+    )
+    own_evaluation = models.ForeignKey(
+        "races.OwnEvaluation",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("own run"),
+        db_index=False,
+    )
+    evaluate_reason_code = models.CharField(
+        _("not evaluated because"), max_length=40, blank=True, default="", db_default=""
+    )
+    evaluate_reason_params = models.JSONField(_("details"), default=dict, blank=True, db_default={})
     submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
     submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
     ended_because = models.CharField(_("why it ended"), max_length=10, choices=EndReason.choices, blank=True)
@@ -226,6 +248,11 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
     def submit_reason(self) -> str:
         """Why its model was not submitted to the chosen race, in the reader's language, or ``""``."""
         return reason_sentence(self.submit_reason_code, self.submit_reason_params)
+
+    @property
+    def evaluate_reason(self) -> str:
+        """Why its model was not evaluated on the chosen track, in the reader's language, or ``""``."""
+        return reason_sentence(self.evaluate_reason_code, self.evaluate_reason_params)
 
     @property
     def seconds_left(self) -> float:

@@ -25,6 +25,7 @@ from paddock.rules.training import DRIVEN_BY, TrainingSettings
 from paddock.simulator.layout import lay_out
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
+from races.own_rules import own_rules
 from races.sensors import not_offered
 from races.services.gates import require_open
 from tracks.models import Track
@@ -56,12 +57,13 @@ def create_training(
     description: str = "",
     vehicle: Vehicle | None = None,
     submit_to_race: Race | None = None,
+    evaluate_on: Track | None = None,
     clone_from: TrainedModel | None = None,
 ) -> TrainingJob:
     """Put a training into the queue; a trainer is woken once the transaction is committed.
 
     ``vehicle=None``: one camera and the shallow network. ``clone_from``: the training begins with the weights of this
-    model.
+    model. ``evaluate_on``: where the best model is driven for its owner when the training is done.
 
     Raises PlatformFault ``training_unavailable``, ``training_paused``; UserFault ``training_...``, ``clone_...``,
     ``garage_full``, ``storage_full``, ``description_too_long``, ``vehicle_not_yours``, ``race_track_without_shape``,
@@ -86,6 +88,7 @@ def create_training(
         vehicle=vehicle,
         reward_code=reward_code,
         submit_to_race=submit_to_race,
+        evaluate_on=evaluate_on,
         cloned_from=clone_from,
         created_at=now,
         **_asked(settings),
@@ -95,6 +98,8 @@ def create_training(
     check_layout(job)
     if submit_to_race is not None:
         _check_race(job, submit_to_race, now)
+    if evaluate_on is not None:
+        _check_evaluation(job, evaluate_on)
     if clone_from is not None:
         _check_clone(job, clone_from)
     refuse_full_garage(owner)
@@ -207,6 +212,16 @@ def _check_race(job: TrainingJob, race: Race, now: datetime) -> None:
     if missing:
         raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
     check_eligible(race, job.owner, now)
+
+
+def _check_evaluation(job: TrainingJob, track: Track) -> None:
+    """Whether the model can be tried on this track as it is trained on its own."""
+    from .evaluate import options_of_a_test  # which knows how a layout is told from here
+
+    try:
+        own_rules(track, options_of_a_test(job))
+    except UserFault as fault:
+        raise UserFault("training_evaluate_on", track=track.name, problem=str(fault)) from None
 
 
 def _check_clone(job: TrainingJob, model: TrainedModel) -> None:

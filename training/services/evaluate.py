@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from evaluation.models import Evaluation
 from evaluation.selectors import can_use_model
@@ -33,8 +33,12 @@ def evaluate_training(
         raise UserFault("training_no_model")
     if not can_use_model(by, model):
         raise UserFault("model_not_yours")
-    options = {**layout_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
-    options |= {"seed": job.seed} if job.random_boxes or job.bots else {}
-    own = drive_own(owner=by, model=model, track=job.track, now=now, **options)
+    own = drive_own(owner=by, model=model, track=job.track, now=now, **options_of_a_test(job))
     assert own.evaluation is not None, "it has just been queued"
     return own.evaluation
+
+
+def options_of_a_test(job: TrainingJob) -> dict[str, Any]:
+    """How a model of this training is tried: three laps among what it was trained among, in the same direction."""
+    options = {**layout_of(job), "race_type": job.race_type, "direction": job.direction, "laps": LAPS_OF_A_TEST}
+    return options | ({"seed": job.seed} if job.random_boxes or job.bots else {})

@@ -32,6 +32,8 @@ _NOTHING: dict[str, Any] = {
     "last_model": None,
     "submission": None,
     "submit_to_race": None,
+    "own_evaluation": None,
+    "evaluate_on": None,
 }
 
 

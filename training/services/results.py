@@ -18,11 +18,12 @@ from evaluation.services import upload_model
 from evaluation.services.stored import store
 from paddock.errors import PaddockError, UserFault
 from paddock.packages.read import UploadPart
-from races.services import submit_model
+from races.services import drive_own, submit_model
 
 from ..events import record_end
 from ..models import EndReason, JobState, TrainingJob
 from ..trainer.client import Ended
+from .evaluate import options_of_a_test
 from .jobs import TRAININGS
 from .records import append_log, delete_stored, drop_checkpoints
 from .tolls import charge
@@ -79,8 +80,9 @@ def finish_training(
     detail: str = "",
     now: datetime,
 ) -> bool:
-    """Write how a training ended that leaves models, once, and submit the best to the race that was chosen, in the same
-    transaction: a worker that dies in between has done neither, and the next one does both. False: the lease is gone.
+    """Write how a training ended that leaves models, once, and in the same transaction submit the best to the race and
+    drive it on the track that were chosen: a worker that dies in between has done nothing of it, and the next one does
+    all. False: the lease is gone.
 
     ``fault`` (and no ``ended``): what ended it early; what it had learned until then is kept. ``sb3_zip``: of
     :func:`keep_sb3`. ``detail``: what operators read of it.
@@ -105,6 +107,8 @@ def finish_training(
             drop_checkpoints(job)
             if fault is None and job.submit_to_race_id is not None:
                 _submit(job, best, now)
+            if fault is None and job.evaluate_on_id is not None:
+                _evaluate(job, best, now)
     if not finished:
         delete_stored([sb3_zip])
     return finished
@@ -123,6 +127,19 @@ def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
     except Exception:  # the model is there all the same: its owner reads that we failed, and can send it by hand
         logger.exception("The model of training %s cannot be submitted.", job.public_id)
         TrainingJob.objects.filter(pk=job.pk).update(submit_reason_code="submit_failed", submit_reason_params={})
+
+
+def _evaluate(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
+    """Drive the model for its owner on the track that was chosen, within the transaction that ends the training; where
+    it is refused, the reason stands with the training."""
+    try:
+        with transaction.atomic():
+            options = options_of_a_test(job)
+            own = drive_own(owner=job.owner, model=model, track=job.evaluate_on, now=now, **options)
+            TrainingJob.objects.filter(pk=job.pk).update(own_evaluation=own)
+    except UserFault as fault:
+        reason = {"evaluate_reason_code": fault.code, "evaluate_reason_params": fault.params}
+        TrainingJob.objects.filter(pk=job.pk).update(**reason)
 
 
 def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedModel:

@@ -63,7 +63,7 @@ def visible_training(request: HttpRequest, public_id: str, *, whole: bool = True
     jobs = visible_trainings(request.user)
     if whole:
         related = ("track", "owner", "best_model__network", "last_model__network", "cloned_from", "submit_to_race")
-        jobs = jobs.select_related(*related)
+        jobs = jobs.select_related(*related, "own_evaluation__evaluation__track")
     else:
         jobs = jobs.defer("log", "driving", "reward_code", "operator_detail")
     return get_object_or_404(jobs, public_id=public_id)
