@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import pytest
 
@@ -13,6 +14,7 @@ from races.models import OwnEvaluation, Submission
 from races.services import drive_own
 from tests.factories import a_model, a_race, a_racer, drive, fail, lap, laps
 from tests.pages.conftest import World
+from tests.pages.test_queries import LIMIT, queries
 from tests.races.test_own import finish
 
 FORM = {
@@ -206,3 +208,36 @@ def test_a_run_that_paddock_fails_says_that_it_counts_for_nothing(world: World) 
     fail(own, PlatformFault("runner_died", how="killed"), world.now)
     page = world.client("alice").get(own.evaluation.get_absolute_url()).content.decode()
     assert "drive it again" in page and "submission; send" not in page
+
+
+def test_more_runs_need_no_more_queries(world: World) -> None:
+    client = world.client("alice")
+
+    def asked() -> int:
+        sent = queries(client, "/runs/")
+        assert len(sent) <= LIMIT, "\n".join(sent)
+        return len(sent)
+
+    def drive_one() -> None:
+        ask = partial(drive_own, owner=world.alice, now=world.now)
+        finish(ask(model=a_model(world.alice), race=a_race(world.now)), laps(*[9_000] * 3), world.now)
+        ask(model=world.model, track=world.track)
+
+    drive_one()
+    before = asked()
+    for _ in range(3):
+        drive_one()
+    assert asked() <= before
+
+
+@pytest.mark.parametrize("at", ["/runs/new/", "/runs/new/?race=open-race"])
+def test_the_form_needs_few_queries(world: World, at: str) -> None:
+    sent = queries(world.client("alice"), at)
+    assert len(sent) <= LIMIT, "\n".join(sent)
+
+
+def test_a_result_needs_few_queries(world: World) -> None:
+    own = drive_own(owner=world.alice, model=world.model, race=world.race, now=world.now)
+    finish(own, laps(*[9_000] * 3), world.now)
+    sent = queries(world.client("alice"), own.evaluation.get_absolute_url())
+    assert len(sent) <= LIMIT, "\n".join(sent)
