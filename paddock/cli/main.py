@@ -13,6 +13,7 @@ from importlib import metadata
 from typing import NoReturn
 
 from paddock.errors import PaddockError, UserFault
+from paddock.packages.kinds import CAR, EXPORTS
 from paddock.simulator.engine import ENGINE_ID
 
 from .asking import Call
@@ -69,6 +70,10 @@ def parser() -> argparse.ArgumentParser:
     one = add("download", "fetch a model as a zip of ONNX and metadata, or all files of a run", "sending:download")
     one.add_argument("what", metavar="WHAT", help="the address of a model or of a run, or a model's id")
     one.add_argument("to", nargs="?", default="", metavar="FILE", help="where to; default: named after it, here")
+    one = add("export", "write a model for physical cars, or for OpenVINO", "sending:export")
+    _model(one, "; or the id or the address of a model on a site")
+    one.add_argument("--form", choices=EXPORTS, default=CAR, help="car: model.tar.gz of the old console; default: car")
+    one.add_argument("--to", default="", metavar="FILE", help="where to; default: named after the form, here")
     one = add("evaluate", "drive a car at home, as the site would", "rehearsing:evaluate")
     _model(one)
     where = one.add_mutually_exclusive_group(required=True)

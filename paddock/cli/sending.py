@@ -1,14 +1,16 @@
-"""Commands that send and fetch: ``upload``, ``submit``, ``download``."""
+"""Commands that send and fetch: ``upload``, ``submit``, ``download``, ``export``."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import time
 from pathlib import Path
 from typing import Any
 
 from paddock.errors import PlatformFault, UserFault
+from paddock.packages.kinds import CAR, OPENVINO
 
 from .asking import Call, parts_of, race_of
 from .driving import figures, laps_table
@@ -18,6 +20,7 @@ from .site import Site, SiteRefusal
 
 NOT_WELL = 1
 ASK_EVERY_S = 1.0  # what the API asks for at most
+EXPORTED = {CAR: "model.tar.gz", OPENVINO: "openvino.tar.gz"}
 _ID = re.compile(r"[a-z0-9]{12}")
 
 
@@ -136,10 +139,40 @@ def download(asked: Call, options: argparse.Namespace) -> int:
         path, file = f"/models/{name}/package/", f"{name}.zip"
     if not name:
         raise UserFault("home_command_line", problem=f"{given} names no model and no result")
-    to = Path(options.to or file)
-    if to.exists():
-        raise UserFault("home_exists", path=str(to))
-    data = asked.site(where).raw("GET", path)
+    to = _free(options.to or file)
+    return _written(asked, to, asked.site(where).raw("GET", path))
+
+
+def export(asked: Call, options: argparse.Namespace) -> int:
+    """Write a model for physical cars or for OpenVINO: a file by the engine here, a model of the site's by the site."""
+    to = _free(options.to or EXPORTED[options.form])
+    first = options.model[0]
+    where, name = split_page(first, "models")
+    if len(options.model) == 1 and not Path(first).exists() and (where or _ID.fullmatch(name)):
+        return _written(asked, to, asked.site(where).raw("GET", f"/models/{name}/export/{options.form}/"))
+    from paddock.packages.export import export_model
+    from paddock.packages.metadata import parse_metadata
+    from paddock.packages.own import read_car
+
+    try:
+        car = read_car(
+            [Path(path) for path in parts_of([Path(each) for each in options.model]).values()], options.checkpoint
+        )
+    except OSError as error:
+        path, problem = str(error.filename), error.strerror or str(error)
+        raise UserFault("home_file_unreadable", path=path, problem=problem) from error
+    metadata = parse_metadata(json.dumps(car.metadata).encode())
+    return _written(asked, to, export_model(car.onnx, metadata, options.form))
+
+
+def _free(name: str) -> Path:
+    """A place for a file. Raises UserFault("home_exists")."""
+    if Path(name).exists():
+        raise UserFault("home_exists", path=name)
+    return Path(name)
+
+
+def _written(asked: Call, to: Path, data: bytes) -> int:
     try:
         to.write_bytes(data)
     except OSError as error:

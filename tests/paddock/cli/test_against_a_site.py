@@ -173,6 +173,19 @@ def test_a_model_comes_back_as_it_was_uploaded(paddock, log_in, tmp_path):
     assert paddock("upload", target, "--json").json["public_id"] == model["public_id"]
 
 
+def test_an_export_at_home_is_the_sites(paddock, log_in, tmp_path):
+    log_in("alice")
+    model = paddock("upload", *CAR, "--json").json
+    at_home, from_the_site = tmp_path / "model.tar.gz", tmp_path / "site.tar.gz"
+    assert paddock("export", *CAR, "--to", at_home).status == 0
+    assert paddock("export", model["public_id"], "--to", from_the_site).status == 0
+    assert at_home.read_bytes() == from_the_site.read_bytes()
+    assert paddock("export", *CAR, "--to", at_home).code == "home_exists"
+    assert paddock("upload", at_home, "--json").json["public_id"] == model["public_id"]
+    assert paddock("export", *CAR, "--form", "openvino", "--to", tmp_path / "ir.tar.gz").status == 0
+    assert paddock("export", "nothing.onnx", "--to", tmp_path / "no").code == "home_file_unreadable"
+
+
 def test_a_token_can_be_given_back(paddock, log_in):
     log_in("alice")
     assert paddock("logout", "--revoke").status == 0

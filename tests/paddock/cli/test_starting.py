@@ -37,7 +37,19 @@ def test_the_docs_show_the_same_action(paddock):
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_a_shell_completes_every_command_and_option(paddock, shell):
     said = paddock("completion", shell)
-    for word in ("login", "races", "tracks", "upload", "submit", "evaluate", "verify", "board", "download", "new"):
+    for word in [
+        "login",
+        "races",
+        "tracks",
+        "upload",
+        "submit",
+        "evaluate",
+        "verify",
+        "board",
+        "download",
+        "export",
+        "new",
+    ]:
         assert word in said.out
     assert "wait" in said.out and "trace-only" in said.out
     if shutil.which(shell):
