@@ -33,6 +33,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     )
 
 
+def _plain(text: str) -> str:
+    """Without what moves a terminal's cursor or colours: names and sentences come from strangers."""
+    return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in text)
+
+
 class Speaker:
     """Where a command says things: its result on standard output, as text or as one JSON value; how far it is on
     standard error, as a line that changes where that is a terminal and now and then as a new one elsewhere. With JSON
@@ -46,10 +51,11 @@ class Speaker:
     def result(self, value: Any, text: str) -> None:
         """What came of it, in both forms."""
         self._end()
-        print(json.dumps(value, indent=2, ensure_ascii=False) if self.as_json else text)
+        print(json.dumps(value, indent=2) if self.as_json else _plain(text))
 
     def progress(self, text: str, share: float | None = None) -> None:
         """How far it is; the same twice is said once."""
+        text = _plain(text)
         if self.as_json or text == self._shown:
             return
         self._shown = text
@@ -69,7 +75,7 @@ class Speaker:
     def note(self, text: str) -> None:
         """Something to know besides."""
         self._end()
-        print(text, file=sys.stderr)
+        print(_plain(text), file=sys.stderr)
 
     def _end(self) -> None:
         if self._open:

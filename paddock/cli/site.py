@@ -19,6 +19,7 @@ from typing import IO, Any
 from paddock.errors import PlatformFault, UserFault
 
 PATIENCE_S = 60.0  # an upload is answered when it is read, converted and checked
+MOST_BYTES = 512 << 20  # of an answer
 _SHORT = 300
 
 
@@ -33,6 +34,17 @@ class SiteRefusal(Exception):
     def theirs(self) -> bool:
         """Whether it is the site's fault, and the same may be sent again."""
         return self.said.get("fault") == "platform"
+
+
+class _Answer(dict[str, Any]):
+    """An object in an answer of the site. Asked for what it lacks it says so, for no Paddock answers like that."""
+
+    def __init__(self, site: str, pairs: dict[str, Any]) -> None:
+        super().__init__(pairs)
+        self._site = site
+
+    def __missing__(self, name: str) -> Any:
+        raise UserFault("site_is_no_paddock", site=self._site, problem=f"its answer has no {name}")
 
 
 class _Stay(urllib.request.HTTPRedirectHandler):
@@ -50,9 +62,13 @@ class Site:
         self._opener = urllib.request.build_opener(_Stay)
 
     def get(self, path: str, **query: object) -> Any:
-        """What lies at ``path`` below the API, as JSON. Raises as :meth:`raw`."""
+        """The object that lies at ``path`` below the API; a key that it lacks is told, see :class:`_Answer`. Raises as
+        :meth:`raw`."""
         asked = urllib.parse.urlencode({name: value for name, value in query.items() if value not in (None, "")})
-        return self._json(self.raw("GET", f"{path}?{asked}" if asked else path))
+        found = self._json(self.raw("GET", f"{path}?{asked}" if asked else path))
+        if not isinstance(found, dict):
+            raise UserFault("site_is_no_paddock", site=self.address, problem=f"no object lies at {path}")
+        return found
 
     def pages(self, path: str, **query: object) -> list[Any]:
         """All results of a list. Raises as :meth:`raw`."""
@@ -100,7 +116,9 @@ class Site:
             request.add_header("Authorization", f"Bearer {self.token}")
         try:
             with self._opener.open(request, timeout=PATIENCE_S) as answer:
-                content: bytes = answer.read()
+                content: bytes = answer.read(MOST_BYTES + 1)
+                if len(content) > MOST_BYTES:
+                    raise PlatformFault("site_broken", site=self.address, problem="its answer is too large")
                 return content
         except urllib.error.HTTPError as error:
             with error:
@@ -114,7 +132,7 @@ class Site:
 
     def _json(self, content: bytes) -> Any:
         try:
-            return json.loads(content) if content else None
+            return json.loads(content, object_hook=lambda pairs: _Answer(self.address, pairs)) if content else None
         except ValueError as error:
             raise UserFault("site_is_no_paddock", site=self.address, problem="its answer is not JSON") from error
 

@@ -91,10 +91,9 @@ def test_a_stranger_proves_a_result_without_the_network(paddock, log_in, race, s
     assert paddock("submit", *CAR, "open", "--wait").status == 0
     log_in("bob")
     run = the_run()
-    proof = paddock("verify", run.public_id, "--json")
-    assert (proof.status, proof.json["proof"], proof.json["closed"]) == (0, "trace", ["alice"])
-    words = paddock("verify", run.public_id).out
-    assert "Proven without the networks" in words and "alice is not open to you" in words
+    proof = paddock("verify", run.public_id)
+    assert proof.status == 0
+    assert "Proven without the networks" in proof.out and "alice is not open to you" in proof.out
 
     laps = [{**lap, "time_ms": lap["time_ms"] - 100} for lap in run.result.laps]
     Result.objects.update(laps=laps)

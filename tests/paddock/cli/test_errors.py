@@ -13,6 +13,28 @@ ANSWERS: dict[str, tuple[int, dict[str, str], bytes]] = {
     "a page": (200, {"Content-Type": "text/html"}, b"<html>Welcome</html>"),
     "no API": (404, {"Content-Type": "text/html"}, b"<html>Not found</html>"),
     "JSON of somebody else": (403, {"Content-Type": "application/json"}, b'{"detail": "no"}'),
+    "a list": (200, {"Content-Type": "application/json"}, b"[1, 2]"),
+    "another API": (200, {"Content-Type": "application/json"}, b'{"items": []}'),
+    "half a Paddock": (200, {"Content-Type": "application/json"}, b'{"results": [{"slug": "a"}], "pages": 1}'),
+    "a painter": (
+        200,
+        {"Content-Type": "application/json"},
+        json.dumps(
+            {
+                "results": [
+                    {
+                        "slug": "red",
+                        "state": "open",
+                        "track": {"slug": "oval"},
+                        "race_type": "time_trial",
+                        "closes_at": "2026-12-01T00:00:00Z",
+                        "name": "\x1b[31mRed\x1b]0;mine\x07",
+                    }
+                ],
+                "pages": 1,
+            }
+        ).encode(),
+    ),
     "broken": (502, {"Content-Type": "text/html"}, b"<html>Bad gateway</html>"),
     "moved": (301, {"Location": "https://elsewhere.example.org/"}, b""),
     "refuses": (
@@ -70,6 +92,9 @@ def stranger() -> Iterator[str]:
         ("a page", "site_is_no_paddock", 2),
         ("no API", "site_is_no_paddock", 2),
         ("JSON of somebody else", "site_is_no_paddock", 2),
+        ("a list", "site_is_no_paddock", 2),
+        ("another API", "site_is_no_paddock", 2),
+        ("half a Paddock", "site_is_no_paddock", 2),
         ("broken", "site_broken", 3),
         ("moved", "site_elsewhere", 2),
         ("refuses", "throttled", 2),
@@ -83,6 +108,14 @@ def test_whatever_answers_is_told_with_a_code(paddock, stranger, monkeypatch, sa
     assert (said.code, said.status, said.out) == (code, status, "")
     told = paddock("races", "--site", stranger, "--json")
     assert told.json["error"]["code"] == code and told.json["error"]["message"]
+
+
+def test_a_site_does_not_paint_on_the_terminal(paddock, stranger, monkeypatch):
+    monkeypatch.setattr(Stranger, "says", "a painter")
+    said = paddock("races", "--site", stranger)
+    assert said.status == 0 and "?[31mRed?]0;mine?" in said.out and "\x1b" not in said.out
+    told = paddock("races", "--site", stranger, "--json")
+    assert "\x1b" not in told.out and told.json[0]["name"].startswith("\x1b")
 
 
 def test_a_refused_token_is_told_apart_from_none(paddock, stranger, monkeypatch):
