@@ -20,6 +20,7 @@ from .errors import RaceRefused
 from .fields import MomentField
 from .layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm
 from .models import Race, RaceState, RaceType, Visibility
+from .models.race import MOST_TERMS
 from .rules.fields import rule_fields
 from .services.races import edition_of
 from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
@@ -41,6 +42,17 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
     name = forms.CharField(label=_("Name"), max_length=64)
     description = forms.CharField(
         label=_("Description"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3})
+    )
+    prize = forms.CharField(
+        label=_("Prize"), required=False, max_length=200, help_text=_("In a line, for the card of the race.")
+    )
+    sponsor = forms.CharField(label=_("Sponsor"), required=False, max_length=64)
+    terms = forms.CharField(
+        label=_("Terms to accept"),
+        required=False,
+        max_length=MOST_TERMS,
+        widget=forms.Textarea(attrs={"rows": 4}),
+        help_text=_("Whoever joins accepts them first. Once you change them, everybody accepts them anew."),
     )
     opens_at = MomentField(label=_("Opens"))
     closes_at = MomentField(label=_("Closes"))

@@ -84,6 +84,10 @@ register(
         "race_closed": _("The race closed at %(closes)s. Its entries and cars do not change any more."),
         "race_cancelled": _("The race was cancelled: %(reason)s"),
         "race_needs_invitation": _("This race is by invitation. Open the link that its organiser gave you."),
+        "race_terms": _(
+            "This race has terms, in version %(version)s. Read them on the page of its rules and accept them, then "
+            "join."
+        ),
         "invitation_unknown": _(
             "This invitation link is not valid any more. Ask the organiser of the race for the present one."
         ),

@@ -38,6 +38,9 @@ TEXT_FIELDS = ("name", "description")
 EDITABLE_FIELDS = (
     *TEXT_FIELDS,
     *RULE_FIELDS,
+    "prize",
+    "sponsor",
+    "terms",
     "division",
     *(name for name, rule in RULES.items() if not rule.fixed),
     "visibility",

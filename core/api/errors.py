@@ -33,7 +33,7 @@ RETRY_AFTER_S = 30
 # Reason codes that are not plain bad input (400).
 _FORBIDDEN = (
     "model_not_yours vehicle_not_yours clone_not_yours race_not_yours race_needs_invitation race_pro_only "
-    "race_open_only race_league_admins entry_removed"
+    "race_open_only race_league_admins race_terms entry_removed"
 )
 _NOT_THERE = "invitation_unknown entry_missing race_has_no_duels"
 _NOT_NOW = (

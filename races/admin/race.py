@@ -35,6 +35,7 @@ from ..services import (
 )
 from ..services.gates import moment
 from ..services.races import edition_of, free_slug, has_submissions
+from ..services.terms import keep_terms, one_form
 from ..validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
 from .actions import WithReason, sentence
 
@@ -127,6 +128,7 @@ class RaceAdmin(WithReason):
     actions = ("cancel", "clone", "new_invitations", "work_out_anew")
     fieldsets = (
         (None, {"fields": ("name", "slug", "kind", "division", "organiser", "description", "edition")}),
+        (gettext_lazy("Prize and terms"), {"fields": ("prize", "sponsor", "terms")}),
         (gettext_lazy("Time and place"), {"fields": ("opens_at", "closes_at", "track", "direction")}),
         (
             gettext_lazy("Ranking"),
@@ -178,7 +180,9 @@ class RaceAdmin(WithReason):
         if not change:
             obj.slug = obj.slug or free_slug(obj.name)
             obj.created_at = now
+            obj.terms = one_form(obj.terms)
             obj.save(force_insert=True)
+            keep_terms(obj, now)
             return
         changes = {name: form.cleaned_data[name] for name in form.changed_data if name in EDITABLE_FIELDS}
         try:

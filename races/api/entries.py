@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
+from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_field, extend_schema_view
 from rest_framework import generics, serializers, status
 from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
@@ -34,6 +34,9 @@ class EntrySerializer(serializers.Serializer):
     withdrawn_at = serializers.DateTimeField(allow_null=True)
     removed_at = serializers.DateTimeField(allow_null=True)
     removal_reason = serializers.CharField(allow_blank=True)
+    accepted_terms = serializers.SerializerMethodField(
+        help_text="The newest version of the race's terms that was accepted, and when; null for none."
+    )
     submission_count = serializers.IntegerField(help_text="Those that count.")
     submissions_left = serializers.SerializerMethodField()
     rank = serializers.SerializerMethodField()
@@ -48,6 +51,18 @@ class EntrySerializer(serializers.Serializer):
     evaluation = serializers.CharField(
         source="best.evaluation.public_id", default=None, allow_null=True, help_text="Of the best submission."
     )
+
+    @extend_schema_field(
+        {
+            "type": "object",
+            "nullable": True,
+            "properties": {"version": {"type": "integer"}, "at": {"type": "string", "format": "date-time"}},
+            "required": ["version", "at"],
+        }
+    )
+    def get_accepted_terms(self, entry: Entry) -> dict[str, object] | None:
+        accepted = entry.accepted_terms.select_related("terms").order_by("-terms__version").first()
+        return accepted and {"version": accepted.terms.version, "at": accepted.accepted_at}
 
     def get_submissions_left(self, entry: Entry) -> int:
         return max(0, entry.race.max_submissions - entry.submission_count)
@@ -84,7 +99,15 @@ class SubmissionSerializer(serializers.Serializer):
     resets = serializers.IntegerField(source="standing.resets", default=None, allow_null=True)
 
 
-class SubmitSerializer(Body):
+class JoinSerializer(Body):
+    """What is accepted with joining."""
+
+    terms = serializers.IntegerField(
+        required=False, min_value=1, help_text="The version of the race's terms that you accept (`terms_version`)."
+    )
+
+
+class SubmitSerializer(JoinSerializer):
     """Which car."""
 
     model = serializers.CharField(max_length=64, help_text="The public_id of one of your models.")
@@ -110,13 +133,13 @@ class EntryView(APIView):
         operation_id="enter_race",
         summary="Enter a race",
         description="Who is in stays in; who has withdrawn is back with all they drove.",
-        request=None,
+        request=JoinSerializer,
         responses=EntrySerializer,
         tags=["races"],
     )
     def post(self, request: Request, slug: str) -> Response:
-        refuse_fields(request)
-        entry = services.enter_race(race=visible_race(request, slug), racer=racer_of(request), now=timezone.now())
+        sent, race = read_as(JoinSerializer, request.data), visible_race(request, slug)
+        entry = services.enter_race(race=race, racer=racer_of(request), now=timezone.now(), **sent)
         return Response(EntrySerializer(entry).data)
 
     @extend_schema(
@@ -167,7 +190,9 @@ class SubmissionsView(generics.ListAPIView):
         model = models_of(request.user).filter(public_id=sent["model"]).first()
         if model is None:
             raise UserFault("model_not_yours")
-        submission = services.submit_model(race=race, racer=racer_of(request), model=model, now=timezone.now())
+        submission = services.submit_model(
+            race=race, racer=racer_of(request), model=model, now=timezone.now(), terms=sent.get("terms")
+        )
         row = SubmissionRow(submission, standing=None, is_best=False)
         return Response(SubmissionSerializer(row).data, status=status.HTTP_201_CREATED)
 
@@ -181,13 +206,13 @@ class InvitationView(APIView):
     @extend_schema(
         operation_id="accept_invitation",
         summary="Join the race that an invitation belongs to",
-        request=None,
+        request=JoinSerializer,
         responses=EntrySerializer,
         tags=["races"],
     )
     def post(self, request: Request, token: str) -> Response:
-        refuse_fields(request)
-        entry = services.accept_invitation(token=token, racer=racer_of(request), now=timezone.now())
+        sent = read_as(JoinSerializer, request.data)
+        entry = services.accept_invitation(token=token, racer=racer_of(request), now=timezone.now(), **sent)
         return Response(EntrySerializer(entry).data)
 
 

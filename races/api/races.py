@@ -24,6 +24,7 @@ from .. import services
 from ..audit import log
 from ..layout import box_rows
 from ..models import Division, Entry, Race, RaceKind, RaceState, RaceType, Visibility
+from ..models.race import MOST_TERMS
 from ..ranking import order_rule, rule_for
 from ..rules.serializers import with_rules
 from ..selectors import can_organise, races_visible_to
@@ -48,6 +49,9 @@ class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore
     division = serializers.ChoiceField(Division.choices, allow_blank=True, help_text="Of a league race.")
     name = serializers.CharField()
     description = serializers.CharField(allow_blank=True)
+    prize = serializers.CharField(allow_blank=True)
+    sponsor = serializers.CharField(allow_blank=True)
+    terms_version = serializers.IntegerField(help_text="Of the terms that whoever joins accepts; 0: none.")
     organiser = serializers.CharField(source="organiser.alias", default=None, allow_null=True)
     state = serializers.SerializerMethodField()
     opens_at = serializers.DateTimeField()
@@ -70,6 +74,7 @@ class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore
 class RaceDetailSerializer(RaceSerializer):
     """A race with what its rules mean, and for who organises it the invitation."""
 
+    terms = serializers.CharField(allow_blank=True, help_text="What whoever joins accepts.")
     placed_boxes = serializers.SerializerMethodField(
         help_text="Every box where it stands, drawn ones too, in the order driven."
     )
@@ -101,6 +106,14 @@ class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore
 
     name = serializers.CharField(max_length=64, required=False)
     description = serializers.CharField(max_length=2000, allow_blank=True, required=False)
+    prize = serializers.CharField(max_length=200, allow_blank=True, required=False)
+    sponsor = serializers.CharField(max_length=64, allow_blank=True, required=False)
+    terms = serializers.CharField(
+        max_length=MOST_TERMS,
+        allow_blank=True,
+        required=False,
+        help_text="Whoever joins accepts them first; a change asks everybody anew.",
+    )
     track = serializers.SlugRelatedField(
         slug_field="slug", queryset=Track.objects.all(), required=False, help_text="The track's slug."
     )

@@ -10,6 +10,7 @@ from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
 from .rules import default_sensors
 from .submission import Submission
+from .terms import RaceTerms, TermsAcceptance
 
 __all__ = [
     "BoardCount",
@@ -27,6 +28,7 @@ __all__ = [
     "RaceCar",
     "RaceKind",
     "RaceState",
+    "RaceTerms",
     "RaceType",
     "RankingMethod",
     "Redrive",
@@ -34,6 +36,7 @@ __all__ = [
     "RefusedCar",
     "Retiming",
     "Submission",
+    "TermsAcceptance",
     "Visibility",
     "car_of",
     "default_sensors",

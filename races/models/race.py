@@ -42,6 +42,9 @@ def _unless_imported(*constraints: models.CheckConstraint) -> list[models.CheckC
 _NEEDED_WITHIN_DRIVEN, *_LAPS = laps_constraints("race")
 
 
+MOST_TERMS = 8000
+
+
 def new_invitation() -> str:
     """A secret that joins an invitation race (32 characters, 190 bits)."""
     return get_random_string(32)
@@ -55,6 +58,18 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
     name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
     description = models.TextField(_("description"), blank=True, max_length=2000)
+    prize = models.CharField(_("prize"), blank=True, max_length=200, validators=[ONE_LINE], db_default="")
+    sponsor = models.CharField(_("sponsor"), blank=True, max_length=64, validators=[ONE_LINE], db_default="")
+    terms = models.TextField(
+        _("terms to accept"),
+        blank=True,
+        max_length=MOST_TERMS,
+        db_default="",
+        help_text=_("Whoever joins accepts them first. Once you change them, everybody accepts them anew."),
+    )
+    terms_version = models.PositiveSmallIntegerField(
+        _("version of the terms"), default=0, db_default=0, editable=False, help_text=_("0: none to accept.")
+    )
     organiser = models.ForeignKey(
         settings.AUTH_USER_MODEL,
         models.SET_NULL,

@@ -21,23 +21,25 @@ from .gates import require_not_over
 from .locks import lock_entries, lock_entry
 from .standings import forget_fastest, note_fastest
 from .stopping import stop_after_commit, stop_duels_after_commit
+from .terms import accept_terms
 
 if TYPE_CHECKING:
     from accounts.models import Racer
 
 
 @transaction.atomic
-def enter_race(*, race: Race, racer: Racer, now: datetime) -> Entry:
+def enter_race(*, race: Race, racer: Racer, now: datetime, terms: int | None = None) -> Entry:
     """Put a racer into a race that is not over; who is in stays in, who has withdrawn is back with all they drove.
 
-    Raises UserFault("race_needs_invitation") for a race by invitation unless the racer is in it or holds it,
-    "entry_removed", "race_closed", "race_cancelled", or what an eligibility check says.
+    ``terms``: the version of the race's terms that the racer accepts. Raises UserFault("race_needs_invitation") for a
+    race by invitation unless the racer is in it or holds it, "entry_removed", "race_closed", "race_cancelled",
+    "race_terms" where others stand to be accepted, or what an eligibility check says.
     """
-    return _enter(race, racer, now, invited=False)
+    return _enter(race, racer, now, invited=False, terms=terms)
 
 
 @transaction.atomic
-def accept_invitation(*, token: str, racer: Racer, now: datetime) -> Entry:
+def accept_invitation(*, token: str, racer: Racer, now: datetime, terms: int | None = None) -> Entry:
     """Enter the race that an invitation link belongs to.
 
     Raises UserFault("invitation_unknown") for a link that was reset or never was, else as :func:`enter_race`.
@@ -45,7 +47,7 @@ def accept_invitation(*, token: str, racer: Racer, now: datetime) -> Entry:
     race = Race.objects.filter(invitation=token, visibility=Visibility.INVITATION).first() if token else None
     if race is None:
         raise UserFault("invitation_unknown")
-    return _enter(race, racer, now, invited=True)
+    return _enter(race, racer, now, invited=True, terms=terms)
 
 
 @transaction.atomic
@@ -135,12 +137,14 @@ def take_out(entries: Iterable[Entry], *, now: datetime, reason: str) -> None:
             _left(entry, now)
 
 
-def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
+def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool, terms: int | None) -> Entry:
     require_not_over(race, now)
     entry = Entry.objects.filter(race=race, racer=racer).select_related("race", "racer").first()
     if entry is not None and entry.removed_at is not None:
         raise UserFault("entry_removed")
     if entry is not None and not entry.is_withdrawn:
+        if terms is not None:
+            accept_terms(entry, race, accepted=terms, now=now)
         return entry
     if entry is None and race.visibility == Visibility.INVITATION and not invited and not can_organise(racer, race):
         raise UserFault("race_needs_invitation")
@@ -149,6 +153,7 @@ def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool) -> Entry:
         entry, _ = Entry.objects.get_or_create(
             race=race, racer=racer, defaults={"entered_at": now, "is_baseline": racer.is_house}
         )
+    accept_terms(entry, race, accepted=terms, now=now)
     if not entry.is_withdrawn:
         return entry
     lock_entry(entry)

@@ -24,6 +24,7 @@ from ..models import OwnEvaluation, Race
 from ..own_rules import own_rules, rules_as_in
 from ..quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE
 from ..selectors.own import fault_of_better
+from ..selectors.terms import check_terms
 from ..selectors.visibility import can_see_race
 from ..sensors import not_offered
 from .gates import require_open
@@ -167,6 +168,7 @@ def _check_race(owner: Racer, model: TrainedModel, race: Race, now: datetime) ->
     if missing:
         raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
     check_eligible(race, owner, now)
+    check_terms(race, owner)
 
 
 def _refuse_full_quota(owner: Racer, now: datetime) -> None:

@@ -29,6 +29,7 @@ from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
 from .gates import require_not_over, require_open
 from .stopping import stop_after_commit
+from .terms import keep_terms, one_form
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -110,9 +111,11 @@ def edit_race(*, race: Race, now: datetime, edition: str | None = None, **change
         raise UserFault("race_changed_meanwhile")
     after = Race.objects.get(pk=race.pk)
     for name, value in changes.items():
-        setattr(after, name, value)
+        setattr(after, name, one_form(value) if name == "terms" else value)
     check_race(after, now=now, before=before, submissions=has_submissions(before))
     after.save(update_fields=Race.columns_of(changes))
+    if "terms" in changes:
+        keep_terms(after, now)
     if after.closes_at != before.closes_at:
         _reschedule(race, after.closes_at)
     race.refresh_from_db()
@@ -203,10 +206,12 @@ def free_slug(name: str, *, fallback: str = "race") -> str:
 
 def _create(race: Race, now: datetime) -> Race:
     race.name = " ".join(race.name.split())
+    race.terms = one_form(race.terms)
     race.slug = race.slug or free_slug(race.name)
     race.created_at = now
     check_race(race, now=now)
     race.save(force_insert=True)
+    keep_terms(race, now)
     return race
 
 

@@ -21,6 +21,7 @@ from ..sensors import not_offered
 from .cars import note_refused, take_place
 from .entries import enter_race
 from .gates import require_open
+from .terms import accept_terms
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -29,17 +30,20 @@ HOUSE_PRIORITY = -10  # nobody waits for a house car
 ACTIVE = (State.QUEUED, State.RUNNING)
 
 
-def submit_model(*, race: Race, racer: Racer, model: TrainedModel, now: datetime) -> Submission:
+def submit_model(
+    *, race: Race, racer: Racer, model: TrainedModel, now: datetime, terms: int | None = None
+) -> Submission:
     """Send a car to a race and put it into the queue; the racer is entered if they are not yet in and may be.
 
-    It counts when it was sent before the race closed, however long it waits. Raises UserFault: "race_not_open_yet",
+    It counts when it was sent before the race closed, however long it waits. ``terms``: the version of the race's terms
+    that the racer accepts with it. Raises UserFault: "race_not_open_yet",
     "race_closed", "race_cancelled", "entry_withdrawn", what :func:`~races.services.enter_race` raises,
     "model_not_yours", "sensors_not_offered", "car_already_submitted" (``evaluation``: the public id of its evaluation),
     "car_of_another" (``racer`` sent it before; organisers see that it was tried), "submission_running" (one at a time),
     "submissions_used_up", or what an eligibility check says.
     """
     try:
-        return _submit(race, racer, model, now)
+        return _submit(race, racer, model, now, terms)
     except UserFault as fault:
         if fault.code == "car_of_another":
             note_refused(race=race, racer=racer, network=model.network, now=now)
@@ -47,20 +51,21 @@ def submit_model(*, race: Race, racer: Racer, model: TrainedModel, now: datetime
 
 
 @transaction.atomic
-def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime) -> Submission:
+def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms: int | None) -> Submission:
     require_open(race, now)
     entry = Entry.objects.filter(race=race, racer=racer).first()
     if entry is not None and entry.is_withdrawn:
         raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
     if not can_use_model(racer, model):
         raise UserFault("model_not_yours")
-    entry = entry or enter_race(race=race, racer=racer, now=now)
+    entry = entry or enter_race(race=race, racer=racer, now=now, terms=terms)
     check_eligible(race, racer, now)
     entry, race = _locked(entry)
     # under the locks: two tabs are one after the other here, and an organiser cannot change the rules in between
     require_open(race, now)
     if entry.is_withdrawn:
         raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
+    accept_terms(entry, race, accepted=terms, now=now)
     missing = not_offered(model.sensors, race.sensors)
     if missing:
         raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))

@@ -21,6 +21,7 @@ from races.layout_form import LayoutForm, preview
 from races.models import Entry, Race, RaceKind, RaceState
 from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
+from races.selectors.terms import with_accepted_terms
 from races.services.races import has_submissions
 from tracks.models import Track
 
@@ -140,7 +141,7 @@ def race_racers(request: HttpRequest, slug: str) -> HttpResponse:
     """Who is in a race, for its organiser."""
     race = organised_race(request, slug)
     entries = Entry.objects.filter(race=race, is_baseline=False).select_related("racer").order_by("entered_at", "pk")
-    page = Paginator(entries, RACERS_PER_PAGE).get_page(request.GET.get("page"))
+    page = Paginator(with_accepted_terms(entries), RACERS_PER_PAGE).get_page(request.GET.get("page"))
     context = {"race": race, "page": page, "shared": shared_cars(race)}
     return render(request, "races/racers.html", context)
 

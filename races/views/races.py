@@ -33,6 +33,7 @@ from races.selectors import (
     to_beat,
     upcoming,
 )
+from races.selectors.terms import has_accepted
 from races.sensors import not_offered
 
 from .common import visible_race
@@ -153,6 +154,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
     }
     if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):
+        context["asks_terms"] = not has_accepted(entry, shown)
         fault = refusal(shown, request.user, now)
         context["not_for_me"] = fault and explain(fault)
     if state == RaceState.OPEN and request.user.is_authenticated:

@@ -33,7 +33,7 @@ def enter(request: HttpRequest, slug: str) -> HttpResponse:
     """Enter a race."""
     race = visible_race(request, slug)
     try:
-        services.enter_race(race=race, racer=racer_of(request), now=timezone.now())
+        services.enter_race(race=race, racer=racer_of(request), now=timezone.now(), terms=_accepted(request))
     except UserFault as fault:
         tell_fault(request, fault)
     else:
@@ -50,13 +50,24 @@ def submit(request: HttpRequest, slug: str) -> HttpResponse:
     try:
         if model is None:
             raise UserFault("model_not_yours")
-        submission = services.submit_model(race=race, racer=racer_of(request), model=model, now=timezone.now())
+        submission = services.submit_model(
+            race=race, racer=racer_of(request), model=model, now=timezone.now(), terms=_accepted(request)
+        )
     except UserFault as fault:
         tell_fault(request, fault)
-        return HttpResponseRedirect(_back(request, race))
+        # there the box to tick is
+        return HttpResponseRedirect(
+            f"{race.get_absolute_url()}#send" if fault.code == "race_terms" else _back(request, race)
+        )
     if request.POST.get("watch"):
         return redirect(submission.evaluation)
     return redirect(race)
+
+
+def _accepted(request: HttpRequest) -> int | None:
+    """The version of a race's terms whose box is ticked."""
+    sent = request.POST.get("terms", "")
+    return int(sent) if sent.isdecimal() and len(sent) < 6 else None
 
 
 def _back(request: HttpRequest, race: Race) -> str:
@@ -103,10 +114,13 @@ def race_invitation(request: HttpRequest, token: str) -> HttpResponse:
     if entry is not None and not entry.is_withdrawn:
         return redirect(race)
     if request.user.is_authenticated:
-        if request.session.pop(ACCEPTED, None) == token or request.method == "POST":
-            return _join(request, race, token)
+        kept = request.session.pop(ACCEPTED, None)
+        if request.method == "POST":
+            return _join(request, race, token, _accepted(request))
+        if isinstance(kept, dict) and kept["token"] == token and kept["terms"] == (race.terms_version or None):
+            return _join(request, race, token, kept["terms"])
     elif request.method == "POST":
-        request.session[ACCEPTED] = token
+        request.session[ACCEPTED] = {"token": token, "terms": _accepted(request)}
         way = "account_signup" if request.POST.get("with") == "signup" else "account_login"
         return redirect(f"{reverse(way)}?next={request.path}")
     context = {"race": race, "state": race.state_at(now), "ranking_rule": rule_for(race).rule(race)}
@@ -115,9 +129,9 @@ def race_invitation(request: HttpRequest, token: str) -> HttpResponse:
     return render(request, "races/invitation.html", context)
 
 
-def _join(request: HttpRequest, race: Race, token: str) -> HttpResponse:
+def _join(request: HttpRequest, race: Race, token: str, terms: int | None) -> HttpResponse:
     try:
-        services.accept_invitation(token=token, racer=racer_of(request), now=timezone.now())
+        services.accept_invitation(token=token, racer=racer_of(request), now=timezone.now(), terms=terms)
     except UserFault as fault:
         tell_fault(request, fault)
         return redirect(request.path)

@@ -8,6 +8,7 @@ import pytest
 from django.db import IntegrityError, transaction
 
 from paddock.errors import PaddockError, UserFault
+from races.services import edit_race
 from tests.factories import a_race
 from tests.rows import METADATA, model_row, track_row
 from tests.training.jobs import a_training
@@ -168,6 +169,11 @@ def test_a_paused_queue_refuses_a_training(alice, oval, now, settings):
 def test_somebody_elses_vehicle_is_refused(alice, bob, oval, now):
     vehicle = Vehicle.objects.create(owner=bob, name="Bob's")
     assert refusal(alice, oval, now, vehicle=vehicle).code == "vehicle_not_yours"
+
+
+def test_a_race_whose_terms_nobody_has_accepted_is_refused_at_once(alice, oval, now):
+    race = edit_race(race=a_race(now, track=oval), now=now, terms="Be kind.")
+    assert refusal(alice, oval, now, submit_to_race=race).code == "race_terms"
 
 
 def test_a_race_that_would_refuse_the_model_is_refused_at_once(alice, oval, now, monkeypatch):

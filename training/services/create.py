@@ -26,6 +26,7 @@ from paddock.simulator.layout import lay_out
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
 from races.own_rules import own_rules
+from races.selectors.terms import check_terms
 from races.sensors import not_offered
 from races.services.gates import require_open
 from tracks.models import Track
@@ -212,6 +213,7 @@ def _check_race(job: TrainingJob, race: Race, now: datetime) -> None:
     if missing:
         raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
     check_eligible(race, job.owner, now)
+    check_terms(race, job.owner)
 
 
 def _check_evaluation(job: TrainingJob, track: Track) -> None:

@@ -1,0 +1,53 @@
+"""What racers agree to before they join a race: every version as it was written, and who accepted which, and when."""
+
+from __future__ import annotations
+
+from django.db import models
+from django.db.models import Q
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from .entry import Entry
+from .race import MOST_TERMS, Race
+
+
+class RaceTerms(models.Model):
+    """One version of a race's terms. It never changes: other words are the next version."""
+
+    race = models.ForeignKey(Race, models.CASCADE, related_name="terms_written", verbose_name=_("race"), db_index=False)
+    version = models.PositiveSmallIntegerField(_("version"))
+    text = models.TextField(_("terms"), max_length=MOST_TERMS)
+    written_at = models.DateTimeField(_("written"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("version of a race's terms")
+        verbose_name_plural = _("versions of races' terms")
+        ordering = ["race", "version"]
+        constraints = [
+            models.UniqueConstraint(fields=["race", "version"], name="race_terms_version_once"),
+            models.CheckConstraint(condition=Q(version__gte=1), name="race_terms_count_from_one"),
+            models.CheckConstraint(condition=~Q(text=""), name="race_terms_say_something"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.race} {self.version}"
+
+
+class TermsAcceptance(models.Model):
+    """That a racer accepted a version of the terms of the race that they are in."""
+
+    # no index of its own: the unique one begins with it
+    entry = models.ForeignKey(
+        Entry, models.CASCADE, related_name="accepted_terms", verbose_name=_("entry"), db_index=False
+    )
+    terms = models.ForeignKey(RaceTerms, models.RESTRICT, related_name="acceptances", verbose_name=_("terms"))
+    accepted_at = models.DateTimeField(_("accepted"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("acceptance of terms")
+        verbose_name_plural = _("acceptances of terms")
+        ordering = ["entry", "terms"]
+        constraints = [models.UniqueConstraint(fields=["entry", "terms"], name="race_terms_accepted_once")]
+
+    def __str__(self) -> str:
+        return f"{self.entry} {self.terms_id}"
