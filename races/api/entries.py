@@ -62,7 +62,7 @@ class EntrySerializer(serializers.Serializer):
     )
     def get_accepted_terms(self, entry: Entry) -> dict[str, object] | None:
         accepted = entry.accepted_terms.select_related("terms").order_by("-terms__version").first()
-        return accepted and {"version": accepted.terms.version, "at": accepted.accepted_at}
+        return {"version": accepted.terms.version, "at": accepted.accepted_at} if accepted else None
 
     def get_submissions_left(self, entry: Entry) -> int:
         return max(0, entry.race.max_submissions - entry.submission_count)
@@ -138,7 +138,7 @@ class EntryView(APIView):
         tags=["races"],
     )
     def post(self, request: Request, slug: str) -> Response:
-        sent, race = read_as(JoinSerializer, request.data), visible_race(request, slug)
+        sent, race = read_as(JoinSerializer, request.data or {}), visible_race(request, slug)
         entry = services.enter_race(race=race, racer=racer_of(request), now=timezone.now(), **sent)
         return Response(EntrySerializer(entry).data)
 
@@ -211,7 +211,7 @@ class InvitationView(APIView):
         tags=["races"],
     )
     def post(self, request: Request, token: str) -> Response:
-        sent = read_as(JoinSerializer, request.data)
+        sent = read_as(JoinSerializer, request.data or {})
         entry = services.accept_invitation(token=token, racer=racer_of(request), now=timezone.now(), **sent)
         return Response(EntrySerializer(entry).data)
 

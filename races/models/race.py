@@ -58,12 +58,15 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
     name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
     description = models.TextField(_("description"), blank=True, max_length=2000)
-    prize = models.CharField(_("prize"), blank=True, max_length=200, validators=[ONE_LINE], db_default="")
-    sponsor = models.CharField(_("sponsor"), blank=True, max_length=64, validators=[ONE_LINE], db_default="")
+    prize = models.CharField(_("prize"), blank=True, max_length=200, validators=[ONE_LINE], default="", db_default="")
+    sponsor = models.CharField(
+        _("sponsor"), blank=True, max_length=64, validators=[ONE_LINE], default="", db_default=""
+    )
     terms = models.TextField(
         _("terms to accept"),
         blank=True,
         max_length=MOST_TERMS,
+        default="",
         db_default="",
         help_text=_("Whoever joins accepts them first. Once you change them, everybody accepts them anew."),
     )

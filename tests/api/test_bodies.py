@@ -19,7 +19,7 @@ from core.bodies import MAX_NAME, MAX_NAMED
 from league.models import Notice, NoticeKind
 from league.services import create_season
 from league.services.webhooks import add_webhook
-from races.models import Race, Visibility
+from races.models import Race, RaceState, Visibility
 from races.services import accept_invitation
 from tests.api.schema import SCHEMA
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
@@ -183,10 +183,19 @@ def test_an_operation_without_fields_accepts_an_empty_body(alice, as_racer, body
 @pytest.mark.django_db
 @pytest.mark.parametrize("body", ['["x"]', '"x"', "5"])
 def test_an_operation_without_fields_refuses_any_other_body(alice, as_racer, body):
+    race = a_race(timezone.now(), organiser=alice)
+    answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/close/", body, "application/json")
+    assert answer.data["fields"][""][0]["code"] == "no_fields"
+    race.refresh_from_db()
+    assert race.state_at(timezone.now()) == RaceState.OPEN
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("body", ['["x"]', '"x"', "5"])
+def test_an_operation_whose_fields_may_be_left_out_refuses_what_are_none(alice, as_racer, body):
     race = a_race(timezone.now())
     answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/entry/", body, "application/json")
-    assert answer.data["fields"][""][0]["code"] == "no_fields"
-    assert not race.entries.exists()
+    assert answer.status_code == 400 and not race.entries.exists()
 
 
 @pytest.mark.django_db
