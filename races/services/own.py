@@ -129,7 +129,9 @@ def delete_own(*, own: OwnEvaluation, now: datetime) -> None:
     Raises UserFault("own_under_way") for one that waits or drives.
     """
     assert own.evaluation is not None, "what was deleted is not found"
-    evaluation = Evaluation.objects.select_for_update().get(pk=own.evaluation.pk)
+    evaluation = Evaluation.objects.select_for_update().filter(pk=own.evaluation.pk).first()
+    if evaluation is None:  # by another tab
+        return
     if not evaluation.is_final:
         raise UserFault("own_under_way")
     OwnEvaluation.objects.filter(pk=own.pk).update(evaluation=None, deleted_at=now)

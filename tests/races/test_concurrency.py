@@ -9,13 +9,16 @@ from threading import Barrier, Thread
 import pytest
 from django.db import connection
 
+from accounts.models import RacerQuota
 from evaluation.models import Evaluation, TrainedModel
 from evaluation.services import finish_evaluation, stop_evaluation
 from paddock.errors import PaddockError
-from races.models import Entry, Race, RaceCar, Submission
+from races.models import Entry, OwnEvaluation, Race, RaceCar, Submission
 from races.services import (
     cancel_race,
     create_community_race,
+    delete_own,
+    drive_own,
     edit_race,
     enter_race,
     recompute_standing,
@@ -32,6 +35,7 @@ ABOUT_THE_DATABASE = (  # locks, constraints, triggers, plans and queries
     "duels_concurrency",
     "duels_kept",
     "entries",
+    "own",
     "races",
     "redrives_concurrency",
     "standings",
@@ -77,6 +81,38 @@ def test_of_six_cars_sent_at_once_one_is_queued(now):
     assert sorted(str(a) for a in answers if not isinstance(a, Submission)) == ["submission_running"] * 5, answers
     entry = Entry.objects.get()
     assert (entry.submission_count, entry.last_number, Evaluation.objects.count()) == (1, 1, 1)
+
+
+def test_of_six_own_runs_asked_for_at_once_no_more_are_queued_than_may_be(now):
+    racer, track = a_racer(), a_track()
+    RacerQuota.objects.create(racer=racer, name="own_runs_at_once", limit=2)
+    models = [a_model(racer) for _ in range(6)]
+    answers = at_once([lambda m=m: drive_own(owner=racer, model=m, track=track, now=now) for m in models])
+    assert [a for a in answers if not isinstance(a, OwnEvaluation)] == ["own_runs_at_once"] * 4, answers
+    assert Evaluation.objects.count() == OwnEvaluation.objects.count() == 2
+
+
+def test_own_runs_that_end_at_once_submit_one_car_at_a_time(now):
+    race, racer = a_race(now), a_racer()
+    asked = [drive_own(owner=racer, model=a_model(racer), race=race, submit_if_better=True, now=now) for _ in range(4)]
+    runs = [start(own.evaluation, now) for own in asked]
+
+    def end(run):
+        return finish_evaluation(pk=run.pk, lease=run.lease, outcome=outcome(laps(9, 9, 9)), now=now)
+
+    answers = at_once([lambda run=run: end(run) for run in runs])
+    assert answers == [True] * 4
+    submitted = OwnEvaluation.objects.values_list("submission", "submit_reason_code")
+    assert sorted(reason for _, reason in submitted) == ["", *["submission_running"] * 3]
+    assert Submission.objects.count() == 1 == Entry.objects.get().submission_count
+
+
+def test_an_own_run_that_is_deleted_twice_at_once_is_gone(now):
+    racer = a_racer()
+    own = drive_own(owner=racer, model=a_model(racer), track=a_track(), now=now)
+    stop_evaluation(evaluation=own.evaluation, now=now)
+    assert at_once([lambda: delete_own(own=own, now=now)] * 3) == [None] * 3
+    assert not Evaluation.objects.exists() and OwnEvaluation.objects.get().deleted_at == now
 
 
 def test_the_last_submission_is_used_only_once(now):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from importlib import import_module
 
 import pytest
+from django.apps import apps
 from django.db import transaction
 
 from accounts.models import RacerQuota
@@ -435,3 +437,15 @@ def test_an_option_that_no_run_has_is_a_mistake_of_ours(alice, now):
         ask(alice, now, shared_cars=True)
     with pytest.raises(UserFault):
         ask(alice, now, laps=0)
+
+
+def test_test_drives_of_before_become_own_runs(alice, now):
+    own = ask(alice, now, laps=2)
+    sent = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
+    OwnEvaluation.objects.all().delete()
+    take_over = import_module("races.migrations.0004_own_runs_of_before").take_over
+    for _ in range(2):
+        take_over(apps, None)
+    found = OwnEvaluation.objects.get()
+    assert found.evaluation == own.evaluation != sent.evaluation
+    assert (found.owner, found.minimum_laps, found.asked_at) == (alice, 2, own.evaluation.queued_at)
