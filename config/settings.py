@@ -356,6 +356,13 @@ MFA_WEBAUTHN_ALLOW_INSECURE_ORIGIN = not BEHIND_HTTPS
 MFA_ALLOW_UNVERIFIED_EMAIL = True
 STAFF_SECOND_FACTOR = env_bool("PADDOCK_STAFF_SECOND_FACTOR", False)
 SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed"))
+# The operator's own pages, linked at the foot of every page
+FOOT_LINKS = {
+    "chat": env_url("PADDOCK_CHAT_URL", "", ("https", "http"), "https://chat.example.org"),
+    "forum": env_url("PADDOCK_FORUM_URL", "", ("https", "http"), "https://forum.example.org"),
+    "terms": env_url("PADDOCK_TERMS_URL", "", ("https", "http"), "https://example.org/terms"),
+    "privacy": env_url("PADDOCK_PRIVACY_URL", "", ("https", "http"), "https://example.org/privacy"),
+}
 LOGIN_URL = "account_login"
 LOGIN_REDIRECT_URL = "home"
 LOGOUT_REDIRECT_URL = "home"

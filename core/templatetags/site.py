@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from django import template
+from django.conf import settings
 from django.http import HttpRequest
 from django.template import Context
 from django.template.base import FilterExpression, Parser, Token, token_kwargs
 from django.urls import reverse
 from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _
 
 from core import pages
 
@@ -30,6 +32,13 @@ def navigation(context: Context) -> list[dict[str, Any]]:
     """The sections of the site in their order: ``address``, ``label``, and whether the page belongs to it."""
     here = pages.section_of(getattr(context.get("request"), "path", ""))
     return [{"address": reverse(s.page), "label": s.label, "is_here": s.name == here} for s in pages.sections()]
+
+
+@register.simple_tag
+def operators_links() -> list[tuple[str, str]]:
+    """(label, address) of each page of the operator's own that the settings name."""
+    labels = {"chat": _("Chat"), "forum": _("Forum"), "terms": _("Terms of use"), "privacy": _("Privacy")}
+    return [(labels[name], address) for name, address in settings.FOOT_LINKS.items() if address]
 
 
 @register.simple_tag
