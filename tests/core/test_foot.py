@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 from django.template import Context, Template
 
-
 PAGE = (
     "{% load site %}{% operators_links as links %}"
     "{% for label, address in links %}[{{ label }} {{ address }}]{% endfor %}"

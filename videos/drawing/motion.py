@@ -51,6 +51,11 @@ class Steps:
         return len(self.t)
 
 
+def fault_times(steps: Steps) -> np.ndarray:
+    """When the car was at fault, in ms: it is then put back, unless no reset is left to it."""
+    return steps.t[np.isin(steps.status, FAULTS)]
+
+
 def read_steps(trace: bytes) -> Steps:
     """The steps of a sim-trace. Rows that cannot be read, that lie nowhere on Earth's tracks or that go back in time
     are left out; a file that is not a trace has none."""

@@ -11,6 +11,7 @@ import numpy as np
 from . import palette, shapes
 from .brush import Sticker, disc, fill, fixed, rounded, stroke
 from .lettering import figures, shortened, write
+from .motion import fault_times
 from .palette import Colour, mixed
 from .scene import BAR, Words
 from .take import Take
@@ -40,6 +41,7 @@ class Panel:
         self._title = self._head()
         self._order: tuple[float, list[tuple[int, float]]] = (-math.inf, [])
         self._before: dict[str, object] = {}
+        self._faults = fault_times(take.hero.steps)
 
     def paint(self, picture: np.ndarray, frame: int) -> None:
         """Paint onto the whole of ``picture``."""
@@ -48,7 +50,9 @@ class Panel:
         moment = float(take.times[frame])
         hero = take.hero
         clock = hero.timing.at(moment, take.scene.lap)
-        self._update(clock, float(hero.way.speed[frame]), math.degrees(float(hero.way.steer[frame])))
+        self._update(
+            clock, self._resets(moment), float(hero.way.speed[frame]), math.degrees(float(hero.way.steer[frame]))
+        )
         below = self.height
         picture[:below] = self._bar
         self._progress(picture, below, float(hero.way.done[frame]) - (clock.lap - 1))
@@ -95,15 +99,26 @@ class Panel:
         self._bar[round(y) : round(y + height), round(x) : round(x + width)] = palette.SURFACE
         return True
 
-    def _update(self, clock: Clock, speed: float, degrees: float) -> None:
+    def _resets(self, moment: float) -> int:
+        """How often the followed car has been put back, in the run or in the only lap that is shown."""
+        take = self._take
+        laps = [lap for lap in take.hero.timing.laps if take.scene.lap in (None, lap.number)]
+        begun = laps[0].start_ms if laps else 0.0
+        faults = int(((self._faults >= begun) & (self._faults <= moment)).sum())
+        return min(faults, sum(lap.resets for lap in laps))  # the fault that ends a run is no reset
+
+    def _update(self, clock: Clock, resets: int, speed: float, degrees: float) -> None:
         """Bring the bar up to date, writing only what changed."""
         unit, words, bar = self._unit, self._words, self._bar
         on = palette.SURFACE
         lap = f"{words.lap} {clock.lap} / {clock.laps}" if clock.laps else f"{words.lap} {clock.lap}"
-        if self._field("lap", lap, self._name_x, 48 * unit, self._x(392) - self._name_x, 28 * unit):
+        if self._field("lap", lap, self._name_x, 48 * unit, self._x(392) - 116 * unit - self._name_x, 28 * unit):
             write(bar, lap, self._name_x, 50 * unit, 17 * unit, palette.SOFT, on)
         time = written(clock.lap_ms)
         middle = self._x(532)
+        if self._field("resets", resets, self._x(392) - 116 * unit, 48 * unit, 116 * unit, 28 * unit):
+            colour = palette.SOFT if resets else palette.MUTED
+            write(bar, f"{words.resets} {resets}", self._x(392), 50 * unit, 17 * unit, colour, on, align="right")
         if self._field("clock", time, middle - 130 * unit, 8 * unit, 260 * unit, 56 * unit):
             figures(bar, time, middle, 6 * unit, 44 * unit, palette.TEXT, on, bold=True, align="middle")
         if self._field("sectors", (clock.sectors, clock.lap), middle - 110 * unit, 70 * unit, 220 * unit, 10 * unit):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.videos.drawing.runs import lap
+from tests.videos.drawing.runs import SMALL, car, driven, lap, scene, with_reset
+from videos.drawing.panel import Panel
+from videos.drawing.take import prepare
 from videos.drawing.timing import FLASH_MS, GREEN, PURPLE, YELLOW, Timing, laps_of, written
 
 THREE = [lap(1, 0, 9000), lap(2, 9000, 8700), lap(3, 17700, 9300)]
@@ -50,6 +52,21 @@ def test_a_lap_time_flashes_when_the_finish_line_is_crossed():
     assert timing.at(8999).flash is None
     assert (timing.at(9000).flash.number, timing.at(9000).flash_age_ms) == (1, 0)
     assert timing.at(9000 + FLASH_MS).flash is None
+
+
+@pytest.mark.parametrize(
+    ("moment", "only", "resets"), [(0, None, 0), (1999, None, 0), (2001, None, 1), (9000, None, 1), (3000, 1, 1)]
+)
+def test_resets_are_counted_from_the_moment_of_the_fault(moment, only, resets):
+    rows = with_reset(driven(3.0), 30, 1.0, 2.0)
+    panel = Panel(prepare(scene(car(rows, laps=[lap(1, 0, 6000, resets=1)]), lap=only), SMALL))
+    assert panel._resets(moment) == resets
+
+
+def test_the_fault_that_ends_a_run_is_no_reset():
+    rows = with_reset(driven(3.0), 30, 1.0, 0.2)
+    panel = Panel(prepare(scene(car(rows, laps=[lap(1, 0, 2000, complete=False)])), SMALL))
+    assert panel._resets(9000) == 0
 
 
 def test_the_clock_of_a_single_lap_stops_at_its_end():
