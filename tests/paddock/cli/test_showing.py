@@ -17,13 +17,19 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture
-def err(capsys, monkeypatch):
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
-    return stream
+def terminal(monkeypatch):
+    """Puts one in the place of standard error, when the test has begun: pytest puts its own there before."""
+
+    def put() -> Terminal:
+        stream = Terminal()
+        monkeypatch.setattr(sys, "stderr", stream)
+        return stream
+
+    return put
 
 
-def test_a_terminal_shows_a_bar_that_moves(err, capsys):
+def test_a_terminal_shows_a_bar_that_moves(terminal):
+    err = terminal()
     speaker = Speaker(False)
     speaker.progress("place 2 of 3 in the queue, about 4 s")
     speaker.progress("lap 2 of 3, 25 %", (1 + 0.25) / 3)
@@ -42,7 +48,8 @@ def test_elsewhere_a_line_is_said_now_and_then(monkeypatch, capsys):
     assert capsys.readouterr().err == "lap 1 of 3, 5 %\nlap 2 of 3, 80 %\n"
 
 
-def test_json_is_alone(err, capsys):
+def test_json_is_alone(terminal, capsys):
+    err = terminal()
     speaker = Speaker(True)
     speaker.progress("lap 1 of 3, 5 %", 0.02)
     speaker.result({"laps": [7148]}, "words")
