@@ -1,7 +1,7 @@
 """Makes Gymnasium know the environments without an import of ours: ``gymnasium.make("Paddock/TimeTrial-v1")``.
 
 Gymnasium before 1.0 asked installed packages for what they register (the entry point group ``gymnasium.envs``), and
-since then it does not. So the wheel brings a line for the start of Python besides (``paddock_racing.pth``), which calls
+since then it does not. So the wheel brings a line for the start of Python besides (``paddock_racing.pth``, half a millisecond), which calls
 :func:`watch`: when Gymnasium has been imported, and no sooner, the environments are registered by their names, and
 nothing of them is loaded before one is made. Imported at every start of Python, so it imports next to nothing itself.
 """
@@ -9,7 +9,10 @@ nothing of them is loaded before one is made. Imported at every start of Python,
 from __future__ import annotations
 
 import sys
-from typing import Any
+
+TYPE_CHECKING = False  # that of typing, which takes six milliseconds to import
+if TYPE_CHECKING:
+    from typing import Any
 
 WATCHED = "gymnasium.envs"  # where Gymnasium registers its own
 _NAMES = ("TimeTrial", "ObjectAvoidance", "HeadToHead")

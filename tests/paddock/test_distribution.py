@@ -111,6 +111,8 @@ def test_an_install_alone_makes_the_environments_known(home):
     seen, _ = env.reset(seed=1)
     for _ in range(3): seen, *_ = env.step(env.action_space.sample())
     cars = gymnasium.make_vec("Paddock/ObjectAvoidance-v1", num_envs=2, track="oval")
+    from importlib import metadata
+    for one in metadata.entry_points(group="gymnasium.envs"): one.load()()  # as Gymnasium before 1.0: changes nothing
     from paddock.simulator.camera import compiled
     import paddock
     print(json.dumps([early, list(seen["FRONT_FACING_CAMERA"].shape), paddock.__file__, compiled.load() is not None]))
