@@ -60,6 +60,7 @@ def metrics_json(job: TrainingJob) -> Iterator[bytes]:
 
 def _entries(job: TrainingJob) -> Iterator[list[dict[str, Any]]]:
     clock = episode = 0
+    slugs = [track.slug for track in job.tracks]
     rows = job.iterations.order_by("number").values_list("episodes", "eval_trials")
     for driven_here in rows.iterator(chunk_size=AT_A_TIME):
         metrics: list[dict[str, Any]] = []
@@ -76,11 +77,28 @@ def _entries(job: TrainingJob) -> Iterator[list[dict[str, Any]]]:
                         "phase": phase,
                         "completion_percentage": int(one["progress"]),
                         "episode_status": one["status"],
+                        **_way_of(one, slugs),
                     }
                 )
                 clock += one["time_ms"]
                 episode += phase == "training"
         yield metrics
+
+
+def _way_of(driven: dict[str, Any], slugs: list[str]) -> dict[str, str]:
+    """Track and direction of an episode, of a training that has several."""
+    if "track" not in driven:
+        return {}
+    return {"track": slugs[min(driven["track"], len(slugs) - 1)], "direction": driven["direction"]}
+
+
+def _episodes_csv(job: TrainingJob) -> Iterator[bytes]:
+    """Which track each episode of the sim-traces was on: their own columns are the field's."""
+    yield b"iteration,episode,track,direction\n"
+    slugs = [track.slug for track in job.tracks]
+    for number, episodes in job.iterations.order_by("number").values_list("number", "episodes").iterator(AT_A_TIME):
+        rows = ((one.get("episode"), _way_of(one, slugs)) for one in episodes if "track" in one)
+        yield "".join(f"{number - 1},{episode},{way['track']},{way['direction']}\n" for episode, way in rows).encode()
 
 
 def simtrace(iteration: TrainingIteration) -> bytes:
@@ -120,6 +138,8 @@ def _parts(job: TrainingJob) -> Iterator[ZipPart]:
     yield part_of("reward_function.py", [job.reward_code.encode()])
     yield part_of(METADATA, [json.dumps(job.metadata, indent=1).encode()])
     yield part_of(HYPERPARAMETERS, [json.dumps(job.hyperparameters, indent=1).encode()])
+    if job.alternate_direction or job.more_tracks.exists():
+        yield part_of("sim-trace/training/episodes.csv", _episodes_csv(job))
     for number, packed in _traces(job):
         yield part_of_gzip(f"sim-trace/training/training-simtrace/{number - 1}-iteration.csv", packed)
     yield part_of(f"logs/training/{job.name}-robomaker.log", _log(job))

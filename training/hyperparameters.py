@@ -8,7 +8,7 @@ from typing import Any
 from paddock.errors import UserFault
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, SAC
-from paddock.rules.training import SETTINGS, TrainingSettings
+from paddock.rules.training import RANDOMISED, SETTINGS, TrainingSettings
 
 ACTION_COUNTS = (2, 30)
 STEERING_DEG = (-30.0, 30.0)
@@ -67,6 +67,8 @@ REFUSALS = {
     "trials": "training_trials",
     "seed": "training_seed",
     "best_metric": "training_best_metric",
+    "alternate_direction": "training_alternate_direction",
+    **dict.fromkeys(RANDOMISED, "training_randomisation"),
 }
 _RANGES = ("stop_minutes", "stop_clean_laps", "trials")
 
@@ -78,7 +80,9 @@ def check_settings(settings: TrainingSettings) -> None:
         try:
             rule.check(getattr(settings, name))
         except ValueError:
-            bounds = dict(zip(("low", "high"), rule.bounds, strict=True)) if name in _RANGES else {}
+            bounds: dict[str, Any] = dict(zip(("low", "high"), rule.bounds, strict=True)) if name in _RANGES else {}
+            if name in RANDOMISED:
+                bounds = {"name": name}
             raise UserFault(code, **bounds) from None
 
 

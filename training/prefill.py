@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from evaluation.models import TrainedModel
 from paddock.packages.inputs import lidar_settings
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO
-from paddock.rules.training import DRIVEN_BY, ENDING
+from paddock.rules.training import DRIVEN_BY, ENDING, KEPT, RANDOMISED
 from races.layout_form import DRAWN, FIXED
 
 from .actions import discrete_actions
@@ -29,12 +29,12 @@ LONGEST = 255
 # The console's own (deepracer.md 2.4), at which those cars were trained; ours learn best at three times as much.
 CONSOLE_LR = 3e-4
 LACKS_VEHICLE = "lacks_vehicle"  # not a field: the model to begin with, where none of the racer's vehicles fits it
-TAKEN_OVER = ("track", *DRIVEN_BY, "algorithm", "action_space_type", "reward_code", *ENDING)
+TAKEN_OVER = ("track", *DRIVEN_BY, "algorithm", "action_space_type", "reward_code", *KEPT)
 # Fields that an address may fill in. Whatever it says is checked when the form is sent, as if it had been typed.
 NAMED = (
     *("name", "description", "track", "direction", "race_type", "random_boxes", "bots", "algorithm", "vehicle"),
     *(*HYPERPARAMETERS, "action_space_type", *GRANULARITIES, "steering_low", "steering_high"),
-    *("speed_low", "speed_high", *ENDING, "seed"),
+    *("speed_low", "speed_high", *ENDING, "seed", "alternate_direction", *RANDOMISED),
     "submit_to_race",
 )
 
@@ -82,6 +82,7 @@ def _of_job(job: TrainingJob) -> dict[str, Any]:
     initial: dict[str, Any] = {name: getattr(job, name) for name in TAKEN_OVER}
     initial |= job.hyperparameters | _of_actions(job.action_space)
     initial["track"] = job.track.slug
+    initial["more_tracks"] = [track.slug for track in job.tracks[1:]]
     # of a vehicle that is deleted since: another one like it
     initial["vehicle"] = job.vehicle.public_id if job.vehicle else _fitting(job.owner, job.metadata) or ""
     initial["box_choice"] = FIXED if job.boxes else DRAWN

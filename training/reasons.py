@@ -60,6 +60,9 @@ register(
         "training_clean_laps": _(
             "The number of clean laps that ends the training must be a whole number from %(low)s to %(high)s."
         ),
+        "training_alternate_direction": _("Whether the direction alternates is true or false."),
+        "training_randomisation": _("The strength %(name)s must be a whole number of percent, 0 to 100."),
+        "training_tracks": _("A training drives on at most %(limit)s tracks, each of them once."),
         "training_trials": _("An evaluation has %(low)s to %(high)s trials."),
         "training_best_metric": _("The best model is the best by progress, reward or lap_time."),
         "training_seed": _("The seed must be a whole number from 0 to 2147483647."),

@@ -357,6 +357,11 @@ def all_laps(laps: int) -> dict[str, Any]:
     return dict(zip(RANKING, (TOTAL, laps, laps), strict=True))
 
 
+def other_direction(direction: str) -> str:
+    """The other way round."""
+    return DIRECTIONS[1 - DIRECTIONS.index(direction)]
+
+
 def penalty_steps(penalty_ms: int, control_hz: float) -> int:
     """Control steps that a penalty lasts, rounded up."""
     return math.ceil(penalty_ms * control_hz / 1000.0 - 1e-9)

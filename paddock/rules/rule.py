@@ -31,6 +31,7 @@ class Rule:
     ``layout``: it says what stands and drives on the track. ``run_only``: a run takes it, an organiser cannot set it.
     ``fixed``: it does not change any more once a car was sent. ``stage``: a season sets it for its stages. ``column``:
     a row has a column for it, because a query or a constraint needs one; otherwise it stands in the row's ``rules``.
+    ``added``: since the first release, so that the database itself knows the column's default.
 
     ``episode``: the default of an environment, where it is another; ``proposed``: what a form fills in where the
     default is none. ``place``: in the order of forms and pages. ``option``: what the command line calls it, where that
@@ -56,6 +57,7 @@ class Rule:
     fixed: bool = True
     stage: bool = False
     column: bool = False
+    added: bool = False
     episode: Any = None
     proposed: Any = None
     place: int = 99

@@ -16,6 +16,11 @@ from .rule import rule, rules_in
 BEST_METRICS = ("progress", "reward", "lap_time")
 PARAMS, POSITIONAL = SIGNATURES = ("params", "positional")
 _MOST = 2**31 - 1
+MOST_TRACKS = 8  # in one training
+
+
+def _strength(label: str, help_: str) -> Any:
+    return rule(0, label=label, help=help_, least=0, most=100, column=True, added=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +84,17 @@ class TrainingSettings:
         column=True,
     )
     seed: int | None = rule(None, label=_("Seed"), least=0, most=_MOST, column=True)
+    alternate_direction: bool = rule(
+        False,
+        label=_("Alternate direction"),
+        help=_("Every second episode of a car goes the other way round."),
+        column=True,
+    )
+    random_light: int = _strength(_("Light"), _("How bright the camera's picture is."))
+    random_colours: int = _strength(_("Colours"), _("The greys of road, lines, field, walls, boxes and cars."))
+    random_start: int = _strength(_("Start"), _("Beside the centre line, and turned away from it."))
+    random_sensors: int = _strength(_("Sensor noise"), _("Grain in the camera's picture, and wavering distances."))
+    random_latency: int = _strength(_("Latency"), _("What the car is told it does up to 0.2 s later."))
 
 
 # Those with bounds and words of their own.
@@ -89,7 +105,16 @@ DRIVEN_BY = tuple(
     for field in dataclasses.fields(TrainingSettings)
     if field.name in RUN_RULES and field.name not in SETTINGS
 )
-ENDING = tuple(name for name in SETTINGS if name != "seed")
+# What each episode draws anew about the world, as percentages of what is sensible.
+RANDOMISED = tuple(name for name in SETTINGS if name.startswith("random_"))
+ENDING = tuple(name for name in SETTINGS if name not in ("seed", "alternate_direction", *RANDOMISED))
+# Those that a row keeps as they are.
+KEPT = (*ENDING, "alternate_direction", *RANDOMISED)
+
+
+def randomisation(values: Mapping[str, int]) -> dict[str, float]:
+    """The strengths above 0, of percentages by the names of :data:`RANDOMISED`, as environments take them."""
+    return {name.removeprefix("random_"): values[name] / 100.0 for name in RANDOMISED if values.get(name)}
 
 
 def taken_from(values: Mapping[str, Any]) -> tuple[TrainingSettings, dict[str, Any]]:

@@ -57,6 +57,11 @@ class Competitor:
         """Where it is, or where it is about to be put."""
         return self.referee.pose if self._put_back is None else self._put_back.pose
 
+    def begin_at(self, pose: Pose) -> None:
+        """Before the first step: begin the run at ``pose`` instead, unless something stands there."""
+        self.referee.begin_at(pose)
+        self.car.place(self.referee.pose)
+
     def observe(self) -> dict[str, np.ndarray]:
         """A reading of each sensor, in sorted order of their names; fresh arrays."""
         car, solids = self.car, self._solids(self)

@@ -129,11 +129,15 @@ class Simulation:
     def clear(self, rules: RaceRules | None = None) -> None:
         """Take all cars off the track for another run, which is then as one on a new stage; bots go back to their
         starts. With ``rules`` (another seed), under these."""
+        self.vacate()
+        self._lay(rules or self.rules, self.world.physics.control_hz)
+
+    def vacate(self) -> None:
+        """Take all cars off the track."""
         for competitor in self.competitors:
             if competitor.car in self.world.cars:
                 self.world.give_back(competitor.car)
         self.competitors.clear()
-        self._lay(rules or self.rules, self.world.physics.control_hz)
 
     def solids(self, competitor: Competitor) -> tuple[Solid, ...]:
         """What ``competitor`` can see on the track besides itself: boxes in driving order, bots, then other cars in the

@@ -24,6 +24,7 @@ from .competitor import Competitor
 from .envs.drive import Drive, StepOutcome
 from .envs.setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
+from .stage import PreparedTrack
 from .world import World, new_world
 
 _Infos = dict[str, Any]
@@ -165,6 +166,10 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
     def car(self, number: int) -> Competitor:
         """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""
         return self._drives[number].car
+
+    def ground(self, number: int) -> PreparedTrack:
+        """What the car of sub-environment ``number`` drives on in its present episode."""
+        return self._drives[number].stage.ground
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the world."""

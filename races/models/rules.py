@@ -80,6 +80,8 @@ def column(rule: Rule) -> models.Field:
         )
     if rule.type is bool:
         return models.BooleanField(column_label(rule), db_default=rule.default, **said)
+    if rule.added:
+        said["db_default"] = rule.default
     if not rule.layout:
         said["validators"] = [
             *([MinValueValidator(rule.least)] if rule.least else []),

@@ -14,7 +14,7 @@ from training.models import TrainingJob
 from .jobs import a_training
 
 NOT_CONSTRAINED = {"seed"}  # any that a column holds
-NUMBERS = [name for name, rule in SETTINGS.items() if not rule.choices and name not in NOT_CONSTRAINED]
+NUMBERS = [name for name, rule in SETTINGS.items() if rule.least is not None and name not in NOT_CONSTRAINED]
 
 
 @pytest.mark.django_db

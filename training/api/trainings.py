@@ -104,6 +104,7 @@ class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN
     reason = serializers.CharField(allow_blank=True, help_text="The sentence of `reason_code`.")
     queue_position = serializers.SerializerMethodField(help_text="1: the next one.")
     stop_asked = serializers.SerializerMethodField(help_text="It has been asked to stop.")
+    more_tracks = serializers.SerializerMethodField(help_text="Slugs of the tracks that it drives on besides.")
     hyperparameters = serializers.DictField()
     action_space_type = serializers.CharField()
     action_space = serializers.JSONField()
@@ -132,6 +133,9 @@ class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN
     )
     iterations = serializers.SerializerMethodField()
 
+    def get_more_tracks(self, job: TrainingJob) -> list[str]:
+        return [track.slug for track in job.tracks[1:]]
+
     def get_ending(self, job: TrainingJob) -> str:
         return how_it_ended(job, self.context["request"].user)
 
@@ -159,6 +163,13 @@ class CreateSerializer(
     description = serializers.CharField(required=False, allow_blank=True, max_length=255)
     track = serializers.SlugRelatedField(
         slug_field="slug", queryset=Track.objects.exclude(length_m=None), help_text="The track's slug."
+    )
+    more_tracks = serializers.SlugRelatedField(
+        slug_field="slug",
+        queryset=Track.objects.exclude(length_m=None),
+        many=True,
+        required=False,
+        help_text="Slugs of up to 7 more: each episode drives on one of all tracks, each evaluation on every one.",
     )
     algorithm = serializers.ChoiceField(Algorithm.choices, required=False)
     hyperparameters = serializers.DictField(required=False)

@@ -1,4 +1,4 @@
-"""Form fields of a training: the table of actions."""
+"""Form fields of a training: the table of actions, ticks with strengths."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Any
 
 from django import forms
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy as _lazy
 
+from paddock.rules.rule import Rule
 from training.hyperparameters import ACTION_COUNTS
 
 MOST = ACTION_COUNTS[1]
@@ -68,3 +70,35 @@ def _typed(action: Any) -> tuple[str, str]:
     if isinstance(action, dict):
         return f"{action['steering_angle']:g}", f"{action['speed']:g}"
     return tuple(action)
+
+
+class StrengthInput(forms.NumberInput):
+    """A tick, and beside it how strong: percent. Not ticked is 0."""
+
+    template_name = "training/widgets/strength.html"
+
+    def get_context(self, name: str, value: Any, attrs: dict[str, Any] | None) -> dict[str, Any]:
+        """As Django's, with ``ticked`` and the strength that a tick proposes."""
+        ticked = str(value or 0) != "0"
+        context = super().get_context(name, value if ticked else USUAL_STRENGTH, attrs)
+        context["widget"]["ticked"] = ticked
+        return context
+
+    def value_from_datadict(self, data: Mapping[str, Any], files: Any, name: str) -> Any:
+        """What was typed where it is ticked, else 0."""
+        return super().value_from_datadict(data, files, name) if f"{name}-on" in data else 0
+
+    def value_omitted_from_data(self, data: Mapping[str, Any], files: Any, name: str) -> bool:
+        return False
+
+
+USUAL_STRENGTH = 50
+
+
+def strength_field(rule: Rule) -> forms.IntegerField:
+    """The field of one of :data:`paddock.rules.training.RANDOMISED`."""
+    most = int(rule.most or 0)
+    widget = StrengthInput(attrs={"min": 1, "max": most, "step": 1})
+    return forms.IntegerField(
+        label=_lazy(rule.label), help_text=_lazy(rule.help), min_value=0, max_value=most, required=False, widget=widget
+    )

@@ -17,7 +17,7 @@ from django.utils.translation import pgettext_lazy
 from core.forms import add_fault
 from paddock.errors import UserFault
 from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
-from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS
+from paddock.rules.training import DRIVEN_BY, ENDING, MOST_TRACKS, RANDOMISED, SETTINGS
 from races.fields import PlainNumberField
 from races.layout_form import DRAWN, LayoutForm
 from races.models import Opponents, Race, RaceType
@@ -42,7 +42,7 @@ from training.models import Algorithm, RewardSignature, Vehicle
 from training.vehicles import vehicles_of
 
 from .clone import CloneField
-from .fields import ActionsField
+from .fields import ActionsField, strength_field
 from .hyperparameters import SHOWN, HyperparametersForm
 
 if TYPE_CHECKING:
@@ -56,7 +56,10 @@ LAYOUT = tuple(name for name in DRIVEN_BY if name not in ("direction", "race_typ
 # The steps of the wizard by the ids of their sections, each with its fields; every other field belongs to "how".
 STEPS: dict[str, tuple[str, ...]] = {
     "what": ("name", "description", "clone"),
-    "where": ("track", "direction", "race_type", "box_choice", "opponents", *LAYOUT),
+    "where": (
+        *("track", "direction", "race_type", "box_choice", "opponents", *LAYOUT),
+        *("more_tracks", "alternate_direction", *RANDOMISED),
+    ),
     "how": ("algorithm",),
     "actions": ("action_space_type", "actions", *RANGES),
     "vehicle": ("vehicle",),
@@ -96,7 +99,8 @@ class RaceSelect(forms.Select):
         return option
 
 
-_LAST = {name: rule_field(SETTINGS[name]) for name in ENDING}
+_LAST = {name: rule_field(SETTINGS[name]) for name in (*ENDING, "alternate_direction")}
+_LAST |= {name: strength_field(SETTINGS[name]) for name in RANDOMISED}
 _Ending = new_class("Ending", (forms.Form,), exec_body=lambda body: body.update(_LAST))
 
 
@@ -116,6 +120,16 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         required=False,
         max_length=255,
         help_text=_("What you want to find out. You will be glad of it when there are ten models."),
+    )
+    more_tracks = forms.ModelMultipleChoiceField(
+        label=_("More tracks"),
+        queryset=Track.objects.none(),
+        to_field_name="slug",
+        required=False,
+        help_text=_(
+            "Each episode drives on one of all its tracks, drawn from the seed. Each evaluation drives on every one: "
+            "the best is the best over all, and clean laps in a row must be driven on each. At most 8 tracks."
+        ),
     )
     # only bots: models meet models in races
     opponents = forms.CharField(required=False, widget=forms.HiddenInput)
@@ -182,6 +196,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         self, *args: Any, owner: Racer, now: datetime, initial: dict[str, Any] | None = None, **kwargs: Any
     ) -> None:
         super().__init__(*args, initial={**INITIAL, **(initial or {})}, **kwargs)
+        self.fields["more_tracks"].queryset = Track.objects.exclude(length_m=None).order_by("name")
         self.fields["vehicle"].queryset = vehicles_of(owner)
         self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
         self.fields["clone"].offer(owner, self["clone"].value())
@@ -202,11 +217,40 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         """When it ends and what is the best of it, three to a row."""
         return [[self[name] for name in ENDING[at : at + 3]] for at in range(0, len(ENDING), 3)]
 
+    def track_choices(self) -> list[Track]:
+        """All tracks, to be ticked."""
+        return list(self.fields["more_tracks"].queryset)
+
+    def ticked_tracks(self) -> list[str]:
+        """Slugs of those that are."""
+        return [str(getattr(one, "slug", one)) for one in self["more_tracks"].value() or ()]
+
+    def opens_more_tracks(self) -> bool:
+        """Whether there is something to see among more tracks."""
+        return bool(self.ticked_tracks() or self["more_tracks"].errors)
+
+    def randomised_fields(self) -> list[forms.BoundField]:
+        """What episodes may draw anew."""
+        return [self[name] for name in RANDOMISED]
+
+    def opens_randomisation(self) -> bool:
+        """Whether something of it is ticked, or wrong."""
+        return any(str(field.value() or 0) != "0" or field.errors for field in self.randomised_fields())
+
     @property
     def wrong_steps(self) -> set[str]:
         """The steps of the wizard in which something is to be corrected."""
         step_of = {name: step for step, names in STEPS.items() for name in names}
         return {step_of.get(name, "how") for name in self.errors if name != NON_FIELD_ERRORS}
+
+    def clean_more_tracks(self) -> list[Track]:
+        """Those beside the first one, which may be ticked too."""
+        more = [track for track in self.cleaned_data["more_tracks"] if track != self.cleaned_data.get("track")]
+        if 1 + len(more) > MOST_TRACKS:
+            raise forms.ValidationError(
+                _("At most %(most)s tracks: untick some of these."), code="tracks", params={"most": MOST_TRACKS}
+            )
+        return more
 
     def clean_reward_code(self) -> str:
         """The text with line ends as Python counts them; forms send CR LF."""
@@ -259,7 +303,8 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         said = self.cleaned_data
         own = ("name", "description", "track", *DRIVEN_BY, *ENDING, "algorithm", "vehicle", "reward_code")
         return {
-            **{name: said[name] for name in own},
+            **{name: said[name] for name in (*own, "more_tracks", "alternate_direction")},
+            **{name: said[name] or 0 for name in RANDOMISED},
             "seed": said["seed"] if str(self.data.get("seed", "")).strip() else None,  # None: another one each time
             "hyperparameters": self.hyperparameters(),
             "action_space_type": said["action_space_type"],
@@ -281,7 +326,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         if fault.code in ("training_action_value", "training_action_bounds"):
             short = "speed" if named_in(fault) == "speed" else "steering"
             return "actions" if self.cleaned_data.get("action_space_type") == DISCRETE else f"{short}_high"
-        if fault.code == "training_hyperparameter":
+        if fault.code in ("training_hyperparameter", "training_randomisation"):
             return named_in(fault)
         if fault.code in LAYOUT_CODES:
             boxes = "random_boxes" if self.cleaned_data.get("box_choice") == DRAWN else "boxes"
@@ -309,6 +354,7 @@ LAYOUT_CODES = (
     *("training_course", "bots_do_not_fit", "boxes_do_not_fit", "boxes_overlap", "box_on_start_line", "box_off_track"),
 )
 PLACES = {
+    "training_tracks": "more_tracks",
     "training_name_form": "name",
     "training_name_taken": "name",
     "training_algorithm": "algorithm",
@@ -351,6 +397,6 @@ INITIAL: dict[str, Any] = {
     "speed_low": DEFAULT_BOUNDS["speed"]["low"],
     "speed_high": DEFAULT_BOUNDS["speed"]["high"],
     "actions": [dict(action) for action in DEFAULT_ACTIONS],
-    **{name: SETTINGS[name].default for name in ENDING},
+    **{name: SETTINGS[name].default for name in (*ENDING, "alternate_direction", *RANDOMISED)},
     **SHOWN,
 }

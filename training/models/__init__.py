@@ -9,7 +9,7 @@ from .choices import (
     NeuralNetwork,
     RewardSignature,
 )
-from .job import TrainingJob
+from .job import TrainingJob, TrainingTrack
 from .record import Checkpoint, TrainingIteration
 from .vehicle import Vehicle
 
@@ -24,5 +24,6 @@ __all__ = [
     "RewardSignature",
     "TrainingIteration",
     "TrainingJob",
+    "TrainingTrack",
     "Vehicle",
 ]

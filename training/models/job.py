@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
@@ -13,15 +15,18 @@ from core.ids import new_public_id
 from core.jobs.models import Job, lease_constraints, reason_sentence
 from evaluation.looks import DEFAULT_COLOUR, Shell
 from paddock.rules.race import MAX_BOTS, MAX_BOXES, RULES
-from paddock.rules.training import DRIVEN_BY, ENDING, SETTINGS
+from paddock.rules.training import DRIVEN_BY, KEPT, MOST_TRACKS, RANDOMISED, SETTINGS
 from races.models.rules import name_choices, with_columns, within
 
 from .choices import FINAL_STATES, Algorithm, BestMetric, EndReason, JobState, NeuralNetwork, RewardSignature
 
+if TYPE_CHECKING:
+    from tracks.models import Track
+
 name_choices("best_metric", BestMetric)
 
 
-_RULES = {**{name: RULES[name] for name in DRIVEN_BY}, **{name: SETTINGS[name] for name in ENDING}}
+_RULES = {**{name: RULES[name] for name in DRIVEN_BY}, **{name: SETTINGS[name] for name in KEPT}}
 
 
 class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
@@ -223,6 +228,10 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
                 name="training_clean_laps_range",
             ),
             models.CheckConstraint(condition=within("trials", SETTINGS), name="training_trials_range"),
+            *(
+                models.CheckConstraint(condition=within(name, SETTINGS), name=f"training_{name}_range")
+                for name in RANDOMISED
+            ),
             models.CheckConstraint(condition=Q(best_metric__in=BestMetric.values), name="training_best_metric_known"),
             models.CheckConstraint(condition=~Q(reward_code=""), name="training_has_reward_function"),
             models.CheckConstraint(condition=Q(charged_s__gte=0), name="training_charged_seconds_positive"),
@@ -255,6 +264,17 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         return reason_sentence(self.evaluate_reason_code, self.evaluate_reason_params)
 
     @property
+    def tracks(self) -> list[Track]:
+        """All that it drives on, the first one first."""
+        more = self.more_tracks.select_related("track").order_by("place")
+        return [self.track, *(one.track for one in more)]
+
+    @property
+    def randomised(self) -> dict[str, int]:
+        """What its episodes draw anew, as percentages above 0 by the names of the settings."""
+        return {name: getattr(self, name) for name in RANDOMISED if getattr(self, name)}
+
+    @property
     def seconds_left(self) -> float:
         """Seconds of wall time until it ends at the latest, counted by the training itself."""
         return max(0.0, self.stop_minutes * 60.0 - self.seconds_done)
@@ -273,3 +293,24 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         if self.lidar_config:
             metadata["lidar_config"] = self.lidar_config
         return metadata
+
+
+class TrainingTrack(models.Model):
+    """One more track of a training, beside ``TrainingJob.track``; its place counts from 1."""
+
+    job = models.ForeignKey(TrainingJob, models.CASCADE, related_name="more_tracks", verbose_name=_("training job"))
+    track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="+", verbose_name=_("track"))
+    place = models.PositiveSmallIntegerField(_("place"))
+
+    class Meta:
+        verbose_name = _("more tracks of a training")
+        verbose_name_plural = _("more tracks of trainings")
+        ordering = ["job", "place"]
+        constraints = [
+            models.UniqueConstraint(fields=["job", "track"], name="training_track_once"),
+            models.UniqueConstraint(fields=["job", "place"], name="training_track_place_once"),
+            models.CheckConstraint(condition=Q(place__gte=1, place__lt=MOST_TRACKS), name="training_track_place_range"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.job_id}/{self.place}"

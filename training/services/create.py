@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,8 @@ from evaluation.models import TrainedModel
 from evaluation.services.garage import refuse_full_garage
 from paddock.errors import PlatformFault, UserFault
 from paddock.packages.inputs import CAMERAS, LIDARS, SENSOR_NAMES, lidar_settings
-from paddock.rules.race import RaceRules
-from paddock.rules.training import DRIVEN_BY, TrainingSettings
+from paddock.rules.race import RaceRules, other_direction
+from paddock.rules.training import DRIVEN_BY, MOST_TRACKS, RANDOMISED, TrainingSettings
 from paddock.simulator.layout import lay_out
 from races.eligibility import check_eligible
 from races.models import Race, RaceType
@@ -33,7 +33,7 @@ from tracks.models import Track
 
 from ..cloning import build_of_model
 from ..hyperparameters import check_action_space, check_hyperparameters, check_settings
-from ..models import JobState, NeuralNetwork, TrainingJob, Vehicle
+from ..models import JobState, NeuralNetwork, TrainingJob, TrainingTrack, Vehicle
 from ..models.vehicle import default_sensors
 from ..quotas import AT_ONCE, MINUTES
 from ..selectors import can_clone_model, minutes_left
@@ -60,9 +60,11 @@ def create_training(
     submit_to_race: Race | None = None,
     evaluate_on: Track | None = None,
     clone_from: TrainedModel | None = None,
+    more_tracks: Sequence[Track] = (),
 ) -> TrainingJob:
     """Put a training into the queue; a trainer is woken once the transaction is committed.
 
+    ``more_tracks``: its episodes drive on these as well as on ``track``, and its evaluations on each.
     ``vehicle=None``: one camera and the shallow network. ``clone_from``: the training begins with the weights of this
     model. ``evaluate_on``: where the best model is driven for its owner when the training is done.
 
@@ -96,7 +98,8 @@ def create_training(
         **_worn(vehicle),
     )
     _check_sensors(job)
-    check_layout(job)
+    _check_tracks(track, more_tracks)
+    check_layout(job, more_tracks)
     if submit_to_race is not None:
         _check_race(job, submit_to_race, now)
     if evaluate_on is not None:
@@ -111,6 +114,9 @@ def create_training(
         try:
             with transaction.atomic():
                 job.save(force_insert=True)
+                TrainingTrack.objects.bulk_create(
+                    TrainingTrack(job=job, track=one, place=place) for place, one in enumerate(more_tracks, start=1)
+                )
         except IntegrityError as error:
             if "name" in str(error):
                 raise UserFault("training_name_taken", name=name) from None
@@ -152,21 +158,32 @@ def clone_settings(model: TrainedModel) -> dict[str, Any]:
     job = TrainingJob.objects.filter(best_model=model).first() or TrainingJob.objects.filter(last_model=model).first()
     if job is not None:
         names = ("track", *DRIVEN_BY, "hyperparameters", "reward_code", "reward_signature", "vehicle", "best_metric")
-        settings_ |= {name: getattr(job, name) for name in names}
+        settings_ |= {name: getattr(job, name) for name in (*names, "alternate_direction", *RANDOMISED)}
+        settings_["more_tracks"] = job.tracks[1:]
     return settings_
 
 
-def check_layout(job: TrainingJob) -> None:
-    """Whether race type, boxes and bots go together and have room. Raises UserFault."""
-    if not job.track.has_shape:
-        raise UserFault("race_track_without_shape", track=job.track.name)
+def _check_tracks(track: Track, more: Sequence[Track]) -> None:
+    """Raises UserFault ``training_tracks``."""
+    if 1 + len(more) > MOST_TRACKS or len({track.pk, *(one.pk for one in more)}) != 1 + len(more):
+        raise UserFault("training_tracks", limit=MOST_TRACKS)
+
+
+def check_layout(job: TrainingJob, more_tracks: Sequence[Track] = ()) -> None:
+    """Whether race type, boxes and bots go together and have room on each track, both ways round where it alternates.
+    Raises UserFault."""
     if job.race_type == RaceType.HEAD_TO_HEAD and not job.bots:
         raise UserFault("training_course", problem="no bot cars")
     try:
         rules = RaceRules.from_dict({**layout_of(job), "race_type": job.race_type, "direction": job.direction})
     except (ValueError, TypeError) as error:
         raise UserFault("training_course", problem=str(error)[:200]) from None
-    lay_out(job.track.geometry.in_direction(job.direction), rules)
+    directions = (job.direction, *([other_direction(job.direction)] if job.alternate_direction else []))
+    for track in (job.track, *more_tracks):
+        if not track.has_shape:
+            raise UserFault("race_track_without_shape", track=track.name)
+        for direction in directions:
+            lay_out(track.geometry.in_direction(direction), rules)
 
 
 def layout_of(job: TrainingJob) -> dict[str, Any]:

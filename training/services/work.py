@@ -14,6 +14,7 @@ from core.jobs.work import fault_of, never, run_next
 from evaluation.models import TrainedModel
 from evaluation.services.stored import read
 from paddock.errors import PaddockError, PlatformFault
+from paddock.rules.training import randomisation
 
 from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob
@@ -64,6 +65,12 @@ def spec_of(job: TrainingJob, checkpoint: Checkpoint | None = None) -> TrainerSp
         seconds_before=checkpoint.seconds if checkpoint is not None else 0.0,
         iterations_before=checkpoint.iteration if checkpoint is not None else 0,
         look=job.track.look,
+        more_tracks=[
+            {"track": track.geometry.in_direction(job.direction).to_dict(), "look": track.look}
+            for track in job.tracks[1:]
+        ],
+        alternate_direction=job.alternate_direction,
+        randomise=randomisation(job.randomised),
         build=OURS if job.cloned_from is None else build_of_model(job.cloned_from) or OURS,
     )
 

@@ -17,6 +17,7 @@ from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
 from paddock.rules.hyperparameters import HYPERPARAMETERS
+from paddock.rules.training import SETTINGS
 from races.models import Race, RaceType
 from races.sensors import not_offered
 from training.cloning import build_of_model
@@ -139,6 +140,12 @@ def item_of(key: str, mapping: dict) -> object:
 def hyperparameter_name(name: str) -> str:
     """A hyperparameter's name in the reader's language."""
     return _(HYPERPARAMETERS[name].label) if name in HYPERPARAMETERS else name
+
+
+@register.filter
+def setting_name(name: str) -> str:
+    """A setting's name in the reader's language."""
+    return _(SETTINGS[name].label) if name in SETTINGS else name
 
 
 @register.filter

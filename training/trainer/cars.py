@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
-from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
+from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, other_direction
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.envs.sb3 import SB3VecEnv
@@ -39,6 +39,33 @@ def lap_limit_ms(track: TrackGeometry, space: ActionSpace) -> int:
     return int(min(max(1500.0 * track.length / max(speed, 0.1) + 10_000.0, 20_000.0), 240_000.0))
 
 
+class Way(NamedTuple):
+    """A track in the direction in which it is driven, its number among the training's tracks, and its look."""
+
+    number: int
+    track: TrackGeometry
+    look: str
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What is written down of an episode on it."""
+        return {"track": self.number, "direction": self.track.direction}
+
+
+def ways_of(spec: TrainerSpec, track: TrackGeometry) -> list[Way]:
+    """All that a training drives, track by track. ``track``: its first, in its direction."""
+    shapes = [
+        (track, spec.look),
+        *((TrackGeometry.from_trusted_dict(one["track"]), one["look"]) for one in spec.more_tracks),
+    ]
+    ways = []
+    for number, (shape, theme) in enumerate(shapes):
+        ways.append(Way(number, shape, theme))
+        if spec.alternate_direction:
+            ways.append(Way(number, shape.in_direction(other_direction(shape.direction)), theme))
+    return ways
+
+
 class TrainingCars(SB3VecEnv):
     """Many cars in one world, each from a random place of the track, until it leaves it, has done a lap or is out of
     time. Observations: rows, see :mod:`.senses`.
@@ -56,6 +83,8 @@ class TrainingCars(SB3VecEnv):
         seed: int,
     ) -> None:
         space = ActionSpace.from_metadata(spec.metadata)
+        ways = ways_of(spec, track)
+        others = {way.number: way for way in reversed(ways) if way.number}
         env = KINDS[spec.race_type](
             len(rewards),
             autoreset_mode="Disabled",
@@ -63,12 +92,17 @@ class TrainingCars(SB3VecEnv):
             track=track,
             direction=track.direction,
             metadata=spec.metadata,
-            max_simulated_ms=lap_limit_ms(track, space),
+            max_simulated_ms=max(lap_limit_ms(way.track, space) for way in ways),
             start="random",
             reward_function=list(rewards),
             theme=THEMES[spec.look],
+            more_tracks=[(others[number].track, THEMES[others[number].look]) for number in sorted(others)],
+            alternate_direction=spec.alternate_direction,
+            randomise=spec.randomise,
             **spec.layout,
         )
+        self._told_ways = [way.told for way in ways] if len(ways) > 1 else []
+        self._grounds = [ground for each in env.setting.ways for ground in each]
         self._senses, self._seed = senses, seed
         super().__init__(env, observation_space=row_space(senses))
         self.episodes: list[dict[str, Any]] = []  # those that ended since the last :meth:`harvest`
@@ -111,7 +145,12 @@ class TrainingCars(SB3VecEnv):
                 "status": LABELS[car.status],
                 "steps": len(rows),
                 "time_ms": int(referee.time_ms),
+                **self._way_of(number),
             }
         )
         self._rows.append(rows)
         self.episode += 1
+
+    def _way_of(self, number: int) -> dict[str, Any]:
+        """Which of several ways a car drives on."""
+        return self._told_ways[self._grounds.index(self.env.ground(number))] if self._told_ways else {}

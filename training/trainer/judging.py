@@ -18,7 +18,7 @@ from paddock.simulator.referee import LAPS_DONE
 from paddock.simulator.rewards import RewardFunction
 from paddock.simulator.trace import LABELS
 
-from .cars import lap_limit_ms
+from .cars import Way, lap_limit_ms, ways_of
 from .senses import Sense, look
 from .spec import LAP_TIME, REWARD, TrainerSpec
 
@@ -31,11 +31,13 @@ Act = Callable[[np.ndarray], np.ndarray]
 @dataclass(frozen=True)
 class Judgement:
     """How a policy drove its trials. ``lap_ms``: the mean of the laps without a fault, None without one. ``confirmed``:
-    it then drove as many laps in a row from the finish line without a fault as were asked for."""
+    it then drove as many laps in a row from the finish line without a fault as were asked for, on each way.
+    ``lengths``: metres of a lap of each trial, where trials are on several tracks."""
 
     trials: list[dict[str, Any]]
     driving: list[list[float]]
     confirmed: bool
+    lengths: tuple[float, ...] = ()
 
     @property
     def progress(self) -> float:
@@ -58,9 +60,22 @@ class Judgement:
         times = [trial["lap_ms"] for trial in self.trials if trial["lap_ms"] is not None]
         return round(sum(times) / len(times)) if times else None
 
+    @property
+    def _pace(self) -> float:
+        """The less time a lap takes, the greater. Laps of several tracks count by the metre: else who fails on the
+        longest would be the fastest."""
+        if self.lap_ms is None:
+            return -np.inf
+        if not self.lengths:
+            return -float(self.lap_ms)
+        clean = [
+            (one["lap_ms"], metres) for one, metres in zip(self.trials, self.lengths, strict=True) if one["lap_ms"]
+        ]
+        return -float(np.mean([lap_ms / metres for lap_ms, metres in clean]))
+
     def key(self, metric: str) -> tuple[float, ...]:
         """Greater is better, by the metric; among equals more progress, and then shorter laps."""
-        speed = -float(self.lap_ms) if self.lap_ms is not None else -np.inf
+        speed = self._pace
         if metric == REWARD:
             return (self.confirmed, self.reward)
         if metric == LAP_TIME:
@@ -71,7 +86,8 @@ class Judgement:
 class Judge:
     """Drives a policy over the trials: one lap each, ended by the first fault, from places that are evenly spread over
     the track; the first from the finish line. The simulator repeats itself, so trials from one place would be one: but
-    on an open track every lap is from the start, and no other is worth a trial."""
+    on an open track every lap is from the start, and no other is worth a trial. Several ways (tracks, directions) are
+    dealt the trials in turn, and have at least one each."""
 
     def __init__(
         self,
@@ -84,13 +100,23 @@ class Judge:
         """``rewards``: one function for each trial. ``pulse`` is called after each control step."""
         self._pulse = pulse
         self._senses, self._spec = senses, spec
-        self._settings = [self._setting(track, reward, 1) for reward in rewards]
-        apart = 0.0 if track.is_open else track.length / len(rewards)
-        self._starts = [number * apart for number in range(len(rewards))]
+        ways = ways_of(spec, track)
+        count = len(ways)
+        of_trial = [ways[number % count] for number in range(len(rewards))]
+        self._settings = [self._setting(one, reward, 1) for one, reward in zip(of_trial, rewards, strict=True)]
+        self._starts = []
+        for number, one in enumerate(of_trial):
+            on_it = -(-(len(rewards) - number % count) // count)
+            apart = 0.0 if one.track.is_open else one.track.length / on_it
+            self._starts.append(number // count * apart)
+        self._lengths = tuple(one.track.length for one in of_trial) if spec.more_tracks else ()
+        self._told_ways = [one.told for one in of_trial] if spec.ways > 1 else [{}] * len(rewards)
         self._drives = [Drive(setting) for setting in self._settings]
-        self._long = Drive(self._setting(track, rewards[0], spec.stop_clean_laps)) if spec.stop_clean_laps else None
+        laps = spec.stop_clean_laps
+        self._long = [Drive(self._setting(one, rewards[at], laps)) for at, one in enumerate(ways)] if laps else []
 
-    def _setting(self, track: TrackGeometry, reward: RewardFunction, laps: int) -> Setting:
+    def _setting(self, way: Way, reward: RewardFunction, laps: int) -> Setting:
+        track = way.track
         space = ActionSpace.from_metadata(self._spec.metadata)
         return _SETTINGS[self._spec.race_type](
             track=track,
@@ -99,7 +125,7 @@ class Judge:
             laps=laps,
             max_simulated_ms=laps * lap_limit_ms(track, space),
             reward_function=reward,
-            theme=THEMES[self._spec.look],
+            theme=THEMES[way.look],
             **self._spec.layout,
         )
 
@@ -107,9 +133,11 @@ class Judge:
         """Drive the trials, and the laps in a row once all trials are clean."""
         told = self._drive(act, self._drives, self._starts)
         confirmed = False
-        if self._long is not None and all(trial["lap_ms"] is not None for trial in told):
-            confirmed = self._drive(act, [self._long], [0.0])[0]["lap_ms"] is not None
-        return Judgement(told, _places(self._drives[0]), confirmed)
+        if self._long and all(trial["lap_ms"] is not None for trial in told):
+            laps = self._drive(act, self._long, [0.0] * len(self._long))
+            confirmed = all(each["lap_ms"] is not None for each in laps)
+        told = [trial | way for trial, way in zip(told, self._told_ways, strict=True)]
+        return Judgement(told, _places(self._drives[0]), confirmed, self._lengths)
 
     def _drive(self, act: Act, drives: list[Drive], starts: list[float]) -> list[dict[str, Any]]:
         """Drive each from its start to its end."""
@@ -144,9 +172,8 @@ class Judge:
 
     def close(self) -> None:
         """Free the worlds."""
-        for drive in (*self._drives, self._long):
-            if drive is not None:
-                drive.close()
+        for drive in (*self._drives, *self._long):
+            drive.close()
 
 
 def _trial(drive: Drive, earned: float) -> dict[str, Any]:

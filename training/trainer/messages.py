@@ -7,13 +7,15 @@ import zlib
 from dataclasses import dataclass
 from typing import Any
 
+from paddock.rules.race import DIRECTIONS
+from paddock.rules.training import MOST_TRACKS
 from paddock.simulator.trace import COLUMNS, LABELS
 
 from ..rewards.function import readable
 from ..rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
 from .bounds import SIMTRACE_CSV, SIMTRACE_PACKED
 
-_EPISODES, _TRIALS, _PLACES = 200, 10, 400
+_EPISODES, _TRIALS, _PLACES = 200, max(10, 2 * MOST_TRACKS), 400
 GREATEST = 1e12
 _HEADER = (",".join(COLUMNS) + "\n").encode()
 
@@ -124,6 +126,9 @@ def _episode(said: dict[str, Any]) -> dict[str, Any]:
     for name in ("episode", "lap_ms"):
         if name in said:
             known[name] = None if said[name] is None else whole(said[name])
+    if "track" in said:
+        known["track"] = min(whole(said["track"]), MOST_TRACKS - 1)
+        known["direction"] = said["direction"] if said["direction"] in DIRECTIONS else DIRECTIONS[0]
     return known
 
 

@@ -141,7 +141,8 @@ class Training:
         while not self._ended and self._with_numbers(learner.drive):
             losses = self._with_numbers(learner.update)
             self._updates += 1
-            if self._updates - self._looked_at >= 1 + self._updates // EVERY_UPDATE or self._steps_are_up():
+            every = self.spec.updates_a_look * (1 + self._updates // EVERY_UPDATE)
+            if self._updates - self._looked_at >= every or self._steps_are_up():
                 self._look(losses)
             self._end_if_steps_are_up()
             if self._ended or not self._may_go_on():

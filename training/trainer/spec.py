@@ -27,8 +27,14 @@ class TrainerSpec:
     ``build``: how the network is built, a name of :data:`.network.BUILDS`.
     ``reward_code``: the source of the reward function; ``""`` is the console's default, which needs no stranger's code.
 
+    ``more_tracks``: others beside it, ``{"track", "look"}`` each. Every episode drives on one of them all, drawn from
+    the seed; with ``alternate_direction`` a car's every second episode goes the other way. Evaluations drive each of
+    these ways (:attr:`ways`). ``randomise``: strengths of what episodes draw about the world, see
+    :class:`paddock.simulator.envs.randomisation.Randomisation`; evaluations are without.
+
     It stops at the first of: ``stop_seconds`` of wall time (those of earlier attempts, ``seconds_before``, count),
-    ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line.
+    ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line,
+    on each way.
     ``iterations_before``: of earlier attempts, up to the checkpoint that this one goes on from.
     """
 
@@ -49,6 +55,25 @@ class TrainerSpec:
     iterations_before: int = 0
     look: str = OFFICIAL.name
     build: str = OURS
+    more_tracks: list[dict[str, Any]] = field(default_factory=list)
+    alternate_direction: bool = False
+    randomise: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def ways(self) -> int:
+        """Tracks, times the directions of each."""
+        return (1 + len(self.more_tracks)) * (2 if self.alternate_direction else 1)
+
+    @property
+    def trials_driven(self) -> int:
+        """Trials of an evaluation: ``trials``, and at least one on each way."""
+        return max(self.trials, self.ways)
+
+    @property
+    def updates_a_look(self) -> int:
+        """After so many updates the car is looked at: trials on many ways take their time, and driving shall have as
+        large a share of it as on one."""
+        return -(-self.trials_driven // self.trials)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -73,7 +98,7 @@ class TrainerSpec:
             "metadata": {key: self.metadata[key] for key in keys if key in self.metadata},
             "build": self.build,
             "learned": sorted({batch, *(count % batch or batch for count in driven)} if ppo else {batch}),
-            "driven": [*range(1, self.trials + 1), CARS],
+            "driven": [*range(1, self.trials_driven + 1), CARS],
         }
 
     @property

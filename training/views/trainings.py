@@ -187,7 +187,10 @@ def _context(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
     """The whole page."""
     last = _last(job)
     mine = request.user.pk == job.owner_id
+    tracks = job.tracks
     return {
+        "tracks": tracks,
+        "more_tracks": len(tracks) - 1,
         **_figures(request, job, last),
         **_graph(request, job),
         "can_stop": can_stop_training(request.user, job),

@@ -15,9 +15,10 @@ from ..competitor import Competitor
 from ..race import lap_results
 from ..referee import LAPS_DONE
 from ..rewards import Objects, reward_params
-from ..stage import Simulation
+from ..stage import PreparedTrack, Simulation
 from ..trace import TIME_UP
 from ..world import World
+from .randomisation import USUAL
 from .setting import Readings, Setting
 
 _LAYOUTS = 20  # seeds that an episode tries until random boxes have room
@@ -39,10 +40,13 @@ class Drive:
         """``world``: one that is shared with other drives, whose cars this one neither meets nor sees."""
         self._setting = setting
         self._world = world
+        self._stages: dict[int, Simulation] = {}  # one for each ground, in one world
         self._stage: Simulation | None = None
         self._car: Competitor | None = None
         self._objects = Objects(setting.ground.track)
-        self._waypoints = [(float(x), float(y)) for x, y in setting.ground.track.centre]
+        self._waypoints: list[tuple[float, float]] = []
+        self._disturbance = USUAL
+        self._episodes = 0
 
     @property
     def car(self) -> Competitor:
@@ -72,22 +76,33 @@ class Drive:
         Raises UserFault ``boxes_do_not_fit`` when random boxes find no room on this track.
         """
         setting = self._setting
-        start_m = setting.start_m(rng, options or {})
-        self._lay(rng)
-        self._objects = Objects(setting.ground.track, setting.rules.bot_speed_mps)
+        ground = setting.ground_of(self._episodes, rng)
+        start_m = setting.start_m(rng, options or {}, ground)
+        if self._stage is not None and self._stage.ground is not ground:
+            self._stage.vacate()
+        self._lay(rng, ground)
+        self._episodes += 1
+        track = ground.track
+        self._objects = Objects(track, setting.rules.bot_speed_mps)
+        self._waypoints = [(float(x), float(y)) for x, y in track.centre]
         self._car = self.stage.add(setting.sensors, start_m, setting.metadata.lidar_config)
+        self._disturbance = setting.randomise.draw(rng, ground.theme) if setting.randomise else USUAL
+        if self._disturbance.moves_the_start:
+            self._car.begin_at(self._disturbance.place(self._car.referee.pose, track.width_at(start_m % track.length)))
         return self._info()
 
-    def _lay(self, rng: np.random.Generator) -> None:
+    def _lay(self, rng: np.random.Generator, ground: PreparedTrack) -> None:
         """Clear the stage for the next episode; where drawn boxes find no room, draw again."""
-        setting = self._setting
+        setting, stage = self._setting, self._stages.get(id(ground))
         for attempts_left in reversed(range(_LAYOUTS)):
             rules = setting.episode_rules(rng)
             try:
-                if self._stage is None:
-                    self._stage = Simulation(setting.ground, rules, setting.physics, self._world)
+                if stage is None:
+                    world = self._stage.world if self._stage is not None else self._world
+                    stage = self._stages[id(ground)] = Simulation(ground, rules, setting.physics, world)
                 else:
-                    self._stage.clear(rules)
+                    stage.clear(rules)
+                self._stage = stage
                 return
             except UserFault:
                 if not attempts_left or not setting.draws_layout:
@@ -95,7 +110,7 @@ class Drive:
 
     def observe(self) -> Readings:
         """A fresh reading of each sensor."""
-        return self.car.observe()
+        return self._disturbance.observe(self.car.observe())
 
     def decode(self, action: Any) -> Action:
         """The command that an action of the action space means; a whole number in any form that holds just one.
@@ -115,7 +130,7 @@ class Drive:
     def take(self, action: Action) -> None:
         """The same for an action that is decoded."""
         assert self._stage is not None, "no episode has begun"
-        self._stage.command((action,))
+        self._stage.command((self._disturbance.act(action),))
 
     def judge(self) -> StepOutcome:
         """The world has moved: judge the car, and after a fault with resets left let the penalty pass.
@@ -138,12 +153,15 @@ class Drive:
 
     def close(self) -> None:
         """Free the world unless it is shared; another episode may begin."""
-        if self._stage is not None and self._world is None:
-            self._stage.close()
+        if self._world is None:
+            for stage in self._stages.values():  # all but the first share its world, and close nothing
+                stage.close()
+        self._stages.clear()
         self._stage = self._car = None
 
     def _reward(self) -> float:
-        car, stage, track = self.car, self.stage, self._setting.ground.track
+        car, stage = self.car, self.stage
+        track = stage.ground.track
         place = car.referee.odometer.place
         objects = self._objects.params(car.referee.pose, place.distance, stage.solids(car))
         params = reward_params(car, self._waypoints, track.direction == "cw", objects)

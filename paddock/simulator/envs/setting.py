@@ -26,6 +26,7 @@ from paddock.rules.race import (
     TIME_TRIAL,
     BoxPlace,
     RaceRules,
+    other_direction,
 )
 
 from ..action import DISCRETE, ActionSpace
@@ -35,6 +36,7 @@ from ..physics import PADDOCK_CAR, CarPhysics
 from ..rewards import RewardFunction, avoid_objects, follow_centre_line
 from ..sensors import sensor_spec
 from ..stage import PreparedTrack
+from .randomisation import NOTHING, Randomisation
 
 # Five angles at two speeds: what the console offered by default, at speeds that finish a lap in reasonable time.
 DEFAULT_METADATA: Mapping[str, Any] = {
@@ -45,7 +47,7 @@ DEFAULT_METADATA: Mapping[str, Any] = {
     "sensor": ["FRONT_FACING_CAMERA"],
 }
 
-OPEN_ROOM_M = 1.0
+OPEN_ROOM_M = 1.0  # so far before the end of an open track an episode starts at the latest
 
 Track = TrackGeometry | str | os.PathLike[str]
 Readings = dict[str, np.ndarray]
@@ -67,6 +69,16 @@ class Setting:
     layout_seed: int | None
     reward_function: RewardFunction
     observation: str = DICT
+    randomise: Randomisation = NOTHING
+    # of each track the way asked for, and behind it the other one where episodes alternate; empty: ``ground`` alone
+    ways: tuple[tuple[PreparedTrack, ...], ...] = ()
+
+    def ground_of(self, episode: int, rng: np.random.Generator) -> PreparedTrack:
+        """Where a car's episode drives, counted from 0: one of the tracks, drawn, and of it the ways by turns."""
+        if not self.ways:
+            return self.ground
+        ways = self.ways[int(rng.integers(len(self.ways)))] if len(self.ways) > 1 else self.ways[0]
+        return ways[episode % len(ways)]
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -108,22 +120,20 @@ class Setting:
             return spaces.Discrete(self.actions.size)
         return spaces.Box(-1.0, 1.0, (self.actions.size,), np.float32)
 
-    def start_m(self, rng: np.random.Generator, options: Mapping[str, Any]) -> float:
-        """Where an episode starts, in metres after the finish line."""
+    def start_m(
+        self, rng: np.random.Generator, options: Mapping[str, Any], ground: PreparedTrack | None = None
+    ) -> float:
+        """Where an episode on ``ground`` starts, in metres after the finish line."""
+        track = (ground or self.ground).track
+        last = track.length - OPEN_ROOM_M if track.is_open else track.length
         if "start_m" in options:
             start = float(options["start_m"])
             if not math.isfinite(start):
                 raise ValueError(f"start_m must be a finite number of metres, not {start}")
-            if self.ground.track.is_open and not 0.0 <= start <= self._last_start_m:
-                raise ValueError(f"start_m on this open track must be 0 to {self._last_start_m:.2f}, not {start}")
+            if track.is_open and not 0.0 <= start <= last:
+                raise ValueError(f"start_m on this open track must be 0 to {last:.2f}, not {start}")
             return start
-        return float(rng.uniform(0.0, self._last_start_m)) if self.random_start else self.rules.start_m
-
-    @property
-    def _last_start_m(self) -> float:
-        """Episodes on an open track start at least ``OPEN_ROOM_M`` before its end."""
-        track = self.ground.track
-        return track.length - OPEN_ROOM_M if track.is_open else track.length
+        return float(rng.uniform(0.0, last)) if self.random_start else self.rules.start_m
 
     def episode_rules(self, rng: np.random.Generator) -> RaceRules:
         """The rules of one episode: with another seed for boxes and bots in each, unless ``layout_seed`` fixes it."""
@@ -186,12 +196,19 @@ def race_setting(
     observation: str = DICT,
     theme: Theme = OFFICIAL,
     physics: CarPhysics = PADDOCK_CAR,
+    more_tracks: Sequence[Track | tuple[Track, Theme]] = (),
+    alternate_direction: bool = False,
+    randomise: Randomisation | Mapping[str, float] | None = None,
     **rules: Any,
 ) -> Setting:
     """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``metadata``: a
     ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre line.
     ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb" the same
-    as three equal channels, for wrappers that want a colour picture. ``rules``: see :func:`rules_of_episodes`.
+    as three equal channels, for wrappers that want a colour picture. ``more_tracks``: each episode drives on ``track``
+    or one of these, drawn from the seed of ``reset``; a pair names the look of one as well.
+    ``alternate_direction``: a car's every second episode drives the other way. ``randomise``: strengths from 0 to 1 of
+    what each episode draws about the world, see :class:`.randomisation.Randomisation`. ``rules``: see
+    :func:`rules_of_episodes`.
 
     Raises TypeError for a rule that this type of race does not have, ValueError for a wrong argument or for metadata
     that an upload would be refused for, UserFault for a track file or a layout that is refused.
@@ -204,8 +221,10 @@ def race_setting(
         raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
     checked = check_metadata(metadata)
     _check_observation(observation, checked)
+    tracks = [(track, theme), *(one if isinstance(one, tuple) else (one, theme) for one in more_tracks)]
+    ways = tuple(_ways(one, told.direction, look, alternate_direction) for one, look in tracks)
     setting = Setting(
-        ground=PreparedTrack(load_track(track), told.direction, theme),
+        ground=ways[0][0],
         rules=told,
         metadata=checked,
         actions=ActionSpace.from_metadata(checked.to_dict()),
@@ -214,10 +233,20 @@ def race_setting(
         layout_seed=layout_seed,
         reward_function=reward_function,
         observation=observation,
+        randomise=Randomisation.of(randomise),
+        ways=() if len(ways) == len(ways[0]) == 1 else ways,
     )
     if setting.rules.boxes or setting.rules.bots or layout_seed is not None:
-        lay_out(setting.ground.track, setting.rules)  # refuse now what every episode would be refused for
+        for ground in (ground for each in ways for ground in each):
+            lay_out(ground.track, setting.rules)  # refuse now what every episode would be refused for
     return setting
+
+
+def _ways(track: Track, direction: str, theme: Theme, both: bool) -> tuple[PreparedTrack, ...]:
+    """A track in the direction, and in the other one too where ``both``."""
+    shape = load_track(track)
+    directions = (direction, other_direction(direction)) if both else (direction,)
+    return tuple(PreparedTrack(shape, one, theme) for one in directions)
 
 
 def _check_observation(observation: str, metadata: ModelMetadata) -> None:
