@@ -1,9 +1,10 @@
 """Makes Gymnasium know the environments without an import of ours: ``gymnasium.make("Paddock/TimeTrial-v1")``.
 
 Gymnasium before 1.0 asked installed packages for what they register (the entry point group ``gymnasium.envs``), and
-since then it does not. So the wheel brings a line for the start of Python besides (``paddock_racing.pth``, half a millisecond), which calls
+since then it does not. So the wheel brings a line for the start of Python besides (``paddock_racing.pth``), which calls
 :func:`watch`: when Gymnasium has been imported, and no sooner, the environments are registered by their names, and
-nothing of them is loaded before one is made. Imported at every start of Python, so it imports next to nothing itself.
+nothing of them is loaded before one is made. It runs at every start of Python, so it imports next to nothing itself:
+half a millisecond.
 """
 
 from __future__ import annotations
