@@ -10,7 +10,7 @@ from django.utils.functional import cached_property
 from django.utils.translation import gettext_lazy as _
 
 from core.jobs.models import reason_sentence
-from paddock.rules.race import RULES, RaceRules
+from paddock.rules.race import BOTS, RULES, RaceRules
 
 from .choices import RankingMethod
 from .race import Race
@@ -95,8 +95,9 @@ class OwnEvaluation(models.Model):
         return RaceRules.from_dict(self.evaluation.spec["rules"])
 
     @cached_property
-    def ranked_as(self) -> Race:
-        """A race that is nowhere, which ranks as the run does: for what its laps are worth, and in which words."""
-        rules = self.rules
-        ranked = {"laps": rules.laps, "minimum_laps": self.minimum_laps, "ranking_method": self.ranking_method}
-        return Race(race_type=rules.race_type, direction=rules.direction, **ranked)
+    def as_race(self) -> Race:
+        """A race that is nowhere, with the run's rules: for what its laps are worth, and for the words of both."""
+        told = {name: value for name, value in self.rules.to_dict().items() if name in RULES}
+        told["boxes"] = list(told["boxes"])
+        told |= {"ranking_method": self.ranking_method, "minimum_laps": self.minimum_laps}
+        return Race(**told, opponents=BOTS if self.rules.bots else "")

@@ -127,7 +127,7 @@ def own_result(own: OwnEvaluation, result: Result) -> OwnResult:
     """What the run is worth: no query without a race, a handful on a board of any length with one."""
     race = own.race if own.race is not None and can_see_race(own.owner, own.race) else None
     if race is None:
-        return OwnResult(own, standing_in(own.ranked_as, result.laps))
+        return OwnResult(own, standing_in(own.as_race, result.laps))
     standing = standing_in(race, result.laps)
     fault = _not_comparable(own, race, result)
     if fault is not None or not standing.classified:

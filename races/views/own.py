@@ -139,7 +139,7 @@ def _mine(request: HttpRequest, public_id: str) -> tuple[OwnEvaluation, Evaluati
 def _worth(own: OwnEvaluation) -> Standing | None:
     """What a run is worth by its own ranking; None before it has a result."""
     result = getattr(own.evaluation, "result", None)
-    return None if result is None else standing_in(own.ranked_as, result.laps)
+    return None if result is None else standing_in(own.as_race, result.laps)
 
 
 def _quotas(racer: Racer) -> list[Usage]:

@@ -170,6 +170,16 @@ def test_cars_of_one_racer_are_told_apart_by_their_names(world: World) -> None:
     assert all(f">{label}</a>" in page for label in (name, "Thunder", f"{name} (2)"))
 
 
+def test_a_run_says_by_which_rules_it_is_driven(world: World) -> None:
+    told = {"race_type": "head_to_head", "bots": 2, "laps": 5, "seed": 77, "start_m": 2.5, "direction": "cw"}
+    own = drive_own(owner=world.alice, model=world.model, track=world.track, now=world.now, **told)
+    client, at = world.client("alice"), own.evaluation.get_absolute_url()
+    waiting = client.get(at).content.decode()
+    finish(own, laps(*[9_000] * 5), world.now)
+    for page in (waiting, client.get(at).content.decode()):
+        assert "2 bots at 1 m/s" in page and "2.5 m</dd>" in page and "<dd>77</dd>" in page and "clockwise" in page
+
+
 def test_the_list_is_filtered_and_shows_what_can_be_done(world: World) -> None:
     client, other = world.client("alice"), a_model(world.alice, name="Thunder")
     done = finish(
