@@ -8,4 +8,6 @@ urlpatterns = [
     path("tracks/", views.tracks, name="tracks"),
     path("tracks/import/", views.import_track_page, name="track_import"),
     path("tracks/<slug:slug>/", views.track, name="track"),
+    path("tracks/<slug:slug>/print/", views.track_print, name="track_print"),
+    path("tracks/<slug:slug>/print/<slug:form>/", views.track_file, name="track_file"),
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
-from django.http import HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -19,6 +19,7 @@ from paddock.errors import UserFault
 from .figures import figure, figures, with_figures
 from .forms import ImportTrackForm
 from .models import Track
+from .printing import FORMS, print_facts, print_file
 from .quotas import TRACKS
 from .selectors import found_tracks
 from .services import import_track
@@ -41,6 +42,24 @@ def track(request: HttpRequest, slug: str) -> HttpResponse:
     """One track: map, figures and the races on it."""
     shown = get_object_or_404(with_figures(Track.objects.select_related("owner")), slug=slug)
     return render(request, "tracks/track.html", {"track": shown, "figures": figures()})
+
+
+@require_safe
+def track_print(request: HttpRequest, slug: str) -> HttpResponse:
+    """A track at its true size: files to print, and its tape in metres."""
+    shown = get_object_or_404(Track, slug=slug)
+    return render(request, "tracks/print.html", {"track": shown, **print_facts(shown)})
+
+
+@require_safe
+def track_file(request: HttpRequest, slug: str, form: str) -> HttpResponse:
+    """A track at its true size as one file."""
+    shown = get_object_or_404(Track, slug=slug)
+    if form not in FORMS:
+        raise Http404
+    name, kind, content = print_file(shown, form)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "public, max-age=86400"}
+    return HttpResponse(content, content_type=kind, headers=headers)
 
 
 @login_required

@@ -34,6 +34,8 @@ class TrainingConfig(AppConfig):
                 "ways_to_a_car": "training/parts/ways_to_a_car.html",
                 "garage.tabs": "training/parts/garage_tabs.html",
                 "model.crumb": "training/parts/shared_crumb.html",
+                "model.downloads": "training/parts/to_the_car.html",
+                "track.print": "training/parts/to_the_car.html",
                 "model.actions": "training/parts/model_clone.html",
                 "model.races": "training/parts/model_races.html",
                 "model.origin": "training/parts/model_origin.html",

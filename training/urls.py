@@ -27,6 +27,7 @@ urlpatterns = [
     path("vehicles/<str:public_id>/delete/", vehicles.vehicle_delete, name="vehicle_delete"),
     path("learn/", learn.learn, name="learn"),
     path("learn/laboratory/", lab.reward_lab, name="reward_lab"),
+    path("learn/real-car/", learn.real_car, name="real_car"),
     path("learn/elsewhere/", learn.elsewhere, name="elsewhere"),
     path("learn/elsewhere/<str:name>", learn.elsewhere_file, name="elsewhere_file"),
     path("learn/<slug:slug>/", learn.lesson, name="lesson"),

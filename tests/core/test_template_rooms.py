@@ -25,6 +25,7 @@ ROOM_OF_FOLDER = {
     "admin/races": "races",
     "allauth": "accounts",
     "learn": "training",
+    "guides": "training",
     "lessons": "training",
     "mfa": "accounts",
     "parts": "core",
@@ -32,7 +33,7 @@ ROOM_OF_FOLDER = {
 # What every site has, whatever rooms: its first page, how it works, dark or light, and the API's page where it is on
 FRAME = {"home", "about", "theme", "api-docs"}
 # Which template is included is the page's own choice: a lesson in the reader's language, beside the page
-BY_VARIABLE = {"learn/lesson.html": {"text"}}
+BY_VARIABLE = {"learn/lesson.html": {"text"}, "learn/real_car.html": {"text"}}
 
 
 def floors() -> dict[str, int]:

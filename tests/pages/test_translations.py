@@ -63,8 +63,9 @@ def test_every_message_is_translated_and_none_is_fuzzy() -> None:
 
 def test_korean_has_one_word_for_each_thing() -> None:
     """A race is 레이스, to train is 훈련 and to learn 배우기; 학습 stays where the field's own terms have it."""
-    lessons = [path.read_text() for path in (CHECKOUT / "training" / "templates" / "lessons" / "ko").iterdir()]
-    for text in [*(text for _, _, _, text in messages()), *lessons]:
+    templates = CHECKOUT / "training" / "templates"
+    pages = [path.read_text() for folder in ("lessons", "guides") for path in (templates / folder / "ko").iterdir()]
+    for text in [*(text for _, _, _, text in messages()), *pages]:
         assert "경주" not in text
         assert "학습" not in re.sub("강화 학습|기계 학습|지도 학습|학습률", "", text), text
 

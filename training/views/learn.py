@@ -33,17 +33,28 @@ def lesson(request: HttpRequest, slug: str) -> HttpResponse:
     if slug not in BY_SLUG:
         raise Http404
     index = LESSONS.index(BY_SLUG[slug])
-    language = (get_language() or "").split("-")[0]
     context = {
         "lesson": LESSONS[index],
         "number": index + 1,
         "count": len(LESSONS),
         "before": LESSONS[index - 1] if index else None,
         "after": LESSONS[index + 1] if index + 1 < len(LESSONS) else None,
-        "text": f"lessons/{language if language in WRITTEN_IN else WRITTEN_IN[0]}/{slug}.html",
+        "text": f"lessons/{_language()}/{slug}.html",
         "closed": closed_because(),
     }
     return render(request, "learn/lesson.html", context)
+
+
+@require_safe
+def real_car(request: HttpRequest) -> HttpResponse:
+    """How a model comes onto a physical car, in the reader's language."""
+    return render(request, "learn/real_car.html", {"text": f"guides/{_language()}/real-car.html"})
+
+
+def _language() -> str:
+    """The language that a text is shown in."""
+    language = (get_language() or "").split("-")[0]
+    return language if language in WRITTEN_IN else WRITTEN_IN[0]
 
 
 @require_safe

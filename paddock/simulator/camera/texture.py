@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from paddock.geometry.markings import dashes_of, line_across
 from paddock.geometry.track import TrackGeometry
 
 from .theme import Theme
@@ -54,7 +55,7 @@ def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tu
     borders = [fixed(line) for line in track.outlines]
     ground = np.full((rows, columns), theme.field, np.uint8)
     cv2.fillPoly(ground, borders, theme.road, cv2.LINE_AA, _SHIFT)
-    for dash in fixed(_dashes(track, theme, spare)):
+    for dash in fixed(dashes_of(track, theme, spare)):
         cv2.fillConvexPoly(ground, dash, theme.dash, cv2.LINE_AA, _SHIFT)
     # Twice as thick as the line; the half outside the road is covered by the field again.
     thickness = max(1, round(2 * (theme.line_width * per_metre.mean() - _BLEED_OF_LINES)))
@@ -68,7 +69,7 @@ def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tu
         cv2.fillPoly(ground, [hole], theme.field, cv2.LINE_AA, _SHIFT)
     if track.is_open:
         for metres in (0.0, track.finish_m):
-            line = _across(track, metres, theme.line_width, spare)
+            line = line_across(track, metres, theme.line_width, spare)
             cv2.fillConvexPoly(ground, fixed(line), theme.line, cv2.LINE_AA, _SHIFT)
     return tuple(
         Level(
@@ -85,22 +86,3 @@ def _beyond(border: np.ndarray, centre: np.ndarray, metres: float) -> np.ndarray
     """A border moved off the road, across it."""
     across = border - centre
     return border + across * (metres / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9))
-
-
-def _across(track: TrackGeometry, metres: float, width: float, less_m: float) -> np.ndarray:
-    """Corners (4, 2) of a line across the road that ends at ``metres``, smaller by ``less_m`` on each side."""
-    left, right = (half - less_m for half in track.half_widths_at(metres))
-    first, last = metres - width + less_m, metres - less_m
-    return track.points_at(np.array((first, last, last, first)), np.array((left, left, -right, -right)))
-
-
-def _dashes(track: TrackGeometry, theme: Theme, less_m: float) -> np.ndarray:
-    """Corners (n, 4, 2) of each dash of the centre line, smaller by ``less_m`` on each side; the first starts at the
-    finish (where the road begins), the pitch fits the length."""
-    first, last = track.paved
-    count = max(1, round((last - first) / theme.dash_pitch))
-    pitch, half = (last - first) / count, max(theme.dash_width / 2 - less_m, less_m / 2)
-    length = max(theme.dash_length - 2 * less_m, less_m)
-    starts = first + np.arange(count) * pitch + less_m
-    corners = ((0.0, half), (length, half), (length, -half), (0.0, -half))
-    return np.stack([track.points_at(starts + along, side) for along, side in corners], axis=1)
