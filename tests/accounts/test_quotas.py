@@ -20,7 +20,8 @@ from tracks.models import Track
 
 pytestmark = pytest.mark.django_db
 NOW = datetime(2026, 5, 6, 12, tzinfo=UTC)
-ON = "models storage_mb tracks races trainings_at_once training_minutes videos_at_once videos_a_day"
+OWN = ["own_runs_at_once", "own_runs_a_day"]
+ON = "models storage_mb tracks races trainings_at_once training_minutes videos_at_once videos_a_day " + " ".join(OWN)
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +43,7 @@ def test_every_limit_in_the_settings_is_a_quota() -> None:
 
 def test_disabled_features_show_no_quota(settings) -> None:
     settings.TRAINING = settings.VIDEOS = False
-    assert [quota.name for quota in all_quotas()] == ["models", "storage_mb", "tracks", "races"]
+    assert [quota.name for quota in all_quotas()] == ["models", "storage_mb", "tracks", "races", *OWN]
 
 
 def test_the_sites_limit_applies_until_an_admin_sets_another(settings) -> None:
