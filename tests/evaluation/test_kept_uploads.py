@@ -12,6 +12,7 @@ import pytest
 from django.core.files.storage import default_storage
 
 from accounts.storage import stored_by
+from config.backup.files import file_columns
 from evaluation import services
 from evaluation.admit import AdmittedPackage
 from evaluation.files import upload_of
@@ -174,6 +175,10 @@ def test_files_that_no_model_names_are_removed_after_a_day(alice, now, tmp_path)
     assert len(kept()) == 2
     services.purge_garages(now=now + timedelta(days=36500))
     assert kept() == [model.source_file.name.removeprefix("uploads/")]
+
+
+def test_backups_carry_it():
+    assert ("evaluation_trainedmodel", "source_file") in file_columns()
 
 
 def test_a_model_that_never_was_a_file_has_none(alice):

@@ -194,29 +194,26 @@ class Function(nn.Module):
         return self.function(maps)
 
 
-@pytest.mark.parametrize(
-    "middle",
-    [
-        nn.Upsample(scale_factor=2, mode="nearest"),
-        nn.Upsample(size=(20, 30), mode="bilinear", align_corners=False),
-        nn.Upsample(size=(20, 30), mode="bilinear", align_corners=True),
-        nn.Upsample(scale_factor=0.5, mode="bicubic"),
-        nn.ZeroPad2d(2),
-        nn.ReflectionPad2d(2),
-        nn.ReplicationPad2d((1, 2, 3, 0)),
-        nn.PixelShuffle(2),
-        nn.PixelUnshuffle(5),
-        Function(lambda maps: functional.normalize(maps, dim=1)),
-        Function(
-            lambda maps: functional.interpolate(maps, (9, 9)) + maps.mean((2, 3), keepdim=True).expand(-1, -1, 9, 9)
-        ),
-        Function(lambda maps: maps - maps.logsumexp(1, keepdim=True)),
-        nn.Sequential(nn.Conv2d(8, 8, 3, padding=1, padding_mode="reflect"), nn.SiLU(), nn.BatchNorm2d(8)),
-        nn.Sequential(nn.GroupNorm(2, 8), nn.GELU(), nn.Hardswish(), nn.Dropout2d()),
-        nn.Sequential(nn.InstanceNorm2d(8, affine=True), nn.LeakyReLU(), nn.AvgPool2d(2), nn.Softsign()),
-    ],
-    ids=lambda middle: type(middle).__name__,
-)
+COMMON_LAYERS = [
+    nn.Upsample(scale_factor=2, mode="nearest"),
+    nn.Upsample(size=(20, 30), mode="bilinear", align_corners=False),
+    nn.Upsample(size=(20, 30), mode="bilinear", align_corners=True),
+    nn.Upsample(scale_factor=0.5, mode="bicubic"),
+    nn.ZeroPad2d(2),
+    nn.ReflectionPad2d(2),
+    nn.ReplicationPad2d((1, 2, 3, 0)),
+    nn.PixelShuffle(2),
+    nn.PixelUnshuffle(5),
+    Function(lambda maps: functional.normalize(maps, dim=1)),
+    Function(lambda maps: functional.interpolate(maps, (9, 9)) + maps.mean((2, 3), keepdim=True).expand(-1, -1, 9, 9)),
+    Function(lambda maps: maps - maps.logsumexp(1, keepdim=True)),
+    nn.Sequential(nn.Conv2d(8, 8, 3, padding=1, padding_mode="reflect"), nn.SiLU(), nn.BatchNorm2d(8)),
+    nn.Sequential(nn.GroupNorm(2, 8), nn.GELU(), nn.Hardswish(), nn.Dropout2d()),
+    nn.Sequential(nn.InstanceNorm2d(8, affine=True), nn.LeakyReLU(), nn.AvgPool2d(2), nn.Softsign()),
+]
+
+
+@pytest.mark.parametrize("middle", COMMON_LAYERS, ids=lambda middle: type(middle).__name__)
 def test_common_vision_layers_are_admitted_and_agree(middle: nn.Module) -> None:
     net = Net(middle).eval()
     canonical = admit(export(net))
