@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.db import transaction
 from django.db.models import QuerySet
 from django.http import Http404, HttpResponseBase
@@ -26,8 +28,9 @@ from paddock.packages.read import UploadPart
 
 from . import services
 from .files import download_of, export_of, upload_of
+from .garage import LONGEST_SEARCH, GarageSort, algorithm_of, garage_of, with_last_runs
 from .looks import Shell, VehicleLook
-from .models import TrainedModel
+from .models import State, TrainedModel
 from .selectors import is_shared, models_of, shared_models, visible_models
 
 SOURCE_KINDS = [("onnx", "ONNX"), ("tensorflow", "frozen TensorFlow graph"), ("sb3", "zip of stable-baselines3")]
@@ -59,6 +62,26 @@ class ModelSerializer(serializers.Serializer):
         return is_shared(model)
 
 
+class LastRunSerializer(serializers.Serializer):
+    """What a model did last."""
+
+    evaluation = serializers.CharField(source="public_id")
+    state = serializers.ChoiceField(State.choices)
+    track = serializers.CharField(source="track.slug")
+    best_lap_ms = serializers.IntegerField(source="result.best_lap_ms", default=None, allow_null=True)
+    ended_at = serializers.DateTimeField(allow_null=True)
+
+
+class GarageModelSerializer(ModelSerializer):
+    """A model of the garage, with its last run."""
+
+    algorithm = serializers.SerializerMethodField(help_text="PPO, SAC or another word of its metadata; empty for none.")
+    last_run = LastRunSerializer(allow_null=True, help_text="That you asked for; null before the first.")
+
+    def get_algorithm(self, model: TrainedModel) -> str:
+        return algorithm_of(model.metadata)
+
+
 class TakenSerializer(serializers.Serializer):
     """What was taken of an upload."""
 
@@ -88,6 +111,8 @@ class ListFilter(serializers.Serializer):
     """What a list of models may be asked for."""
 
     shared = serializers.BooleanField(required=False, allow_null=True, default=None)
+    search = serializers.CharField(required=False, allow_blank=True, max_length=LONGEST_SEARCH)
+    sort = serializers.ChoiceField(GarageSort.choices, required=False)
     racer = serializers.CharField(required=False, max_length=64)
 
 
@@ -134,8 +159,12 @@ class DescriptionSerializer(Body):
     get=extend_schema(
         operation_id="list_models",
         summary="My models",
-        parameters=[OpenApiParameter("shared", OpenApiTypes.BOOL, description="Only those that I share, or do not.")],
-        responses=ModelSerializer,
+        parameters=[
+            OpenApiParameter("shared", OpenApiTypes.BOOL, description="Only those that I share, or do not."),
+            OpenApiParameter("search", str, description="Part of a name, a description or an algorithm."),
+            OpenApiParameter("sort", enum=GarageSort.values, description="`newest` unless another is named."),
+        ],
+        responses=GarageModelSerializer,
         tags=["models"],
     )
 )
@@ -145,7 +174,7 @@ class ModelsView(generics.ListAPIView):
     token_scope = RACE
     permission_classes = [IsAuthenticated]
     parser_classes = [MultiPartParser]
-    serializer_class = ModelSerializer
+    serializer_class = GarageModelSerializer
     throttle_scope = "upload"
     throttle_refused_scope = "refused_upload"
 
@@ -162,11 +191,15 @@ class ModelsView(generics.ListAPIView):
         return response
 
     def get_queryset(self) -> QuerySet[TrainedModel]:
-        models = models_of(self.request.user)
         asked = read_as(ListFilter, self.request.query_params)
+        models = garage_of(self.request.user, search=asked.get("search", ""), sort=asked.get("sort", ""))
         if (wanted := asked.get("shared")) is None:
             return models
         return models.filter(shared_at__isnull=not wanted)
+
+    def paginate_queryset(self, queryset: Any) -> list[Any] | None:
+        page = super().paginate_queryset(queryset)
+        return None if page is None else with_last_runs(page)
 
     @extend_schema(
         operation_id="upload_model",

@@ -26,6 +26,7 @@ from paddock.simulator.engine import ENGINE_ID
 from . import services
 from .files import download_of, export_of, upload_of
 from .forms import DescribeForm, UploadForm
+from .garage import LONGEST_SEARCH, GarageSort, garage_of, with_last_runs
 from .quotas import MODELS
 from .selectors import can_stop_sharing, can_use_model, models_of, visible_models
 from .told import sentences
@@ -38,9 +39,22 @@ PICTURE_KEPT_S = 30 * 86400
 @login_required
 @require_safe
 def models(request: HttpRequest) -> HttpResponse:
-    """My models, newest first."""
-    page = Paginator(models_of(request.user), MODELS_PER_PAGE).get_page(request.GET.get("page"))
-    return render(request, "evaluation/models.html", {"page": page, "limit": limit_of(racer_of(request), MODELS.name)})
+    """My models with what each did last, searched and sorted."""
+    asked = " ".join(request.GET.get("q", "").replace("\0", "").split())[:LONGEST_SEARCH]
+    sort = request.GET.get("sort", "")
+    sort = sort if sort in GarageSort.values else GarageSort.NEWEST.value
+    page = Paginator(garage_of(request.user, search=asked, sort=sort), MODELS_PER_PAGE).get_page(
+        request.GET.get("page")
+    )
+    context = {
+        "page": page,
+        "models": with_last_runs(page),
+        "asked": asked,
+        "sort": sort,
+        "sorts": GarageSort.choices,
+        "limit": limit_of(racer_of(request), MODELS.name),
+    }
+    return render(request, "evaluation/models.html", context)
 
 
 @login_required

@@ -12,6 +12,8 @@ from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop, ngettext
 
+from evaluation.garage import algorithm_of
+
 if TYPE_CHECKING:
     from evaluation.models import TrainedModel
 
@@ -49,6 +51,12 @@ def action_count(metadata: dict) -> str:
     if isinstance(space, list):
         return ngettext("%(count)s action", "%(count)s actions", len(space)) % {"count": len(space)}
     return _("continuous")
+
+
+@register.filter
+def algorithm(metadata: dict) -> str:
+    """What trained the network; ``""`` where its metadata do not tell."""
+    return algorithm_of(metadata)
 
 
 @register.filter
