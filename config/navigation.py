@@ -13,5 +13,5 @@ SECTIONS = (
     Section("learn", "learn", _("Learn"), ("/learn/",)),
     Section("tracks", "tracks", _("Tracks"), ("/tracks/",)),
     Section("garage", "models", _("Garage"), ("/models/", "/vehicles/", "/runs/")),
-    Section("about", "about", _("How it works"), ("/about/",)),
+    Section("about", "about", _("How it works"), ("/about/", "/guides/")),
 )

@@ -12,13 +12,15 @@ from django.views.i18n import set_language
 from accounts.forms import LoginForm, SignUpForm
 from accounts.views import account
 
-from .views import site, workers
+from .views import guides, site, workers
 
 # One log-in: who is not logged in is sent to the site's own form, with its limits and its second factor
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [
     path("about/", site.about, name="about"),
+    path("guides/", guides.guides, name="guides"),
+    path("guides/<slug:slug>/", guides.guide, name="guide"),
     path("favicon.ico", site.favicon, name="favicon"),
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),

@@ -125,7 +125,7 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/accounts/password/reset/done/", "/accounts/password/reset/key/done/", "/accounts/inactive/"),
             *("/accounts/password/reset/key/1-none/", "/accounts/confirm-email/", "/accounts/confirm-email/none/"),
             *(f"/races/join/{world.secret.invitation}/", f"/notices/stop/{token}/", "/nothing/at/all/"),
-            *("/races/open-race/", "/api/docs/"),
+            *("/races/open-race/", "/api/docs/", "/guides/", "/guides/?q=penalty", "/guides/tracks/"),
         ],
         "alice": [
             *("/", "/races/", "/races/?show=upcoming", "/races/?show=closed", "/races/?show=mine", "/races/new/"),

@@ -1,0 +1,208 @@
+"""The guides of ``docs/`` as pages of the site: made from Markdown, with anchors as code hosts make them, and searched.
+
+Nothing in a file is trusted to be HTML: what looks like it is shown as it stands.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from django.conf import settings
+from django.urls import reverse
+from django.utils.functional import Promise
+from django.utils.html import escape
+from django.utils.safestring import SafeString, mark_safe
+from django.utils.translation import gettext_lazy as _
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
+MOST_FOUND = 30
+LONGEST_SEARCH = 64
+_EXCERPT = 180
+_COMMENT = re.compile(r"^<!--.*?-->\n?", flags=re.M | re.S)
+
+
+@dataclass(frozen=True)
+class Guide:
+    """A page of ``docs/``: ``slug``.md."""
+
+    slug: str
+    title: str | Promise
+    about: str | Promise
+
+
+GUIDES = (
+    Guide("racers", _("For racers"), _("Upload, race, train, read results; every reason code.")),
+    Guide("organisers", _("For organisers"), _("Hold races and seasons; what admins can do.")),
+    Guide("operators", _("For operators"), _("Install, settings, commands, backup, upgrade.")),
+    Guide("api", _("The API"), _("Every operation, tokens, limits, errors.")),
+    Guide("simulator", _("The simulator"), _("The car, what it sees, the referee, what differs.")),
+    Guide("environments", _("Environments"), _("Practise with Gymnasium what races are driven with.")),
+    Guide("tracks", _("The tracks"), _("The catalogue, with lengths, corners and difficulty.")),
+    Guide("rules", _("Rules of a race"), _("Every rule with its default and its range.")),
+    Guide("webhooks", _("Webhooks"), _("What Paddock tells programs of yours.")),
+)
+_BY_SLUG = {guide.slug: guide for guide in GUIDES}
+
+
+@dataclass(frozen=True)
+class GuideSection:
+    """A heading with what stands under it, up to the next heading. ``text``: without marks."""
+
+    level: int
+    title: str
+    anchor: str
+    text: str
+
+
+@dataclass(frozen=True)
+class GuidePage:
+    """A rendered guide. ``language``: that it is written in."""
+
+    html: SafeString
+    title: str
+    sections: tuple[GuideSection, ...]
+    language: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """A section that holds all words of a search, and some of its text."""
+
+    guide: Guide
+    section: GuideSection
+    excerpt: str
+
+
+def guide_named(slug: str) -> Guide | None:
+    """The guide with this address."""
+    return _BY_SLUG.get(slug)
+
+
+def page_of(guide: Guide, language: str) -> GuidePage | None:
+    """The guide in ``language`` where it is translated, else in English; None where this installation has no docs."""
+    for folder, written in ((language, language), (".", "en")):
+        path = Path(settings.BASE_DIR) / "docs" / folder / f"{guide.slug}.md"
+        if path.is_file():
+            return _rendered(path, path.stat().st_mtime_ns, written)
+    return None
+
+
+def search(words: str, language: str) -> list[Found]:
+    """Sections of all guides that hold every word, those first whose headings do; at most :data:`MOST_FOUND`."""
+    wanted = words.lower().split()
+    if not wanted:
+        return []
+    found: list[tuple[bool, Found]] = []
+    for guide in GUIDES:
+        page = page_of(guide, language)
+        for section in page.sections if page else ():
+            title, text = section.title.lower(), section.text.lower()
+            if all(word in title or word in text for word in wanted):
+                in_title = all(word in title for word in wanted)
+                found.append((not in_title, Found(guide, section, _excerpt(section.text, wanted))))
+    return [each for _title, each in sorted(found, key=lambda pair: pair[0])][:MOST_FOUND]
+
+
+def anchor_of(heading: str) -> str:
+    """The address of a heading within its page, as code hosts make it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
+
+
+@lru_cache(maxsize=4 * len(GUIDES))
+def _rendered(path: Path, changed_ns: int, language: str) -> GuidePage:
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = markdown.parse(_COMMENT.sub("", path.read_text("utf-8")))
+    sections = _sections(tokens)
+    for token in tokens:
+        _address(token.children or ())
+    headings = iter(sections)
+    shown: list[Token] = []
+    for token in tokens:
+        if token.type == "heading_open":
+            token.attrSet("id", next(headings).anchor)
+        if token.type == "table_open":
+            shown.append(_html('<div class="scroll">'))
+        shown.append(token)
+        if token.type == "table_close":
+            shown.append(_html("</div>"))
+    html = markdown.renderer.render(shown, markdown.options, {})
+    title = sections[0].title if sections else path.stem
+    return GuidePage(mark_safe(html), title, sections, language)  # html=False: the file's own is escaped
+
+
+def _html(text: str) -> Token:
+    return Token("html_block", "", 0, content=text)
+
+
+def _address(inside: Sequence[Token]) -> None:
+    """Let links lead to pages of the site; one to a file that is no guide, and a picture, become words."""
+    kept: list[bool] = []
+    for token in inside:
+        if token.type == "link_open":
+            target = _target(str(token.attrGet("href") or ""))
+            kept.append(target is not None)
+            if target is None:
+                token.type, token.tag, token.attrs = "html_inline", "", {}
+            else:
+                token.attrSet("href", target)
+        elif token.type == "link_close" and not kept.pop():
+            token.type = "html_inline"
+        elif token.type == "image":
+            token.type, token.content, token.attrs = "html_inline", f"<em>{escape(token.content)}</em>", {}
+
+
+def _target(href: str) -> str | None:
+    """Where a link of a guide leads here; None for a file that no page shows."""
+    file, _mark, anchor = href.partition("#")
+    if not file or file.startswith(("https://", "http://")):
+        return href
+    guide = _BY_SLUG.get(file.removesuffix(".md")) if file.endswith(".md") else None
+    if guide is None:
+        return None
+    return reverse("guide", args=[guide.slug]) + (f"#{anchor}" if anchor else "")
+
+
+def _sections(tokens: Sequence[Token]) -> tuple[GuideSection, ...]:
+    made: list[GuideSection] = []
+    used: dict[str, int] = {}
+    heading: tuple[int, str] | None = None
+    text: list[str] = []
+
+    def end() -> None:
+        if heading is not None:
+            anchor = anchor_of(heading[1])
+            used[anchor] = number = used.get(anchor, -1) + 1
+            told = " ".join(" ".join(text).split())
+            made.append(GuideSection(heading[0], heading[1], f"{anchor}-{number}" if number else anchor, told))
+
+    for index, token in enumerate(tokens):
+        if token.type == "heading_open":
+            end()
+            heading, text = (int(token.tag[1:]), "".join(_words(tokens[index + 1]))), []
+        elif token.type in ("inline", "fence", "code_block") and tokens[index - 1].type != "heading_open":
+            text.append("".join(_words(token)))
+    end()
+    return tuple(made)
+
+
+def _words(token: Token) -> Iterator[str]:
+    """What a reader sees of a token's text."""
+    if token.children is None:
+        yield token.content
+    for child in token.children or ():
+        yield " " if child.type in ("softbreak", "hardbreak") else child.content
+
+
+def _excerpt(text: str, wanted: Sequence[str]) -> str:
+    """Some of a section's text about the first of the words."""
+    places = [place for word in wanted if (place := text.lower().find(word)) >= 0]
+    start = max(min(places, default=0) - _EXCERPT // 3, 0)
+    if start:
+        start = text.find(" ", start) + 1
+    cut = text[start : start + _EXCERPT]
+    return ("… " if start else "") + cut + (" …" if start + _EXCERPT < len(text) else "")
