@@ -138,6 +138,11 @@
       });
     });
     form.addEventListener("input", (event) => { if (names.includes(event.target.name)) draw(); });
+    form.querySelectorAll("[data-reset]").forEach((button) => button.addEventListener("click", (event) => {
+      event.preventDefault();
+      button.dataset.reset.split(" ").forEach((value, index) => { form.elements[names[index]].value = value; });
+      draw();
+    }));
     const hint = form.querySelector("[data-drag-hint]");
     if (hint) hint.hidden = false;
     draw();

@@ -26,7 +26,7 @@ def trainings_of(racer: Racer | AnonymousUser) -> QuerySet[TrainingJob]:
     return (
         TrainingJob.objects.filter(owner_id=racer.pk, deleted_at=None)
         .select_related("track", "best_model", "last_model")
-        .defer("log", "printed")
+        .defer("log", "printed", "seen")
     )
 
 

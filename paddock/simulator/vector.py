@@ -167,6 +167,10 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
         """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""
         return self._drives[number].car
 
+    def readings(self, number: int) -> Readings:
+        """What the sensors of one car say now: views, which the next step changes."""
+        return {name: batch[number] for name, batch in self._observations.items()}
+
     def ground(self, number: int) -> PreparedTrack:
         """What the car of sub-environment ``number`` drives on in its present episode."""
         return self._drives[number].stage.ground

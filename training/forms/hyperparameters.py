@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import new_class
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from django import forms
 from django.http import QueryDict
@@ -75,6 +76,24 @@ class SmallNumberField(forms.FloatField):
         return _plain(value) if isinstance(value, int | float) else value
 
 
+class ConsoleRow(NamedTuple):
+    """A line of the table of defaults, in the reader's language."""
+
+    label: str
+    ours: str
+    console: str
+    why: str
+
+
+def _shown(value: Any) -> str:
+    return str(LOSS_NAMES[value]) if isinstance(value, str) else _plain(value)
+
+
+def _each(values: Mapping[str, Any]) -> str:
+    """The value of PPO and that of SAC, one where they are the same."""
+    return ", ".join(dict.fromkeys(_shown(value) for value in values.values()))
+
+
 _EACH = {one.name: _field(one) for one in HYPERPARAMETERS.values()}
 _Fields = new_class("Fields", (forms.Form,), exec_body=lambda body: body.update(_EACH))
 
@@ -92,6 +111,19 @@ class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
         """The field of each, in the order of the page, with the algorithm that alone has it, "" for both."""
         listed = sorted(HYPERPARAMETERS.values(), key=lambda one: one.place)
         return [("" if len(one.usual) > 1 else next(iter(one.usual)), self[one.name]) for one in listed]
+
+    def beside_the_console(self) -> list[ConsoleRow]:
+        """Our default of each beside the console's, in the order of the page."""
+        listed = sorted(HYPERPARAMETERS.values(), key=lambda one: one.place)
+        return [
+            ConsoleRow(
+                str(_(one.label)),
+                _each(one.usual),
+                _each({algorithm: one.console[algorithm] for algorithm in one.usual}),
+                str(_(one.why)) if one.why else "",
+            )
+            for one in listed
+        ]
 
     def hyperparameters(self) -> dict[str, Any]:
         """What was chosen, without what belongs to the other algorithm."""

@@ -52,6 +52,14 @@ DISCRETE, CONTINUOUS = "discrete", "continuous"
 _COMMAS_OF_2018 = 11  # its twelve arguments: rewards.function.POSITIONAL_NAMES, which brings the physics along
 _ARGUMENTS = re.compile(r"^def[ \t]+reward_function[ \t]*\(([^)]*)\)", re.MULTILINE)
 RANGES = ("steering_low", "steering_high", "speed_low", "speed_high")
+# What the ranges of a continuous action space may be put back to: the usual ones, or all that a car can do.
+RESET_RANGES: dict[str, dict[str, tuple[float, float]]] = {
+    "ranges": {
+        "steering": (DEFAULT_BOUNDS["steering_angle"]["low"], DEFAULT_BOUNDS["steering_angle"]["high"]),
+        "speed": (DEFAULT_BOUNDS["speed"]["low"], DEFAULT_BOUNDS["speed"]["high"]),
+    },
+    "bounds": {"steering": STEERING_DEG, "speed": SPEED_MPS},
+}
 LAYOUT = tuple(name for name in DRIVEN_BY if name not in ("direction", "race_type"))
 # The steps of the wizard by the ids of their sections, each with its fields; every other field belongs to "how".
 STEPS: dict[str, tuple[str, ...]] = {
@@ -236,6 +244,14 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
     def opens_randomisation(self) -> bool:
         """Whether something of it is ticked, or wrong."""
         return any(str(field.value() or 0) != "0" or field.errors for field in self.randomised_fields())
+
+    def resets(self) -> list[tuple[str, str, str]]:
+        """The buttons that put ranges back: what each says to the server, its label, the values of :data:`RANGES`."""
+        labels = {"ranges": _("Usual ranges"), "bounds": _("All that a car can do")}
+        return [
+            (name, str(labels[name]), " ".join(f"{value:g}" for ends in ranges.values() for value in ends))
+            for name, ranges in RESET_RANGES.items()
+        ]
 
     @property
     def wrong_steps(self) -> set[str]:

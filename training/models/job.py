@@ -99,6 +99,13 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
     )
     progress = models.JSONField(_("progress"), default=dict, blank=True)
     driving = models.JSONField(_("newest drive"), default=list, blank=True)
+    seen = models.JSONField(
+        _("what a car sees"),
+        default=dict,
+        blank=True,
+        db_default={},
+        help_text=_("While it drives: a picture (PNG, base64), what the policy would do, what it expects to earn."),
+    )
     steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
     seconds_done = models.FloatField(_("seconds of training"), default=0.0)
     charged_s = models.FloatField(

@@ -36,7 +36,7 @@ class Trainings(RetriedKind[TrainingJob]):
 
     name, model, task, queue = "Training", TrainingJob, "training.tasks.train", "training"
     related = ("track", "owner", "cloned_from__network")
-    blank = {"progress": {}}
+    blank = {"progress": {}, "seen": {}}
     wakes = 4
     lost_code = "trainer_lost"
 
@@ -44,7 +44,10 @@ class Trainings(RetriedKind[TrainingJob]):
         return [(one.pk, one.attempt) for one in waiting_in_order(now)]
 
     def progress_columns(self, progress: dict[str, Any]) -> dict[str, Any]:
-        return {"progress": progress, "seconds_done": progress["seconds"]}
+        told = dict(progress)
+        seen = told.pop("seen", None)
+        columns = {"progress": told, "seconds_done": told["seconds"]}
+        return columns if seen is None else columns | {"seen": seen}
 
     def after(self, job: TrainingJob, fault: PaddockError, now: datetime) -> Verdict:
         columns: dict[str, Any] = {"charged_s": charge(job, now, fault)}

@@ -26,6 +26,7 @@ _NOTHING: dict[str, Any] = {
     "printed": "",
     "driving": [],
     "progress": {},
+    "seen": {},
     "operator_detail": "",
     "sb3_zip": "",
     "best_model": None,

@@ -101,7 +101,7 @@ def finish_training(
     changes["charged_s"] = charge(job, now)
     with transaction.atomic():
         mine = TRAININGS.held(job.pk, lease)
-        finished = TRAININGS.end(mine, now=now, best_model=best, last_model=last, sb3_zip=sb3_zip, **changes)
+        finished = TRAININGS.end(mine, now=now, best_model=best, last_model=last, sb3_zip=sb3_zip, seen={}, **changes)
         if finished:
             record_end(job.pk, now)
             drop_checkpoints(job)

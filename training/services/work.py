@@ -19,13 +19,14 @@ from paddock.rules.training import randomisation
 from ..cloning import build_of_model
 from ..models import Checkpoint, TrainingJob
 from ..trainer.client import CHECKPOINT, WEIGHTS, Ended, Iteration, Listener, SavedState, train
-from ..trainer.messages import Prints
+from ..trainer.messages import Prints, Sight
 from ..trainer.network import OURS
 from ..trainer.spec import TrainerSpec
 from .create import layout_of
 from .jobs import TRAININGS, TrainingHeartbeat, verdict
 from .records import append_log, delete_stored, keep_checkpoint, networks_of, record_iteration, record_prints
 from .results import admit_networks, finish_training, keep_sb3
+from .sight import told_sight
 from .tolls import last_word
 
 logger = logging.getLogger(__name__)
@@ -214,6 +215,11 @@ class _Turn(Listener):
 
     def printed(self, prints: Prints) -> None:
         record_prints(job=self._job, lease=self._lease, prints=prints, now=database_now())
+
+    def seen(self, sight: Sight) -> None:
+        progress = self._heartbeat.progress
+        if "seconds" in progress:  # else nothing has been told that it could stand beside
+            self._heartbeat.tell({**progress, "seen": told_sight(sight)})
 
     def _admitted(self) -> tuple[TrainedModel, TrainedModel]:
         """The models; a garage that others keep busy is asked again."""

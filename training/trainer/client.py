@@ -22,7 +22,7 @@ from ..rewards.modules import wanted_modules
 from ..rewards.reasons import REWARD_REASONS
 from ..rewards.watch import KEPT_CHARACTERS, line_in
 from .bounds import bounds_of
-from .messages import GREATEST, Ended, Iteration, Prints, SavedState, iteration_of, prints_of, whole
+from .messages import GREATEST, Ended, Iteration, Prints, SavedState, Sight, iteration_of, prints_of, sight_of, whole
 from .spec import TrainerSpec
 
 MODULE = "training.trainer.process"
@@ -40,6 +40,7 @@ _JSON_LIMIT = 1024 * 1024
 _ITERATIONS = 2_000  # of all attempts; a day of the shortest updates makes 900
 _ITERATIONS_AT_ONCE, _ITERATIONS_A_SECOND = 20, 10.0
 _CHECKPOINT_EVERY_S = 5.0  # on the average; the trainer saves half as often
+_SIGHTS_EVERY_S = 0.5  # on the average; the trainer tells of them half as often
 _PRINTS_EVERY_S = 0.5  # on the average; the trainer tells of them half as often
 
 
@@ -60,6 +61,9 @@ class Listener:
 
     def printed(self, prints: Prints) -> None:
         """The reward function has printed something, a second ago at most."""
+
+    def seen(self, sight: Sight) -> None:
+        """What a car sees now, about once a second while it drives."""
 
 
 def train(
@@ -121,7 +125,7 @@ class _TrainingRun:
         self._number = spec.iterations_before
         self._saved = spec.iterations_before  # the last checkpoint's iteration
         self._steps = self._iterations = self._checkpoints = 0
-        self._prints = self._printed = 0
+        self._prints = self._printed = self._sights = 0
 
     def begin(self, start: str, blob: bytes) -> None:
         """Wait until the process is locked, and hand it the training."""
@@ -190,6 +194,8 @@ class _TrainingRun:
             return partial(self._listener.checkpoint, self._next_checkpoint(message["checkpoint"], blobs))
         if "printed" in message:
             return partial(self._listener.printed, self._next_prints(message["printed"]))
+        if "seen" in message:
+            return partial(self._listener.seen, self._next_sight(message["seen"], blobs))
         if "error" in message:
             raise self._fault(message["error"])
         why, (sb3_zip,) = message["done"], blobs
@@ -230,6 +236,13 @@ class _TrainingRun:
         if self._printed > KEPT_CHARACTERS or self._prints > 5 + self._here / _PRINTS_EVERY_S:
             raise ValueError("more than a training tells")
         return prints
+
+    def _next_sight(self, said: dict[str, Any], blobs: list[bytes]) -> Sight:
+        sight = sight_of(said, blobs)
+        self._sights += 1
+        if self._sights > 5 + self._here / _SIGHTS_EVERY_S:
+            raise ValueError("more than anybody looks at")
+        return sight
 
     def _overdue(self) -> bool:
         """Whether it goes on although it should have ended long ago: what runs in there may not want to end."""

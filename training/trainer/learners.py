@@ -215,6 +215,19 @@ class Learner:
                 return torch.tanh(policy.actor.mu(policy.actor.features_extractor(seen))).numpy()
             return policy.action_net(policy.features_extractor(seen)).numpy()
 
+    def consider(self, rows: np.ndarray) -> tuple[np.ndarray, float]:
+        """For one row (1, length): the outputs as of :meth:`act`, and what it expects to earn from here on, by PPO's
+        value, by the lower of SAC's critics for what it would do."""
+        policy = self.model.policy
+        policy.set_training_mode(False)
+        with torch.no_grad():
+            seen = torch.from_numpy(rows)
+            if not self.sac:
+                features = policy.features_extractor(seen)
+                return policy.action_net(features).numpy()[0], float(policy.value_net(features))
+            chosen = torch.tanh(policy.actor.mu(policy.actor.features_extractor(seen)))
+            return chosen.numpy()[0], float(torch.cat(self.model.critic(seen, chosen), dim=1).min())
+
     def weights(self) -> dict[str, np.ndarray]:
         """The policy's weights by the names of :attr:`.network.Layout.shapes`."""
         return {name: tensor.detach().numpy().copy() for name, tensor in self._tensors().items()}

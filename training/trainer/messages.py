@@ -64,6 +64,29 @@ class Prints:
     more: bool
 
 
+@dataclass(frozen=True)
+class Sight:
+    """What a car sees while it drives, and what the policy would do: ``picture`` is grey, 120 rows of 160 bytes;
+    degrees (positive is left), m/s, and what it expects to earn from there on (None: beyond what can be told)."""
+
+    picture: bytes
+    steering: float
+    speed: float
+    value: float | None
+
+
+SIGHT_ROWS, SIGHT_COLUMNS = 120, 160
+
+
+def sight_of(said: dict[str, Any], blobs: list[bytes]) -> Sight:
+    """What was said, if it has the form and the size of a sight. Raises KeyError, TypeError, ValueError."""
+    (picture,) = blobs
+    if len(picture) != SIGHT_ROWS * SIGHT_COLUMNS:
+        raise ValueError("no picture")
+    value = None if said["value"] is None else number(said["value"])
+    return Sight(picture, number(said["steering"]), number(said["speed"]), value)
+
+
 def prints_of(said: dict[str, Any]) -> Prints:
     """What was said, if it has the form and the size of prints. Raises KeyError, TypeError, ValueError."""
     kept, last = said["kept"], said["last"]

@@ -7,6 +7,8 @@ Everything it needs is imported at the top: a locked process opens no file. It s
 - ``{"alive": {"steps", "seconds"}}`` about once a second;
 - ``{"printed": {"kept", "last", "more"}}`` with it, where the reward function has printed anything
   (:meth:`training.rewards.watch.Watch.news`);
+- ``{"seen": {"steering", "speed", "value"}}`` about as often while it drives, with one blob: what a car's camera sees
+  now, grey (120, 160), and what the policy would do, without exploring;
 - ``{"checkpoint": {"iteration", "steps", "seconds"}}`` with one blob, which is only ever given back to this module;
 - ``{"done": why, "steps", "seconds"}`` with the stable-baselines3 file, or ``{"error": {"code", "params"}}``.
 
@@ -37,6 +39,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.simulator.action import ActionSpace
 from paddock.simulator.rewards import RewardFunction, follow_centre_line
 from paddock.simulator.world import make_ready
 from training.rewards.function import fault_in, load_rewards
@@ -48,6 +51,7 @@ from .judging import Judge
 from .learners import Learner
 from .messages import GREATEST
 from .network import OURS, NetworkLayout, from_onnx, to_onnx
+from .senses import look
 from .spec import CARS, TrainerSpec
 from .warm import warm_up
 
@@ -106,7 +110,9 @@ class Training:
         self._looked = False  # at the car, since this process began
         self._saved = self.began
         self._told_at, self._told_steps = self.began, 0
-        self._pulse_at = self.began
+        self._pulse_at = self._seen_at = self.began
+        self._space = ActionSpace.from_metadata(spec.metadata)
+        self._camera = next(sense.name for sense in self._senses if sense.spec.is_picture)
 
     @property
     def seconds(self) -> float:
@@ -172,6 +178,7 @@ class Training:
     def _may_go_on(self) -> bool:
         """Asked after each control step; writes down why not. How far it drives is the learner's own reckoning."""
         self._pulse()
+        self._tell_sight()
         if self._poller.poll(0):
             self._ended = ASKED
         elif self.seconds >= self.spec.stop_seconds:
@@ -192,6 +199,26 @@ class Training:
             about = {"steps": self._learner.model.num_timesteps, "seconds": self.seconds}
             write_message(self._out, {"alive": about})
             _tell_prints(self._out)
+
+    def _tell_sight(self) -> None:
+        """Tell about once a second what the first car sees and what the policy makes of it. It draws nothing, so that
+        whether somebody looks on changes no training."""
+        now = time.monotonic()
+        if now - self._seen_at < PULSE_S:
+            return
+        self._seen_at = now
+        readings = {name: reading[None] for name, reading in self._cars.env.readings(0).items()}
+        row = look(self._senses, readings)
+        output, value = self._learner.consider(row)
+        if not np.isfinite(output).all():
+            return  # the update that follows says so
+        action = self._space.decode(output)
+        sight = {
+            "steering": round(action.steering_deg, 2),
+            "speed": round(action.speed_mps, 3),
+            "value": _told(value),
+        }
+        write_message(self._out, {"seen": sight}, [np.ascontiguousarray(readings[self._camera][0, :, :, 0]).tobytes()])
 
     def _steps_are_up(self) -> bool:
         return self.spec.stop_steps is not None and self._learner.model.num_timesteps >= self.spec.stop_steps
@@ -288,7 +315,7 @@ def _weights(layout: NetworkLayout, onnx_bytes: bytes) -> dict[str, np.ndarray]:
 
 
 def _told(value: float) -> float | None:
-    """A loss as it can be told; the square of a great reward may be beyond it."""
+    """A loss or a value as it can be told; the square of a great reward may be beyond it."""
     return value if abs(value) <= GREATEST else None
 
 

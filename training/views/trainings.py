@@ -216,9 +216,17 @@ def _figures(request: HttpRequest, job: TrainingJob, last: TrainingIteration | N
         "seconds": seconds,
         "seconds_left": max(0.0, job.stop_minutes * 60.0 - seconds),
         "position": place_of(job, timezone.now()),
+        "sight": _sight(job),
         "smoothing": _window(request),
         "mark": _mark(request, job, last),
     }
+
+
+def _sight(job: TrainingJob) -> dict[str, Any]:
+    """What a car of a training under way sees, its steering as an angle to one side."""
+    if job.is_final or not job.seen:
+        return {}
+    return {**job.seen, "turn": abs(job.seen["steering"]), "is_left": job.seen["steering"] > 0}
 
 
 def _graph(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from django.contrib import messages
@@ -22,7 +24,7 @@ from races.layout_form import preview
 from races.models import RaceType
 from training.checks import one_check, refusals
 from training.forms.fields import MOST
-from training.forms.training import TrainingForm
+from training.forms.training import RESET_RANGES, TrainingForm
 from training.models import TrainingJob, Vehicle
 from training.prefill import LACKS_VEHICLE, proposals, table
 from training.rewards.examples import EXAMPLES
@@ -55,15 +57,15 @@ STATE_NAMES = {
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def training_new(request: HttpRequest) -> HttpResponse:
-    """Make a model: fill in the wizard, then train. Without a script two of its buttons come back to it: one makes the
-    table of actions, one checks the reward function."""
+    """Make a model: fill in the wizard, then train. Without a script some of its buttons come back to it: they make the
+    table of actions, put ranges back and check the reward function."""
     now = timezone.now()
     owner = racer_of(request)
     status, checked, lacking = 200, None, None
     if request.method == "POST":
         step = request.POST.get("do")
-        form = TrainingForm(_with_table(request.POST) if step == "table" else request.POST, owner=owner, now=now)
-        if step == "table":
+        form = TrainingForm(_REMAKING.get(step or "", _as_sent)(request.POST), owner=owner, now=now)
+        if step in _REMAKING:
             form.errors.clear()
         elif step == "validate":
             form.errors.clear()
@@ -158,3 +160,23 @@ def _with_table(said: QueryDict) -> QueryDict:
         data[f"actions-{number}-steering"] = f"{action['steering_angle']:g}" if action else ""
         data[f"actions-{number}-speed"] = f"{action['speed']:g}" if action else ""
     return data
+
+
+def _as_sent(said: QueryDict) -> QueryDict:
+    return said
+
+
+def _with_ranges(said: QueryDict, ranges: Mapping[str, Sequence[float]]) -> QueryDict:
+    """The same form with these ranges of a continuous action space."""
+    data = said.copy()
+    for short, ends in ranges.items():
+        for end, value in zip(("low", "high"), ends, strict=True):
+            data[f"{short}_{end}"] = f"{value:g}"
+    return data
+
+
+# What a button of the form makes anew, by what it says.
+_REMAKING: dict[str, Callable[[QueryDict], QueryDict]] = {
+    "table": _with_table,
+    **{name: partial(_with_ranges, ranges=ranges) for name, ranges in RESET_RANGES.items()},
+}
