@@ -36,6 +36,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
         ("--seeds", "1", "--parts", "laps", "--compared-steps", "0"),
         ("--seeds", "1", "--parts", "laps", "--compared-steps", "0", "--tracks", "oval"),
     ),
+    "generalist": ("generalist", (), ("--minutes", "0.5", "--unseen", "oval-track")),
     "video": ("video", (), ("--seconds", "5")),
     "slow": ("slow", (), ("--connections", "200", "--seconds", "2")),
     "spectators": ("spectators", (), ("--seconds", "2", "--rate", "100")),

@@ -10,7 +10,9 @@ from paddock.packages.inputs import lidar_settings
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO
 from paddock.rules.training import DRIVEN_BY, ENDING, KEPT, RANDOMISED
 from races.layout_form import DRAWN, FIXED
+from tracks.models import Track
 
+from . import all_round
 from .actions import discrete_actions
 from .cloning import build_of_model
 from .forms.training import CONTINUOUS, DISCRETE, GRANULARITIES, INITIAL
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 LONGEST = 255
+ALL_ROUND = "all-round"
 # The console's own (deepracer.md 2.4), at which those cars were trained; ours learn best at three times as much.
 CONSOLE_LR = 3e-4
 LACKS_VEHICLE = "lacks_vehicle"  # not a field: the model to begin with, where none of the racer's vehicles fits it
@@ -40,9 +43,13 @@ NAMED = (
 
 
 def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
-    """Initial values of the wizard. ``job`` takes over the settings of one of the racer's trainings, ``clone`` those of
-    a model and its weights, ``example`` a reward function; then come single fields by their names."""
+    """Initial values of the wizard. ``recipe=all-round`` proposes several tracks and what goes with them
+    (:mod:`training.all_round`), as far as this site has them. ``job`` takes over the settings of one of the racer's
+    trainings, ``clone`` those of a model and its weights, ``example`` a reward function; then come single fields by
+    their names."""
     initial: dict[str, Any] = {"reward_code": DEFAULT.code}
+    if asked.get("recipe") == ALL_ROUND:
+        initial |= _all_round()
     job = TrainingJob.objects.filter(owner=owner, public_id=asked.get("job", "")).select_related("track", "vehicle")
     for one in job:
         initial |= _of_job(one)
@@ -64,6 +71,12 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
     if said.keys() & set(GRANULARITIES):
         initial["actions"] = table({**INITIAL, **said})
     return initial
+
+
+def _all_round() -> dict[str, Any]:
+    here = set(Track.objects.filter(slug__in=all_round.TRACKS).exclude(length_m=None).values_list("slug", flat=True))
+    slugs = [slug for slug in all_round.TRACKS if slug in here]
+    return {**all_round.SETTINGS, **({"track": slugs[0], "more_tracks": slugs[1:]} if slugs else {})}
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, float]]:

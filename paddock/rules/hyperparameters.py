@@ -20,8 +20,8 @@ HUBER, MEAN_SQUARED_ERROR = LOSS_TYPES = ("huber", "mean squared error")
 
 @dataclass(frozen=True)
 class Hyperparameter(Rule):
-    """``usual``: the default of each algorithm that has it; ``console``: that of the console, for the algorithms that it
-    says one for; ``why``: why ours is another."""
+    """``usual``: the default of each algorithm that has it; ``console``: that of the console; ``why``: why ours is
+    another."""
 
     usual: Mapping[str, Any] = field(default_factory=dict)
     console: Mapping[str, Any] = field(default_factory=dict)

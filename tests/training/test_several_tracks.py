@@ -20,6 +20,7 @@ from tests.paddock.simulator.tracks_for_tests import stadium
 from tests.rows import track_row
 from tests.training.jobs import REWARD, a_training
 from tests.training.test_network import metadata
+from training import all_round
 from training.files import logs_zip, metrics_json
 from training.forms.training import INITIAL, TrainingForm
 from training.models import TrainingIteration, TrainingJob, TrainingTrack
@@ -99,6 +100,14 @@ class TestAsked:
         assert initial["alternate_direction"] and initial["random_sensors"] == 30
         model = _made(job)
         assert clone_settings(model)["more_tracks"] == others[:2]
+
+    def test_the_wizard_proposes_an_all_round_car_on_tracks_that_there_are(self, alice, oval, now):
+        slugs = all_round.TRACKS[1:3]
+        for slug in slugs:
+            track_row(slug)
+        initial = proposals(alice, {"recipe": "all-round"})
+        assert (initial["track"], initial["more_tracks"]) == ("oval", list(slugs))
+        assert initial["alternate_direction"] and initial["stop_minutes"] == 15
 
     def test_the_form_reads_ticks_and_strengths(self, alice, oval, others, now):
         sent = {name: value for name, value in INITIAL.items() if name != "actions"}
