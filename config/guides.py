@@ -125,6 +125,9 @@ def _rendered(path: Path, changed_ns: int, language: str) -> GuidePage:
     for token in tokens:
         if token.type == "heading_open":
             token.attrSet("id", next(headings).anchor)
+        if token.type in ("th_open", "td_open"):  # an alignment is said by a style, which pages forbid
+            style = token.attrs.pop("style", "")
+            token.attrs |= {"class": "num"} if style == "text-align:right" else {}
         if token.type == "table_open":
             shown.append(_html('<div class="scroll">'))
         shown.append(token)

@@ -150,6 +150,7 @@ class Cast:
             "settings/": [],
             "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
+            "guides/": [{"slug": "tracks"}],
             "learn/": [{"slug": lesson.slug} for lesson in LESSONS[:1]],
             "join/": [],  # leads to the form for signing up
             "workers/": [{"name": "evaluations"}],

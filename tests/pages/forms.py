@@ -19,7 +19,7 @@ PARTS |= {"video_live": "evaluation", "training_live": "training"}
 ANYWHERE = {"training_first"}  # the same button wherever a car is asked for
 OF_DJANGO = ("_addanother", "_continue")  # twins of Save in the admin site
 NO_PAGES = ("api/", "admin/", "i18n/", "health/")  # the admin site is walked by its registry
-A_FILE = re.compile(r"\.\w+$|\\\.\(|<str:name>$")
+A_FILE = re.compile(r"\.\w+$|\\\.\(|<str:name>$|/(export|print)/<\w+:form>/$")
 
 
 @dataclass(frozen=True, order=True)

@@ -11,7 +11,7 @@ from django.test import Client
 
 from config import guides
 from config.guides import GUIDES, Guide, anchor_of, page_of, search
-from tests.docs.pages import anchors
+from tests.docs.pages import DOCS, anchors
 
 every_guide = pytest.mark.parametrize("guide", GUIDES, ids=lambda guide: guide.slug)
 pytestmark = pytest.mark.django_db
@@ -70,9 +70,14 @@ def test_every_link_of_a_guide_leads_to_a_place_that_is_there(guide):
 
 @every_guide
 def test_headings_have_the_addresses_that_code_hosts_give_them(guide):
-    from tests.docs.pages import DOCS
-
     assert set(article(guide.slug).ids) >= anchors((DOCS / f"{guide.slug}.md").read_text())
+
+
+@every_guide
+def test_no_guide_has_a_style_of_its_own(guide):
+    html = str(page_of(guide, "en").html)
+    assert not re.search(r"<[^>]* style=", html)
+    assert guide.slug != "tracks" or '<td class="num">5.71 m</td>' in html
 
 
 @every_guide
