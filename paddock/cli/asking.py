@@ -18,11 +18,13 @@ _NETWORKS = (".onnx", ".pb")
 
 @dataclass
 class Call:
-    """A call of the command. ``given_site``: its option ``--site``, or nothing."""
+    """A call of the command. ``given_site``: its option ``--site``, or nothing. ``asked_site``: the site that was asked
+    last."""
 
     speaker: Speaker
     given_site: str = ""
     environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
+    asked_site: str = ""
     _settings: Settings | None = None
 
     @property
@@ -43,7 +45,7 @@ class Call:
         where = of_page or self.site_named() or self.settings.usual
         if not where:
             raise UserFault("site_missing")
-        where = address(where)
+        self.asked_site = where = address(where)
         return Site(where, self.settings.token_for(where, self.environment))
 
 

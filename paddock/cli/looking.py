@@ -22,7 +22,7 @@ def login(asked: Call, options: argparse.Namespace) -> int:
     where = options.url or asked.site_named() or settings.usual
     if not where:
         raise UserFault("site_missing")
-    where = address(where)
+    asked.asked_site = where = address(where)
     site = Site(where, _token(where, options.name))
     me = site.get("/me/")
     settings.tokens[where], settings.usual = site.token, where

@@ -7,10 +7,11 @@ the reason. 3: the site or Paddock failed, or there is nothing to compare. 130: 
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Callable, Sequence
 from importlib import metadata
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from paddock.errors import PaddockError, UserFault
 from paddock.packages.kinds import CAR, EXPORTS
@@ -25,7 +26,14 @@ _NOT_COMPARED = ("engine_differs", "result_not_there")
 Command = Callable[[Call, argparse.Namespace], int]
 
 
+# What comes of an answer whose parts are of other kinds than a Paddock's.
+_STRANGE = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError)
+
+
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options, allow_abbrev=False)  # --js would be taken for --json by one half of us
+
     def error(self, message: str) -> NoReturn:
         raise UserFault("home_command_line", problem=message.rstrip("."))
 
@@ -105,9 +113,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Do what is asked; the exit status."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     speaker = Speaker("--json" in given)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a name that this terminal has no letters for is no failure
     try:
         options = parser().parse_args(given)
-        return _command(options.run)(Call(speaker, options.site), options)
+        return _called(Call(speaker, options.site), options)
     except PaddockError as fault:
         _tell(speaker, {**fault.to_dict(), "message": str(fault)})
         return REFUSED if isinstance(fault, UserFault) and fault.code not in _NOT_COMPARED else FAILED
@@ -120,6 +130,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever reads has seen enough
         sys.stderr.close()
         return 0
+
+
+def _called(asked: Call, options: argparse.Namespace) -> int:
+    try:
+        return _command(options.run)(asked, options)
+    except _STRANGE as error:
+        if not asked.asked_site:
+            raise
+        said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise UserFault(
+            "site_is_no_paddock", site=asked.asked_site, problem=f"its answer is strange, {said}"
+        ) from error
 
 
 def _command(name: str) -> Command:

@@ -24,6 +24,7 @@ from paddock.simulator.trace import COLUMNS, STATUSES, Row
 
 from .asking import Call, result_of
 from .driving import Where, driven, is_exact, laps_table, where_of
+from .showing import one_line
 from .site import Site
 
 SAME, DIFFERENT, NOT_RUN = 0, 1, 3
@@ -66,9 +67,12 @@ def _words(
 ) -> list[str]:
     lines = [laps_table(run["result"]["laps"])]
     for check in checks:
-        lines.append(f"{'same     ' if check['same'] else 'DIFFERENT'}  {check['what']}")
+        lines.append(f"{'same     ' if check['same'] else 'DIFFERENT'}  {one_line(check['what'])}")
         if not check["same"]:
-            lines.append(f"           the site: {check['site']}\n           at home:  {check['home']}")
+            lines += [
+                f"           the site: {one_line(check['site'])}",
+                f"           at home:  {one_line(check['home'])}",
+            ]
     page = f"{site.address}/evaluations/{name}/"
     if not all(check["same"] for check in checks):
         return [*lines, f"NOT proven: {page}"]
@@ -78,7 +82,7 @@ def _words(
     if proof == "network":
         return [*lines, f"Proven: the networks were driven again, and came to the same to the bit. {page}"]
     if closed:
-        why = f"The network of {', '.join(closed)} is not open to you"
+        why = f"The network of {one_line(', '.join(closed))} is not open to you"
         why += "." if site.token else "; log in: what is shared is open to every racer."
     else:
         why = "The networks were left out, as you wished."
@@ -92,14 +96,14 @@ def _words(
 def _files(asked: Call, site: Site, name: str, told: dict[str, Any], folder: Path) -> list[dict[str, Any]]:
     """Fetch the trace of every car into the folder; whether each has the hash that stands beside its result."""
     checks = []
-    for car in told["cars"]:
+    for place, car in enumerate(told["cars"]):
         number = car["number"]
         asked.speaker.progress(f"fetching the trace of car {number}")
         data = site.raw("GET", f"/evaluations/{name}/trace/?car={number}")
-        (folder / f"{number}.csv").write_bytes(data)
+        (folder / f"{place}.csv").write_bytes(data)  # by our own number: the site's word is no part of a path
         try:
             found = trace_sha256(data)
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, LookupError, TypeError, OverflowError, csv.Error) as error:
             raise UserFault("trace_strange", problem=" ".join(str(error).split())[:200]) from error
         checks.append(_check(f"hash of the file of car {number}, by the recipe", car["trace_sha256"], found))
     return checks
@@ -108,7 +112,7 @@ def _files(asked: Call, site: Site, name: str, told: dict[str, Any], folder: Pat
 def _from_traces(
     asked: Call, where: Where, told: dict[str, Any], run: dict[str, Any], folder: Path
 ) -> list[dict[str, Any]]:
-    traces = [str(folder / f"{car['number']}.csv") for car in told["cars"]]
+    traces = [str(folder / f"{place}.csv") for place in range(len(told["cars"]))]
     with driven(where, asked.speaker, traces=traces) as (came, _):
         _note_libraries(asked, run, came)
         return _compared(told, run, came, "commands driven again")
@@ -118,9 +122,9 @@ def _from_networks(
     asked: Call, site: Site, where: Where, told: dict[str, Any], run: dict[str, Any], folder: Path
 ) -> list[dict[str, Any]]:
     cars, checks = [], []
-    for car in told["cars"]:
+    for place, car in enumerate(told["cars"]):
         asked.speaker.progress(f"fetching the network of car {car['number']}")
-        package = folder / f"{car['number']}.zip"
+        package = folder / f"{place}.zip"
         package.write_bytes(site.raw("GET", f"/models/{car['model']['public_id']}/package/"))
         cars.append({"files": [str(package)], "checkpoint": ""})
     with driven(where, asked.speaker, cars=cars) as (came, _):
@@ -158,7 +162,8 @@ def _compared(told: dict[str, Any], run: dict[str, Any], came: dict[str, Any], h
 
 
 def _laps(laps: list[dict[str, Any]]) -> list[Any]:
-    return [[lap["time_ms"], lap["sector_ms"], lap["off_tracks"], lap["crashes"], lap["resets"]] for lap in laps]
+    names = ("number", "time_ms", "sector_ms", "off_tracks", "crashes", "resets", "status")
+    return [[lap[name] for name in names] for lap in laps]
 
 
 def _check(what: str, site: Any, home: Any) -> dict[str, Any]:
@@ -167,7 +172,7 @@ def _check(what: str, site: Any, home: Any) -> dict[str, Any]:
 
 def trace_sha256(data: bytes) -> str:
     """The hash of a sim-trace's CSV by the recipe of docs/simulator.md: of each column its name, its length, its type
-    and its values. Raises ValueError, KeyError, TypeError for what is no such file."""
+    and its values. Raises ValueError, LookupError, TypeError, OverflowError, csv.Error for what is no such file."""
     rows = list(csv.reader(io.StringIO(data.decode("utf-8"))))
     head, body = rows[0], rows[1:]
     values = {name: column for name, column in zip(head, itertools.zip_longest(*body), strict=False)}

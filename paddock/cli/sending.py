@@ -137,7 +137,7 @@ def download(asked: Call, options: argparse.Namespace) -> int:
     else:
         where, name = split_page(given, "models")
         path, file = f"/models/{name}/package/", f"{name}.zip"
-    if not name:
+    if not _ID.fullmatch(name):
         raise UserFault("home_command_line", problem=f"{given} names no model and no result")
     to = _free(options.to or file)
     return _written(asked, to, asked.site(where).raw("GET", path))

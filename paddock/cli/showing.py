@@ -17,9 +17,14 @@ def lap_time(ms: int | None) -> str:
     return "-" if ms is None else f"{ms // 60_000}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
 
 
+def one_line(value: object) -> str:
+    """As text without a line's end: what a stranger calls their car begins no line of ours."""
+    return " ".join(str(value).splitlines())
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Columns side by side; those of numbers and times to the right."""
-    cells = [[str(cell) for cell in row] for row in rows]
+    cells = [[one_line(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
     columns = list(zip(*cells, strict=True)) or [()] * len(head)
     right = [bool(column) and all(cell[:1].isdigit() or cell == "-" for cell in column) for column in columns]

@@ -20,6 +20,8 @@ from paddock.errors import PlatformFault, UserFault
 
 PATIENCE_S = 60.0  # an upload is answered when it is read, converted and checked
 MOST_BYTES = 512 << 20  # of an answer
+MOST_PAGES = 1000  # of a list
+_REFUSAL_BYTES = 1 << 20
 _SHORT = 300
 
 
@@ -78,6 +80,8 @@ class Site:
             page = self.get(path, page=number, page_size=100, **query)
             found += page["results"]
             number, last = number + 1, page["pages"]
+            if last > MOST_PAGES:
+                raise UserFault("site_is_no_paddock", site=self.address, problem=f"a list of {last} pages")
         return found
 
     def post(self, path: str, body: Mapping[str, Any] | None = None) -> Any:
@@ -133,7 +137,7 @@ class Site:
     def _json(self, content: bytes) -> Any:
         try:
             return json.loads(content, object_hook=lambda pairs: _Answer(self.address, pairs)) if content else None
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:  # the latter: lists in lists in lists
             raise UserFault("site_is_no_paddock", site=self.address, problem="its answer is not JSON") from error
 
     def _unreachable(self, why: object) -> PlatformFault:
@@ -141,9 +145,9 @@ class Site:
 
     def _refusal(self, error: urllib.error.HTTPError) -> Exception:
         try:
-            said = json.loads(error.read())
+            said = json.loads(error.read(_REFUSAL_BYTES))
             known = isinstance(said["code"], str) and isinstance(said["message"], str)
-        except (ValueError, KeyError, TypeError, OSError, http.client.HTTPException):
+        except (ValueError, KeyError, TypeError, RecursionError, OSError, http.client.HTTPException):
             known = False
         if not known:
             if error.code >= 500:
