@@ -31,7 +31,7 @@ ROOM_OF_FOLDER = {
     "parts": "core",
 }
 # What every site has, whatever rooms: its first page, how it works, dark or light, and the API's page where it is on
-FRAME = {"home", "about", "theme", "api-docs"}
+FRAME = {"home", "about", "guides", "theme", "api-docs"}
 # Which template is included is the page's own choice: a lesson in the reader's language, beside the page
 BY_VARIABLE = {"learn/lesson.html": {"text"}, "learn/real_car.html": {"text"}}
 

@@ -255,7 +255,7 @@ def test_a_new_invitation_link_replaces_the_old_one(world: World) -> None:
 
 def test_an_invitation_asks_a_guest_to_log_in_first(world: World) -> None:
     path = f"/races/join/{world.secret.invitation}/"
-    response = world.client("anonymous").post(path)
+    response = world.client("anonymous").post(path, headers={"referer": f"http://testserver{path}"})
     assert response["Location"] == f"/accounts/login/?next={path}"
     assert not Entry.objects.filter(race=world.secret).exists()
 
