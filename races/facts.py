@@ -177,6 +177,8 @@ def _bot_rules(race: Race) -> list[str]:
     ) % {"count": race.bots, "speed": f"{race.bot_speed_mps:g}"}
     if race.bot_lane_changes:
         lanes = _("Bots change lanes every few seconds, at moments drawn from the seed: the same for every car.")
+        if race.bot_lane_change_m != RaceRules.bot_lane_change_m:
+            lanes += " " + _("A change takes %(metres)s m.") % {"metres": f"{race.bot_lane_change_m:g}"}
     else:
         lanes = _("Bots keep to their lanes.")
     return [bots, lanes]
@@ -188,7 +190,12 @@ def _duel_rules(race: Race) -> list[str]:
             "While the race is open each car drives the track alone: that is its qualifying. When it has closed, cars "
             "meet on the track, %(cars)s at once, started apart from each other, and each is timed for itself."
         )
-        % {"cars": race.duel_cars}
+        % {"cars": race.duel_cars},
+        *(
+            [_("They start %(metres)s m apart.") % {"metres": f"{race.duel_gap_m:g}"}]
+            if race.duel_gap_m != RaceRules.duel_gap_m
+            else []
+        ),
     ]
 
 

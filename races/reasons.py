@@ -62,6 +62,8 @@ register(
         "race_bots_have_no_duels": _("Duels are driven by models against models. Leave the format of duels empty."),
         "race_duels_have_no_bots": _("Models race against models without bots. Set the number of bots to 0."),
         "race_needs_duel_format": _("Models against models need a format. Choose round robin or bracket."),
+        "race_bot_lane_change": _("A bot changes lanes over %(least)s to %(most)s m. Choose a length between these."),
+        "race_duel_gap": _("Cars start %(least)s to %(most)s m apart. Choose a gap between these."),
         "race_duel_cars": _("A duel has 2 to %(most)s cars. Choose a number between these."),
         "race_limit": _(
             "You already hold %(limit)s races that are not over. Wait until one closes, or cancel one of them."

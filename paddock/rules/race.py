@@ -214,6 +214,28 @@ class RaceRules:
         layout=True,
         option="lane-changes",
     )
+    bot_lane_change_m: float = rule(
+        1.0,
+        label=_("Metres of a lane change"),
+        help=_("The shorter, the more suddenly a bot is in the other lane."),
+        unit="m",
+        least=0.5,
+        most=5.0,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        option="lane-change-distance",
+    )
+    duel_gap_m: float = rule(
+        0.75,
+        label=_("Metres between cars at the start"),
+        help=_("They stand one behind the other, in both lanes by turns."),
+        unit="m",
+        least=0.5,
+        most=2.0,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        option="start-gap",
+    )
     bot_lane_change_ms: tuple[int, int] = rule(
         (3000, 5000),
         label="Between two lane changes of a bot, least and most",
@@ -248,11 +270,12 @@ class RaceRules:
         return cls(**{one.name: one.episode for one in RUN_RULES.values() if one.episode is not None} | rules)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values. A start at the finish line is not named: while a site is upgraded, a worker of before does
-        not know it."""
+        """Plain JSON values. What came later (:data:`SINCE_THE_FIRST`) is not named where it is as it always was: while
+        a site is upgraded, a worker of before does not know it."""
         told = dataclasses.asdict(self)
-        if not self.start_m:
-            del told["start_m"]
+        for name in SINCE_THE_FIRST:
+            if told[name] == RUN_RULES[name].default:
+                del told[name]
         return told
 
     @classmethod
@@ -330,6 +353,7 @@ class BoardRules:
 
 
 RUN_RULES = rules_in(RaceRules)
+SINCE_THE_FIRST = ("start_m", "bot_lane_change_m", "duel_gap_m")
 # All that an organiser sets of a race, by name.
 RULES: Mapping[str, Rule] = {
     **{name: one for name, one in RUN_RULES.items() if not one.run_only},

@@ -20,7 +20,6 @@ from .car import Pose
 from .layout import other_lane, start_places
 from .solids import Solid, car
 
-CHANGE_M = 1.0  # a lane change takes so many metres (simapp, LANE_CHANGE_DISTANCE)
 FOLLOW_M = 0.5  # between the middles of a bot and what drives or stands before it in its lane
 CLEAR_M = 1.5  # the other lane must be free so far before and behind, or a bot stays in its own
 BESIDE_M = 0.3  # with so much between their middles across the road, two cars pass each other
@@ -136,6 +135,7 @@ class Bots:
         """Raises UserFault ``bots_do_not_fit`` for a track that is too short."""
         self._paths = paths
         self._stride = rules.bot_speed_mps / control_hz
+        self._change_m = rules.bot_lane_change_m
         self._change_ms = rules.bot_lane_change_ms if rules.bot_lane_changes else None
         self._control_hz = control_hz
         self._pause_steps = penalty_steps(rules.bot_pause_ms, control_hz)
@@ -202,7 +202,7 @@ class Bots:
     def _change_lane(self, bot: Bot, number: int, ahead: float, others: Sequence[tuple[float, float]]) -> None:
         if bot.before is not None:
             bot.changed_m += ahead
-            if bot.changed_m >= CHANGE_M:
+            if bot.changed_m >= self._change_m:
                 bot.before = None
                 bot.until_change = self._interval(bot)
             return
@@ -236,9 +236,9 @@ class Bots:
         bot.turn = 0.0
         if bot.before is not None:
             from_x, from_y, from_cos, from_sin, from_side = self._paths.at(bot.metres, bot.before)
-            share = bot.changed_m / CHANGE_M
+            share = bot.changed_m / self._change_m
             bot.left = left = 1.0 - share * share * (3.0 - 2.0 * share)
-            bot.turn = math.atan(6.0 * share * (1.0 - share) / CHANGE_M * (side - from_side))
+            bot.turn = math.atan(6.0 * share * (1.0 - share) / self._change_m * (side - from_side))
             x += left * (from_x - x)
             y += left * (from_y - y)
             cos += left * (from_cos - cos)

@@ -31,7 +31,6 @@ LAPS_DONE, RESETS_USED, RETIRED = "laps_done", "resets_used", "retired"
 
 _FAULTS = {CRASHED: "crashes", OFF_TRACK: "off_tracks", IMMOBILIZED: "immobilised", REVERSED: "reversals"}
 
-GRID_M = 0.75  # between the places of two cars at the start, along the track
 _SEARCH_M, _SEARCH_STEP_M = 6.0, 0.1  # how far from its proper place a car may be put because others stand there
 
 
@@ -364,10 +363,10 @@ class Referee:
         return self.boxes.free(pose) and self._free(pose)
 
     def _start(self, start_m: float, grid: int | None) -> PutBack:
-        """Where the car starts. On a grid: 0.75 m behind the car before, odd ones in the inner, even ones in the outer
-        lane (deepracer-simapp, START_POS_OFFSET)."""
+        """Where the car starts. On a grid: ``duel_gap_m`` behind the car before, odd ones in the inner, even ones in
+        the outer lane (deepracer-simapp, START_POS_OFFSET)."""
         if grid is not None:
-            metres = start_m - GRID_M * grid
+            metres = start_m - self.rules.duel_gap_m * grid
             return PutBack(Pose(*self.track.lane_centre(metres, INNER if grid % 2 else OUTER)), metres)
         centre = PutBack(Pose(*self.track.point_at(start_m)), start_m)
         if self._is_free(centre.pose):

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from paddock.rules.race import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
-from paddock.simulator import bots, boxes, layout, referee
+from paddock.simulator import bots, boxes, layout
 from paddock.simulator.solids import box
 
 from .pages import section, text
@@ -46,7 +46,7 @@ def test_the_facts_about_bots_are_correct():
         f"from {layout.BOTS_START_M} m after the finish line to {layout.BOTS_END_M} m before it",
         f"at least {layout.BOT_SPACING_M:g} m apart (`bots_do_not_fit`",
         f"every {least:g} to {most:g} s",
-        f"over {bots.CHANGE_M} m of road",
+        f"over {RULES.bot_lane_change_m} m of road",
         f"free for {bots.CLEAR_M} m before and behind",
         f"stays {bots.FOLLOW_M} m (middle to middle) behind",
         f"it pauses for {RULES.bot_pause_ms / 1000:g} s",
@@ -57,7 +57,7 @@ def test_the_facts_about_bots_are_correct():
 def test_the_facts_about_several_cars_are_correct():
     said = words("## Several cars")
     assert f"Two to {NUMBER_WORDS[MAX_CARS]} submitted cars in one world" in said
-    assert f"one {referee.GRID_M} m behind the other" in said
+    assert f"one {RULES.duel_gap_m} m behind the other" in said
 
 
 @pytest.mark.parametrize("title", ["## Boxes", "## Bots"])

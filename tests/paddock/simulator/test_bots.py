@@ -362,3 +362,27 @@ def test_the_stage_shows_bots_at_their_poses():
         assert before != after and {solid.look for solid in after} == {"car"}
         stage.clear()
         assert stage.solids(stage.add(())) == before
+
+
+def test_a_short_lane_change_is_over_sooner():
+    def changing(metres: float) -> int:
+        bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_ms=(1, 1), bot_lane_change_m=metres)
+        steps = 0
+        for _ in range(90):
+            bots.step(())
+            if bots.bots[0].before is not None:
+                steps += 1
+            elif steps:
+                break
+        return steps
+
+    assert changing(0.5) < changing(1.0) < changing(3.0)
+
+
+def test_rules_that_came_later_are_told_only_where_they_are_set():
+    usual = RaceRules(race_type="head_to_head", bots=1)
+    assert not {"bot_lane_change_m", "duel_gap_m"} & usual.to_dict().keys()
+    other = RaceRules(race_type="head_to_head", bots=1, bot_lane_change_m=2.0, duel_gap_m=1.5)
+    assert RaceRules.from_dict(other.to_dict()) == other
+    with pytest.raises(ValueError, match="bot_lane_change_m"):
+        RaceRules(race_type="head_to_head", bots=1, bot_lane_change_m=0.1)
