@@ -153,8 +153,8 @@ def record_ended_own(*, evaluation: Evaluation, result: Result | None, now: date
     try:
         if fault := fault_of_better(own, result):
             raise fault
-        with transaction.atomic():
-            submission = submit_model(race=own.race, racer=own.owner, model=evaluation.model, now=now)
+        # no savepoint around it: what it undoes it undoes itself, and what it notes of a refusal stays
+        submission = submit_model(race=own.race, racer=own.owner, model=evaluation.model, now=now)
     except UserFault as fault:
         OwnEvaluation.objects.filter(pk=own.pk).update(submit_reason_code=fault.code, submit_reason_params=fault.params)
     else:

@@ -9,14 +9,14 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 
 from evaluation.models import TrainedModel
-from evaluation.services import stop_evaluation
+from evaluation.services import finish_evaluation, stop_evaluation
 from paddock.errors import UserFault
 from races.models import Entry, Race, RaceCar, RefusedCar, Submission
 from races.selectors import board
 from races.selectors.cars import shared_cars
-from races.services import edit_race, enter_race, remove_entry, submit_model, withdraw
+from races.services import drive_own, edit_race, enter_race, remove_entry, submit_model, withdraw
 from races.services.cars import settle_cars, settle_due
-from tests.factories import a_model, a_race, a_racer, drive, finish, laps
+from tests.factories import a_model, a_race, a_racer, drive, finish, laps, outcome, start
 
 pytestmark = pytest.mark.django_db
 HOUR = timedelta(hours=1)
@@ -237,6 +237,15 @@ class TestWhatOrganisersSee:
         for moment in (now, now + HOUR):
             refused(race=race, racer=bob, model=copy, now=moment)
         assert RefusedCar.objects.get().at == now + HOUR
+
+    def test_an_attempt_by_a_run_of_ones_own_is_noted_too(self, alice, bob, now):
+        race = a_race(now)
+        copy = a_copy(bob, drive(race, alice, LAPS, now).evaluation.model)
+        own = drive_own(owner=bob, model=copy, race=race, submit_if_better=True, now=now)
+        running = start(own.evaluation, now)
+        assert finish_evaluation(pk=running.pk, lease=running.lease, outcome=outcome(LAPS), now=now)
+        own.refresh_from_db()
+        assert own.submit_reason_code == "car_of_another" and RefusedCar.objects.get().racer == bob
 
     def test_racers_sharing_a_car_are_shown_too(self, alice, bob, now):
         race = a_race(now, shared_cars=True)

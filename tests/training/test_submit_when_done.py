@@ -11,6 +11,7 @@ from django.db import connections
 from django.utils import timezone
 
 from evaluation.models import TrainedModel
+from paddock.errors import UserFault
 from races.models import Race, Submission
 from tests.factories import a_race
 from tests.training.jobs import a_training, network
@@ -82,6 +83,19 @@ def test_a_refusal_by_the_race_is_shown_with_the_training(alice, oval, now, trai
     assert (job.state, job.submission) == (JobState.FINISHED, None)
     assert job.submit_reason_code and job.submit_reason
     assert job.best_model == job.last_model, "one network is one model"
+
+
+def test_what_the_race_notes_of_a_refusal_stays(alice, bob, oval, now, trainer, monkeypatch):
+    def noted(**asked):
+        Race.objects.filter(pk=asked["race"].pk).update(description="noted")
+        raise UserFault("car_of_another", racer=bob.alias)
+
+    monkeypatch.setattr("training.services.results.submit_model", noted)
+    job = a_training(alice, oval, now, submit_to_race=a_race(now, track=oval))
+    trainer.networks = [network(job, 1)] * 2
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    assert job.submit_reason_code == "car_of_another" and Race.objects.get().description == "noted"
 
 
 def test_a_submission_failing_through_us_keeps_the_model(alice, oval, now, trainer, monkeypatch):

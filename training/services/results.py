@@ -120,10 +120,13 @@ def _submit(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
     try:
         with transaction.atomic():
             assert job.submit_to_race is not None, "the caller has looked"
-            submission = submit_model(race=job.submit_to_race, racer=job.owner, model=model, now=now)
-            TrainingJob.objects.filter(pk=job.pk).update(submission=submission)
-    except UserFault as fault:
-        TrainingJob.objects.filter(pk=job.pk).update(submit_reason_code=fault.code, submit_reason_params=fault.params)
+            try:
+                submission = submit_model(race=job.submit_to_race, racer=job.owner, model=model, now=now)
+            except UserFault as fault:  # within the savepoint: what the race notes of a refusal stays
+                reason = {"submit_reason_code": fault.code, "submit_reason_params": fault.params}
+                TrainingJob.objects.filter(pk=job.pk).update(**reason)
+            else:
+                TrainingJob.objects.filter(pk=job.pk).update(submission=submission)
     except Exception:  # the model is there all the same: its owner reads that we failed, and can send it by hand
         logger.exception("The model of training %s cannot be submitted.", job.public_id)
         TrainingJob.objects.filter(pk=job.pk).update(submit_reason_code="submit_failed", submit_reason_params={})
