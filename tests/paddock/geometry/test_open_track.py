@@ -67,6 +67,9 @@ def test_a_file_with_the_inner_border_on_the_right_runs_clockwise():
     assert TrackGeometry.from_arrays("Bow", centre, outer, inner, is_open=True).direction == "cw"
 
 
+END_M = 0.03  # in a bend the road ends on the chord between its borders, not on the cross-section
+
+
 @given(
     st.sampled_from([BOW, BOW.in_direction("cw"), by_slug("straight-track").geometry()]),
     st.floats(-0.1, 1.1),
@@ -83,7 +86,9 @@ def test_a_placed_point_is_found_again_also_beyond_the_ends(track, share, side):
         assert found.offset == pytest.approx(offset, abs=1e-6)
         assert math.remainder(found.heading - heading, math.tau) == pytest.approx(0.0, abs=1e-6)
         assert 0 <= found.index <= len(track) - 2
-    assert track.on_road(x, y) == (-RUN_OFF_M <= distance <= track.length + RUN_OFF_M)
+    beyond = max(-distance, distance - track.length) - RUN_OFF_M
+    if abs(beyond) > END_M:
+        assert track.on_road(x, y) == (beyond < 0.0)
 
 
 def test_many_points_are_those_of_one_at_a_time():
