@@ -7,8 +7,10 @@ from collections.abc import Callable
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
+from django.views.defaults import page_not_found
 
 from core.jobs.models import reason_sentence
+from core.nul import is_of_nul
 from core.storage_faults import is_of_storage
 from paddock.errors import PlatformFault
 
@@ -18,7 +20,7 @@ RETRY_AFTER_S = 30
 
 class OurFaults:
     """Middleware: a page that raises a PlatformFault, or whose stored files cannot be had, is a 503 with the reason.
-    The API has its own answers (``core.api.errors``)."""
+    One that was asked for a name with a NUL is not there. The API has its own answers (``core.api.errors``)."""
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
         self.get_response = get_response
@@ -28,6 +30,8 @@ class OurFaults:
 
     def process_exception(self, request: HttpRequest, error: Exception) -> HttpResponse | None:
         """Django calls this with what a view raised."""
+        if is_of_nul(error):
+            return page_not_found(request, error)
         if is_of_storage(error):
             fault = PlatformFault("storage_failed")
         elif isinstance(error, PlatformFault):

@@ -23,6 +23,7 @@ from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
 from core.forms import explain
+from core.nul import is_of_nul
 from core.storage_faults import is_of_storage
 from paddock.errors import PaddockError, PlatformFault
 
@@ -45,7 +46,7 @@ _NOT_NOW = (
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
     "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs "
     "vehicle_name_taken vehicle_limit training_no_model webhook_limit webhook_test_limit "
-    "video_run_not_finished videos_off videos_at_once videos_a_day"
+    "video_run_not_finished videos_off videos_at_once videos_a_day own_runs_at_once own_runs_a_day own_under_way"
 )
 STATUS_OF: dict[str, int] = {
     **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),
@@ -138,6 +139,8 @@ def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.API
         case DjangoValidationError():
             return exceptions.ValidationError(_messages(exc))
     request = context.get("request")
+    if is_of_nul(exc):
+        return exceptions.NotFound(_("It does not exist, or you may not see it."))
     if isinstance(exc, (OperationalError, RedisError)):
         log.error("The database or the broker failed during an API request", exc_info=exc)
         return Unavailable()
