@@ -29,7 +29,7 @@ from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 
 from ..models import OwnEvaluation, RankingMethod
-from ..selectors.own import OwnResult, can_stop_run, own_of, own_result
+from ..selectors.own import OwnResult, can_stop_run, own_of, own_result, seen_race_of
 from ..services import delete_own
 from ..video_words import race_of
 from .lookup import visible_evaluation
@@ -183,7 +183,7 @@ class WouldBeSerializer(serializers.Serializer):
 class OwnSerializer(serializers.Serializer):
     """What a run of one's own is besides."""
 
-    race = NamedSerializer(allow_null=True, help_text="The race that it was driven as in.")
+    race = serializers.SerializerMethodField(help_text="The race that it was driven as in, as long as you see it.")
     ranking_method = serializers.ChoiceField(RankingMethod.choices)
     minimum_laps = serializers.IntegerField()
     classified = serializers.SerializerMethodField(help_text="Once it has a result.")
@@ -194,6 +194,11 @@ class OwnSerializer(serializers.Serializer):
         source="submission.evaluation.public_id", default=None, allow_null=True, help_text="The run in the race."
     )
     submit_reason = serializers.SerializerMethodField(help_text="Why it was not submitted, though that was wished for.")
+
+    @extend_schema_field(NamedSerializer(allow_null=True))
+    def get_race(self, own: OwnEvaluation) -> dict[str, Any] | None:
+        race = seen_race_of(own)
+        return None if race is None else NamedSerializer(race).data
 
     def get_classified(self, own: OwnEvaluation) -> bool | None:
         worth = self._worth(own)

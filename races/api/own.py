@@ -23,7 +23,7 @@ from tracks.models import Track
 from .. import services
 from ..models import OwnEvaluation, RaceType
 from ..rules.serializers import with_rules
-from ..selectors.own import own_of, own_runs_of, usable_model, usable_race, usable_rivals
+from ..selectors.own import own_of, own_runs_of, seen_race_of, usable_model, usable_race, usable_rivals
 from .evaluations import EvaluationSerializer, ModelSummarySerializer, NamedSerializer, ReasonSerializer, reason_of
 from .lookup import visible_evaluation
 from .races import TrackSummarySerializer
@@ -70,12 +70,17 @@ class OwnSummarySerializer(serializers.Serializer):
     race_type = serializers.ChoiceField(RaceType.choices, source="rules.race_type")
     direction = serializers.CharField(source="rules.direction")
     laps = serializers.IntegerField(source="rules.laps")
-    race = NamedSerializer(allow_null=True, help_text="The race that it was driven as in.")
+    race = serializers.SerializerMethodField(help_text="The race that it was driven as in, as long as you see it.")
     complete_laps = serializers.IntegerField(source="evaluation.result.complete_laps", default=None, allow_null=True)
     best_lap_ms = serializers.IntegerField(source="evaluation.result.best_lap_ms", default=None, allow_null=True)
     total_ms = serializers.IntegerField(source="evaluation.result.total_ms", default=None, allow_null=True)
     reason = serializers.SerializerMethodField(help_text="When it failed or was stopped.")
     asked_at = serializers.DateTimeField()
+
+    @extend_schema_field(NamedSerializer(allow_null=True))
+    def get_race(self, own: OwnEvaluation) -> dict[str, Any] | None:
+        race = seen_race_of(own)
+        return None if race is None else NamedSerializer(race).data
 
     @extend_schema_field(ReasonSerializer(allow_null=True))
     def get_reason(self, own: OwnEvaluation) -> dict[str, Any] | None:

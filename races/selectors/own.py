@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from django.db.models import QuerySet
+from django.db.models import Exists, OuterRef, QuerySet
 
 from core.forms import explain
 from evaluation.models import Evaluation, Result, TrainedModel
@@ -42,11 +42,21 @@ def own_runs_of(racer: Racer | AnonymousUser, **only: str) -> QuerySet[OwnEvalua
     """The racer's own runs, those asked for last first; nothing for somebody who is not logged in. Twin of
     :func:`is_own_of`.
 
-    ``only``: a ``state``, a ``race_type``, a ``track`` or a ``race`` by its slug, a ``model`` by its public id.
+    ``only``: a ``state``, a ``race_type``, a ``track`` or a ``race`` by its slug, a ``model`` by its public id. Each
+    run with ``sees_race``, for :func:`seen_race_of`.
     """
     runs = OwnEvaluation.objects.filter(deleted_at=None, owner_id=racer.pk).select_related(*RELATED)
     runs = runs.filter(**{_FILTERS[name]: value for name, value in only.items()})
+    runs = runs.annotate(sees_race=Exists(races_visible_to(racer).filter(pk=OuterRef("race"))))
     return runs.defer("evaluation__result__trajectory", "evaluation__track__npy").order_by("-asked_at", "-pk")
+
+
+def seen_race_of(own: OwnEvaluation) -> Race | None:
+    """The race that a run was driven as in, as long as its racer sees that."""
+    if own.race is None:
+        return None
+    seen = own.sees_race if hasattr(own, "sees_race") else can_see_race(own.owner, own.race)
+    return own.race if seen else None
 
 
 def own_of(racer: Racer, evaluation: Evaluation) -> OwnEvaluation:
@@ -125,7 +135,7 @@ class OwnResult:
 
 def own_result(own: OwnEvaluation, result: Result) -> OwnResult:
     """What the run is worth: no query without a race, a handful on a board of any length with one."""
-    race = own.race if own.race is not None and can_see_race(own.owner, own.race) else None
+    race = seen_race_of(own)
     if race is None:
         return OwnResult(own, standing_in(own.as_race, result.laps))
     standing = standing_in(race, result.laps)

@@ -24,7 +24,7 @@ from races.own_form import AsInForm, OwnForm, own_preview, values_of, values_of_
 from races.quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE
 from races.ranking import Standing, standing_in
 from races.selectors import races_visible_to, racing_now
-from races.selectors.own import is_own_of, own_runs_of, usable_race
+from races.selectors.own import is_own_of, own_runs_of, seen_race_of, usable_race
 from races.services.own import options_of
 from tracks.models import Track
 
@@ -50,7 +50,7 @@ def own_runs(request: HttpRequest) -> HttpResponse:
     page = Paginator(own_runs_of(racer, **only), PER_PAGE).get_page(asked.get("page"))
     context = {
         "page": page,
-        "rows": [(own, _worth(own)) for own in page],
+        "rows": [(own, _worth(own), seen_race_of(own)) for own in page],
         "choices": choices,
         "only": only,
         "quotas": _quotas(racer),

@@ -8,6 +8,7 @@ from importlib import import_module
 import pytest
 from django.apps import apps
 from django.db import transaction
+from django.test import Client
 
 from accounts.models import RacerQuota
 from accounts.quotas import used_by
@@ -18,7 +19,7 @@ from evaluation.services import delete_model, finish_evaluation, share_model, st
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from races.errors import RaceRefused
-from races.models import Entry, OwnEvaluation, Submission
+from races.models import Entry, OwnEvaluation, Race, Submission
 from races.selectors import can_see_evaluation, evaluations_visible_to
 from races.selectors.own import can_stop_run, is_own_of, own_result, own_runs_of
 from races.services import create_community_race, delete_own, drive_own, drive_own_again, submit_model
@@ -449,3 +450,16 @@ def test_test_drives_of_before_become_own_runs(alice, now):
     found = OwnEvaluation.objects.get()
     assert found.evaluation == own.evaluation != sent.evaluation
     assert (found.owner, found.minimum_laps, found.asked_at) == (alice, 2, own.evaluation.queued_at)
+
+
+def test_a_race_that_its_racer_sees_no_more_is_not_named(alice, bob, now):
+    race = a_race(now, visibility="invitation", organiser=bob)
+    entry = Entry.objects.create(race=race, racer=alice)
+    own = finish(ask(alice, now, race=race), laps(*[10_000] * 3), now)
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    Race.objects.filter(pk=race.pk).update(name="The secret cup")
+    addresses = "/runs/", "/api/v1/evaluations/", f"/api/v1/evaluations/{own.evaluation.public_id}/"
+    assert [b"The secret cup" in client.get(at).content for at in addresses] == [True] * 3
+    Entry.objects.filter(pk=entry.pk).update(withdrawn_at=now, removed_at=now)
+    assert [b"The secret cup" in client.get(at).content for at in addresses] == [False] * 3

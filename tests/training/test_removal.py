@@ -151,6 +151,12 @@ class TestDeletedTraining:
         over.best_model.evaluations.update(state=State.STOPPED, ended_at=now)
         delete_training(job=over, with_models=True, now=now)
 
+    def test_what_another_drives_with_a_shared_model_keeps_nobody_from_deleting_it(self, over, bob, oval, now):
+        rules = RaceRules(laps=1)
+        queue_evaluation(owner=bob, model=over.best_model, track=oval, rules=rules, checked=True, now=now)
+        delete_training(job=over, with_models=True, now=now)
+        assert TrainedModel.objects.get().deleted_at is not None
+
     def test_the_database_refuses_a_deleted_row_with_contents(self, over, now):
         with pytest.raises(IntegrityError), transaction.atomic():
             TrainingJob.objects.filter(pk=over.pk).update(deleted_at=now)

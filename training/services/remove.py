@@ -80,5 +80,7 @@ def _refuse_racing(models: list[TrainedModel], now: datetime) -> None:
         race = entered.filter(entry__race__closes_at__gt=now, entry__race__cancelled_at=None).first()
         if race is not None:
             raise UserFault("training_model_races", name=model.name, race=race.entry.race.name)
-        if Evaluation.objects.filter(model=model, state__in=(State.QUEUED, State.RUNNING)).exists():
+        # its owner's: what others drive with a shared car keeps nobody from deleting it
+        driven = Evaluation.objects.filter(model=model, owner=model.owner_id, state__in=(State.QUEUED, State.RUNNING))
+        if driven.exists():
             raise UserFault("training_model_drives", name=model.name)
