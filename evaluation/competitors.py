@@ -60,7 +60,7 @@ def car_rows(evaluation: Evaluation) -> list[CompetitorRow]:
     result = evaluation.result
     labels = labels_of(evaluation, rivals)
     if not rivals:
-        return [CompetitorRow(0, 1, evaluation.owner, result, looks[0], labels[0])]
+        return [CompetitorRow(0, 1, evaluation.model.owner, result, looks[0], labels[0])]
     racers = {0: evaluation.owner} | {rival.number: rival.model.owner for rival in rivals}
     results: dict[int, CompetitorResult] = {0: result} | {rival.number: rival for rival in result.rivals.all()}
     return [
@@ -78,7 +78,7 @@ def live_cars(evaluation: Evaluation) -> list[LiveCompetitor]:
     told = dict(enumerate(progress.get("rivals", ()), start=1))
     laps, labels = {"laps": progress.get("laps")}, labels_of(evaluation, rivals)
     return [
-        LiveCompetitor(0, evaluation.owner, looks[0], progress, labels[0]),
+        LiveCompetitor(0, evaluation.model.owner, looks[0], progress, labels[0]),
         *(
             LiveCompetitor(
                 one.number,
@@ -95,7 +95,7 @@ def live_cars(evaluation: Evaluation) -> list[LiveCompetitor]:
 def labels_of(evaluation: Evaluation, rivals: Sequence[EvaluationRival]) -> dict[int, str]:
     """What the cars of a run are called, by their numbers: by their racers, or where one racer has several cars in it
     by their models; those of one name are numbered."""
-    named = {0: evaluation.owner.alias} | {rival.number: rival.model.owner.alias for rival in rivals}
+    named = {0: evaluation.model.owner.alias} | {rival.number: rival.model.owner.alias for rival in rivals}
     if len(set(named.values())) < len(named):
         named = {0: evaluation.model.name} | {rival.number: rival.model.name for rival in rivals}
     seen: dict[str, int] = {}

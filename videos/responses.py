@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 PIECE = 1 << 20  # some seconds of a video
-_RUN = ("evaluation__result", "evaluation__owner", "evaluation__model", "evaluation__track")
+_RUN = ("evaluation__result", "evaluation__owner", "evaluation__model__owner", "evaluation__track")
 
 
 def visible_video(racer: Racer | AnonymousUser, public_id: str) -> Video:

@@ -12,6 +12,7 @@ from django.test import Client
 
 from accounts.models import RacerQuota
 from accounts.quotas import used_by
+from evaluation.competitors import live_cars
 from evaluation.models import Evaluation, State
 from evaluation.queue_order import OWN, URGENT
 from evaluation.selectors import queue_position
@@ -463,3 +464,10 @@ def test_a_race_that_its_racer_sees_no_more_is_not_named(alice, bob, now):
     assert [b"The secret cup" in client.get(at).content for at in addresses] == [True] * 3
     Entry.objects.filter(pk=entry.pk).update(withdrawn_at=now, removed_at=now)
     assert [b"The secret cup" in client.get(at).content for at in addresses] == [False] * 3
+
+
+def test_every_car_of_a_run_is_called_after_whose_it_is(alice, bob, now):
+    theirs, mine = a_model(bob), a_model(alice)
+    share_model(model=theirs, now=now)
+    own = ask(alice, now, model=theirs, **HEAD, rivals=[mine])
+    assert [(car.racer, car.label) for car in live_cars(own.evaluation)] == [(bob, "bob"), (alice, "alice")]
