@@ -38,6 +38,15 @@ LESSONS = (
         (_try(_("Train a first car"), name="first-car"),),
     ),
     Lesson(
+        "three-ways",
+        _("Three ways to learn"),
+        _("From answers, from likeness, from consequences."),
+        (
+            _try(_("Learn from consequences"), name="from-consequences"),
+            _try(_("Learn with a wrong aim"), name="wrong-aim", lesson="slow"),
+        ),
+    ),
+    Lesson(
         "state-and-action",
         _("State and action"),
         _("What the car sees fifteen times a second, and what it may do."),
@@ -78,8 +87,17 @@ LESSONS = (
         ),
     ),
     Lesson(
+        "value",
+        _("Value and Q functions"),
+        _("What a place on the road is worth, and what an action there."),
+        (
+            _try(_("Watch a value grow"), name="value"),
+            _try(_("Value of the next step only"), name="no-future", discount_factor="0"),
+        ),
+    ),
+    Lesson(
         "exploration",
-        _("Exploration"),
+        _("Exploration and exploitation"),
         _("Why a car that learns drives worse than it could."),
         (
             _try(_("Explore a little"), name="little-entropy", beta_entropy="0"),
@@ -129,5 +147,11 @@ LESSON_CODE = {
     if params["progress"] >= 100:
         return 100.0
     return 0.0
+''',
+    "slow": '''def reward_function(params):
+    """More the slower it goes, as long as it is on the road."""
+    if not params["all_wheels_on_track"]:
+        return 0.0
+    return 4.0 - params["speed"]
 ''',
 }
