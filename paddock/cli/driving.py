@@ -20,7 +20,7 @@ from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_di
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import MAX_BYTES, read_npy
 from paddock.geometry.track import TrackGeometry
-from paddock.rules.race import RaceRules
+from paddock.rules.race import RUN_RULES, RaceRules
 
 from .showing import Speaker, lap_time, table
 from .site import Site
@@ -47,6 +47,7 @@ def where_of(site: Site, told: Mapping[str, Any]) -> Where:
     Raises UserFault ``rules_unknown``, ``track_differs``, and whatever a request raises."""
     try:
         rules = RaceRules.from_dict(told["rules"])
+        _refuse_endless(rules)
         track, look = told["track"], str(told["track"]["look"])
         slug, fingerprint = str(track["slug"]), str(track["fingerprint"])
     except (KeyError, TypeError, ValueError) as error:
@@ -56,6 +57,15 @@ def where_of(site: Site, told: Mapping[str, Any]) -> Where:
     if geometry.fingerprint != fingerprint:
         raise UserFault("track_differs", track=slug)
     return Where(geometry.in_direction(rules.direction), look, rules, str(told.get("engine", "")))
+
+
+def _refuse_endless(rules: RaceRules) -> None:
+    """Raise ValueError for more of anything than a race may have: a site that names a billion laps would keep this
+    computer busy for weeks."""
+    for name, rule in RUN_RULES.items():
+        value = getattr(rules, name)
+        if rule.most is not None and isinstance(value, (int, float)) and value > rule.most:
+            raise ValueError(f"{name} must be at most {rule.most}, not {value}")
 
 
 def _of_the_site(site: Site, slug: str) -> TrackGeometry:

@@ -65,6 +65,13 @@ def test_rules_of_a_later_version_are_said(rules):
     assert caught.value.code == "rules_unknown"
 
 
+@pytest.mark.parametrize("rules", [{"laps": 10**9}, {"max_simulated_ms": 10**12}, {"seed": 10**40}])
+def test_rules_that_would_drive_for_weeks_are_refused(rules):
+    with pytest.raises(UserFault) as caught:
+        where_of(SiteOf(OVAL), told(OVAL, **rules))
+    assert caught.value.code == "rules_unknown"
+
+
 def test_a_process_that_dies_is_said(monkeypatch):
     monkeypatch.setattr(driving, "CHILD", "paddock.cli.nothing_of_the_kind")
     with (
