@@ -4,6 +4,16 @@ from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
+    "Paddock's own faults",
+    "platform",
+    {
+        "own_submit_failed": _(
+            "Paddock failed to send the car to the race. The run stands: submit the car on the race's page."
+        ),
+    },
+)
+
+register(
     "Races",
     "user",
     {

@@ -10,6 +10,10 @@ register(
         "submit_failed": _(
             "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
         ),
+        "evaluate_failed": _(
+            "Paddock failed to drive the model on the track that you chose. The model is in your garage: drive it "
+            "there yourself."
+        ),
     },
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from accounts.models import Racer
     from tracks.models import Track
 
+logger = logging.getLogger(__name__)
 KEPT_DELETED = timedelta(days=1)
 
 
@@ -150,15 +152,20 @@ def record_ended_own(*, evaluation: Evaluation, result: Result | None, now: date
     own = wished.exclude(race=None).select_related("race__track", "owner", "evaluation__model").first()
     if own is None or own.race is None:
         return
+    row = OwnEvaluation.objects.filter(pk=own.pk)
     try:
-        if fault := fault_of_better(own, result):
-            raise fault
-        # no savepoint around it: what it undoes it undoes itself, and what it notes of a refusal stays
-        submission = submit_model(race=own.race, racer=own.owner, model=evaluation.model, now=now)
-    except UserFault as fault:
-        OwnEvaluation.objects.filter(pk=own.pk).update(submit_reason_code=fault.code, submit_reason_params=fault.params)
-    else:
-        OwnEvaluation.objects.filter(pk=own.pk).update(submission=submission)
+        with transaction.atomic():
+            try:
+                if fault := fault_of_better(own, result):
+                    raise fault
+                submission = submit_model(race=own.race, racer=own.owner, model=evaluation.model, now=now)
+            except UserFault as fault:  # within the savepoint: what the race notes of a refusal stays
+                row.update(submit_reason_code=fault.code, submit_reason_params=fault.params)
+            else:
+                row.update(submission=submission)
+    except Exception:  # the run stands all the same: its racer reads that we failed, and can send the car by hand
+        logger.exception("The car of run %s cannot be submitted.", evaluation.public_id)
+        row.update(submit_reason_code="own_submit_failed", submit_reason_params={})
 
 
 def _check_race(owner: Racer, model: TrainedModel, race: Race, now: datetime) -> None:

@@ -255,6 +255,15 @@ def test_a_run_that_is_not_better_is_not_submitted_and_says_why(alice, now, driv
     assert Submission.objects.count() == 1
 
 
+def test_a_submission_failing_through_us_is_told_and_the_run_stands(alice, now, monkeypatch):
+    def broken(**_):
+        raise RuntimeError("the disk is full")
+
+    monkeypatch.setattr("races.services.own.submit_model", broken)
+    own = finish(ask(alice, now, race=a_race(now), submit_if_better=True), laps(*[10_000] * 3), now)
+    assert own.submit_reason_code == "own_submit_failed" and own.evaluation.state == State.FINISHED
+
+
 def test_what_the_race_refuses_meanwhile_is_told_and_the_run_stands(alice, now):
     race = a_race(now, closes_at=now + timedelta(hours=1))
     own = ask(alice, now, race=race, submit_if_better=True)

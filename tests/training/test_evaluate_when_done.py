@@ -45,6 +45,16 @@ def test_a_full_quota_is_told_and_the_model_is_kept(alice, oval, now, trainer):
     assert job.evaluate_reason_code == "own_runs_a_day" and job.evaluate_reason
 
 
+def test_a_run_failing_through_us_keeps_the_model(alice, oval, now, trainer, monkeypatch):
+    def broken(**_):
+        raise RuntimeError("the disk is full")
+
+    monkeypatch.setattr("training.services.results.drive_own", broken)
+    job = a_training(alice, oval, now, evaluate_on=oval)
+    end(job, trainer)
+    assert job.best_model is not None and job.evaluate_reason_code == "evaluate_failed"
+
+
 def test_where_its_layout_has_no_room_is_refused_before_it_begins(alice, oval, now):
     layout = {"race_type": "object_avoidance", "boxes": [{"fraction": 0.5, "lane": "inner"}]}
     open_track = track_row("straight-track")

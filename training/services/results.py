@@ -143,6 +143,9 @@ def _evaluate(job: TrainingJob, model: TrainedModel, now: datetime) -> None:
     except UserFault as fault:
         reason = {"evaluate_reason_code": fault.code, "evaluate_reason_params": fault.params}
         TrainingJob.objects.filter(pk=job.pk).update(**reason)
+    except Exception:  # the model is there all the same, for its owner to drive
+        logger.exception("The model of training %s cannot be driven.", job.public_id)
+        TrainingJob.objects.filter(pk=job.pk).update(evaluate_reason_code="evaluate_failed", evaluate_reason_params={})
 
 
 def _admit(job: TrainingJob, onnx: bytes, name: str, now: datetime) -> TrainedModel:
