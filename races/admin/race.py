@@ -10,7 +10,7 @@ from django import forms
 from django.contrib import admin, messages
 from django.core.exceptions import ValidationError
 from django.db.models import Count, Q, QuerySet
-from django.http import HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.html import format_html
@@ -24,6 +24,7 @@ from ..errors import problem
 from ..fields import BoxesField
 from ..layout import check_layout
 from ..models import Race, RaceKind, RaceState, RaceType, Visibility
+from ..models.rules import usual
 from ..rules.fields import rule_fields
 from ..sensors import OFFERABLE
 from ..services import (
@@ -114,6 +115,12 @@ class StateFilter(admin.SimpleListFilter):
         return queryset if wanted is None else queryset.filter(wanted)
 
 
+def _said(name: str, form: forms.ModelForm) -> Any:
+    """A field's value; of a rule that was left empty what it usually is."""
+    value = form.cleaned_data[name]
+    return usual(name) if value is None and name in RULES else value
+
+
 @admin.register(Race)
 class RaceAdmin(WithReason):
     """See the module's docstring."""
@@ -184,11 +191,17 @@ class RaceAdmin(WithReason):
             obj.save(force_insert=True)
             keep_terms(obj, now)
             return
-        changes = {name: form.cleaned_data[name] for name in form.changed_data if name in EDITABLE_FIELDS}
+        changes = {name: _said(name, form) for name in form.changed_data if name in EDITABLE_FIELDS}
         try:
             edit_race(race=obj, now=now, edition=form.cleaned_data.get("edition") or None, **changes)
         except PaddockError as fault:  # a car was submitted, or the race opened, while the form was open
             self.message_user(request, sentence(fault), messages.ERROR)
+            request.is_refused = True  # type: ignore[attr-defined]
+
+    def response_change(self, request: HttpRequest, obj: Race) -> HttpResponse:
+        if getattr(request, "is_refused", False):  # which has been said; that it was changed would not be so
+            return HttpResponseRedirect(request.get_full_path())
+        return super().response_change(request, obj)
 
     def get_actions(self, request: HttpRequest) -> dict:
         actions = super().get_actions(request)

@@ -150,7 +150,8 @@ def test_the_command_drives_there(home):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["simulated_ms"] == 2000
-    assert "paddock-racing 0.1.0" in run(home, "-m", "paddock.cli", "--version").stdout
+    version = project("distribution/pyproject.toml")["version"]
+    assert f"paddock-racing {version}" in run(home, "-m", "paddock.cli", "--version").stdout
 
 
 def test_a_starter_project_is_complete_there(home, tmp_path):

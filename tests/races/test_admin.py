@@ -11,7 +11,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import Racer
-from paddock.errors import PlatformFault
+from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.geometry.npy import write_npy
 from races.models import Entry, Race, Submission
@@ -292,6 +292,17 @@ def test_a_stale_form_is_refused(boss, now):
     seen = boss.get(change(race)).context["adminform"].form.initial["edition"]
     assert boss.post(change(race), form(now, laps="5", edition=seen)).status_code == 302
     assert Race.objects.get().laps == 5
+
+
+def test_a_refused_change_is_not_reported_as_made(boss, now, monkeypatch):
+    def refused(**_):
+        raise UserFault("race_changed_meanwhile")
+
+    monkeypatch.setattr("races.admin.race.edit_race", refused)
+    race = a_race(now, kind="league", division="open", opens_at=now + timedelta(days=1))
+    answer = boss.post(change(race), form(now, laps="5"), follow=True)
+    (said,) = answer.context["messages"]
+    assert said.level_tag == "error"
 
 
 def test_an_admin_stops_videos_and_deletes_them_with_their_files(boss, now, video_wakes, commits):

@@ -21,7 +21,7 @@ from training.rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
 from training.trainer import client
 from training.trainer.bounds import bounds_of
 from training.trainer.client import Listener, train
-from training.trainer.messages import Prints
+from training.trainer.messages import _TRIALS, Prints
 from training.trainer.spec import TrainerSpec
 
 
@@ -187,7 +187,7 @@ def test_values_out_of_range_are_clipped(hear):
 
     _, ear = hear(script)
     values = ear.heard[0].values
-    assert (values["eval_progress"], values["eval_clean_laps"], len(values["eval_trials"])) == (100.0, 10, 10)
+    assert (values["eval_progress"], values["eval_clean_laps"], len(values["eval_trials"])) == (100.0, _TRIALS, _TRIALS)
 
 
 @pytest.mark.parametrize(
