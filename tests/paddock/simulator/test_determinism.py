@@ -95,8 +95,9 @@ def test_the_compared_race_is_eventful(expected):
     assert result.steps == 600
 
 
-def test_runs_in_one_process_give_one_hash(expected):
-    assert {race()[0] for _ in range(2)} == {expected[0]}
+@pytest.mark.parametrize("again", [1, pytest.param(5, marks=pytest.mark.soak)])
+def test_runs_in_one_process_give_one_hash(expected, again):
+    assert {race()[0] for _ in range(again)} == {expected[0]}
 
 
 def test_a_fresh_process_gives_the_same_hash(expected):
