@@ -21,7 +21,9 @@ from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
+from .avatars.keeping import remove_picture
 from .models import Racer, RacerQuota, SignUpInvitation
+from .templatetags.accounts import avatar
 from .who import racer_of
 
 A_FORTNIGHT = timedelta(days=14)
@@ -91,11 +93,11 @@ class RacerAdmin(UserAdmin):
     ordering = ("alias",)
     date_hierarchy = "joined_at"
     filter_horizontal = ("groups", "user_permissions")
-    readonly_fields = ("joined_at", "last_login", "is_house")
+    readonly_fields = ("joined_at", "last_login", "is_house", "picture")
     inlines = (EmailInline, FactorInline, QuotaInline)
-    actions = ("deactivate", "activate")
+    actions = ("deactivate", "activate", "remove_pictures")
     fieldsets = (
-        (None, {"fields": ("alias", "email", "password", "country")}),
+        (None, {"fields": ("alias", "email", "password", "country", "picture")}),
         (_("Standing"), {"fields": ("is_active", "is_house", "joined_at", "last_login")}),
         (_("Powers"), {"fields": POWERS}),
     )
@@ -134,6 +136,19 @@ class RacerAdmin(UserAdmin):
     @admin.action(description=_("Activate again"), permissions=["change"])
     def activate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
         self._set_active(request, queryset, True)
+
+    @admin.action(description=_("Remove their pictures: the drawn ones are shown again"), permissions=["change"])
+    def remove_pictures(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
+        done = 0
+        for racer in queryset:
+            if self.has_change_permission(request, racer) and remove_picture(racer=racer):
+                self.log_change(request, racer, "Removed the picture")
+                done += 1
+        self.message_user(request, ngettext("%d picture was removed.", "%d pictures were removed.", done) % done)
+
+    @admin.display(description=_("picture"))
+    def picture(self, racer: Racer) -> str:
+        return avatar(racer, 64)
 
     def _set_active(self, request: HttpRequest, queryset: QuerySet[Racer], active: bool) -> None:
         done = 0

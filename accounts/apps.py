@@ -9,11 +9,17 @@ class AccountsConfig(AppConfig):
     def ready(self) -> None:
         from allauth.account.signals import password_changed, password_reset
         from django.contrib.auth.signals import user_logged_in
+        from django.db.models.signals import post_delete
 
         from core.pages import register_slots
 
+        from .avatars.keeping import PICTURES, take_picture_along
+        from .models import Racer
         from .receivers import keep_the_session, know_the_address, take_over_on_reset
+        from .storage import register
 
+        register(PICTURES)
+        post_delete.connect(take_picture_along, sender=Racer, dispatch_uid="accounts.take_picture_along")
         for signal in (user_logged_in, password_changed, password_reset):
             signal.connect(know_the_address, dispatch_uid="accounts.know_the_address")
         password_reset.connect(take_over_on_reset, dispatch_uid="accounts.take_over_on_reset")

@@ -10,6 +10,10 @@ register(
         "sign_up_invitation": _(
             "The last place of this invitation was just taken, or its time is over. Ask whoever sent it for another."
         ),
+        "picture_broken": _("This picture cannot be read to its end. Save it anew and try again."),
+        "picture_format": _("Send a picture as PNG, JPEG or WebP."),
+        "picture_too_large": _("The picture is larger than %(limit_mb)s MB."),
+        "picture_too_many_pixels": _("The picture has more than %(limit)s million pixels."),
         "too_many_tokens": _("You have %(limit)s API tokens already. Revoke one that you no longer need."),
     },
 )

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import account, usage
+from .views import account, pictures, usage
 
 urlpatterns = [
     path("settings/", account.settings_page, name="settings"),
@@ -10,5 +10,8 @@ urlpatterns = [
     path("settings/tokens/<str:key>/revoke/", account.api_token_revoke, name="api_token_revoke"),
     path("join/<str:code>/", usage.invitation, name="sign_up_invitation"),
     path("settings/usage/", usage.usage, name="usage"),
+    path("settings/picture/", pictures.picture_set, name="picture_set"),
+    path("settings/picture/remove/", pictures.picture_remove, name="picture_remove"),
+    path("avatars/<str:name>.webp", pictures.avatar, name="avatar"),
     path("usage/", usage.usage_of_all, name="usage_of_all"),
 ]

@@ -50,6 +50,10 @@ class Racer(AbstractBaseUser, PermissionsMixin):
     country = models.CharField(_("country"), max_length=2, blank=True, help_text=_("Two-letter code, such as KR."))
     team = models.CharField(_("team"), max_length=64, blank=True, validators=[ONE_LINE])
     record_id = models.CharField(_("id in imported seasons"), max_length=64, unique=True, null=True, editable=False)
+    avatar = models.CharField(
+        _("picture"), max_length=32, unique=True, null=True, editable=False, help_text=_("Empty: the drawn one.")
+    )
+    avatar_bytes = models.PositiveIntegerField(default=0, db_default=0, editable=False)
     is_house = models.BooleanField(_("house car"), default=False)
     is_staff = models.BooleanField(_("admin"), default=False)
     is_active = models.BooleanField(_("active"), default=True)

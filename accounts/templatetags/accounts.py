@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from django import template
 from django.conf import settings
+from django.urls import reverse
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
 
 from .. import countries
+from ..avatars.drawn import CELLS, pattern
+from ..models import Racer
 from ..sign_up import CLOSED
 
 register = template.Library()
@@ -28,3 +33,27 @@ def amount(number: float) -> str:
 def country_name(code: str) -> str:
     """The country's name in the reader's language; the code itself when it is not known."""
     return countries.country_name(code)
+
+
+@register.simple_tag
+def avatar(racer: Racer, size: int = 20) -> SafeString:
+    """The racer's picture, ``size`` pixels wide, beside their alias, which says whose it is: no query, and no request
+    for one that is drawn."""
+    if racer.avatar:
+        return format_html(
+            '<img class="avatar" src="{}" width="{}" height="{}" alt="" loading="lazy" decoding="async">',
+            reverse("avatar", args=[racer.avatar]),
+            size,
+            size,
+        )
+    colour, path = pattern(racer.pk)
+    return format_html(
+        '<svg class="avatar avatar-{}" viewBox="-.5 -.5 {} {}" width="{}" height="{}" aria-hidden="true">'
+        '<path d="{}"/></svg>',
+        colour,
+        CELLS + 1,
+        CELLS + 1,
+        size,
+        size,
+        path,
+    )

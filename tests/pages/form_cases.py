@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from league.services.house import HOUSE_CARS_DIR
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import write_npy
-from tests.pages.form_world import PASSWORD
+from tests.pages.form_world import PASSWORD, a_picture
 
 CAR = HOUSE_CARS_DIR / "flyer.onnx"
 NEW_PASSWORD = "another long passphrase"
@@ -19,6 +19,7 @@ A_CAR = [
     {"name": "model_metadata.json", "mimeType": "application/json", "buffer": CAR.with_suffix(".json").read_bytes()},
 ]
 A_TRACK = {"name": "t.npy", "mimeType": "application/octet-stream", "buffer": write_npy(CATALOGUE[3].geometry())}
+A_PICTURE = {"name": "me.png", "mimeType": "image/png", "buffer": a_picture()}
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,8 @@ CASES = [
         {"Current Password": PASSWORD, "New Password": NEW_PASSWORD, "New Password (again)": NEW_PASSWORD},
     ),
     Case("alice", "/settings/", "Save", "Saved.", {"Country": "Germany"}),
+    Case("alice", "/settings/", "Use this picture", "css=img.avatar", {"A picture of yours": A_PICTURE}),
+    Case("alice", "/settings/", "Remove my picture", "Your picture is removed."),
     Case("alice", "/settings/tokens/", "Make a token", "Your new token"),
     Case("alice", "/settings/tokens/", "Revoke", "The token is revoked"),
     Case("alice", "/settings/webhooks/", "Send a test", "The test is on its way"),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import timedelta
+from io import BytesIO
 
 from allauth.account.forms import default_token_generator
 from allauth.account.models import EmailAddress, EmailConfirmationHMAC
 from allauth.account.utils import user_pk_to_url_str
+from PIL import Image
 
 from accounts.models import Racer
 from accounts.tokens import create_token
@@ -31,6 +33,13 @@ from training.vehicles import save_vehicle
 from videos.services import ask_for_video, run_next_video
 
 PASSWORD = "a long enough passphrase"
+
+
+def a_picture() -> bytes:
+    """A PNG."""
+    out = BytesIO()
+    Image.new("RGB", (64, 48), (10, 120, 60)).save(out, "PNG")
+    return out.getvalue()
 
 
 class Cast:

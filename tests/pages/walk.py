@@ -52,6 +52,7 @@ NO_PAGES = {
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
     "training_first",
     "track_file",
+    *("avatar", "picture_remove", "picture_set"),
     # which lead elsewhere unless something has just happened
     *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
     "sign_up_invitation",
