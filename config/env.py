@@ -15,6 +15,8 @@ from zoneinfo import ZoneInfo
 import dj_database_url
 from django.core.exceptions import ImproperlyConfigured
 
+from accounts.regions import regions_in
+
 # What may stand in Django's ALLOWED_HOSTS: a name, a name below a domain (".example.org"), an address, or anything
 _HOST = re.compile(r"\*|\.?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*|\[[0-9A-Fa-f:.]+\]")
 
@@ -134,6 +136,16 @@ def env_time_zone(name: str, default: str) -> str:
         ZoneInfo(value)
     except (ValueError, OSError, KeyError):
         raise ImproperlyConfigured(f"{name} must be a time zone such as Europe/Berlin, not {value!r}.") from None
+    return value
+
+
+def env_regions(name: str) -> str:
+    """Regions of countries, see :func:`accounts.regions.regions_in`. Raises ImproperlyConfigured otherwise."""
+    value = os.environ.get(name, "")
+    try:
+        regions_in(value)
+    except ValueError as problem:
+        raise ImproperlyConfigured(f"{name} must be like 'Asia: KR JP; Europe: DE FR': {problem}.") from None
     return value
 
 

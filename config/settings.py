@@ -27,6 +27,7 @@ from .env import (
     env_hosts,
     env_int,
     env_list,
+    env_regions,
     env_sender,
     env_str,
     env_time_zone,
@@ -313,6 +314,8 @@ DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 
 # --- people --------------------------------------------------------------------------------------------------------
 COUNTRIES_OVERRIDE = {"XK": _("Kosovo")}  # no code of ISO 3166 yet, but one that its people use
+# Which countries score for which region; empty: those of the United Nations (accounts.regions)
+REGIONS = env_regions("PADDOCK_REGIONS")
 AUTH_USER_MODEL = "accounts.Racer"
 # The first has the last word; the others are named for the sessions that were begun with them
 AUTHENTICATION_BACKENDS = [

@@ -23,8 +23,8 @@ _FED = 10  # lines of each table in the feed
 def standings_data(season: Season, months: Sequence[Month]) -> list[dict[str, Any]]:
     """Every line of every standings table, with the keys of :data:`COLUMNS`.
 
-    ``of``: racers, countries or teams; ``rounds``: for each official round of the division in order its ``race``,
-    ``rank``, ``points`` and whether it is ``dropped``, None where the line has no points.
+    ``of``: racers, countries, regions or teams; ``rounds``: for each official round of the division in order its
+    ``race``, ``rank``, ``points`` and whether it is ``dropped``, None where the line has no points.
     """
     rows = []
     for division in divisions_with_points(months):

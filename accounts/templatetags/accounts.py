@@ -8,7 +8,7 @@ from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
-from .. import countries
+from .. import countries, regions
 from ..avatars.drawn import CELLS, pattern
 from ..models import Racer
 from ..sign_up import CLOSED
@@ -33,6 +33,12 @@ def amount(number: float) -> str:
 def country_name(code: str) -> str:
     """The country's name in the reader's language; the code itself when it is not known."""
     return countries.country_name(code)
+
+
+@register.filter
+def region_name(name: str) -> str:
+    """A region's name in the reader's language."""
+    return regions.region_name(name)
 
 
 @register.simple_tag

@@ -103,7 +103,7 @@ class StandingSerializer(serializers.Serializer):
     """One line of standings."""
 
     place = serializers.IntegerField()
-    name = serializers.CharField(help_text="Of a racer or team, or the two-letter code of a country.")
+    name = serializers.CharField(help_text="Of a racer, region or team, or the two-letter code of a country.")
     country = serializers.CharField(allow_blank=True, help_text="Of a racer.")
     points = serializers.IntegerField()
     rounds = CellSerializer(many=True, help_text="Those with points, in their order.")

@@ -111,7 +111,7 @@ class RoundsView(RoundsWrite, generics.ListAPIView):
     )
 )
 class StandingsView(generics.ListAPIView):
-    """Standings of racers, countries and teams."""
+    """Standings of racers, countries, regions and teams."""
 
     permission_classes = [AllowAny]
     serializer_class = StandingSerializer

@@ -21,14 +21,15 @@ from .standings import (
     country_standings,
     lines_as_they_stand,
     points_as_they_stand,
+    region_standings,
     season_standings,
     standings_of,
     team_key,
     team_standings,
 )
 
-RACERS, COUNTRIES, TEAMS = "racers", "countries", "teams"
-STANDINGS_OF = (RACERS, COUNTRIES, TEAMS)
+RACERS, COUNTRIES, REGIONS, TEAMS = "racers", "countries", "regions", "teams"
+STANDINGS_OF = (RACERS, COUNTRIES, REGIONS, TEAMS)
 # The stage whose rounds give the points of a division.
 STAGE_OF = {Division.PRO: Stage.PRO, Division.OPEN: Stage.OPEN, Division.ALL: Stage.SINGLE}
 
@@ -48,7 +49,7 @@ class MonthRace:
 
 @dataclass(frozen=True)
 class StandingsRow:
-    """One line of standings for a page. ``name``: of a racer, country (code) or team.
+    """One line of standings for a page. ``name``: of a racer, country (code), region or team.
 
     ``cells``: for each round of the table in its order the result and whether it is dropped; None where none is.
     """
@@ -142,7 +143,12 @@ def standings_table(
 
     Three queries, four for teams; for each of ``running`` one more, two for teams.
     """
-    by = {RACERS: season_standings, COUNTRIES: country_standings, TEAMS: team_standings}[of]
+    by = {
+        RACERS: season_standings,
+        COUNTRIES: country_standings,
+        REGIONS: region_standings,
+        TEAMS: team_standings,
+    }[of]
     lines = by(season, division, running)
     rounds = _counted_rounds(months, division, running)
     spelled = _spellings(rounds, running) if of == TEAMS else {}

@@ -1,4 +1,4 @@
-"""The standings of a season: of racers in a division, of countries and of teams."""
+"""The standings of a season: of racers in a division, of countries, of regions and of teams."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from django.db.models import Q
 
+from accounts.regions import region_of
 from races.selectors.boards import CLASSIFIED, board_entries
 
 from ..models import Round, RoundPoints, Season, Stage
@@ -51,6 +52,11 @@ def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[RacerSta
 def country_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:
     """The standings of countries (``who``: the two-letter code): the points of all their racers, none dropped."""
     return _summed(season, division, running, lambda row: row.country)
+
+
+def region_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:
+    """The standings of regions (``who``: the name): the points of the racers of all their countries, none dropped."""
+    return _summed(season, division, running, lambda row: region_of(row.country))
 
 
 def team_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:

@@ -78,8 +78,8 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
 
 @require_safe
 def standings(request: HttpRequest, slug: str) -> HttpResponse:
-    """Standings by ``division`` of ``of`` (racers, countries, teams) with every round, dropped results marked; with
-    ``as=now``, and as long as no round is official, with the rounds that are on as they stand."""
+    """Standings by ``division`` of ``of`` (racers, countries, regions, teams) with every round, dropped results marked;
+    with ``as=now``, and as long as no round is official, with the rounds that are on as they stand."""
     shown, now = _season(slug), timezone.now()
     months = months_of(shown)
     divisions = divisions_with_points(months) or [Division.OPEN]

@@ -1,0 +1,58 @@
+"""Standings of regions: whose points make one, and what an operator may say instead."""
+
+from __future__ import annotations
+
+import pytest
+from django.core.exceptions import ImproperlyConfigured
+from django_countries import countries
+
+from accounts.models import Racer
+from accounts.regions import USUAL, region_name, region_of, regions_in
+from config.env import env_regions
+from league.selectors.standings import region_standings
+from league.services import close_round
+from tests.factories import a_racer
+from tests.league.seasons import a_round, a_season, after, board
+
+
+def test_every_country_is_in_one_region_but_antarctica():
+    listed = [code for codes in USUAL.values() for code in codes.split()]
+    assert len(listed) == len(set(listed))
+    assert {code for code, _name in countries} - set(listed) == {"AQ"}
+    assert set(listed) <= {code for code, _name in countries}
+
+
+@pytest.mark.django_db
+def test_the_points_of_all_countries_of_a_region_add_up(client, settings):
+    season = a_season()
+    round_ = a_round(season, 1, "open-qualifier")
+    cast = [a_racer(country=country) for country in ("KR", "JP", "DE", "")]
+    board(round_.race, cast)
+    close_round(round=round_, now=after(round_))
+    assert [(line.who, line.points) for line in region_standings(season, "open")] == [("Asia", 16), ("Europe", 3)]
+    address = f"/seasons/{season.slug}/standings/?of=regions"
+    page = client.get(address).content.decode()
+    assert "Asia" in page and ">16<" in page
+    assert "아시아" in client.get(address, headers={"Accept-Language": "ko"}).content.decode()
+    settings.REGIONS = "Far & near: KR DE"
+    assert [(line.who, line.points) for line in region_standings(season, "open")] == [("Far & near", 13)]
+    assert "Far &amp; near" in client.get(address).content.decode()
+    assert client.get(f"/api/v1/seasons/{season.slug}/standings/?of=regions").json()["results"][0]["points"] == 13
+    Racer.objects.update(country="FR")  # who moves takes nothing along
+    assert region_standings(season, "open")[0].points == 13
+
+
+@pytest.mark.parametrize(
+    "text", ["KR", "Asia:", ": KR", "Asia: KR; Asia: JP", "Asia: XX", "Asia: kr", "A: KR; B: KR", "A\nB: KR"]
+)
+def test_what_is_no_list_of_regions_is_refused(monkeypatch, text):
+    monkeypatch.setenv("PADDOCK_REGIONS", text)
+    with pytest.raises(ImproperlyConfigured, match="PADDOCK_REGIONS must be like"):
+        env_regions("PADDOCK_REGIONS")
+
+
+def test_a_list_is_read_with_blanks_and_commas(settings):
+    assert regions_in(" One:KR,JP ;Two : DE;") == {"KR": "One", "JP": "One", "DE": "Two"}
+    settings.REGIONS = ""
+    assert (region_of("KR"), region_of("AQ"), region_of("")) == ("Asia", "", "")
+    assert region_name("Elsewhere") == "Elsewhere"
