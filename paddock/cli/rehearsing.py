@@ -9,6 +9,7 @@ from typing import Any
 
 from paddock.errors import UserFault
 from paddock.rules.race import RUN_RULES, BoxPlace, RaceRules
+from paddock.rules.speed import SpeedCommand
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import ENGINE_ID
 
@@ -65,6 +66,8 @@ def _rules(given: list[str]) -> RaceRules:
             values["boxes"] = tuple(BoxPlace(float(share), str(lane)) for share, lane in values["boxes"])
         if "bot_lane_change_ms" in values:
             values["bot_lane_change_ms"] = tuple(values["bot_lane_change_ms"])
+        if "speed_commands" in values:
+            values["speed_commands"] = tuple(SpeedCommand(*command) for command in values["speed_commands"])
         return RaceRules(**values)
     except (ValueError, TypeError) as error:
         raise UserFault("rule_senseless", problem=" ".join(str(error).split())) from error

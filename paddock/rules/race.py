@@ -14,6 +14,7 @@ from typing import Any
 
 from .rule import Rule, rule, rules_in
 from .rule import gettext_noop as _
+from .speed import SpeedCommand, check_log
 
 TIME_TRIAL, OBJECT_AVOIDANCE, HEAD_TO_HEAD = "time_trial", "object_avoidance", "head_to_head"
 RACE_TYPES = (TIME_TRIAL, OBJECT_AVOIDANCE, HEAD_TO_HEAD)
@@ -245,6 +246,12 @@ class RaceRules:
     bot_pause_ms: int = rule(
         2000, label="So long a bot stands after a crash", least=0, race_types=(HEAD_TO_HEAD,), run_only=True
     )
+    speed_commands: tuple[SpeedCommand, ...] = rule(
+        (),
+        label="Speeds that racers commanded while the run was shown live",
+        help="At the first control step at or after a command's time.",
+        run_only=True,
+    )
 
     def __post_init__(self) -> None:
         for one in RUN_RULES.values():
@@ -263,6 +270,7 @@ class RaceRules:
         least, most = self.bot_lane_change_ms
         if not 0 < least <= most:
             raise ValueError(f"bot_lane_change_ms must be (least, most) milliseconds, not {self.bot_lane_change_ms!r}")
+        check_log(self.speed_commands)
 
     @classmethod
     def of_an_episode(cls, **rules: Any) -> RaceRules:
@@ -287,6 +295,8 @@ class RaceRules:
             values["boxes"] = tuple(BoxPlace(**box) for box in values["boxes"])
         if "bot_lane_change_ms" in values:
             values["bot_lane_change_ms"] = tuple(values["bot_lane_change_ms"])
+        if "speed_commands" in values:
+            values["speed_commands"] = tuple(SpeedCommand(**command) for command in values["speed_commands"])
         return cls(**values)
 
 
@@ -353,7 +363,7 @@ class BoardRules:
 
 
 RUN_RULES = rules_in(RaceRules)
-SINCE_THE_FIRST = ("start_m", "bot_lane_change_m", "duel_gap_m")
+SINCE_THE_FIRST = ("start_m", "bot_lane_change_m", "duel_gap_m", "speed_commands")
 # All that an organiser sets of a race, by name.
 RULES: Mapping[str, Rule] = {
     **{name: one for name, one in RUN_RULES.items() if not one.run_only},

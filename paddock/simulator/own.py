@@ -134,6 +134,7 @@ def drive_again(track: TrackGeometry, rules: RaceRules, traces: Sequence[bytes])
     what is no trace.
     """
     first, *rivals = [Entrant(RecordedCommands.of_trace(trace), (), _blind) for trace in traces]
+    rules = replace(rules, speed_commands=())  # the traces have the speeds that were driven
     return run_race(track, rules, first.action_space, first.sensors, first.policy, rivals=rivals)
 
 

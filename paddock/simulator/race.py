@@ -13,6 +13,7 @@ import numpy as np
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import MAX_CARS, RaceRules
+from paddock.rules.speed import SpeedCommand
 
 from .action import Action, ActionSpace
 from .camera.theme import OFFICIAL, Theme
@@ -20,6 +21,7 @@ from .competitor import Competitor
 from .engine import ENGINE_ID, versions
 from .physics import PADDOCK_CAR, CarPhysics
 from .referee import LAPS_DONE, RETIRED, Lap
+from .speeds import commanded_speeds
 from .stage import PreparedTrack, Simulation
 from .trace import LABELS, Trace
 
@@ -168,7 +170,7 @@ def run_race(
     begun = perf_counter()
     entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
     with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics) as stage:
-        race = _Race(stage, entrants, rules.start_m if start_m is None else start_m)
+        race = _Race(stage, entrants, rules.start_m if start_m is None else start_m, rules.speed_commands)
         first = race.cars[0]
         while not race.over:
             race.step()
@@ -215,7 +217,9 @@ def run_race(
 class _Race:
     """A race while it runs."""
 
-    def __init__(self, stage: Simulation, entrants: Sequence[Entrant], start_m: float) -> None:
+    def __init__(
+        self, stage: Simulation, entrants: Sequence[Entrant], start_m: float, commands: Sequence[SpeedCommand]
+    ) -> None:
         self._stage = stage
         self._entrants = entrants
         alone = len(entrants) == 1
@@ -224,6 +228,7 @@ class _Race:
             for number, entrant in enumerate(entrants)
         ]
         self.retired: list[dict[str, Any] | None] = [None] * len(entrants)
+        self._speeds = commanded_speeds(commands, len(entrants))
         self.steps = 0
         self.over = False
         self.camera_s = self.policy_s = 0.0
@@ -237,6 +242,8 @@ class _Race:
             if not (car.done or car.pausing):
                 try:
                     action = self._ask(self._entrants[number], car)
+                    if (speeds := self._speeds.get(number)) is not None:
+                        action = speeds(action, car.referee.time_ms)
                 except UserFault as fault:
                     if len(self.cars) == 1:
                         raise
